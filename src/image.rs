@@ -1,0 +1,97 @@
+//! Patterns and photos: dense `f32` rasters in linear radiometric units.
+
+use crate::error::{Error, Result};
+
+/// The size of a raster in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+pub struct Resolution {
+    /// Columns; column 0 is the left.
+    pub width: usize,
+    /// Rows; row 0 is the top.
+    pub height: usize,
+}
+
+impl Resolution {
+    /// `width` × `height` pixels.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self { width, height }
+    }
+
+    /// The number of pixels, `n = w·h`; the pixel at column `x`, row `y` has index `y·w + x`.
+    pub fn pixels(self) -> usize {
+        self.width * self.height
+    }
+}
+
+impl std::fmt::Display for Resolution {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+/// A raster of 1 (luma) or 3 (linear RGB) channels, interleaved, row by row from the top left:
+/// sample `c` of pixel `(x, y)` is `samples[(y·w + x)·channels + c]`.
+///
+/// As a pattern, 1 means an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m; as a photo, values are
+/// radiance in W/(m² sr).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    resolution: Resolution,
+    channels: usize,
+    samples: Vec<f32>,
+}
+
+impl Image {
+    /// Wraps samples laid out as the type says.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or the number of samples is not `w·h·channels`.
+    pub fn new(resolution: Resolution, channels: usize, samples: Vec<f32>) -> Result<Self> {
+        if channels != 1 && channels != 3 {
+            return Err(Error::Dimension {
+                what: "channels of an image",
+                expected: "1 or 3".into(),
+                found: channels.to_string(),
+            });
+        }
+        if samples.len() != resolution.pixels() * channels {
+            return Err(Error::Dimension {
+                what: "samples of an image",
+                expected: format!("{resolution}x{channels}"),
+                found: samples.len().to_string(),
+            });
+        }
+        Ok(Self { resolution, channels, samples })
+    }
+
+    /// An image with every sample equal to `value`.
+    pub fn filled(resolution: Resolution, channels: usize, value: f32) -> Self {
+        debug_assert!(channels == 1 || channels == 3);
+        Self { resolution, channels, samples: vec![value; resolution.pixels() * channels] }
+    }
+
+    /// Size in pixels.
+    pub fn resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    /// 1 (luma) or 3 (linear RGB).
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// All samples, interleaved.
+    pub fn samples(&self) -> &[f32] {
+        &self.samples
+    }
+
+    /// All samples, interleaved, to write.
+    pub fn samples_mut(&mut self) -> &mut [f32] {
+        &mut self.samples
+    }
+
+    /// One channel as a plane of `w·h` values, widened to `f64`.
+    pub fn plane(&self, channel: usize) -> Vec<f64> {
+        self.samples.iter().skip(channel).step_by(self.channels).map(|&v| f64::from(v)).collect()
+    }
+}

@@ -1,0 +1,47 @@
+//! Scenes: triangles in world space, their materials, and the rig's camera. Lengths are metres.
+
+pub mod camera;
+pub mod material;
+
+pub use camera::Camera;
+pub use material::{Material, Texture, Wrap};
+
+use std::path::PathBuf;
+
+use glam::{Vec2, Vec3};
+
+/// A scene ready to be traced.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The file that it came from (or a name, for scenes made in memory).
+    pub path: PathBuf,
+    /// All surfaces, in world space. Never empty when it comes from a loader.
+    pub triangles: Vec<Triangle>,
+    /// Materials, indexed by [`Triangle::material`].
+    pub materials: Vec<Material>,
+    /// Textures, indexed by [`Material::base_color_texture`].
+    pub textures: Vec<Texture>,
+    /// The rig: camera and projector share this pinhole.
+    pub camera: Camera,
+    /// Names of the regions, indexed by [`Triangle::region`].
+    pub regions: Vec<String>,
+    /// Whether the regions are the author's truth (`extras.region` in the file) or merely the mesh nodes.
+    pub regions_are_labels: bool,
+    /// BLAKE3 of everything that the file brought in (the scene and the files it refers to).
+    pub hash: [u8; 32],
+    /// What was ignored, once each, in plain words.
+    pub warnings: Vec<String>,
+}
+
+/// One triangle. Its front is the side from which the corners run counter-clockwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangle {
+    /// Corners in metres.
+    pub positions: [Vec3; 3],
+    /// Texture coordinates at the corners, already transformed for the base colour texture; zero without a texture.
+    pub texcoords: [Vec2; 3],
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// Index into [`Scene::regions`].
+    pub region: u32,
+}
