@@ -1,1 +1,84 @@
-//! (under construction)
+//! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
+//!
+//! Light paths do not depend on the pattern, so [`assemble`] traces them once and keeps them as a sparse matrix; every
+//! later photo is a product with it ([`Simulated`]). [`Retraced`] is the honest black box beside it: it traces anew for
+//! each photo and keeps nothing. For equal settings both are the same `Â`, to rounding.
+
+mod assemble;
+mod matrix;
+mod operator;
+mod retraced;
+mod simulated;
+
+pub use assemble::{Assembled, assemble};
+pub use matrix::{Csr, Part, TransportMatrix};
+pub use operator::MatrixOperator;
+pub use retraced::Retraced;
+pub use simulated::Simulated;
+
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+
+/// A scene as a rig sees it: project a pattern, take the photo.
+pub trait Transport {
+    /// Pixels of camera and projector.
+    fn resolution(&self) -> Resolution;
+
+    /// Whether photos are gray or coloured.
+    fn channels(&self) -> Channels;
+
+    /// The photo of `pattern`, ambient light included, in W/(m² sr). A pattern of one channel lights all alike.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; and whatever keeps the photo
+    /// from being taken.
+    fn photograph(&mut self, pattern: &Image) -> Result<Image>;
+}
+
+/// Which light transport is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Channels {
+    /// One gray pattern, one photo weighted by luminance (Rec. 709).
+    Luma,
+    /// Red, green and blue: three independent systems, since no surface here turns one colour into another.
+    Rgb,
+}
+
+impl Channels {
+    /// 1 or 3.
+    pub fn count(self) -> usize {
+        match self {
+            Self::Luma => 1,
+            Self::Rgb => 3,
+        }
+    }
+}
+
+/// Relative luminance of linear Rec. 709 primaries.
+pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+/// The planes of `pattern`, one for each of `channels`.
+fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result<Vec<Vec<f64>>> {
+    if pattern.resolution() != resolution {
+        return Err(Error::Dimension {
+            what: "pixels of the pattern",
+            expected: resolution.to_string(),
+            found: pattern.resolution().to_string(),
+        });
+    }
+    if pattern.channels() > channels.count() {
+        return Err(Error::Dimension {
+            what: "channels of the pattern",
+            expected: "1, for a gray photo".into(),
+            found: pattern.channels().to_string(),
+        });
+    }
+    Ok((0..channels.count()).map(|channel| pattern.plane(channel.min(pattern.channels() - 1))).collect())
+}
+
+/// The image of these planes, narrowed to `f32`.
+fn from_planes(resolution: Resolution, planes: &[Vec<f64>]) -> Result<Image> {
+    let samples = (0..resolution.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel] as f32));
+    Image::new(resolution, planes.len(), samples.collect())
+}

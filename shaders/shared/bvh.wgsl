@@ -1,0 +1,139 @@
+// Ray traversal of a compressed wide BVH: Ylitie, Karras and Laine, "Efficient Incoherent Ray Traversal on GPUs Through
+// Compressed Wide BVHs", HPG 2017, in the node layout of the crate obvhs (80 bytes, five texels).
+//
+// Nodes and triangles lie in read-only storage textures: on software Vulkan their loads are far cheaper than those of
+// storage buffers.
+#import parameters
+
+@group(0) @binding(1) var bvh_nodes: texture_storage_2d<rgba32uint, read>;
+// Three texels a triangle, in leaf order: corner and material; first edge and region; second edge.
+@group(0) @binding(2) var bvh_triangles: texture_storage_2d<rgba32uint, read>;
+
+struct Hit {
+    // Index in leaf order, or NONE.
+    triangle: u32,
+    distance: f32,
+    // Weights of the second and third corner.
+    barycentric: vec2f,
+}
+
+fn bvh_node_texel(index: u32) -> vec4u {
+    return textureLoad(bvh_nodes, vec2u(index & 4095u, index >> 12u));
+}
+
+fn bvh_triangle_texel(index: u32) -> vec4u {
+    return textureLoad(bvh_triangles, vec2u(index & 4095u, index >> 12u));
+}
+
+// Deeper than any tree that the builder makes (the host refuses others). Private: a function's own array would be
+// zeroed at each call.
+var<private> bvh_stack: array<vec2u, 32>;
+
+// Which of four children the ray meets, as bits for the traversal: inner children in the top byte by octant order,
+// triangles in the lower 24. `meta4` is the children's meta bytes.
+fn bvh_children4(meta4: u32, octant4: u32, near: vec4f, far: vec4f) -> u32 {
+    let inner = meta4 & (meta4 << 1u) & 0x10101010u;
+    let inner_mask = (inner >> 4u) * 0xffu;
+    let bit_index = unpack4xU8((meta4 ^ (octant4 & inner_mask)) & 0x1f1f1f1fu);
+    let bits = unpack4xU8((meta4 >> 5u) & 0x07070707u);
+    let met = select(vec4u(0u), bits << bit_index, near <= far);
+    return met.x | met.y | met.z | met.w;
+}
+
+fn bvh_intersect_node(
+    texel0: vec4u, texel1: vec4u, node: u32, origin: vec3f, inverse: vec3f, octant4: u32, limit: f32,
+) -> u32 {
+    let scale = bitcast<vec3f>(vec3u(texel0.w & 0xffu, (texel0.w >> 8u) & 0xffu, (texel0.w >> 16u) & 0xffu) << vec3u(23u)) * inverse;
+    let offset = (bitcast<vec3f>(texel0.xyz) - origin) * inverse;
+    let x = bvh_node_texel(node + 2u);
+    let y = bvh_node_texel(node + 3u);
+    let z = bvh_node_texel(node + 4u);
+    // Planes come as (lo₀₋₃, lo₄₋₇, hi₀₋₃, hi₄₋₇); swap near and far where the ray runs backwards.
+    let xs = select(x, x.zwxy, inverse.x < 0.0);
+    let ys = select(y, y.zwxy, inverse.y < 0.0);
+    let zs = select(z, z.zwxy, inverse.z < 0.0);
+    // Widened by two ulps, so that rounding cannot lose a box of no thickness.
+    const WIDEN = 1.0000003;
+    var mask = 0u;
+    {
+        let near = max(max(vec4f(unpack4xU8(xs.x)) * scale.x + offset.x, vec4f(unpack4xU8(ys.x)) * scale.y + offset.y),
+                       max(vec4f(unpack4xU8(zs.x)) * scale.z + offset.z, vec4f(0.0)));
+        let far = min(min(vec4f(unpack4xU8(xs.z)) * scale.x + offset.x, vec4f(unpack4xU8(ys.z)) * scale.y + offset.y),
+                      vec4f(unpack4xU8(zs.z)) * scale.z + offset.z) * WIDEN;
+        mask |= bvh_children4(texel1.z, octant4, near, min(far, vec4f(limit)));
+    }
+    {
+        let near = max(max(vec4f(unpack4xU8(xs.y)) * scale.x + offset.x, vec4f(unpack4xU8(ys.y)) * scale.y + offset.y),
+                       max(vec4f(unpack4xU8(zs.y)) * scale.z + offset.z, vec4f(0.0)));
+        let far = min(min(vec4f(unpack4xU8(xs.w)) * scale.x + offset.x, vec4f(unpack4xU8(ys.w)) * scale.y + offset.y),
+                      vec4f(unpack4xU8(zs.w)) * scale.z + offset.z) * WIDEN;
+        mask |= bvh_children4(texel1.w, octant4, near, min(far, vec4f(limit)));
+    }
+    return mask;
+}
+
+// Möller and Trumbore 1997, both sides. Shrinks `hit` if the triangle is nearer.
+fn bvh_intersect_triangle(triangle: u32, origin: vec3f, direction: vec3f, hit: ptr<function, Hit>) {
+    let corner = bitcast<vec3f>(bvh_triangle_texel(3u * triangle).xyz);
+    let edge1 = bitcast<vec3f>(bvh_triangle_texel(3u * triangle + 1u).xyz);
+    let edge2 = bitcast<vec3f>(bvh_triangle_texel(3u * triangle + 2u).xyz);
+    let p = cross(direction, edge2);
+    let inverse = 1.0 / dot(edge1, p);
+    let s = origin - corner;
+    let q = cross(s, edge1);
+    let u = dot(s, p) * inverse;
+    let v = dot(direction, q) * inverse;
+    let t = dot(edge2, q) * inverse;
+    // A ray in the triangle's plane gives NaN or infinity here, and no hit.
+    if (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < (*hit).distance) {
+        *hit = Hit(triangle, t, vec2f(u, v));
+    }
+}
+
+// The closest hit before `limit`, or any one if `any` is set.
+fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
+    var hit = Hit(NONE, limit, vec2f(0.0));
+    let tiny = abs(direction) < vec3f(1e-20);
+    let inverse = 1.0 / select(direction, vec3f(1e-20), tiny);
+    let octant4 = select(0x04040404u, 0u, inverse.x < 0.0) | select(0x02020202u, 0u, inverse.y < 0.0)
+        | select(0x01010101u, 0u, inverse.z < 0.0);
+    // x: first child's index; y: children yet to visit (top byte) and which of all are inner (low byte).
+    var group = vec2u(0u, 0x80000000u);
+    var depth = 0u;
+    loop {
+        var triangles = vec2u(0u);
+        if ((group.y & 0xff000000u) != 0u) {
+            let bit = firstLeadingBit(group.y);
+            let base = group.x;
+            let inner = group.y;
+            group.y &= ~(1u << bit);
+            if ((group.y & 0xff000000u) != 0u) {
+                bvh_stack[depth] = group;
+                depth += 1u;
+            }
+            let slot = (bit - 24u) ^ (octant4 & 0xffu);
+            let node = 5u * (base + countOneBits(inner & ~(0xffffffffu << slot)));
+            let texel0 = bvh_node_texel(node);
+            let texel1 = bvh_node_texel(node + 1u);
+            let mask = bvh_intersect_node(texel0, texel1, node, origin, inverse, octant4, hit.distance);
+            group = vec2u(texel1.x, (mask & 0xff000000u) | (texel0.w >> 24u));
+            triangles = vec2u(texel1.y, mask & 0x00ffffffu);
+        }
+        while (triangles.y != 0u) {
+            let bit = firstLeadingBit(triangles.y);
+            triangles.y &= ~(1u << bit);
+            bvh_intersect_triangle(triangles.x + bit, origin, direction, &hit);
+        }
+        if (any && hit.triangle != NONE) {
+            break;
+        }
+        if ((group.y & 0xff000000u) == 0u) {
+            if (depth == 0u) {
+                break;
+            }
+            depth -= 1u;
+            group = bvh_stack[depth];
+        }
+    }
+    return hit;
+}

@@ -1,0 +1,35 @@
+// The GGX distribution of microfacet normals (Walter et al. 2007), isotropic, width α. Local frame, normal +z.
+#import warp
+
+// Density of microfacet normals per solid angle, ∫ D(h) cosθ_h dω = 1. The sine comes from the tangential
+// components: 1 − h.z² would cancel for small α.
+fn ggx_distribution(h: vec3f, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    let denominator = dot(h.xy, h.xy) + a2 * h.z * h.z;
+    return a2 * INV_PI / (denominator * denominator);
+}
+
+// Smith's height-correlated shadowing–masking, divided by 4 cosθ_o cosθ_i (glTF 2.0, appendix B). Symmetric.
+fn ggx_visibility(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    let lambda_o = cos_i * sqrt(cos_o * cos_o * (1.0 - a2) + a2);
+    let lambda_i = cos_o * sqrt(cos_i * cos_i * (1.0 - a2) + a2);
+    return 0.5 / (lambda_o + lambda_i);
+}
+
+// A microfacet normal from those visible along wo: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical
+// Caps", 2023.
+fn ggx_sample_visible_normal(wo: vec3f, alpha: f32, u: vec2f) -> vec3f {
+    let stretched = normalize(vec3f(wo.xy * alpha, wo.z));
+    let angle = 2.0 * PI * u.x;
+    let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
+    let radius = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
+    let h = vec3f(radius * cos(angle), radius * sin(angle), z) + stretched;
+    return normalize(vec3f(h.xy * alpha, max(h.z, 1e-7)));
+}
+
+// Density per solid angle of the direction mirrored about such a normal: G₁(wo) D(h) / (4 cosθ_o).
+fn ggx_reflected_pdf(cos_o: f32, h: vec3f, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    return 0.5 * ggx_distribution(h, alpha) / (cos_o + sqrt(a2 + (1.0 - a2) * cos_o * cos_o));
+}

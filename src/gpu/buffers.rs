@@ -1,0 +1,84 @@
+//! Moving data to the device: storage buffers and the storage textures that stand in for them.
+
+use wgpu::util::DeviceExt;
+
+use super::Gpu;
+use crate::error::{Error, Result};
+
+/// Texels in a row of a data texture; the shaders split an index into column and row by it.
+const TEXTURE_WIDTH: u32 = 4096;
+
+impl Gpu {
+    /// A read-only storage buffer holding `data`. An empty slice becomes one zeroed element: bindings may not be empty.
+    pub(crate) fn storage<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
+        let zero = [T::zeroed()];
+        let bytes: &[u8] = bytemuck::cast_slice(if data.is_empty() { &zero } else { data });
+        self.check_size(label, bytes.len() as u64)?;
+        self.guarded(label, || {
+            self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some(label),
+                contents: bytes,
+                usage: wgpu::BufferUsages::STORAGE,
+            })
+        })
+    }
+
+    /// An uninitialized buffer of `bytes`.
+    pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
+        self.check_size(label, bytes)?;
+        self.guarded(label, || {
+            self.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: bytes,
+                usage,
+                mapped_at_creation: false,
+            })
+        })
+    }
+
+    /// A read-only storage texture of 16-byte texels, `TEXTURE_WIDTH` to a row, padded with zeros.
+    pub(crate) fn texel_array(&self, label: &str, texels: &[[u32; 4]]) -> Result<wgpu::TextureView> {
+        let rows = texels.len().div_ceil(TEXTURE_WIDTH as usize).max(1);
+        let limit = self.device.limits().max_texture_dimension_2d as usize;
+        if rows > limit {
+            return Err(self.too_large(label, texels.len() as u64 * 16, (limit * TEXTURE_WIDTH as usize) as u64 * 16));
+        }
+        let mut padded = texels.to_vec();
+        padded.resize(rows * TEXTURE_WIDTH as usize, [0; 4]);
+        self.guarded(label, || {
+            let size =
+                wgpu::Extent3d { width: TEXTURE_WIDTH, height: rows as u32, depth_or_array_layers: 1 };
+            let descriptor = wgpu::TextureDescriptor {
+                label: Some(label),
+                size,
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba32Uint,
+                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            };
+            let order = wgpu::util::TextureDataOrder::LayerMajor;
+            let texture =
+                self.device.create_texture_with_data(&self.queue, &descriptor, order, bytemuck::cast_slice(&padded));
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        })
+    }
+
+    fn check_size(&self, label: &str, bytes: u64) -> Result<()> {
+        let limit = self.summary.max_storage_binding.min(self.summary.max_buffer);
+        if bytes > limit { Err(self.too_large(label, bytes, limit)) } else { Ok(()) }
+    }
+
+    fn too_large(&self, label: &str, bytes: u64, limit: u64) -> Error {
+        Error::Device {
+            fault: format!(
+                "the {label} need {:.0} MiB, and {} allows {:.0} MiB",
+                bytes as f64 / 1048576.0,
+                self.summary.name,
+                limit as f64 / 1048576.0
+            ),
+            help: "use a simpler scene or smaller textures, or another --adapter".into(),
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Choosing an adapter and opening a device on it.
+
+use crate::error::{Error, Result};
+
+const INSTALL: &str = "install a GPU's Vulkan driver, or the software one: apt-get install -y --no-install-recommends mesa-vulkan-drivers";
+
+/// What identifies an adapter and its driver.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct AdapterSummary {
+    /// The device's name, e.g. `llvmpipe (LLVM 15.0.6, 256 bits)`.
+    pub name: String,
+    /// `discrete GPU`, `integrated GPU`, `virtual GPU` or `software`.
+    pub kind: String,
+    /// The driver's name.
+    pub driver: String,
+    /// The driver's version.
+    pub driver_version: String,
+    /// Largest buffer that a shader can be given, in bytes.
+    pub max_storage_binding: u64,
+    /// Largest buffer, in bytes.
+    pub max_buffer: u64,
+    /// Largest side of a texture, in texels.
+    pub max_texture_side: u32,
+}
+
+impl AdapterSummary {
+    fn of(adapter: &wgpu::Adapter) -> Self {
+        let info = adapter.get_info();
+        let limits = adapter.limits();
+        Self {
+            name: info.name,
+            kind: match info.device_type {
+                wgpu::DeviceType::DiscreteGpu => "discrete GPU",
+                wgpu::DeviceType::IntegratedGpu => "integrated GPU",
+                wgpu::DeviceType::VirtualGpu => "virtual GPU",
+                wgpu::DeviceType::Cpu => "software",
+                wgpu::DeviceType::Other => "other",
+            }
+            .into(),
+            driver: info.driver,
+            driver_version: info.driver_info,
+            max_storage_binding: limits.max_storage_buffer_binding_size,
+            max_buffer: limits.max_buffer_size,
+            max_texture_side: limits.max_texture_dimension_2d,
+        }
+    }
+}
+
+/// An open device with its queue.
+pub(crate) struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    pub(crate) summary: AdapterSummary,
+}
+
+impl Gpu {
+    /// Opens the adapter whose name contains `wanted` (case does not matter); without a wish, the fastest kind there is.
+    pub(crate) fn open(wanted: Option<&str>) -> Result<Self> {
+        let adapter = choose(wanted)?;
+        let summary = AdapterSummary::of(&adapter);
+        let available = adapter.limits();
+        let limits = wgpu::Limits {
+            max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
+            max_buffer_size: available.max_buffer_size,
+            max_texture_dimension_2d: available.max_texture_dimension_2d,
+            ..wgpu::Limits::default()
+        };
+        let request = wgpu::DeviceDescriptor {
+            label: Some("krylux"),
+            required_limits: limits,
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(|e| Error::Device {
+            fault: format!("{} cannot be opened: {e}", summary.name),
+            help: "choose another with --adapter; `krylux info` lists them".into(),
+        })?;
+        Ok(Self { device, queue, summary })
+    }
+
+    /// Runs `work`, turning what the device objects to (validation, memory) into an error instead of a panic.
+    pub(crate) fn guarded<T>(&self, what: &str, work: impl FnOnce() -> T) -> Result<T> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let result = work();
+        let fault = pollster::block_on(validation.pop());
+        let fault = pollster::block_on(memory.pop()).or(fault);
+        match fault {
+            None => Ok(result),
+            Some(wgpu::Error::OutOfMemory { .. }) => Err(Error::Device {
+                fault: format!("{what}: out of memory on {}", self.summary.name),
+                help: "use a smaller scene or --size, or another --adapter".into(),
+            }),
+            Some(e) => Err(Error::Device {
+                fault: format!("{what}: {e}"),
+                help: "this is a fault in krylux or in the driver; try another --adapter, and report it".into(),
+            }),
+        }
+    }
+
+    /// Waits until everything submitted is done.
+    pub(crate) fn wait(&self) -> Result<()> {
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map(drop).map_err(|e| Error::Device {
+            fault: format!("{} was lost: {e}", self.summary.name),
+            help: "run again; if it happens again, choose another --adapter".into(),
+        })
+    }
+}
+
+/// All adapters of this machine; none is not an error.
+pub(crate) fn adapters() -> Vec<AdapterSummary> {
+    enumerate().iter().map(AdapterSummary::of).collect()
+}
+
+fn enumerate() -> Vec<wgpu::Adapter> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::VULKAN,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    });
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+    adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    });
+    adapters
+}
+
+fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter> {
+    let adapters = enumerate();
+    if adapters.is_empty() {
+        return Err(Error::NoAdapter { detail: String::new(), help: INSTALL.into() });
+    }
+    let Some(wanted) = wanted else {
+        return adapters.into_iter().next().ok_or_else(|| Error::NoAdapter {
+            detail: String::new(),
+            help: INSTALL.into(),
+        });
+    };
+    let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
+    let found = names.iter().position(|name| name.to_lowercase().contains(&wanted.to_lowercase()));
+    found.and_then(|index| adapters.into_iter().nth(index)).ok_or_else(|| Error::NoAdapter {
+        detail: format!(" whose name contains `{wanted}`"),
+        help: format!("--adapter takes part of one of these names: {}", names.join("; ")),
+    })
+}

@@ -1,0 +1,81 @@
+//! What one dispatch hands back: the records of a run of light paths.
+
+/// A path's connection from its `k`-th surface (`k ≥ 2`) to the pinhole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Connection {
+    /// Projector pixel `i`, through which the light came.
+    pub projector: u32,
+    /// Number of surfaces on the way, `k`.
+    pub bounces: u32,
+    /// `a · F/(p_f + p_r)` per channel: contribution to `A_ji` and to `A_ij` before the division by the sample count.
+    pub value: [f32; 3],
+}
+
+/// Records of consecutive paths. Paths are numbered `pixel · samples + sample`; batches come in that order, without gaps.
+pub struct Batch<'a> {
+    pub(super) first_path: u64,
+    pub(super) samples: u32,
+    pub(super) max_bounces: u32,
+    pub(super) ambient: bool,
+    pub(super) records: &'a [[u32; 4]],
+}
+
+impl Batch<'_> {
+    /// Number of paths.
+    pub fn len(&self) -> usize {
+        self.records.len() / self.stride()
+    }
+
+    /// Whether there are no paths.
+    pub fn is_empty(&self) -> bool {
+        self.records.is_empty()
+    }
+
+    /// Camera pixel `j` of the batch's path `index`.
+    pub fn pixel(&self, index: usize) -> u32 {
+        ((self.first_path + index as u64) / u64::from(self.samples)) as u32
+    }
+
+    /// Direct light along path `index`: `f D`, its sample of `A_jj` at one bounce. Zero where the ray met nothing.
+    pub fn direct(&self, index: usize) -> [f32; 3] {
+        value(self.slots(index)[0])
+    }
+
+    /// Light of the scene's own that path `index` saw, in W/(m² sr); `None` where nothing emits.
+    pub fn ambient(&self, index: usize) -> Option<[f32; 3]> {
+        self.ambient.then(|| value(self.slots(index)[self.max_bounces as usize]))
+    }
+
+    /// The connections of path `index`, by increasing bounces.
+    pub fn connections(&self, index: usize) -> impl Iterator<Item = Connection> + '_ {
+        let slots = self.slots(index);
+        let surfaces = slots[0][0] & 0xff;
+        (2..=surfaces).filter_map(move |bounces| {
+            let slot = slots[bounces as usize - 1];
+            let projector = slot[0];
+            (projector != super::materials::NONE).then_some(Connection { projector, bounces, value: value(slot) })
+        })
+    }
+
+    /// Rays traced along path `index`.
+    pub(super) fn rays(&self, index: usize) -> u64 {
+        u64::from(self.slots(index)[0][0] >> 8 & 0xff)
+    }
+
+    /// Paths whose record does not carry `mark`: the device never finished them.
+    pub(super) fn unfinished(&self, mark: u32) -> u64 {
+        (0..self.len()).filter(|&index| self.slots(index)[0][0] >> 16 != mark >> 16).count() as u64
+    }
+
+    fn stride(&self) -> usize {
+        self.max_bounces as usize + usize::from(self.ambient)
+    }
+
+    fn slots(&self, index: usize) -> &[[u32; 4]] {
+        &self.records[index * self.stride()..(index + 1) * self.stride()]
+    }
+}
+
+fn value(slot: [u32; 4]) -> [f32; 3] {
+    [f32::from_bits(slot[1]), f32::from_bits(slot[2]), f32::from_bits(slot[3])]
+}

@@ -1,0 +1,48 @@
+//! The uniform block of a dispatch.
+
+/// Laid out as `Parameters` in `shaders/shared/parameters.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct Parameters {
+    pub(super) resolution: [u32; 2],
+    pub(super) tangent: [f32; 2],
+    pub(super) first_pixel: u32,
+    pub(super) first_sample: u32,
+    pub(super) paths: u32,
+    pub(super) samples: u32,
+    pub(super) max_bounces: u32,
+    pub(super) seed: u32,
+    pub(super) mark: u32,
+    pub(super) ambient: u32,
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use std::mem::{offset_of, size_of};
+
+    /// Asserts that the WGSL struct `name` of shader `shader` has exactly these members at these offsets, and this size.
+    pub(in crate::render) fn assert_layout(shader: &str, name: &str, members: &[(&str, usize)], size: usize) {
+        let module = crate::gpu::shader::module(shader).unwrap_or_else(|e| unreachable!("{e}"));
+        let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {
+            naga::TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => Some((members, *span)),
+            _ => None,
+        });
+        let (wgsl, span) = found.unwrap_or_else(|| unreachable!("{shader} has no struct {name}"));
+        let wgsl: Vec<_> = wgsl.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
+        let host: Vec<_> = members.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
+        assert_eq!(host, wgsl, "members of {name}");
+        assert_eq!(size, span as usize, "size of {name}");
+    }
+
+    macro_rules! offsets {
+        ($ty:ty: $($member:ident),*) => { &[$((stringify!($member), offset_of!($ty, $member))),*] };
+    }
+    pub(in crate::render) use offsets;
+
+    #[test]
+    fn parameters_lie_as_the_shader_reads_them() {
+        let members = offsets!(Parameters: resolution, tangent, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, ambient);
+        assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
+    }
+}

@@ -1,0 +1,35 @@
+//! A part of the transport matrix as the Krylov methods see it.
+
+use super::{Part, TransportMatrix};
+use crate::error::Result;
+use crate::operator::{Operator, Symmetry};
+
+/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo.
+#[derive(Clone, Copy, Debug)]
+pub struct MatrixOperator<'a> {
+    /// The frozen matrix.
+    pub matrix: &'a TransportMatrix,
+    /// Which light.
+    pub part: Part,
+    /// Which channel, below [`super::Channels::count`].
+    pub channel: usize,
+}
+
+impl Operator for MatrixOperator<'_> {
+    fn rows(&self) -> usize {
+        self.matrix.resolution().pixels()
+    }
+
+    fn cols(&self) -> usize {
+        self.rows()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::Symmetric
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.matrix.apply(self.part, self.channel, x, y);
+        Ok(())
+    }
+}
