@@ -2,14 +2,36 @@
 
 pub mod bvh;
 pub mod camera;
+mod gltf;
 pub mod material;
 
 pub use camera::Camera;
 pub use material::{Material, Texture, Wrap};
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
+
+use crate::error::{Error, Result};
+
+/// Loads a scene, in the format that the file's extension says: `.glb` or `.gltf`.
+///
+/// `camera` names the camera to stand the rig at; it may be left out when the file has only one.
+///
+/// # Errors
+/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used: both name the file,
+/// the second also what to do.
+pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    match extension.to_ascii_lowercase().as_str() {
+        "glb" | "gltf" => gltf::load(path, camera),
+        _ => Err(Error::Scene {
+            path: path.to_path_buf(),
+            fault: "not a known scene format".into(),
+            help: "give a .glb or .gltf file".into(),
+        }),
+    }
+}
 
 /// A scene ready to be traced.
 #[derive(Clone, Debug)]

@@ -1,0 +1,126 @@
+//! The rig's pinhole from one of the file's camera nodes.
+
+use glam::DVec3;
+use gltf::json;
+use gltf::json::validation::Checked;
+
+use super::nodes::Placed;
+use super::{Document, called};
+use crate::error::Result;
+use crate::scene::Camera;
+
+/// The cosine up to which axes count as perpendicular: well above the rounding of exporters, well below a shear
+/// that one could see.
+const MAX_SHEAR: f64 = 1e-4;
+
+/// The camera called `wanted`, or the only one.
+pub(super) fn choose(document: &Document, placed: &[Placed], wanted: Option<&str>) -> Result<Camera> {
+    let mut candidates = Vec::new();
+    for placed in placed {
+        let node = &document.root.nodes[placed.node];
+        let Some(index) = node.camera.map(|camera| camera.value()) else { continue };
+        let Some(camera) = document.root.cameras.get(index) else {
+            return Err(document.fault(
+                format!(
+                    "{} refers to camera {index}, which does not exist",
+                    called("node", placed.node, node.name.as_ref())
+                ),
+                "the file is damaged: export it again",
+            ));
+        };
+        let name = [&node.name, &camera.name].into_iter().flatten().find(|name| !name.is_empty());
+        candidates.push((name.cloned().unwrap_or_else(|| format!("camera {index}")), camera, placed));
+    }
+    let names = || candidates.iter().map(|(name, ..)| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    let matching: Vec<_> =
+        candidates.iter().filter(|(name, ..)| wanted.is_none_or(|wanted| wanted == name)).collect();
+    match (matching.as_slice(), wanted) {
+        ([(name, camera, placed)], _) => build(document, name, camera, placed),
+        _ if candidates.is_empty() => Err(document.fault(
+            "no camera in the scene",
+            "add a perspective camera where the rig stands, and export the scene with cameras",
+        )),
+        ([], Some(wanted)) => Err(document.fault(
+            format!("no camera is called `{wanted}`; there are {}", names()),
+            "give one of these names to --camera",
+        )),
+        (_, Some(wanted)) => Err(document.fault(
+            format!("{} cameras are called `{wanted}`", matching.len()),
+            "give the camera nodes different names",
+        )),
+        (_, None) => Err(document
+            .fault(format!("{} cameras: {}", candidates.len(), names()), "choose one with --camera NAME")),
+    }
+}
+
+fn build(document: &Document, name: &str, camera: &json::Camera, placed: &Placed) -> Result<Camera> {
+    let Some(perspective) = &camera.perspective else {
+        let fault = match camera.type_ {
+            Checked::Valid(json::camera::Type::Orthographic) => "is orthographic",
+            _ => "has no perspective",
+        };
+        return Err(document.fault(
+            format!("camera `{name}` {fault}"),
+            "make it a perspective camera: the rig's projector and camera are pinholes",
+        ));
+    };
+    let field = f64::from(perspective.yfov);
+    if !(field > 0.0 && field < std::f64::consts::PI) {
+        return Err(document.fault(
+            format!("camera `{name}` has a vertical field of view of {field} rad"),
+            "it must lie between 0 and π",
+        ));
+    }
+    if perspective.aspect_ratio.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
+        return Err(document.fault(
+            format!("camera `{name}` has an aspect ratio that is not positive"),
+            "correct aspectRatio, or leave it out",
+        ));
+    }
+    let [right, up, forward] = axes(document, name, placed)?;
+    let position = placed.transform.translation.as_vec3();
+    if !position.is_finite() {
+        return Err(document.fault(
+            format!("camera `{name}` stands outside single precision"),
+            "glTF lengths are metres: scale the scene",
+        ));
+    }
+    Ok(Camera {
+        name: name.to_string(),
+        position,
+        right: right.as_vec3(),
+        up: up.as_vec3(),
+        forward: forward.as_vec3(),
+        tan_half_fov: (field / 2.0).tan() as f32,
+        aspect: perspective.aspect_ratio,
+    })
+}
+
+/// Right, up and forward as an exactly orthonormal frame; the node's scale does not matter to a pinhole.
+fn axes(document: &Document, name: &str, placed: &Placed) -> Result<[DVec3; 3]> {
+    let linear = placed.transform.matrix3;
+    let normalized = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.try_normalize());
+    let [Some(x), Some(y), Some(z)] = normalized else {
+        return Err(document.fault(
+            format!("camera `{name}` is scaled to nothing"),
+            "set the scale of the camera's node and its parents to 1",
+        ));
+    };
+    if x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs()) > MAX_SHEAR {
+        return Err(document.fault(
+            format!("camera `{name}` is sheared by its node's transform"),
+            "set the scale of the camera's parents to 1",
+        ));
+    }
+    if x.cross(y).dot(z) < 0.0 {
+        return Err(document.fault(
+            format!("camera `{name}` is mirrored by its node's transform"),
+            "remove the negative scale from the camera's node or its parents",
+        ));
+    }
+    // glTF cameras look along −Z with +Y up. Adding zero turns −0 into 0.
+    let forward = -z + DVec3::ZERO;
+    let right = x.reject_from_normalized(forward).normalize() + DVec3::ZERO;
+    let up = right.cross(forward) + DVec3::ZERO;
+    Ok([right, up, forward])
+}

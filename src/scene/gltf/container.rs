@@ -1,0 +1,70 @@
+//! The GLB container: a header, a JSON chunk, and perhaps a binary chunk.
+
+use std::path::Path;
+
+use super::fault;
+use crate::error::Result;
+
+const MAGIC: &[u8; 4] = b"glTF";
+const HEADER_BYTES: usize = 12;
+const CHUNK_HEADER_BYTES: usize = 8;
+const JSON_CHUNK: &[u8; 4] = b"JSON";
+const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
+
+/// Splits a file into its JSON text and its binary chunk; a file without the GLB magic is all JSON.
+pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
+    let extension_is_glb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
+    if !bytes.starts_with(MAGIC) {
+        if extension_is_glb {
+            return Err(damaged(path, "not a GLB file: it does not begin with `glTF`"));
+        }
+        return Ok((bytes, None));
+    }
+    let version = word(bytes, 4).ok_or_else(|| damaged(path, "the GLB header is cut short"))?;
+    let length = word(bytes, 8).ok_or_else(|| damaged(path, "the GLB header is cut short"))?;
+    if version != 2 {
+        return Err(damaged(path, format!("GLB version {version} is not supported, only 2 is")));
+    }
+    if length as usize > bytes.len() || (length as usize) < HEADER_BYTES {
+        return Err(damaged(
+            path,
+            format!("the GLB header says {length} bytes, but the file has {}", bytes.len()),
+        ));
+    }
+    let (kind, text, rest) = chunk(path, &bytes[HEADER_BYTES..length as usize])?;
+    if kind != JSON_CHUNK {
+        return Err(damaged(path, "the first GLB chunk is not JSON"));
+    }
+    // Chunks of other kinds are for extensions; the specification says to skip them.
+    let mut rest = rest;
+    while !rest.is_empty() {
+        let (kind, content, after) = chunk(path, rest)?;
+        if kind == BINARY_CHUNK {
+            return Ok((text, Some(content)));
+        }
+        rest = after;
+    }
+    Ok((text, None))
+}
+
+/// The kind and content of the chunk that `bytes` begins with, and what follows it.
+fn chunk<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8], &'a [u8])> {
+    let length = word(bytes, 0).map(|length| length as usize);
+    let kind = bytes.get(4..CHUNK_HEADER_BYTES);
+    let (Some(length), Some(kind)) = (length, kind) else {
+        return Err(damaged(path, "a GLB chunk header is cut short"));
+    };
+    let content = bytes[CHUNK_HEADER_BYTES..]
+        .split_at_checked(length)
+        .ok_or_else(|| damaged(path, format!("a GLB chunk says {length} bytes, but the file ends before")))?;
+    Ok((kind, content.0, content.1))
+}
+
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    let four = bytes.get(at..at + 4)?;
+    Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
+}
+
+fn damaged(path: &Path, what: impl Into<String>) -> crate::error::Error {
+    fault(path, what, "the file is damaged or not glTF 2.0: copy or export it again")
+}

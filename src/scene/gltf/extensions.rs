@@ -1,0 +1,96 @@
+//! Which glTF extensions are followed, which are ignored, and which a scene cannot be loaded with.
+//!
+//! | extension | here |
+//! |---|---|
+//! | `KHR_materials_specular`, `KHR_materials_ior`, `KHR_materials_emissive_strength` | factors followed |
+//! | `KHR_texture_transform` | applied to the texture coordinates |
+//! | `KHR_mesh_quantization` | followed |
+//! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
+//! | any other, required | error |
+//! | any other, used | warning, unless it has no effect on the picture |
+//! | `KHR_materials_unlit` | error where a surface uses it: an unlit surface transports no light |
+
+use super::Document;
+use crate::error::Result;
+
+const FOLLOWED: [&str; 5] = [
+    "KHR_materials_specular",
+    "KHR_materials_ior",
+    "KHR_materials_emissive_strength",
+    "KHR_texture_transform",
+    "KHR_mesh_quantization",
+];
+
+const LIGHTS: &str = "KHR_lights_punctual";
+
+/// Used, these change nothing in the picture of the scene as the file presents it.
+const WITHOUT_EFFECT: [&str; 9] = [
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "KHR_materials_variants",
+    "KHR_animation_pointer",
+    "KHR_audio_emitter",
+    "KHR_physics_rigid_bodies",
+    "KHR_implicit_shapes",
+    "MSFT_lod",
+    "EXT_lights_image_based",
+];
+
+/// These are met, or not, where a mesh or a texture turns out to have no other data, or where a material uses them.
+const CHECKED_AT_USE: [&str; 7] = [
+    "KHR_draco_mesh_compression",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+    "KHR_texture_basisu",
+    "EXT_texture_webp",
+    "EXT_texture_avif",
+    "KHR_materials_unlit",
+];
+
+/// Refuses required extensions that are not followed, and warns of used ones.
+pub(super) fn check(document: &mut Document) -> Result<()> {
+    for name in &document.root.extensions_required {
+        let name = name.as_str();
+        if !FOLLOWED.contains(&name) && name != LIGHTS && !WITHOUT_EFFECT.contains(&name) {
+            return Err(document.fault(
+                format!("the file requires the extension {name}, which is not supported"),
+                advice(name),
+            ));
+        }
+    }
+    for name in &document.root.extensions_used {
+        let name = name.as_str();
+        if name == LIGHTS {
+            document
+                .warnings
+                .add(format!("the file's lights ({LIGHTS}) are ignored: the projector is the light"));
+        } else if !FOLLOWED.contains(&name)
+            && !WITHOUT_EFFECT.contains(&name)
+            && !CHECKED_AT_USE.contains(&name)
+            // Named with the material that uses it, and not at all if none does.
+            && !name.starts_with("KHR_materials_")
+        {
+            document.warnings.add(format!("the extension {name} is not supported and ignored"));
+        }
+    }
+    Ok(())
+}
+
+/// What to do about an extension that is required but not supported.
+pub(super) fn advice(name: &str) -> &'static str {
+    match name {
+        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            "export the scene without mesh compression"
+        }
+        "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" => {
+            "export the scene with PNG or JPEG pictures"
+        }
+        "KHR_materials_unlit" => {
+            "give the surfaces a metallic-roughness material: unlit ones transport no light"
+        }
+        _ if name.starts_with("KHR_materials_") => {
+            "export the scene with plain metallic-roughness materials, opaque ones"
+        }
+        _ => "export the scene without this extension",
+    }
+}

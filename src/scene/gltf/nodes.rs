@@ -1,0 +1,153 @@
+//! The node graph: which nodes the scene places where.
+
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+use gltf::json;
+
+use super::regions::{self, Label};
+use super::{Document, called};
+use crate::error::Result;
+
+/// A node of the scene with its world transform.
+pub(super) struct Placed {
+    /// Index into the file's nodes.
+    pub node: usize,
+    /// From the node's frame to the world; double precision, so that chains of transforms lose nothing.
+    pub transform: DAffine3,
+    /// `extras.region` of the node or of its nearest ancestor that has one.
+    pub label: Option<Label>,
+}
+
+/// Every node of the default scene, parents before children, in the file's order.
+pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
+    let roots = roots(document)?;
+    check_forest(document, &roots)?;
+
+    // A stack of our own: a chain of a million nodes must not overflow the thread's.
+    let mut stack: Vec<(usize, DAffine3, Option<Label>)> =
+        roots.iter().rev().map(|&root| (root, DAffine3::IDENTITY, None)).collect();
+    let mut placed = Vec::new();
+    while let Some((index, parent, inherited)) = stack.pop() {
+        let node = &document.root.nodes[index];
+        let transform = parent * local_transform(document, index, node)?;
+        if !transform.is_finite() {
+            return Err(document.fault(
+                format!("{}: its transform is not finite", called("node", index, node.name.as_ref())),
+                "correct the node's matrix, translation, rotation or scale",
+            ));
+        }
+        let what = called("node", index, node.name.as_ref());
+        let label = regions::label(document, &what, &node.extras)?.or(inherited);
+        if node.skin.is_some() {
+            let warning = format!("{what}: its skin is ignored; the mesh is taken as it stands in the file");
+            document.warnings.add(warning);
+        }
+        let children = document.root.nodes[index].children.as_deref().unwrap_or_default();
+        stack.extend(children.iter().rev().map(|child| (child.value(), transform, label.clone())));
+        placed.push(Placed { node: index, transform, label });
+    }
+    Ok(placed)
+}
+
+/// The root nodes of the scene that the file names as its default, or else of its first.
+fn roots(document: &mut Document) -> Result<Vec<usize>> {
+    let index = document.root.scene.map_or(0, |scene| scene.value());
+    let count = document.root.scenes.len();
+    let Some(scene) = document.root.scenes.get(index) else {
+        return Err(document.fault(
+            if count == 0 {
+                "the file has no scene".to_string()
+            } else {
+                format!("the default scene is {index}, but there are only {count}")
+            },
+            "export the objects as a scene",
+        ));
+    };
+    let roots = scene.nodes.iter().map(|node| node.value()).collect();
+    if count > 1 {
+        let used = called("scene", index, scene.name.as_ref());
+        document.warnings.add(format!("the file has {count} scenes; only {used} is used"));
+    }
+    Ok(roots)
+}
+
+/// Each node has at most one parent, and the scene begins at nodes without one: then no walk meets a node twice.
+fn check_forest(document: &Document, roots: &[usize]) -> Result<()> {
+    let help = "the file is damaged: nodes must form a tree; export it again";
+    let nodes = &document.root.nodes;
+    let name = |index: usize| called("node", index, nodes[index].name.as_ref());
+    let mut parents: Vec<Option<usize>> = vec![None; nodes.len()];
+    for (index, node) in nodes.iter().enumerate() {
+        for child in node.children.iter().flatten() {
+            let child = child.value();
+            if child >= nodes.len() {
+                return Err(document
+                    .fault(format!("{} has a child {child}, which does not exist", name(index)), help));
+            }
+            if let Some(other) = parents[child].replace(index) {
+                return Err(document.fault(
+                    format!("{} has two parents, {} and {}", name(child), name(other), name(index)),
+                    help,
+                ));
+            }
+        }
+    }
+    let mut listed = vec![false; nodes.len()];
+    for &root in roots {
+        if root >= nodes.len() {
+            return Err(document.fault(format!("the scene has node {root}, which does not exist"), help));
+        }
+        if std::mem::replace(&mut listed[root], true) {
+            return Err(document.fault(format!("the scene lists {} twice", name(root)), help));
+        }
+        if let Some(parent) = parents[root] {
+            return Err(document.fault(
+                if in_cycle(&parents, root) {
+                    format!("{} is its own ancestor", name(root))
+                } else {
+                    format!("the scene lists {}, which is a child of {}", name(root), name(parent))
+                },
+                help,
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
+    let mut at = start;
+    // A walk upwards that is longer than the number of nodes goes round a cycle that `start` only leads into.
+    for _ in 0..parents.len() {
+        match parents[at] {
+            Some(parent) if parent == start => return true,
+            Some(parent) => at = parent,
+            None => return false,
+        }
+    }
+    false
+}
+
+fn local_transform(document: &Document, index: usize, node: &json::Node) -> Result<DAffine3> {
+    if let Some(matrix) = node.matrix {
+        let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
+        let last = matrix.row(3);
+        // Exporters round; a projective node would bend straight edges.
+        if !last.abs_diff_eq(glam::DVec4::W, 1e-6) {
+            return Err(document.fault(
+                format!("{}: its matrix is not affine", called("node", index, node.name.as_ref())),
+                "the last row of a node's matrix must be 0 0 0 1",
+            ));
+        }
+        return Ok(DAffine3 { matrix3: DMat3::from_mat4(matrix), translation: matrix.w_axis.truncate() });
+    }
+    let scale = node.scale.map_or(DVec3::ONE, |scale| DVec3::from_array(scale.map(f64::from)));
+    let translation = node.translation.map_or(DVec3::ZERO, |to| DVec3::from_array(to.map(f64::from)));
+    let rotation = node.rotation.map_or(DQuat::IDENTITY, |turn| DQuat::from_array(turn.0.map(f64::from)));
+    let length = rotation.length();
+    if !(length.is_finite() && length > 1e-6) {
+        return Err(document.fault(
+            format!("{}: its rotation is not a unit quaternion", called("node", index, node.name.as_ref())),
+            "correct the node's rotation",
+        ));
+    }
+    Ok(DAffine3::from_scale_rotation_translation(scale, rotation.normalize(), translation))
+}

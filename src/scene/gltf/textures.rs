@@ -1,0 +1,191 @@
+//! Textures: pictures decoded once per sampler, and how texture coordinates are read.
+
+use std::collections::HashMap;
+use std::io::Cursor;
+
+use glam::Vec2;
+use gltf::json;
+use gltf::json::texture::{MagFilter, WrappingMode};
+use gltf::json::validation::Checked;
+use image::{ImageFormat, ImageReader, Limits};
+
+use super::{Document, buffers, called, uri};
+use crate::error::Result;
+use crate::scene::{Texture, Wrap};
+
+/// Pixels a side.
+const MAX_SIDE: u32 = 16384;
+
+/// All pictures together. A few kilobytes of PNG can stand for any number of pixels.
+const MAX_TEXELS: u64 = 1 << 27;
+
+/// The textures that materials use, in the order met.
+#[derive(Default)]
+pub(super) struct Textures {
+    /// What [`crate::scene::Material::base_color_texture`] indexes.
+    pub list: Vec<Texture>,
+    index_of: HashMap<usize, u32>,
+    texels: u64,
+}
+
+impl Textures {
+    /// The scene's index of the file's texture `index`. `user` names the material.
+    pub(super) fn index_of(&mut self, document: &mut Document, user: &str, index: usize) -> Result<u32> {
+        if let Some(&position) = self.index_of.get(&index) {
+            return Ok(position);
+        }
+        let help = "the file is damaged: export it again";
+        let Some(texture) = document.root.textures.get(index).cloned() else {
+            return Err(
+                document.fault(format!("{user} refers to texture {index}, which does not exist"), help)
+            );
+        };
+        let what = called("texture", index, texture.name.as_ref());
+        let (wrap, linear) = sampler(document, &what, &texture)?;
+        let source = texture.source.value();
+        let Some(image) = document.root.images.get(source).cloned() else {
+            let alternative =
+                texture.extensions.as_ref().and_then(|extensions| extensions.others.keys().next().cloned());
+            return Err(match alternative {
+                Some(name) => document.fault(
+                    format!("{what} has its picture only as {name}, which is not supported"),
+                    super::extensions::advice("KHR_texture_basisu"),
+                ),
+                None if source == u32::MAX as usize => document.fault(format!("{what} has no picture"), help),
+                None => {
+                    document.fault(format!("{what} refers to image {source}, which does not exist"), help)
+                }
+            });
+        };
+        let (name, width, height, texels) = self.picture(document, source, &image)?;
+        let position = self.list.len() as u32;
+        self.list.push(Texture { name, width, height, texels, wrap, linear });
+        self.index_of.insert(index, position);
+        Ok(position)
+    }
+
+    /// Decodes an image of the file: its name, width, height and texels.
+    fn picture(
+        &mut self,
+        document: &mut Document,
+        index: usize,
+        image: &json::Image,
+    ) -> Result<(String, u32, u32, Vec<[u8; 4]>)> {
+        let file_name = image.uri.as_ref().filter(|uri| !uri.starts_with("data:"));
+        let what = called("image", index, image.name.as_ref().or(file_name));
+        let bytes = match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => uri::read(document, &what, uri)?,
+            (None, Some(view)) => buffers::view(document, &what, view)?.0.to_vec(),
+            (None, None) => {
+                return Err(
+                    document.fault(format!("{what} has no data"), "the file is incomplete: export it again")
+                );
+            }
+        };
+        let format = match image::guess_format(&bytes) {
+            Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+            _ => {
+                return Err(document.fault(
+                    format!("{what} is neither PNG nor JPEG"),
+                    "export the scene with PNG or JPEG pictures",
+                ));
+            }
+        };
+        let broken = |document: &Document, error: image::ImageError| {
+            document
+                .fault(format!("{what} cannot be decoded: {error}"), "save the picture again as PNG or JPEG")
+        };
+        let (width, height) = ImageReader::with_format(Cursor::new(&bytes), format)
+            .into_dimensions()
+            .map_err(|error| broken(document, error))?;
+        self.texels = self.texels.saturating_add(u64::from(width) * u64::from(height));
+        if width > MAX_SIDE || height > MAX_SIDE || width == 0 || height == 0 || self.texels > MAX_TEXELS {
+            return Err(document.fault(
+                format!("{what} is {width}x{height} pixels"),
+                format!(
+                    "make it smaller: at most {MAX_SIDE} pixels a side, and {MAX_TEXELS} in all pictures together"
+                ),
+            ));
+        }
+        let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_SIDE);
+        limits.max_image_height = Some(MAX_SIDE);
+        // 16-bit RGBA is the widest that PNG has.
+        limits.max_alloc = Some(8 * MAX_TEXELS);
+        reader.limits(limits);
+        let decoded = reader.decode().map_err(|error| broken(document, error))?.into_rgba8();
+        let texels = decoded.pixels().map(|pixel| pixel.0).collect();
+        Ok((what, decoded.width(), decoded.height(), texels))
+    }
+}
+
+/// Wrapping of u and v, and whether to interpolate; glTF's defaults without a sampler.
+fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<([Wrap; 2], bool)> {
+    let Some(index) = texture.sampler.map(|sampler| sampler.value()) else {
+        return Ok(([Wrap::Repeat; 2], true));
+    };
+    let help = "the file is damaged: export it again";
+    let Some(sampler) = document.root.samplers.get(index) else {
+        return Err(document.fault(format!("{what} refers to sampler {index}, which does not exist"), help));
+    };
+    let wrap = |mode: Checked<WrappingMode>| match mode {
+        Checked::Valid(WrappingMode::Repeat) => Ok(Wrap::Repeat),
+        Checked::Valid(WrappingMode::MirroredRepeat) => Ok(Wrap::MirroredRepeat),
+        Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::ClampToEdge),
+        Checked::Invalid => {
+            Err(document.fault(format!("sampler {index} has an unknown wrapping mode"), help))
+        }
+    };
+    let linear = match sampler.mag_filter {
+        None | Some(Checked::Valid(MagFilter::Linear)) => true,
+        Some(Checked::Valid(MagFilter::Nearest)) => false,
+        Some(Checked::Invalid) => {
+            return Err(document.fault(format!("sampler {index} has an unknown magFilter"), help));
+        }
+    };
+    Ok(([wrap(sampler.wrap_s)?, wrap(sampler.wrap_t)?], linear))
+}
+
+/// Which texture coordinates a texture reads, and its `KHR_texture_transform`.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Coordinates {
+    /// The `N` of `TEXCOORD_N`.
+    pub set: u32,
+    offset: Vec2,
+    rotation: f32,
+    scale: Vec2,
+}
+
+impl Coordinates {
+    pub(super) fn of(document: &Document, what: &str, info: &json::texture::Info) -> Result<Self> {
+        let transform = info
+            .extensions
+            .as_ref()
+            .and_then(|extensions| extensions.texture_transform.clone())
+            .unwrap_or_default();
+        let coordinates = Self {
+            set: transform.tex_coord.unwrap_or(info.tex_coord),
+            offset: Vec2::from_array(transform.offset.0),
+            rotation: transform.rotation.0,
+            scale: Vec2::from_array(transform.scale.0),
+        };
+        if coordinates.offset.is_finite() && coordinates.rotation.is_finite() && coordinates.scale.is_finite()
+        {
+            return Ok(coordinates);
+        }
+        Err(document.fault(
+            format!("{what}: its KHR_texture_transform is not finite"),
+            "correct the texture's offset, rotation or scale",
+        ))
+    }
+
+    /// Scale, then rotation, then offset. The rotation is counter-clockwise as one sees the picture, whose `v` runs
+    /// downwards.
+    pub(super) fn transform(&self, uv: Vec2) -> Vec2 {
+        let (sine, cosine) = self.rotation.sin_cos();
+        let scaled = uv * self.scale;
+        let rotated = Vec2::new(cosine * scaled.x + sine * scaled.y, cosine * scaled.y - sine * scaled.x);
+        rotated + self.offset
+    }
+}

@@ -1,0 +1,112 @@
+//! Where buffers and pictures come from: base64 data URIs, or files next to the scene.
+
+use std::path::PathBuf;
+
+use base64::Engine;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+
+use super::{Document, fault};
+use crate::error::{Error, Result};
+
+/// Exporters disagree about padding; its absence loses nothing.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &base64::alphabet::STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
+/// Reads what a URI stands for. `what` names its user (`buffer 0`). A file's bytes enter the document's hash; a data
+/// URI is in it already, as a part of the scene file.
+pub(super) fn read(document: &mut Document, what: &str, uri: &str) -> Result<Vec<u8>> {
+    // The scheme is case-insensitive.
+    if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
+        return decode_data(document, what, &uri[5..]);
+    }
+    let path = resolve(document, what, uri)?;
+    // A scene from elsewhere may name a device or a pipe, and reading that would never end.
+    let metadata = std::fs::metadata(&path).map_err(Error::reading(&path))?;
+    if !metadata.is_file() {
+        return Err(fault(
+            &path,
+            format!("not a file, but {what} of {} refers to it", document.path.display()),
+            "correct the URI in the scene, or export it as .glb, which holds everything in one file",
+        ));
+    }
+    let bytes = std::fs::read(&path).map_err(Error::reading(&path))?;
+    document.hash.add(&bytes);
+    Ok(bytes)
+}
+
+fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
+    let Some((header, content)) = data.split_once(',') else {
+        return Err(document
+            .fault(format!("{what}: its data URI has no comma before the data"), "export the scene again"));
+    };
+    if !header.to_ascii_lowercase().ends_with(";base64") {
+        return Err(document.fault(
+            format!("{what}: its data URI is not base64"),
+            "export the scene with base64 data, as separate files, or as .glb",
+        ));
+    }
+    BASE64.decode(content).map_err(|error| {
+        document.fault(format!("{what}: its base64 data is damaged: {error}"), "export the scene again")
+    })
+}
+
+/// The path of a relative URI: percent-decoded, from the scene's folder.
+fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
+    let help = "put the file next to the scene and refer to it by a relative path, or export as .glb";
+    if uri.is_empty() {
+        return Err(document.fault(format!("{what}: its URI is empty"), help));
+    }
+    let before_colon = uri.split(['/', '\\']).next().unwrap_or_default();
+    if before_colon.contains(':') {
+        return Err(document.fault(
+            format!("{what}: `{uri}` is not a relative path; only files next to the scene are read"),
+            help,
+        ));
+    }
+    let decoded = percent_decode(uri).ok_or_else(|| {
+        document.fault(format!("{what}: `{uri}` is not a valid URI (percent-encoding or UTF-8)"), help)
+    })?;
+    if decoded.starts_with(['/', '\\']) {
+        return Err(document.fault(
+            format!("{what}: `{uri}` is an absolute path; only files next to the scene are read"),
+            help,
+        ));
+    }
+    Ok(document.path.parent().map(|folder| folder.join(&decoded)).unwrap_or_else(|| decoded.into()))
+}
+
+/// `None` when a `%` is not followed by two hexadecimal digits, or the result is not UTF-8 without NUL.
+fn percent_decode(text: &str) -> Option<String> {
+    let mut decoded = Vec::with_capacity(text.len());
+    let mut bytes = text.bytes();
+    while let Some(byte) = bytes.next() {
+        if byte == b'%' {
+            let high = char::from(bytes.next()?).to_digit(16)?;
+            let low = char::from(bytes.next()?).to_digit(16)?;
+            decoded.push((high * 16 + low) as u8);
+        } else {
+            decoded.push(byte);
+        }
+    }
+    String::from_utf8(decoded).ok().filter(|text| !text.contains('\0'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::percent_decode;
+
+    #[test]
+    fn percent_encoding_is_undone() {
+        assert_eq!(percent_decode("my%20scene%C3%A9.bin").as_deref(), Some("my scene\u{e9}.bin"));
+        assert_eq!(percent_decode("plain+name.bin").as_deref(), Some("plain+name.bin"));
+    }
+
+    #[test]
+    fn broken_percent_encoding_is_refused() {
+        for text in ["%", "%2", "%zz", "%FF", "a%00b"] {
+            assert_eq!(percent_decode(text), None, "{text}");
+        }
+    }
+}
