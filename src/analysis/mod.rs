@@ -1,1 +1,23 @@
-//! (under construction)
+//! Answers about light transport, from operators and the Krylov methods.
+//!
+//! | question | here |
+//! |---|---|
+//! | which pixels exchange light? | [`mod@segment`]; the photos it takes: [`Capture`] |
+//! | on which matrix | [`Graph`], [`NormalizedAdjacency`], [`NegativeLaplacian`] |
+//! | groups from eigenvectors | [`mod@kmeans`] |
+//! | how good are they? | [`adjusted_rand_index`] |
+
+mod adjacency;
+mod capture;
+mod graph;
+pub mod kmeans;
+mod laplacian;
+mod rand_index;
+pub mod segment;
+
+pub use adjacency::NormalizedAdjacency;
+pub use capture::Capture;
+pub use graph::Graph;
+pub use laplacian::NegativeLaplacian;
+pub use rand_index::adjusted_rand_index;
+pub use segment::{Cut, MASKED, SegmentOptions, Segmentation};

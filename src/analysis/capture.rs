@@ -1,0 +1,195 @@
+//! The photos of a segmentation: taken once, for any number of groups, and resumable after a failure.
+
+use super::adjacency::NormalizedAdjacency;
+use super::graph::Graph;
+use super::laplacian::NegativeLaplacian;
+use super::segment::{Cut, SegmentOptions, Segmentation};
+use crate::error::{Error, Result};
+use crate::krylov::{EigsOptions, HistoryRow, Lanczos, Monitor, Progress, Start, Status, Which, eigs_from};
+use crate::operator::{Operator, Symmetry};
+
+/// The photos taken for a segmentation, and what was made of them so far.
+///
+/// One photo is of white (the degree `D = G 1`), another of the mask if masked pixels have light (see [`Graph::measure`]), and all others are
+/// Lanczos steps. When the operator fails, [`Capture::run`] returns its error and keeps every photo taken: run it again to go on, or ask
+/// [`Capture::segmentation`] for what can be said by now.
+#[derive(Clone, Debug)]
+pub struct Capture {
+    options: SegmentOptions,
+    photos_of_degree: usize,
+    white: Option<Vec<f64>>,
+    graph: Option<Graph>,
+    lanczos: Option<Lanczos>,
+    history: Vec<HistoryRow>,
+    status: Option<Status>,
+}
+
+impl Capture {
+    /// No photo yet.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming the option (see [`SegmentOptions`] for the ranges).
+    pub fn new(options: SegmentOptions) -> Result<Self> {
+        options.check()?;
+        Ok(Self {
+            options,
+            photos_of_degree: 0,
+            white: None,
+            graph: None,
+            lanczos: None,
+            history: Vec::new(),
+            status: None,
+        })
+    }
+
+    /// The options it was made with.
+    pub fn options(&self) -> &SegmentOptions {
+        &self.options
+    }
+
+    /// Photos taken so far.
+    pub fn photos(&self) -> usize {
+        self.photos_of_degree + self.lanczos.as_ref().map_or(0, Lanczos::products)
+    }
+
+    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the monitor stops it. `global` is the symmetric
+    /// `n × n` transport matrix without its direct part. The monitor's products are photos, those of the degree included; its values are
+    /// the eigenvalues sought, without the known one.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] when `global` is not declared symmetric, sees no light at all, or yields NaN; [`Error::Option`] naming
+    /// `--groups` when there are fewer pixels with light than groups; [`Error::Dimension`] when `global` is not square or not that of the photos before;
+    /// whatever `global` fails with.
+    pub fn run(&mut self, global: &mut dyn Operator, monitor: &mut Monitor<'_>) -> Result<()> {
+        self.measure_graph(global)?;
+        let Some(graph) = &self.graph else { return Ok(()) };
+        let lanczos = match &mut self.lanczos {
+            Some(lanczos) => lanczos,
+            none => none.insert(start(&self.options, graph)?),
+        };
+        let degree_photos = self.photos_of_degree;
+        let options = question(&self.options, degree_photos);
+        let budget = self.options.photos;
+        let sign = self.options.cut.sign();
+        let history = &mut self.history;
+        let mut watch = |progress: &Progress<'_>| {
+            let row = HistoryRow {
+                products: progress.products + degree_photos,
+                values: progress.values.iter().map(|value| sign * value).collect(),
+                residuals: progress.residuals.to_vec(),
+            };
+            let verdict = monitor(&Progress {
+                products: row.products,
+                budget,
+                values: &row.values,
+                residuals: &row.residuals,
+            });
+            // Kept here and not by the eigensolver, so that it outlives a failure.
+            history.push(row);
+            verdict
+        };
+        let found = match self.options.cut {
+            Cut::Normalized => {
+                eigs_from(lanczos, &mut NormalizedAdjacency::new(global, graph), &options, &mut watch)?
+            }
+            Cut::Average => {
+                eigs_from(lanczos, &mut NegativeLaplacian::new(global, graph), &options, &mut watch)?
+            }
+        };
+        self.status = Some(found.stats.status);
+        Ok(())
+    }
+
+    /// The segmentation from the photos taken so far; takes none.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] when no eigenvector is there yet (fewer than three photos, or a scene of one pixel).
+    pub fn segmentation(&self) -> Result<Segmentation> {
+        let too_early =
+            || Error::Numerical("the capture ended before a first eigenvector could be computed".into());
+        let graph = self.graph.as_ref().ok_or_else(too_early)?;
+        let lanczos = self.lanczos.as_ref().ok_or_else(too_early)?;
+        if lanczos.steps() == 0 {
+            return Err(too_early());
+        }
+        let pairs = lanczos.ritz(Which::LargestAlgebraic, self.options.eigenvectors - 1)?;
+        let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
+        Segmentation::from_vectors(self, graph, &pairs, vectors)
+    }
+
+    /// A row per Lanczos photo.
+    pub fn history(&self) -> &[HistoryRow] {
+        &self.history
+    }
+
+    /// How the capture ended; none before [`Capture::run`] has come to an end.
+    pub fn status(&self) -> Option<Status> {
+        self.status
+    }
+
+    fn measure_graph(&mut self, global: &mut dyn Operator) -> Result<()> {
+        let n = global.cols();
+        if global.rows() != n || self.graph.as_ref().is_some_and(|graph| graph.n() != n) {
+            return Err(Error::Dimension {
+                what: "the transport operator of a segmentation",
+                expected: format!("{n}x{n}, the same in all photos"),
+                found: format!("{}x{n}", global.rows()),
+            });
+        }
+        if global.symmetry() != Symmetry::Symmetric {
+            return Err(Error::Numerical(
+                "segmentation needs a symmetric transport matrix (a coaxial rig's), and this one is not declared symmetric".into(),
+            ));
+        }
+        if self.graph.is_some() {
+            return Ok(());
+        }
+        if self.white.is_none() {
+            self.white = Some(photo(global, &vec![1.0; n])?);
+            self.photos_of_degree = 1;
+        }
+        let Some(white) = &self.white else { return Ok(()) };
+        let photos = &mut self.photos_of_degree;
+        let graph = Graph::measure(white, self.options.mask_below, self.options.mu, |pattern| {
+            let photo = photo(global, pattern)?;
+            *photos += 1;
+            Ok(photo)
+        })?;
+        let most = self.options.groups.iter().copied().max().unwrap_or(0);
+        if graph.pixels().len() < most.max(2) {
+            return Err(Error::Option {
+                option: "--groups".into(),
+                fault: format!("{most} groups, but only {} pixels exchange light", graph.pixels().len()),
+                help: "ask for fewer groups, or lower --mask-below".into(),
+            });
+        }
+        self.graph = Some(graph);
+        Ok(())
+    }
+}
+
+fn photo(global: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
+    let mut photo = vec![0.0; pattern.len()];
+    global.apply(pattern, &mut photo)?;
+    Ok(photo)
+}
+
+fn start(options: &SegmentOptions, graph: &Graph) -> Result<Lanczos> {
+    let known = match options.cut {
+        Cut::Normalized => NormalizedAdjacency::known_vector(graph),
+        Cut::Average => NegativeLaplacian::known_vector(graph),
+    };
+    // Not all ones: a start with the scene's own symmetry never leaves it.
+    let start = Start::Rademacher { seed: options.seed }.vector(known.len());
+    Lanczos::new(&start, &[known])
+}
+
+fn question(options: &SegmentOptions, degree_photos: usize) -> EigsOptions {
+    EigsOptions {
+        count: options.eigenvectors - 1,
+        which: Which::LargestAlgebraic,
+        products: options.photos - degree_photos,
+        tolerance: options.tolerance,
+        ..EigsOptions::default()
+    }
+}

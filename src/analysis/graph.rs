@@ -1,0 +1,232 @@
+//! The graph of light exchange: pixels are its nodes, and the global light from one to another the weight of an edge.
+
+use crate::error::{Error, Result};
+use crate::operator::Operator;
+
+/// Below this share the light that masked pixels take part in is no reason for another photo: the known eigenvector is then
+/// accurate to its square root, 1e-8.
+const NEGLIGIBLE_LEAK: f64 = 1e-16;
+
+/// The nodes of the graph (the pixels that are not masked, `m` of `n`) and their degrees.
+///
+/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator: `G` is the global part of the transport matrix, `G_m` its rows and columns
+/// of unmasked pixels (a mask on one side only would break the symmetry).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Graph {
+    n: usize,
+    pixels: Vec<usize>,
+    degree: Vec<f64>,
+    leak: f64,
+    mu: f64,
+}
+
+impl Graph {
+    /// The graph of pixels that exchange light, from one or two photos; `white` is the first, `G 1`.
+    ///
+    /// Pixels with a degree of at most `mask_below` times the median are masked: they are known by noise only, and a tiny degree
+    /// makes a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels above it), so that a dark background does
+    /// not count.
+    ///
+    /// The degree has to match the masked matrix, `D = diag(G_m 1_m)`, and `G 1` also counts the light that the masked pixels
+    /// exchanged with the others. By symmetry this is at most the sum `t` of the masked degrees. If it is zero (or `√(t/Σd)` ≤ 1e-8) no more is to be done; otherwise
+    /// `masked_photo` is asked for the photo of the mask as a pattern (1 on pixels kept, 0 elsewhere), whose pixels *are* the
+    /// degrees. Should that leave some pixels of too low degree in turn, they are masked as well without another photo, and
+    /// [`Graph::leak`] tells what light that concerns.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] when `white` holds a NaN or an infinity, or no pixel sees global light. Whatever `masked_photo` fails with.
+    pub fn measure(
+        white: &[f64],
+        mask_below: f64,
+        mu: f64,
+        masked_photo: impl FnOnce(&[f64]) -> Result<Vec<f64>>,
+    ) -> Result<Self> {
+        check_finite(white)?;
+        let n = white.len();
+        let threshold = mask_below * median_by_light(white);
+        let mut pixels: Vec<usize> = (0..n).filter(|&i| white[i] > 0.0 && white[i] > threshold).collect();
+        if pixels.is_empty() {
+            return Err(Error::Numerical(
+                "no pixel sees global light: without light exchanged there is nothing to segment".into(),
+            ));
+        }
+        let mut degree: Vec<f64> = pixels.iter().map(|&i| white[i]).collect();
+        let total: f64 = degree.iter().sum();
+        let kept: Vec<bool> = mask_of(n, &pixels);
+        let mut leak =
+            white.iter().zip(&kept).filter(|(_, kept)| !**kept).fold(0.0, |leak, (d, _)| leak + d.abs());
+        if leak > NEGLIGIBLE_LEAK * total {
+            let pattern: Vec<f64> = kept.iter().map(|&kept| if kept { 1.0 } else { 0.0 }).collect();
+            let photo = masked_photo(&pattern)?;
+            check_finite(&photo)?;
+            let bright = |i: usize| photo[i] > 0.0 && photo[i] > threshold;
+            leak = pixels.iter().filter(|&&i| !bright(i)).fold(0.0, |leak, &i| leak + photo[i].abs());
+            pixels.retain(|&i| bright(i));
+            degree = pixels.iter().map(|&i| photo[i]).collect();
+        }
+        let m = pixels.len() as f64;
+        // Each of the m nodes, itself included, adds an edge of μ.
+        degree.iter_mut().for_each(|d| *d += mu * m);
+        Ok(Self { n, pixels, degree, leak, mu })
+    }
+
+    /// All pixels, masked or not.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// The index of each node's pixel, ascending (`m` of them).
+    pub fn pixels(&self) -> &[usize] {
+        &self.pixels
+    }
+
+    /// The degree of each node, `μ m` included: length `m`, positive.
+    pub fn degree(&self) -> &[f64] {
+        &self.degree
+    }
+
+    /// A bound on the light in `D` that `W 1` lacks, in units of degree: `Σ |D − W 1| ≤ leak`.
+    pub fn leak(&self) -> f64 {
+        self.leak
+    }
+
+    /// True for masked pixels, length `n`.
+    pub fn mask(&self) -> Vec<bool> {
+        mask_of(self.n, &self.pixels).into_iter().map(|kept| !kept).collect()
+    }
+
+    /// Puts a value per node back into the raster; masked pixels get `masked`.
+    pub fn scatter<T: Copy>(&self, nodes: &[T], masked: T) -> Vec<T> {
+        let mut raster = vec![masked; self.n];
+        for (&pixel, &value) in self.pixels.iter().zip(nodes) {
+            raster[pixel] = value;
+        }
+        raster
+    }
+
+    /// `out ← W x = (G_m + μ 1 1ᵀ) x` on nodes: one photo.
+    pub(super) fn weights_product(
+        &self,
+        global: &mut dyn Operator,
+        x: &[f64],
+        raster: &mut Raster,
+        out: &mut [f64],
+    ) -> Result<()> {
+        for (&pixel, &value) in self.pixels.iter().zip(x) {
+            raster.pattern[pixel] = value;
+        }
+        global.apply(&raster.pattern, &mut raster.photo)?;
+        // μ 1 1ᵀ x is arithmetic, not light.
+        let everywhere = if self.mu == 0.0 { 0.0 } else { self.mu * x.iter().sum::<f64>() };
+        for (value, &pixel) in out.iter_mut().zip(&self.pixels) {
+            *value = raster.photo[pixel] + everywhere;
+        }
+        Ok(())
+    }
+}
+
+/// Room for a pattern (masked pixels stay 0 in it) and its photo.
+#[derive(Debug)]
+pub(super) struct Raster {
+    pattern: Vec<f64>,
+    photo: Vec<f64>,
+}
+
+impl Raster {
+    pub(super) fn new(n: usize) -> Self {
+        Self { pattern: vec![0.0; n], photo: vec![0.0; n] }
+    }
+}
+
+/// The degree above which half of all light is.
+fn median_by_light(degree: &[f64]) -> f64 {
+    let mut positive: Vec<f64> = degree.iter().copied().filter(|&d| d > 0.0).collect();
+    positive.sort_by(|a, b| b.total_cmp(a));
+    let half = positive.iter().sum::<f64>() / 2.0;
+    let mut sum = 0.0;
+    for &d in &positive {
+        sum += d;
+        if sum >= half {
+            return d;
+        }
+    }
+    0.0
+}
+
+fn mask_of(n: usize, pixels: &[usize]) -> Vec<bool> {
+    let mut kept = vec![false; n];
+    for &pixel in pixels {
+        kept[pixel] = true;
+    }
+    kept
+}
+
+fn check_finite(photo: &[f64]) -> Result<()> {
+    match photo.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(pixel) => {
+            Err(Error::Numerical(format!("the photo of the degrees is {} at pixel {pixel}", photo[pixel])))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn no_photo(_: &[f64]) -> Result<Vec<f64>> {
+        Err(Error::Numerical("no photo was to be taken".into()))
+    }
+
+    #[test]
+    fn pixels_without_any_light_cost_no_second_photo() {
+        let graph = Graph::measure(&[0.0, 2.0, 0.0, 3.0], 0.01, 0.0, no_photo).expect("one photo is enough");
+        assert_eq!(graph.pixels(), [1, 3]);
+        assert_eq!(graph.degree(), [2.0, 3.0]);
+        assert_eq!(graph.mask(), [true, false, true, false]);
+        assert_eq!(graph.scatter(&[7_u8, 8], 255), [255, 7, 255, 8]);
+    }
+
+    #[test]
+    fn dim_pixels_are_masked_and_the_degree_measured_again_under_the_mask() {
+        let mut pattern_shown = Vec::new();
+        let graph = Graph::measure(&[5.0, 0.01, 4.0, 5.0], 0.1, 0.0, |pattern| {
+            pattern_shown = pattern.to_vec();
+            Ok(vec![4.995, 0.01, 3.995, 5.0])
+        })
+        .expect("a graph");
+        assert_eq!(pattern_shown, [1.0, 0.0, 1.0, 1.0]);
+        assert_eq!(graph.degree(), [4.995, 3.995, 5.0]);
+        assert_eq!(graph.leak(), 0.0);
+    }
+
+    #[test]
+    fn a_pixel_lit_by_masked_ones_only_is_masked_too() {
+        let graph = Graph::measure(&[5.0, 0.4, 0.6, 5.0], 0.1, 0.0, |_| Ok(vec![5.0, 0.4, 0.1, 4.9]))
+            .expect("a graph");
+        assert_eq!(graph.pixels(), [0, 3]);
+        assert_eq!(graph.leak(), 0.1);
+    }
+
+    #[test]
+    fn a_dark_background_does_not_move_the_threshold() {
+        let mut white = vec![1e-6; 1000];
+        white[..10].fill(1.0);
+        let graph = Graph::measure(&white, 0.01, 0.0, |pattern| Ok(pattern.to_vec())).expect("a graph");
+        assert_eq!(graph.pixels().len(), 10);
+    }
+
+    #[test]
+    fn an_edge_of_mu_to_every_node_adds_mu_m_to_the_degree() {
+        let graph = Graph::measure(&[1.0, 2.0, 0.0], 0.0, 0.25, no_photo).expect("a graph");
+        assert_eq!(graph.degree(), [1.5, 2.5]);
+    }
+
+    #[test]
+    fn darkness_and_nan_are_errors() {
+        assert!(Graph::measure(&[0.0; 4], 0.01, 0.0, no_photo).is_err());
+        let message =
+            Graph::measure(&[1.0, f64::NAN], 0.01, 0.0, no_photo).expect_err("NaN is refused").to_string();
+        assert!(message.contains("NaN at pixel 1"), "{message}");
+    }
+}

@@ -1,0 +1,55 @@
+//! The Laplacian of the graph of light exchange, turned so that its smallest eigenvalues come first.
+
+use super::graph::{Graph, Raster};
+use crate::error::Result;
+use crate::operator::{Operator, Symmetry};
+
+/// `W − D` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`]: minus the Laplacian.
+///
+/// Its largest eigenvalues are minus the smallest of `(D − W) x = λ x`, which the average cut asks for. They lie at the edge of the
+/// spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov subspace). `λ = 0` with `x = 1` is known beforehand.
+/// A product is one photo, of the pattern `x`.
+pub struct NegativeLaplacian<'a> {
+    global: &'a mut dyn Operator,
+    graph: &'a Graph,
+    raster: Raster,
+}
+
+impl<'a> NegativeLaplacian<'a> {
+    /// On the global operator (`n × n`, symmetric) and its graph.
+    pub fn new(global: &'a mut dyn Operator, graph: &'a Graph) -> Self {
+        Self { global, graph, raster: Raster::new(graph.n()) }
+    }
+
+    /// The known eigenvector of eigenvalue 0: all ones, length `m`.
+    pub fn known_vector(graph: &Graph) -> Vec<f64> {
+        vec![1.0; graph.pixels().len()]
+    }
+
+    /// A bound on `‖(W − D) q‖` for the normalized known vector, without a photo: `leak / √m`.
+    pub fn known_residual(graph: &Graph) -> f64 {
+        graph.leak() / (graph.pixels().len() as f64).sqrt()
+    }
+}
+
+impl Operator for NegativeLaplacian<'_> {
+    fn rows(&self) -> usize {
+        self.graph.pixels().len()
+    }
+
+    fn cols(&self) -> usize {
+        self.graph.pixels().len()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.global.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.graph.weights_product(self.global, x, &mut self.raster, y)?;
+        for ((value, x), degree) in y.iter_mut().zip(x).zip(self.graph.degree()) {
+            *value -= degree * x;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,87 @@
+//! Where a Krylov process starts.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// The first vector of a Krylov process (its length is of no importance).
+///
+/// A random start has a part in every eigenvector. A chosen one may not: all ones, on a scene with a mirror symmetry, can
+/// never tell the two sides apart.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Start {
+    /// Entries −1 and +1, by fair coin. As a pattern it uses the projector's whole range; the same on every machine.
+    Rademacher {
+        /// Seed of the generator.
+        seed: u64,
+    },
+    /// Standard normal entries: no direction is preferred. (They pass through `ln`, which differs by machine in the last bit.)
+    Gaussian {
+        /// Seed of the generator.
+        seed: u64,
+    },
+    /// This vector.
+    Given(Vec<f64>),
+}
+
+impl Default for Start {
+    fn default() -> Self {
+        Self::Rademacher { seed: 0 }
+    }
+}
+
+impl Start {
+    /// The vector, of length `n` (a given one has the length that it has).
+    pub fn vector(&self, n: usize) -> Vec<f64> {
+        match self {
+            Self::Rademacher { seed } => rademacher(n, &mut Pcg64::seed_from_u64(*seed)),
+            Self::Gaussian { seed } => gaussian(n, &mut Pcg64::seed_from_u64(*seed)),
+            Self::Given(vector) => vector.clone(),
+        }
+    }
+}
+
+fn rademacher(n: usize, random: &mut Pcg64) -> Vec<f64> {
+    (0..n).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()
+}
+
+/// Marsaglia's polar method, doi:10.1137/1006063.
+pub(super) fn gaussian(n: usize, random: &mut Pcg64) -> Vec<f64> {
+    let mut values = Vec::with_capacity(n + 1);
+    while values.len() < n {
+        let u = random.random_range(-1.0..1.0_f64);
+        let v = random.random_range(-1.0..1.0_f64);
+        let square = u * u + v * v;
+        if square > 0.0 && square < 1.0 {
+            let factor = (-2.0 * square.ln() / square).sqrt();
+            values.extend([u * factor, v * factor]);
+        }
+    }
+    values.truncate(n);
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn random_starts_have_mean_zero_and_variance_one() {
+        let n = 100_000;
+        for start in [Start::Rademacher { seed: 3 }, Start::Gaussian { seed: 3 }] {
+            let vector = start.vector(n);
+            assert_eq!(vector.len(), n);
+            let mean = vector.iter().sum::<f64>() / n as f64;
+            let square = vector.iter().map(|v| v * v).sum::<f64>() / n as f64;
+            // Five standard deviations: 5/√n of the mean, 5·√(2/n) of a normal's variance.
+            assert!(mean.abs() < 0.016, "{start:?}: mean {mean}");
+            assert!((square - 1.0).abs() < 0.023, "{start:?}: variance {square}");
+        }
+    }
+
+    #[test]
+    fn a_seed_names_one_vector() {
+        let vector = |seed| Start::Rademacher { seed }.vector(64);
+        assert_eq!(vector(1), vector(1));
+        assert_ne!(vector(1), vector(2));
+    }
+}
