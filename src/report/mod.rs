@@ -1,1 +1,28 @@
-//! (under construction)
+//! What a run leaves behind: arrays, pictures, matrices, plots, the page and the record of how they came about.
+//!
+//! | file | module |
+//! |---|---|
+//! | `.npy` arrays, `H×W`, `H×W×3`, `k×H×W` or `k` | [`npy`] |
+//! | `.exr` layers, 32-bit floats | [`exr`] |
+//! | `.png` for people | [`png`], after [`tone`], [`colormap`] or [`palette`] chose the colours |
+//! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
+//! | `report.html` | [`html`], with plots by [`plot`] |
+//! | `run.json` | [`manifest`] |
+//!
+//! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
+//! there as a whole or not at all, and the same content gives the same bytes.
+
+pub mod atomic;
+pub mod clock;
+pub mod colormap;
+pub mod exr;
+pub mod html;
+pub mod manifest;
+pub mod npy;
+pub mod palette;
+pub mod picture;
+pub mod plot;
+pub mod png;
+pub mod sparse;
+pub mod svg;
+pub mod tone;

@@ -1,0 +1,187 @@
+//! Colours for numbers: a signed map for eigenvectors, and a sequential one for amounts.
+
+use super::palette::{linear_from_oklab, oklab_from_linear};
+use super::png::Raster;
+use super::tone;
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+
+/// Masked pixels: a gray that neither map passes through.
+pub const MASKED: [u8; 3] = [0x58, 0x58, 0x5c];
+
+/// NaN: the magenta that nobody overlooks.
+pub const NOT_A_NUMBER: [u8; 3] = [0xff, 0x00, 0xff];
+
+/// Half a per cent of the values may saturate, so that single bright pixels do not drown the rest.
+const RANGE_PERCENTILE: f64 = 0.995;
+
+/// −1 (blue) through 0 (near white) to 1 (vermilion), darker towards both ends; told apart by colour-blind readers.
+const SIGNED_STOPS: [[u8; 3]; 7] = [
+    [0x0a, 0x2a, 0x66],
+    [0x1f, 0x6f, 0xb8],
+    [0x8c, 0xbe, 0xe2],
+    [0xf6, 0xf5, 0xf2],
+    [0xf5, 0xb4, 0x83],
+    [0xd1, 0x5a, 0x1e],
+    [0x6b, 0x1b, 0x0b],
+];
+
+/// The colour of `value` in \[−1, 1\], clipped beyond: 0 is near white, negative blue, positive vermilion.
+pub fn signed_color(value: f64) -> [u8; 3] {
+    if value.is_nan() {
+        return NOT_A_NUMBER;
+    }
+    let position = (value.clamp(-1.0, 1.0) + 1.0) / 2.0 * (SIGNED_STOPS.len() - 1) as f64;
+    let below = (position as usize).min(SIGNED_STOPS.len() - 2);
+    let fraction = (position - below as f64) as f32;
+    let [from, to] = [SIGNED_STOPS[below], SIGNED_STOPS[below + 1]]
+        .map(|stop| oklab_from_linear(stop.map(|byte| tone::decode_srgb(f32::from(byte) / 255.0))));
+    let mixed = [0, 1, 2].map(|axis| from[axis] + fraction * (to[axis] - from[axis]));
+    linear_from_oklab(mixed).map(tone::encode_srgb)
+}
+
+/// The colour of `value` in \[0, 1\], clipped beyond: viridis, dark violet through green to yellow, even in lightness.
+pub fn sequential_color(value: f64) -> [u8; 3] {
+    if value.is_nan() {
+        return NOT_A_NUMBER;
+    }
+    // Matt Zucker's polynomial of degree 6 for Matplotlib's viridis (both in the public domain), by Horner's rule.
+    const COEFFICIENTS: [[f64; 3]; 7] = [
+        [0.277_727_327_2, 0.005_407_344_5, 0.334_099_805_3],
+        [0.105_093_043_1, 1.404_613_529_9, 1.384_590_162_6],
+        [-0.330_861_828_7, 0.214_847_559_5, 0.095_095_163_0],
+        [-4.634_230_499_0, -5.799_100_973_4, -19.332_440_956_3],
+        [6.228_269_936_3, 14.179_933_366_8, 56.690_552_600_7],
+        [4.776_384_997_7, -13.745_145_377_7, -65.353_032_633_4],
+        [-5.435_455_855_9, 4.645_852_612_2, 26.312_435_249_6],
+    ];
+    let value = value.clamp(0.0, 1.0);
+    [0, 1, 2].map(|channel| {
+        let level = COEFFICIENTS.iter().rev().fold(0.0, |sum, row| sum * value + row[channel]);
+        (level.clamp(0.0, 1.0) * 255.0).round() as u8
+    })
+}
+
+/// The largest absolute value, half a per cent of outliers left aside: what ±1 of [`signed_color`] stands for.
+///
+/// `mask`, where given, is `true` at pixels to leave out. 1 where every value is zero, NaN or masked.
+pub fn robust_range(values: &[f64], mask: Option<&[bool]>) -> f64 {
+    let kept = |&(index, value): &(usize, &f64)| {
+        value.is_finite() && !mask.is_some_and(|mask| mask.get(index).copied().unwrap_or(false))
+    };
+    let sizes: Vec<f64> = values.iter().enumerate().filter(kept).map(|(_, value)| value.abs()).collect();
+    let largest = sizes.iter().copied().fold(0.0, f64::max);
+    // More than 99.5 % zeros is a sparse image, not one with outliers.
+    tone::percentile(sizes, RANGE_PERCENTILE).filter(|&range| range > 0.0).unwrap_or(match largest {
+        0.0 => 1.0,
+        largest => largest,
+    })
+}
+
+/// A picture of signed values (`w·h`, row by row): 0 is neutral, ±`range` the ends. `mask` as in [`robust_range`].
+///
+/// # Errors
+/// [`Error::Dimension`] when values or mask are not as many as the pixels.
+pub fn paint_signed(
+    resolution: Resolution,
+    values: &[f64],
+    mask: Option<&[bool]>,
+    range: f64,
+) -> Result<Raster> {
+    paint(resolution, values, mask, |value| signed_color(value / range))
+}
+
+/// A picture of amounts (`w·h`, row by row): `low` is dark violet, `high` yellow. `mask` as in [`robust_range`].
+///
+/// # Errors
+/// [`Error::Dimension`] when values or mask are not as many as the pixels.
+pub fn paint_sequential(
+    resolution: Resolution,
+    values: &[f64],
+    mask: Option<&[bool]>,
+    (low, high): (f64, f64),
+) -> Result<Raster> {
+    // A constant image has no range; it is shown as its lowest value.
+    let span = if high > low { high - low } else { f64::INFINITY };
+    paint(resolution, values, mask, |value| sequential_color((value - low) / span))
+}
+
+fn paint(
+    resolution: Resolution,
+    values: &[f64],
+    mask: Option<&[bool]>,
+    color: impl Fn(f64) -> [u8; 3],
+) -> Result<Raster> {
+    for (what, count) in
+        [("values to paint", Some(values.len())), ("mask of values to paint", mask.map(<[bool]>::len))]
+    {
+        if count.is_some_and(|count| count != resolution.pixels()) {
+            return Err(Error::Dimension {
+                what,
+                expected: resolution.to_string(),
+                found: count.unwrap_or_default().to_string(),
+            });
+        }
+    }
+    let masked = |index: usize| mask.is_some_and(|mask| mask[index]);
+    let pixels =
+        values.iter().enumerate().map(|(index, &value)| if masked(index) { MASKED } else { color(value) });
+    Ok(Raster::from_pixels(resolution, pixels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zero_is_neutral_and_the_ends_mirror_in_lightness() {
+        assert_eq!(signed_color(0.0), SIGNED_STOPS[3]);
+        assert_eq!(signed_color(-7.0), SIGNED_STOPS[0]);
+        assert_eq!(signed_color(f64::INFINITY), SIGNED_STOPS[6]);
+        let lightness = |value: f64| {
+            oklab_from_linear(signed_color(value).map(|byte| tone::decode_srgb(f32::from(byte) / 255.0)))[0]
+        };
+        for percent in 1..=100 {
+            let value = f64::from(percent) / 100.0;
+            assert!((lightness(value) - lightness(-value)).abs() < 0.08, "at {value}");
+            assert!(
+                lightness(value) < lightness(value - 0.01) + 0.004,
+                "lightness falls away from zero at {value}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_range_ignores_outliers_masked_pixels_and_nan() {
+        let mut values = vec![0.5; 1000];
+        values[3] = -1e6;
+        values[4] = f64::NAN;
+        assert_eq!(robust_range(&values, None), 0.5);
+        let mut mask = vec![true; 1000];
+        mask[3] = false;
+        assert_eq!(robust_range(&values, Some(&mask)), 1e6);
+        assert_eq!(robust_range(&[0.0; 9], None), 1.0);
+        let mut sparse = vec![0.0; 1000];
+        sparse[0] = -2.0;
+        assert_eq!(robust_range(&sparse, None), 2.0);
+    }
+
+    #[test]
+    fn viridis_starts_violet_and_ends_yellow() {
+        // Matplotlib's viridis ends at (68, 1, 84) and (253, 231, 37); the polynomial is within a few levels.
+        for (value, expected) in [(0.0, [68, 1, 84]), (0.5, [33, 145, 140]), (1.0, [253, 231, 37])] {
+            for (level, wanted) in sequential_color(value).into_iter().zip(expected) {
+                assert!(level.abs_diff(wanted) <= 6, "{value}: {:?}", sequential_color(value));
+            }
+        }
+    }
+
+    #[test]
+    fn masked_and_undefined_pixels_stand_out() {
+        let painted =
+            paint_signed(Resolution::new(3, 1), &[0.0, f64::NAN, 1.0], Some(&[true, false, false]), 1.0)
+                .unwrap_or_else(|error| unreachable!("{error}"));
+        assert_eq!([0, 1].map(|x| painted.pixel(x, 0)), [MASKED, NOT_A_NUMBER]);
+        assert!(paint_signed(Resolution::new(2, 1), &[0.0], None, 1.0).is_err());
+    }
+}

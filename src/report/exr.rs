@@ -1,0 +1,173 @@
+//! OpenEXR files: 32-bit floats under ZIP, one part, channels named for their layers (`photo.R`, `photo.Y`).
+//!
+//! Never half floats: their eleven bits would be noise in a Krylov vector.
+
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use ::exr::prelude::{
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Layer, LayerAttributes, LineOrder,
+    MetaData, ReadChannels, ReadLayers, Text, WritableImage,
+};
+
+use super::atomic;
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+
+/// All channels of a file together; 8192² pixels in four channels. Beyond it a header is taken for forged.
+const MOST_SAMPLES: usize = 1 << 28;
+
+/// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as `NAME.Y`. An
+/// empty name leaves the bare `R`, `G`, `B` or `Y` that every viewer shows at once.
+///
+/// # Errors
+/// [`Error::Dimension`] when there is no layer or pixel, sizes differ, or a name is used twice or is not ASCII;
+/// [`Error::Write`].
+pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<()> {
+    let bytes = encode(layers)?;
+    let written = bytes.map_err(|error| Error::writing(path)(std::io::Error::other(error)))?;
+    atomic::write_bytes(path, &written)
+}
+
+fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::exr::error::Error>> {
+    let mismatch = |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
+    let Some(resolution) = layers.first().map(|(_, image)| image.resolution()).filter(|r| r.pixels() > 0)
+    else {
+        return mismatch("layers of an EXR file", "one or more with pixels".into(), "none".into());
+    };
+    let mut channels: Vec<AnyChannel<FlatSamples>> = Vec::new();
+    for &(name, image) in layers {
+        if image.resolution() != resolution {
+            return mismatch("layers of an EXR file", resolution.to_string(), image.resolution().to_string());
+        }
+        for (channel, &suffix) in suffixes(image.channels()).iter().enumerate() {
+            let full = if name.is_empty() { suffix.to_string() } else { format!("{name}.{suffix}") };
+            let text = Text::new_or_none(&full)
+                .filter(|text| full.is_ascii() && !channels.iter().any(|c| c.name == *text));
+            let Some(text) = text else {
+                return mismatch("channel names of an EXR file", "ASCII, each once".into(), full);
+            };
+            let samples = image.samples().iter().skip(channel).step_by(image.channels()).copied().collect();
+            channels.push(AnyChannel::new(text, FlatSamples::F32(samples)));
+        }
+    }
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let picture = ::exr::prelude::Image::from_layer(Layer::new(
+        (resolution.width, resolution.height),
+        LayerAttributes::default(),
+        encoding,
+        AnyChannels::sort(channels.into()),
+    ));
+    let mut file = Cursor::new(Vec::new());
+    Ok(picture.write().to_buffered(&mut file).map(|()| file.into_inner()))
+}
+
+/// Reads one layer, RGB if it has `R`, `G` and `B`, else luma from `Y`. Half floats and integers are widened.
+///
+/// `layer` is the name before the dot (or the part's name); without it, the bare channels are read, or those of the
+/// only layer that has such channels.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed, or holds no such layer (they are listed).
+pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
+    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+    let unusable = |fault: String| Error::Data {
+        path: path.to_path_buf(),
+        fault,
+        help: "give an EXR file with channels R, G, B or Y, bare or in a layer".into(),
+    };
+    let mut found = decode(&bytes).map_err(unusable)?;
+    let chosen = match layer {
+        Some(name) => found.iter().position(|(there, _)| there == name),
+        None if found.len() == 1 => Some(0),
+        None => found.iter().position(|(there, _)| there.is_empty()),
+    };
+    let Some(chosen) = chosen else {
+        let names: Vec<_> = found.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+        let wanted = layer.map_or("bare R, G, B or Y channels".into(), |name| format!("layer \"{name}\""));
+        return Err(unusable(match names.as_slice() {
+            [] => "it has no channels named R, G, B or Y".into(),
+            names => format!("it has no {wanted}, but the layers {}", names.join(", ")),
+        }));
+    };
+    Ok(found.swap_remove(chosen).1)
+}
+
+/// All layers that make an image, with their names.
+fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
+    // The reader was met to assert on some malformed files. A caught panic leaves nothing behind: it owned all that
+    // it wrote to.
+    catch_unwind(AssertUnwindSafe(|| decode_trusting(bytes)))
+        .unwrap_or_else(|_| Err("it is malformed".into()))
+}
+
+fn decode_trusting(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
+    let meta = MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
+    let samples = meta.headers.iter().try_fold(0_usize, |sum, header| {
+        let each = header.layer_size.width().checked_mul(header.layer_size.height())?;
+        sum.checked_add(each.checked_mul(header.channels.list.len())?)
+    });
+    if samples.is_none_or(|count| count > MOST_SAMPLES) {
+        return Err("it claims more than 2^28 samples".into());
+    }
+    let picture = ::exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|error| error.to_string())?;
+
+    let mut found = Vec::new();
+    for part in &picture.layer_data {
+        let resolution = Resolution::new(part.size.width(), part.size.height());
+        let part_name = part.attributes.layer_name.as_ref().map(Text::to_string).unwrap_or_default();
+        let channels: Vec<(String, &FlatSamples)> = part
+            .channel_data
+            .list
+            .iter()
+            .filter(|channel| channel.sampling == ::exr::math::Vec2(1, 1))
+            .map(|channel| (channel.name.to_string(), &channel.sample_data))
+            .collect();
+        let mut prefixes: Vec<&str> =
+            channels.iter().map(|(name, _)| name.rsplit_once('.').map_or("", |(before, _)| before)).collect();
+        prefixes.sort_unstable();
+        prefixes.dedup();
+        for prefix in prefixes {
+            if let Some(image) = assemble(&channels, prefix, resolution) {
+                let name = [part_name.as_str(), prefix].into_iter().filter(|name| !name.is_empty());
+                found.push((name.collect::<Vec<_>>().join("."), image));
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The image of the channels `prefix.R`, `prefix.G`, `prefix.B`, or of `prefix.Y`; `None` if there are none.
+fn assemble(channels: &[(String, &FlatSamples)], prefix: &str, resolution: Resolution) -> Option<Image> {
+    let plane = |suffix: &str| {
+        let full = if prefix.is_empty() { suffix.to_string() } else { format!("{prefix}.{suffix}") };
+        let (_, samples) = channels.iter().find(|(name, _)| *name == full)?;
+        Some(samples.values_as_f32().collect::<Vec<f32>>())
+    };
+    [3, 1].into_iter().find_map(|count| {
+        let planes: Vec<Vec<f32>> =
+            suffixes(count).iter().map(|suffix| plane(suffix)).collect::<Option<_>>()?;
+        if planes.iter().any(|samples| samples.len() != resolution.pixels()) {
+            return None;
+        }
+        let interleaved =
+            (0..resolution.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel]));
+        Image::new(resolution, count, interleaved.collect()).ok()
+    })
+}
+
+fn suffixes(channels: usize) -> &'static [&'static str] {
+    if channels == 3 { &["R", "G", "B"] } else { &["Y"] }
+}

@@ -1,0 +1,111 @@
+//! Colours for groups: any number of pixels may carry one of 255 labels, and 255 is a masked pixel.
+
+use super::colormap::MASKED;
+use super::png::Raster;
+use crate::image::Resolution;
+
+/// The label of a pixel that belongs to no group.
+pub const MASKED_LABEL: u8 = 255;
+
+/// Told apart by most colour-blind readers: Okabe and Ito's seven, then five of Paul Tol's "muted" scheme.
+const HAND_PICKED: [[u8; 3]; 12] = [
+    [0x00, 0x72, 0xb2],
+    [0xe6, 0x9f, 0x00],
+    [0x00, 0x9e, 0x73],
+    [0xcc, 0x79, 0xa7],
+    [0x56, 0xb4, 0xe9],
+    [0xd5, 0x5e, 0x00],
+    [0xf0, 0xe4, 0x42],
+    [0x33, 0x22, 0x88],
+    [0x99, 0x99, 0x33],
+    [0x88, 0x22, 0x55],
+    [0x44, 0xaa, 0x99],
+    [0xdd, 0xcc, 0xbb],
+];
+
+/// The colour of a group. Beyond the twelve hand-picked ones hues advance by the golden angle in Oklab, at
+/// lightnesses that take turns, so that neighbours in number differ in both. 255 is a dark gray.
+pub fn label_color(label: u8) -> [u8; 3] {
+    if label == MASKED_LABEL {
+        return MASKED;
+    }
+    if let Some(&color) = HAND_PICKED.get(usize::from(label)) {
+        return color;
+    }
+    const GOLDEN_ANGLE: f32 = 2.399_963;
+    const LIGHTNESS: [f32; 5] = [0.70, 0.52, 0.82, 0.60, 0.44];
+    let step = usize::from(label) - HAND_PICKED.len();
+    let hue = step as f32 * GOLDEN_ANGLE;
+    let lightness = LIGHTNESS[step % LIGHTNESS.len()];
+    // The most saturated colour of this hue and lightness that a screen can show, up to 0.13.
+    let saturation = (0..=13).rev().map(|hundredths| hundredths as f32 / 100.0);
+    let color = saturation
+        .map(|chroma| linear_from_oklab([lightness, chroma * hue.cos(), chroma * hue.sin()]))
+        .find(|rgb| rgb.iter().all(|level| (0.0..=1.0).contains(level)));
+    color.unwrap_or_default().map(super::tone::encode_srgb)
+}
+
+/// A picture of `labels` (`w·h` of them, row by row).
+pub fn paint_labels(resolution: Resolution, labels: &[u8]) -> Raster {
+    Raster::from_pixels(resolution, labels.iter().map(|&label| label_color(label)))
+}
+
+/// Linear sRGB of an Oklab colour `[L, a, b]` (Björn Ottosson, *A perceptual color space for image processing*).
+pub(super) fn linear_from_oklab([lightness, a, b]: [f32; 3]) -> [f32; 3] {
+    let long = (lightness + 0.396_337_78 * a + 0.215_803_76 * b).powi(3);
+    let medium = (lightness - 0.105_561_346 * a - 0.063_854_17 * b).powi(3);
+    let short = (lightness - 0.089_484_18 * a - 1.291_485_5 * b).powi(3);
+    [
+        4.076_741_7 * long - 3.307_711_6 * medium + 0.230_969_94 * short,
+        -1.268_438 * long + 2.609_757_4 * medium - 0.341_319_4 * short,
+        -0.004_196_086_3 * long - 0.703_418_6 * medium + 1.707_614_7 * short,
+    ]
+}
+
+/// Oklab `[L, a, b]` of a linear sRGB colour.
+pub(super) fn oklab_from_linear([red, green, blue]: [f32; 3]) -> [f32; 3] {
+    let long = (0.412_221_46 * red + 0.536_332_55 * green + 0.051_445_995 * blue).cbrt();
+    let medium = (0.211_903_5 * red + 0.680_699_5 * green + 0.107_396_96 * blue).cbrt();
+    let short = (0.088_302_46 * red + 0.281_718_85 * green + 0.629_978_7 * blue).cbrt();
+    [
+        0.210_454_26 * long + 0.793_617_8 * medium - 0.004_072_047 * short,
+        1.977_998_5 * long - 2.428_592_2 * medium + 0.450_593_7 * short,
+        0.025_904_037 * long + 0.782_771_77 * medium - 0.808_675_77 * short,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_of_the_255_colors_are_equal() {
+        let colors: std::collections::HashSet<_> = (0..=255).map(label_color).collect();
+        assert_eq!(colors.len(), 256);
+    }
+
+    #[test]
+    fn consecutive_labels_are_far_apart_and_none_is_near_the_mask() {
+        let lab = |label| {
+            oklab_from_linear(
+                label_color(label).map(|byte| super::super::tone::decode_srgb(f32::from(byte) / 255.0)),
+            )
+        };
+        let distance =
+            |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f32>().sqrt();
+        for label in 0..254 {
+            // 0.02 is about one just noticeable difference in Oklab.
+            assert!(distance(lab(label), lab(label + 1)) > 0.1, "labels {label} and {}", label + 1);
+            assert!(distance(lab(label), lab(MASKED_LABEL)) > 0.1, "label {label} and the mask");
+        }
+    }
+
+    #[test]
+    fn oklab_round_trips() {
+        for color in [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.2, 0.5, 0.9], [1.0, 0.0, 0.0]] {
+            for (back, value) in linear_from_oklab(oklab_from_linear(color)).into_iter().zip(color) {
+                approx::assert_abs_diff_eq!(back, value, epsilon = 1e-4);
+            }
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! From linear radiance to a picture for people: one exposure for the whole photo, and the sRGB curve.
+
+use super::png::Raster;
+use crate::image::Image;
+
+/// The brightest half per cent may saturate, so that one highlight does not leave the rest black.
+const WHITE_PERCENTILE: f64 = 0.995;
+
+/// The factor that makes the 99.5th percentile of all positive samples white.
+///
+/// Where fewer than half a per cent of the samples are lit at all (a single projected pixel), the percentile is
+/// taken over those that are. 1 for an image without any positive, finite sample.
+pub fn exposure(image: &Image) -> f32 {
+    let lit: Vec<f64> =
+        image.samples().iter().filter(|&&v| v > 0.0 && v.is_finite()).map(|&v| f64::from(v)).collect();
+    let white = percentile(lit, WHITE_PERCENTILE).unwrap_or(1.0);
+    let scale = (1.0 / white) as f32;
+    if scale.is_finite() && scale > 0.0 { scale } else { 1.0 }
+}
+
+/// Multiplies by `scale`, clips to \[0,1\] and encodes as sRGB. NaN is shown in magenta, never hidden.
+pub fn develop(image: &Image, scale: f32) -> Raster {
+    let rgb = image.samples().chunks_exact(image.channels()).map(|pixel| {
+        if pixel.iter().any(|sample| sample.is_nan()) {
+            return super::colormap::NOT_A_NUMBER;
+        }
+        let level = |channel: usize| encode_srgb(pixel[channel.min(pixel.len() - 1)] * scale);
+        [level(0), level(1), level(2)]
+    });
+    Raster::from_pixels(image.resolution(), rgb)
+}
+
+/// The value below which the fraction `rank` of `values` lies (nearest rank); `None` when there are none.
+/// Values must not be NaN.
+pub(super) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
+    let index = ((values.len() as f64 * rank).ceil() as usize).saturating_sub(1);
+    if index >= values.len() {
+        return None;
+    }
+    Some(*values.select_nth_unstable_by(index, f64::total_cmp).1)
+}
+
+/// The sRGB byte nearest to a linear value; clips to \[0,1\].
+pub fn encode_srgb(linear: f32) -> u8 {
+    let linear = linear.clamp(0.0, 1.0);
+    let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    (encoded * 255.0).round() as u8
+}
+
+/// The linear value of an sRGB-encoded one, both in \[0,1\] (IEC 61966-2-1).
+pub fn decode_srgb(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    #[test]
+    fn every_byte_survives_decoding_and_encoding() {
+        for byte in 0..=255_u8 {
+            assert_eq!(encode_srgb(decode_srgb(f32::from(byte) / 255.0)), byte);
+        }
+    }
+
+    #[test]
+    fn highlights_do_not_set_the_exposure() {
+        let mut image = Image::filled(Resolution::new(100, 100), 1, 0.25);
+        image.samples_mut()[..20].fill(1000.0);
+        assert_eq!(exposure(&image), 4.0);
+        image.samples_mut()[0] = f32::NAN;
+        assert_eq!(develop(&image, 4.0).pixel(0, 0), super::super::colormap::NOT_A_NUMBER);
+        assert_eq!(develop(&image, 4.0).pixel(50, 50), [255; 3]);
+    }
+
+    #[test]
+    fn a_single_lit_pixel_is_white_and_darkness_has_exposure_one() {
+        let mut image = Image::filled(Resolution::new(64, 64), 3, 0.0);
+        assert_eq!(exposure(&image), 1.0);
+        image.samples_mut()[5] = 1e-4;
+        approx::assert_relative_eq!(exposure(&image), 1e4);
+    }
+}

@@ -1,0 +1,86 @@
+//! PNG files and the pictures made for people.
+
+use image::ExtendedColorType;
+use krylux::Error;
+use krylux::image::{Image, Resolution};
+use krylux::report::png::{Raster, read_png};
+use krylux::report::{picture, tone};
+use tempfile::TempDir;
+
+type Outcome = Result<(), Box<dyn std::error::Error>>;
+
+#[test]
+fn a_png_pattern_is_decoded_from_srgb() -> Outcome {
+    let folder = TempDir::new()?;
+    let path = folder.path().join("pattern.png");
+    let size = Resolution::new(256, 1);
+    Raster::from_pixels(size, (0..=255).map(|level| [level, 255 - level, 128])).write_png(&path)?;
+    let linear = read_png(&path)?;
+    assert_eq!((linear.resolution(), linear.channels()), (size, 3));
+    // The definition's own fixed points: black, white, and 128 ↦ 0.2158605.
+    assert_eq!(linear.samples()[..2], [0.0, 1.0]);
+    approx::assert_abs_diff_eq!(linear.samples()[2], 0.215_860_5, epsilon = 1e-6);
+    let again = tone::develop(&linear, 1.0);
+    assert_eq!(again.pixel(77, 0), [77, 178, 128]);
+    again.write_png(&folder.path().join("again.png"))?;
+    assert_eq!(std::fs::read(folder.path().join("again.png"))?, std::fs::read(&path)?);
+    Ok(())
+}
+
+#[test]
+fn gray_and_sixteen_bit_files_keep_their_precision() -> Outcome {
+    let folder = TempDir::new()?;
+    let path = folder.path().join("deep.png");
+    let levels: Vec<u16> = (0..64_u16).map(|level| level * 1040 + 3).collect();
+    let bytes: Vec<u8> = levels.iter().flat_map(|level| level.to_ne_bytes()).collect();
+    image::save_buffer(&path, &bytes, 8, 8, ExtendedColorType::L16)?;
+    let linear = read_png(&path)?;
+    assert_eq!(linear.channels(), 1);
+    for (sample, level) in linear.samples().iter().zip(levels) {
+        assert_eq!(*sample, tone::decode_srgb(f32::from(level) / 65535.0));
+    }
+    Ok(())
+}
+
+#[test]
+fn transparency_is_refused_unless_it_is_none() -> Outcome {
+    let folder = TempDir::new()?;
+    let path = folder.path().join("alpha.png");
+    image::save_buffer(&path, &[10, 20, 30, 255], 1, 1, ExtendedColorType::Rgba8)?;
+    assert_eq!(read_png(&path)?.channels(), 3);
+    image::save_buffer(&path, &[10, 20, 30, 254], 1, 1, ExtendedColorType::Rgba8)?;
+    assert!(read_png(&path).is_err_and(|error| error.to_string().contains("transparent")));
+    Ok(())
+}
+
+#[test]
+fn mutilated_pngs_are_errors_or_images() -> Outcome {
+    let folder = TempDir::new()?;
+    let path = folder.path().join("victim.png");
+    picture::write(&path, &Image::filled(Resolution::new(9, 7), 3, 0.3))?;
+    let whole = std::fs::read(&path)?;
+    for length in 0..whole.len() {
+        std::fs::write(&path, &whole[..length])?;
+        // The end marker, the last twelve bytes, may be missing without harm.
+        assert!(length + 12 >= whole.len() || matches!(read_png(&path), Err(Error::Data { .. })), "{length}");
+    }
+    for at in 0..whole.len() {
+        for change in [0x01, 0x80, 0xff] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= change;
+            std::fs::write(&path, &bytes)?;
+            let _ = read_png(&path);
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn enlarging_repeats_pixels() -> Outcome {
+    let small = Raster::from_pixels(Resolution::new(2, 1), [[1, 2, 3], [4, 5, 6]]);
+    let large = small.enlarged(3);
+    assert_eq!(large.resolution(), Resolution::new(6, 3));
+    assert_eq!([large.pixel(2, 2), large.pixel(3, 0)], [[1, 2, 3], [4, 5, 6]]);
+    assert!(Raster::from_pixels(Resolution::new(0, 4), []).encode_png().is_err());
+    Ok(())
+}
