@@ -1,1 +1,18 @@
-fn main() {}
+//! The command line program; everything is in the library's [`krylux::cli`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    quiet_the_driver();
+    krylux::cli::main()
+}
+
+/// Mesa's device selection asks a display server which device to prefer, and complains on stderr where there is none.
+/// krylux needs no display and chooses by itself.
+#[allow(unsafe_code, reason = "the environment is changed before any other thread exists")]
+fn quiet_the_driver() {
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() && std::env::var_os("NODEVICE_SELECT").is_none() {
+        // SAFETY: this is the first statement of `main`; no other thread reads the environment.
+        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
+    }
+}

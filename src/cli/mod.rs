@@ -1,1 +1,79 @@
-//! (under construction)
+//! The command line: `krylux VERB SOURCE [options]`, one file per verb.
+//!
+//! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
+
+mod console;
+mod info;
+mod labels;
+mod matrix;
+mod options;
+mod pattern;
+mod photo;
+mod run_folder;
+mod segment;
+mod simulation;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use console::Console;
+
+/// A light transport laboratory: trace a scene once, and ask its light transport matrix anything with a few dozen photos.
+#[derive(Parser)]
+#[command(version, max_term_width = 100, after_help = EXIT_STATUS, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.";
+
+#[derive(Subcommand)]
+enum Verb {
+    Photo(photo::Args),
+    Segment(segment::Args),
+    Matrix(matrix::Args),
+    Labels(labels::Args),
+    Info(info::Args),
+}
+
+/// How a verb ended when it ended well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    Done,
+    NotGoodEnough,
+}
+
+/// Parses the command line, runs the verb, and reports: the program's `main`.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let console = Console::new();
+    let outcome = match &cli.verb {
+        Verb::Photo(args) => photo::run(args, &console.with(&args.output)),
+        Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
+        Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
+        Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
+        Verb::Info(args) => info::run(args, &console.with(&args.output)),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::NotGoodEnough) => ExitCode::from(1),
+        Err(error) if console::is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            console.error(&error);
+            let interrupted = matches!(error.downcast_ref(), Some(crate::Error::Interrupted));
+            ExitCode::from(if interrupted { 130 } else { 2 })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        super::Cli::command().debug_assert();
+    }
+}

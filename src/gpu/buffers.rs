@@ -41,13 +41,16 @@ impl Gpu {
         let rows = texels.len().div_ceil(TEXTURE_WIDTH as usize).max(1);
         let limit = self.device.limits().max_texture_dimension_2d as usize;
         if rows > limit {
-            return Err(self.too_large(label, texels.len() as u64 * 16, (limit * TEXTURE_WIDTH as usize) as u64 * 16));
+            return Err(self.too_large(
+                label,
+                texels.len() as u64 * 16,
+                (limit * TEXTURE_WIDTH as usize) as u64 * 16,
+            ));
         }
         let mut padded = texels.to_vec();
         padded.resize(rows * TEXTURE_WIDTH as usize, [0; 4]);
         self.guarded(label, || {
-            let size =
-                wgpu::Extent3d { width: TEXTURE_WIDTH, height: rows as u32, depth_or_array_layers: 1 };
+            let size = wgpu::Extent3d { width: TEXTURE_WIDTH, height: rows as u32, depth_or_array_layers: 1 };
             let descriptor = wgpu::TextureDescriptor {
                 label: Some(label),
                 size,
@@ -59,8 +62,12 @@ impl Gpu {
                 view_formats: &[],
             };
             let order = wgpu::util::TextureDataOrder::LayerMajor;
-            let texture =
-                self.device.create_texture_with_data(&self.queue, &descriptor, order, bytemuck::cast_slice(&padded));
+            let texture = self.device.create_texture_with_data(
+                &self.queue,
+                &descriptor,
+                order,
+                bytemuck::cast_slice(&padded),
+            );
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         })
     }

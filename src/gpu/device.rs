@@ -71,10 +71,11 @@ impl Gpu {
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(|e| Error::Device {
-            fault: format!("{} cannot be opened: {e}", summary.name),
-            help: "choose another with --adapter; `krylux info` lists them".into(),
-        })?;
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&request)).map_err(|e| Error::Device {
+                fault: format!("{} cannot be opened: {e}", summary.name),
+                help: "choose another with --adapter; `krylux info` lists them".into(),
+            })?;
         Ok(Self { device, queue, summary })
     }
 
@@ -93,7 +94,8 @@ impl Gpu {
             }),
             Some(e) => Err(Error::Device {
                 fault: format!("{what}: {e}"),
-                help: "this is a fault in krylux or in the driver; try another --adapter, and report it".into(),
+                help: "this is a fault in krylux or in the driver; try another --adapter, and report it"
+                    .into(),
             }),
         }
     }
@@ -110,6 +112,11 @@ impl Gpu {
 /// All adapters of this machine; none is not an error.
 pub(crate) fn adapters() -> Vec<AdapterSummary> {
     enumerate().iter().map(AdapterSummary::of).collect()
+}
+
+/// The error for a machine without any adapter.
+pub(crate) fn no_adapter() -> Error {
+    Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
 }
 
 fn enumerate() -> Vec<wgpu::Adapter> {
@@ -130,14 +137,8 @@ fn enumerate() -> Vec<wgpu::Adapter> {
 
 fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter> {
     let adapters = enumerate();
-    if adapters.is_empty() {
-        return Err(Error::NoAdapter { detail: String::new(), help: INSTALL.into() });
-    }
-    let Some(wanted) = wanted else {
-        return adapters.into_iter().next().ok_or_else(|| Error::NoAdapter {
-            detail: String::new(),
-            help: INSTALL.into(),
-        });
+    let Some(wanted) = wanted.filter(|_| !adapters.is_empty()) else {
+        return adapters.into_iter().next().ok_or_else(no_adapter);
     };
     let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
     let found = names.iter().position(|name| name.to_lowercase().contains(&wanted.to_lowercase()));

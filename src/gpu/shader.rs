@@ -67,7 +67,8 @@ fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -
         };
         let import = format!("shared/{}", import.trim());
         if !done.contains(&import) {
-            let shared = lookup(&import).ok_or_else(|| fault(name, &format!("imports `{import}`, which does not exist")))?;
+            let shared = lookup(&import)
+                .ok_or_else(|| fault(name, &format!("imports `{import}`, which does not exist")))?;
             done.push(import.clone());
             append(&import, shared, done, text)?;
         }
@@ -78,10 +79,8 @@ fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -
 /// Parses and validates with naga, so that a mistake is shown with its line, before any driver sees it.
 fn validate(name: &str, text: &str) -> Result<naga::Module> {
     let module = naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))?;
-    let mut validator = naga::valid::Validator::new(
-        naga::valid::ValidationFlags::all(),
-        naga::valid::Capabilities::all(),
-    );
+    let mut validator =
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all());
     validator.validate(&module).map_err(|e| fault(name, &e.emit_to_string(text)))?;
     Ok(module)
 }

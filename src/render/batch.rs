@@ -53,7 +53,11 @@ impl Batch<'_> {
         (2..=surfaces).filter_map(move |bounces| {
             let slot = slots[bounces as usize - 1];
             let projector = slot[0];
-            (projector != super::materials::NONE).then_some(Connection { projector, bounces, value: value(slot) })
+            (projector != super::materials::NONE).then_some(Connection {
+                projector,
+                bounces,
+                value: value(slot),
+            })
         })
     }
 

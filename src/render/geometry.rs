@@ -26,7 +26,8 @@ impl GpuScene {
         let corners: Vec<[Vec3; 3]> = in_pinhole_frame(scene);
         let bvh = Bvh::build(&corners).ok_or_else(|| Error::Scene {
             path: scene.path.clone(),
-            fault: "its triangles lie so close together that no search tree of bounded depth holds them".into(),
+            fault: "its triangles lie so close together that no search tree of bounded depth holds them"
+                .into(),
             help: "remove duplicate geometry (merge by distance) and export again".into(),
         })?;
 

@@ -49,3 +49,8 @@ pub use crate::gpu::AdapterSummary;
 pub fn adapters() -> Vec<AdapterSummary> {
     crate::gpu::device::adapters()
 }
+
+/// The error for a machine without any adapter: names what to install.
+pub fn no_adapter() -> crate::Error {
+    crate::gpu::device::no_adapter()
+}

@@ -25,11 +25,14 @@ pub(super) mod tests {
     pub(in crate::render) fn assert_layout(shader: &str, name: &str, members: &[(&str, usize)], size: usize) {
         let module = crate::gpu::shader::module(shader).unwrap_or_else(|e| unreachable!("{e}"));
         let found = module.types.iter().find_map(|(_, ty)| match &ty.inner {
-            naga::TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => Some((members, *span)),
+            naga::TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => {
+                Some((members, *span))
+            }
             _ => None,
         });
         let (wgsl, span) = found.unwrap_or_else(|| unreachable!("{shader} has no struct {name}"));
-        let wgsl: Vec<_> = wgsl.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
+        let wgsl: Vec<_> =
+            wgsl.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect();
         let host: Vec<_> = members.iter().map(|(name, offset)| ((*name).to_owned(), *offset)).collect();
         assert_eq!(host, wgsl, "members of {name}");
         assert_eq!(size, span as usize, "size of {name}");

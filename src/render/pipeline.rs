@@ -27,7 +27,11 @@ impl Pipeline {
                 gpu,
                 "scene",
                 &[
-                    BindingType::Buffer { ty: BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None },
+                    BindingType::Buffer {
+                        ty: BufferBindingType::Uniform,
+                        has_dynamic_offset: false,
+                        min_binding_size: None,
+                    },
                     TEXEL_ARRAY,
                     TEXEL_ARRAY,
                     storage(true),
@@ -60,7 +64,8 @@ impl Pipeline {
         let results = gpu.buffer("path records", bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
         let readback = gpu.buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
         let uniform_bytes = size_of::<Parameters>() as u64;
-        let parameters = gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
+        let parameters =
+            gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
         gpu.guarded("bindings", || {
             let view = wgpu::BindingResource::TextureView;
             let scene_group = bind_group(
@@ -143,16 +148,26 @@ const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
 };
 
 fn storage(read_only: bool) -> BindingType {
-    BindingType::Buffer { ty: BufferBindingType::Storage { read_only }, has_dynamic_offset: false, min_binding_size: None }
+    BindingType::Buffer {
+        ty: BufferBindingType::Storage { read_only },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    }
 }
 
 /// Explicit, since an automatic layout drops the bindings that a kernel does not use.
 fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = (0..)
         .zip(types)
-        .map(|(binding, &ty)| BindGroupLayoutEntry { binding, visibility: ShaderStages::COMPUTE, ty, count: None })
+        .map(|(binding, &ty)| BindGroupLayoutEntry {
+            binding,
+            visibility: ShaderStages::COMPUTE,
+            ty,
+            count: None,
+        })
         .collect();
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+    gpu.device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
 fn bind_group<const N: usize>(

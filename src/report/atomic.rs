@@ -28,6 +28,23 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
+/// Whether `path` could be written now: an early answer, before hours of work.
+///
+/// # Errors
+/// [`Error::Write`] naming `path`.
+pub fn check_writable(path: &Path) -> Result<()> {
+    let probe = || match fs::metadata(path) {
+        Ok(there) if there.is_dir() => Err(io::Error::from(io::ErrorKind::IsADirectory)),
+        Ok(there) if !there.is_file() => OpenOptions::new().write(true).open(path).map(drop),
+        _ => {
+            let temporary = temporary_beside(path)?;
+            OpenOptions::new().write(true).create_new(true).open(&temporary)?;
+            fs::remove_file(&temporary)
+        }
+    };
+    probe().map_err(Error::writing(path))
+}
+
 fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     let target = match fs::metadata(path) {
         Ok(there) if there.is_dir() => return Err(io::Error::from(io::ErrorKind::IsADirectory)),

@@ -8,6 +8,7 @@
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `report.html` | [`html`], with plots by [`plot`] |
 //! | `run.json` | [`manifest`] |
+//! | everything of one verb | [`segmentation`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
@@ -23,6 +24,7 @@ pub mod palette;
 pub mod picture;
 pub mod plot;
 pub mod png;
+pub mod segmentation;
 pub mod sparse;
 pub mod svg;
 pub mod tone;

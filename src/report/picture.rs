@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{exr, npy, png, tone};
+use super::{atomic, exr, npy, png, tone};
 use crate::error::{Error, Result};
 use crate::image::Image;
 
@@ -40,6 +40,17 @@ pub fn write(path: &Path, image: &Image) -> Result<()> {
         Some(Kind::Npy) => npy::write_image(path, image),
         Some(Kind::Exr) => exr::write_exr(path, &[("", image)]),
         Some(Kind::Png) => tone::develop(image, tone::exposure(image)).write_png(path),
+        Some(Kind::Jpeg) | None => Err(unknown(path)),
+    }
+}
+
+/// Whether [`write`] could write `path`: it has a known extension, and its folder is there and writable.
+///
+/// # Errors
+/// As [`write`].
+pub fn check_writable(path: &Path) -> Result<()> {
+    match kind(path) {
+        Some(Kind::Npy | Kind::Exr | Kind::Png) => atomic::check_writable(path),
         Some(Kind::Jpeg) | None => Err(unknown(path)),
     }
 }

@@ -166,7 +166,11 @@ impl<const C: usize> UpperRows<C> {
             slices.push(slice);
             rest = tail;
         }
-        let rows = slices.into_par_iter().enumerate().map(|(row, slice)| merge_row(row as u32, slice, samples)).collect();
+        let rows = slices
+            .into_par_iter()
+            .enumerate()
+            .map(|(row, slice)| merge_row(row as u32, slice, samples))
+            .collect();
         Self { rows }
     }
 
@@ -207,7 +211,11 @@ impl<const C: usize> UpperRows<C> {
     }
 }
 
-fn merge_row<const C: usize>(row: u32, entries: &mut [(u32, [f32; C])], samples: f64) -> Vec<(u32, [f32; C])> {
+fn merge_row<const C: usize>(
+    row: u32,
+    entries: &mut [(u32, [f32; C])],
+    samples: f64,
+) -> Vec<(u32, [f32; C])> {
     entries.sort_by_key(|&(column, _)| column);
     entries
         .chunk_by(|a, b| a.0 == b.0)

@@ -101,9 +101,12 @@ impl TransportMatrix {
         let pixels = self.resolution.pixels();
         let mut csr = Csr { row_start: vec![0], columns: Vec::new(), weights: Vec::new() };
         for row in 0..pixels {
-            let diagonal = (part != Part::Global).then_some(self.direct[channel][row]).filter(|&value| value != 0.0);
-            let entries = if part == Part::Direct { 0..0 } else { self.row_start[row]..self.row_start[row + 1] };
-            let split = entries.start + self.columns[entries.clone()].partition_point(|&column| (column as usize) < row);
+            let diagonal =
+                (part != Part::Global).then_some(self.direct[channel][row]).filter(|&value| value != 0.0);
+            let entries =
+                if part == Part::Direct { 0..0 } else { self.row_start[row]..self.row_start[row + 1] };
+            let split = entries.start
+                + self.columns[entries.clone()].partition_point(|&column| (column as usize) < row);
             csr.push(self, channel, entries.start..split);
             // The global part may have an entry on the diagonal as well (light that comes back to where it was sent).
             let meets = split < entries.end && self.columns[split] as usize == row;

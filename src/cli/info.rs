@@ -1,0 +1,95 @@
+//! `krylux info`: the adapters, and what is in a scene.
+
+use anyhow::Result;
+use glam::Vec3;
+use serde_json::json;
+
+use super::console::Console;
+use super::options::{OutputArgs, SourceArgs};
+use super::{Outcome, simulation};
+use crate::render;
+use crate::scene::Scene;
+
+/// Show the graphics adapters and their limits, and what is in a scene
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// A scene to describe as well
+    #[arg(value_name = "SCENE")]
+    source: Option<std::path::PathBuf>,
+    /// The camera to use, where the scene has several
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    let source = args.source.clone().map(|source| SourceArgs { source, camera: args.camera.clone() });
+    let scene = source.map(|source| simulation::load(&source, console)).transpose()?;
+    if let Some(scene) = &scene {
+        say_scene(scene, console)?;
+    }
+    let adapters = render::adapters();
+    for adapter in &adapters {
+        console.say(format_args!("adapter   {} ({})", adapter.name, adapter.kind))?;
+        console.say(format_args!("  driver  {} {}", adapter.driver, adapter.driver_version))?;
+        console.say(format_args!(
+            "  limits  shader buffers {} MiB, buffers {} MiB, textures {} texels a side",
+            adapter.max_storage_binding >> 20,
+            adapter.max_buffer >> 20,
+            adapter.max_texture_side
+        ))?;
+    }
+    console.summary(&json!({
+        "verb": "info",
+        "version": env!("CARGO_PKG_VERSION"),
+        "adapters": adapters,
+        "scene": scene.as_ref().map(describe),
+    }))?;
+    if adapters.is_empty() {
+        return Err(render::no_adapter().into());
+    }
+    Ok(Outcome::Done)
+}
+
+fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
+    let (low, high) = bounds(scene);
+    let camera = &scene.camera;
+    let field = 2.0 * camera.tan_half_fov.atan().to_degrees();
+    console.say(format_args!("scene     {}", scene.path.display()))?;
+    console.say(format_args!(
+        "  shape   {} triangles, {:.3} x {:.3} x {:.3} m",
+        simulation::grouped(scene.triangles.len() as u64),
+        (high - low).x,
+        (high - low).y,
+        (high - low).z
+    ))?;
+    console.say(format_args!("  camera  `{}`, {field:.1}° field of view from top to bottom", camera.name))?;
+    console.say(format_args!(
+        "  look    {} materials, {} textures",
+        scene.materials.len(),
+        scene.textures.len()
+    ))?;
+    let kind = if scene.regions_are_labels { "labelled by the scene" } else { "one for each mesh node" };
+    console.say(format_args!("  regions {} ({kind}): {}", scene.regions.len(), scene.regions.join(", ")))
+}
+
+fn describe(scene: &Scene) -> serde_json::Value {
+    let (low, high) = bounds(scene);
+    json!({
+        "path": scene.path,
+        "triangles": scene.triangles.len(),
+        "materials": scene.materials.iter().map(|material| &material.name).collect::<Vec<_>>(),
+        "textures": scene.textures.len(),
+        "camera": scene.camera.name,
+        "regions": scene.regions,
+        "regions_are_labels": scene.regions_are_labels,
+        "bounds": [low.to_array(), high.to_array()],
+        "warnings": scene.warnings,
+    })
+}
+
+fn bounds(scene: &Scene) -> (Vec3, Vec3) {
+    let corners = || scene.triangles.iter().flat_map(|triangle| triangle.positions);
+    (corners().fold(Vec3::INFINITY, Vec3::min), corners().fold(Vec3::NEG_INFINITY, Vec3::max))
+}

@@ -1,0 +1,89 @@
+//! `krylux labels`: the true region of each pixel.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use serde_json::json;
+
+use super::console::Console;
+use super::options::{OutputArgs, SizeArgs, SourceArgs};
+use super::{Outcome, simulation};
+use crate::image::Resolution;
+use crate::render::Tracer;
+use crate::report::{npy, palette, picture};
+use crate::scene::Scene;
+
+/// The label of a pixel that sees no region, as in all label images.
+pub(super) const NO_REGION: u8 = 255;
+
+/// Write which region of the scene each pixel sees: the truth that a segmentation is measured against
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
+    size: SizeArgs,
+    /// The graphics adapter whose name contains this; `krylux info` lists them
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+    /// Where they go: .npy keeps the numbers (255 is a pixel that sees nothing), .png shows them; may be given several times
+    #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "labels.png")]
+    files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    let resolution = args.size.resolution();
+    args.files.iter().try_for_each(|file| picture::check_writable(file))?;
+    let scene = simulation::load(&args.source, console)?;
+    let mut tracer = Tracer::new(&scene, args.adapter.as_deref())?;
+    let labels = true_labels(&mut tracer, &scene, resolution)?;
+    for file in &args.files {
+        write(file, resolution, &labels)?;
+        console.say(format_args!("wrote     {}", file.display()))?;
+    }
+    let counts = |region: u8| labels.iter().filter(|&&label| label == region).count();
+    for (index, name) in scene.regions.iter().enumerate() {
+        let share = 100.0 * counts(index as u8) as f64 / labels.len() as f64;
+        console.say(format_args!("region    {index}: {share:5.1} %  {name}"))?;
+    }
+    console.summary(&json!({
+        "verb": "labels",
+        "files": args.files,
+        "resolution": resolution,
+        "regions": scene.regions,
+        "pixels": (0..scene.regions.len()).map(|index| counts(index as u8)).collect::<Vec<_>>(),
+    }))?;
+    Ok(Outcome::Done)
+}
+
+/// The region that each pixel's centre sees.
+pub(super) fn true_labels(
+    tracer: &mut Tracer,
+    scene: &Scene,
+    resolution: Resolution,
+) -> crate::Result<Vec<u8>> {
+    if scene.regions.len() > usize::from(NO_REGION) {
+        return Err(crate::Error::Scene {
+            path: scene.path.clone(),
+            fault: format!("its {} regions do not fit a label image", scene.regions.len()),
+            help: format!("give at most {NO_REGION} regions by `region` in the extras of nodes or meshes"),
+        });
+    }
+    let regions = tracer.regions(resolution)?;
+    Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())
+}
+
+fn write(file: &Path, resolution: Resolution, labels: &[u8]) -> crate::Result<()> {
+    let extension = file.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("npy") => npy::write_npy(file, &[resolution.height, resolution.width], labels),
+        Some("png") => palette::paint_labels(resolution, labels).write_png(file),
+        _ => Err(crate::Error::Data {
+            path: file.to_path_buf(),
+            fault: "labels are written as numbers or as a picture".into(),
+            help: "name it .npy or .png".into(),
+        }),
+    }
+}

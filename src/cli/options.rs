@@ -1,0 +1,126 @@
+//! Options that several verbs share.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+
+use crate::image::Resolution;
+use crate::render::TraceSettings;
+use crate::transport::Channels;
+
+/// Which scene.
+#[derive(Args)]
+pub(super) struct SourceArgs {
+    /// The scene: a .glb or .gltf file with a camera, which is also where the projector stands
+    #[arg(value_name = "SCENE")]
+    pub(super) source: PathBuf,
+    /// The camera to use, where the scene has several
+    #[arg(long, value_name = "NAME")]
+    pub(super) camera: Option<String>,
+}
+
+/// Pixels of camera and projector.
+#[derive(Args)]
+pub(super) struct SizeArgs {
+    /// Pixels of camera and projector: 128, or 128x96
+    #[arg(long, value_name = "N|WxH", default_value = "128")]
+    size: Size,
+}
+
+impl SizeArgs {
+    pub(super) fn resolution(&self) -> Resolution {
+        self.size.0
+    }
+}
+
+/// How the light is traced.
+#[derive(Args)]
+pub(super) struct TraceArgs {
+    #[command(flatten)]
+    pub(super) size: SizeArgs,
+    /// Light paths per camera pixel
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub(super) spp: u32,
+    /// Surfaces that a light path meets at most; 1 is direct light only
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    pub(super) max_bounces: u32,
+    /// Selects the random numbers; equal seeds give equal results
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u32,
+    /// The graphics adapter whose name contains this; `krylux info` lists them
+    #[arg(long, value_name = "NAME")]
+    pub(super) adapter: Option<String>,
+}
+
+impl TraceArgs {
+    pub(super) fn settings(&self) -> TraceSettings {
+        let Self { spp: samples, max_bounces, seed, .. } = *self;
+        TraceSettings { resolution: self.size.resolution(), samples, max_bounces, seed }
+    }
+}
+
+/// How much is said, and how.
+#[derive(Args)]
+pub(super) struct OutputArgs {
+    /// Print a machine-readable summary on stdout, and nothing else there
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Print nothing but errors (and --json's summary)
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(super) quiet: bool,
+    /// Print details on stderr
+    #[arg(short, long)]
+    pub(super) verbose: bool,
+}
+
+/// `--channels`.
+#[derive(Clone, Copy, ValueEnum)]
+pub(super) enum ChannelsArg {
+    /// One gray pattern, one photo weighted by luminance
+    Luma,
+    /// Red, green and blue, each a system of its own
+    Rgb,
+}
+
+impl From<ChannelsArg> for Channels {
+    fn from(argument: ChannelsArg) -> Self {
+        match argument {
+            ChannelsArg::Luma => Self::Luma,
+            ChannelsArg::Rgb => Self::Rgb,
+        }
+    }
+}
+
+/// `--size`: `128` is square, `128x96` is width by height.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Size(Resolution);
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |side: &str| match side.parse::<usize>() {
+            Ok(side @ 1..=16384) => Ok(side),
+            _ => Err(format!("`{side}` is not a number of pixels from 1 to 16384; write 128 or 128x96")),
+        };
+        Ok(Self(match text.split_once(['x', '×']) {
+            Some((width, height)) => Resolution::new(side(width)?, side(height)?),
+            None => Resolution::new(side(text)?, side(text)?),
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_size_is_a_square_or_width_by_height() {
+        assert_eq!("64".parse(), Ok(Size(Resolution::new(64, 64))));
+        assert_eq!("128x96".parse(), Ok(Size(Resolution::new(128, 96))));
+        for wrong in ["", "0", "64x", "x64", "-3", "64x64x3", "20000"] {
+            assert!(wrong.parse::<Size>().is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! `--pattern`: what is projected.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+use crate::report::picture;
+
+/// A pattern by name, or an image file.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Pattern {
+    White,
+    Black,
+    /// Squares of this many pixels; the one at the top left is lit.
+    Checker(usize),
+    /// Vertical stripes of this many pixels; the leftmost is lit.
+    Stripes(usize),
+    /// The left half.
+    Left,
+    /// One pixel, by column and row.
+    Pixel(usize, usize),
+    File(PathBuf),
+}
+
+impl FromStr for Pattern {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let (name, argument) = text.split_once(':').unwrap_or((text, ""));
+        let period = || match argument.parse() {
+            Ok(period @ 1..) => Ok(period),
+            _ => Err(format!("`{text}` needs its size in pixels, e.g. {name}:8")),
+        };
+        match name {
+            "white" | "black" | "left" if !argument.is_empty() => Err(format!("`{name}` takes no argument")),
+            "white" => Ok(Self::White),
+            "black" => Ok(Self::Black),
+            "left" => Ok(Self::Left),
+            "checker" => Ok(Self::Checker(period()?)),
+            "stripes" => Ok(Self::Stripes(period()?)),
+            "pixel" => argument
+                .split_once(',')
+                .and_then(|(x, y)| Some(Self::Pixel(x.trim().parse().ok()?, y.trim().parse().ok()?)))
+                .ok_or_else(|| format!("`{text}` needs a column and a row, e.g. pixel:64,32")),
+            _ if std::path::Path::new(text).extension().is_some() => Ok(Self::File(text.into())),
+            _ => Err(
+                "expected white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file"
+                    .into(),
+            ),
+        }
+    }
+}
+
+impl Pattern {
+    /// The pattern at this resolution.
+    ///
+    /// # Errors
+    /// When a file cannot be read or has another size, or the pixel lies outside.
+    pub(super) fn image(&self, resolution: Resolution) -> Result<Image> {
+        let Resolution { width, height } = resolution;
+        let lit: Box<dyn Fn(usize, usize) -> bool> = match *self {
+            Self::White => Box::new(|_, _| true),
+            Self::Black => Box::new(|_, _| false),
+            Self::Checker(period) => Box::new(move |x, y| (x / period + y / period).is_multiple_of(2)),
+            Self::Stripes(period) => Box::new(move |x, _| (x / period).is_multiple_of(2)),
+            Self::Left => Box::new(move |x, _| x < width / 2),
+            Self::Pixel(column, row) if column < width && row < height => {
+                Box::new(move |x, y| (x, y) == (column, row))
+            }
+            Self::Pixel(column, row) => {
+                return Err(Error::Option {
+                    option: "--pattern".into(),
+                    fault: format!("pixel {column},{row} lies outside of {resolution} pixels"),
+                    help: "columns and rows count from 0, at the top left".into(),
+                });
+            }
+            Self::File(ref path) => {
+                let image = picture::read(path)?;
+                if image.resolution() != resolution {
+                    return Err(Error::Data {
+                        path: path.clone(),
+                        fault: format!(
+                            "it has {} pixels, but the projector has {resolution}",
+                            image.resolution()
+                        ),
+                        help: format!("resize it, or use --size {}", image.resolution()),
+                    });
+                }
+                return Ok(image);
+            }
+        };
+        let values = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        Image::new(resolution, 1, values.map(|(x, y)| f32::from(u8::from(lit(x, y)))).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_are_named_or_files() {
+        assert_eq!("checker:8".parse(), Ok(Pattern::Checker(8)));
+        assert_eq!("pixel:3,5".parse(), Ok(Pattern::Pixel(3, 5)));
+        assert_eq!("a/b.npy".parse(), Ok(Pattern::File("a/b.npy".into())));
+        for wrong in ["checker", "checker:0", "pixel:3", "white:2", "wihte"] {
+            assert!(wrong.parse::<Pattern>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_checkers_top_left_square_is_lit() {
+        let image = Pattern::Checker(2).image(Resolution::new(4, 4)).map(|image| image.samples().to_vec());
+        let rows = [[1., 1., 0., 0.], [1., 1., 0., 0.], [0., 0., 1., 1.], [0., 0., 1., 1.]];
+        assert_eq!(image.ok(), Some(rows.concat()));
+    }
+}

@@ -1,0 +1,81 @@
+//! The folder that a run leaves behind, with its record.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::error::{Error, Result};
+use crate::report::manifest::{Manifest, Status};
+
+const RECORD: &str = "run.json";
+
+/// An open run: the folder is there and writable before any work starts, and its record says `running` until the end.
+pub(super) struct RunFolder {
+    pub(super) path: PathBuf,
+    pub(super) manifest: Manifest,
+    started: Instant,
+}
+
+impl RunFolder {
+    /// Makes `wanted`, or, where the user named none, the first free one of `out/NAME`, `out/NAME-2`, …
+    ///
+    /// # Errors
+    /// [`Error::Option`] when `wanted` holds an earlier run and `overwrite` is not set; [`Error::Write`].
+    pub(super) fn create(wanted: Option<&Path>, name: &str, overwrite: bool) -> Result<Self> {
+        let path = match wanted {
+            Some(path) if path.join(RECORD).exists() && !overwrite => {
+                return Err(Error::Option {
+                    option: "-o".into(),
+                    fault: format!("{} already holds a run", path.display()),
+                    help: "name another folder, or add --overwrite".into(),
+                });
+            }
+            Some(path) => path.to_path_buf(),
+            None => free(name),
+        };
+        std::fs::create_dir_all(&path).map_err(Error::writing(&path))?;
+        let manifest = Manifest::new(std::env::args());
+        manifest.write(&path.join(RECORD))?;
+        Ok(Self { path, manifest, started: Instant::now() })
+    }
+
+    /// Seconds since the run started.
+    pub(super) fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
+    /// Runs `work` and notes how long it took.
+    pub(super) fn timed<T>(&mut self, name: &str, work: impl FnOnce(&mut Self) -> T) -> T {
+        let start = Instant::now();
+        let result = work(self);
+        self.manifest.record(name, start.elapsed());
+        result
+    }
+
+    /// Writes how the run ended. An error is recorded and handed on; should even that fail, the error itself matters more.
+    pub(super) fn close<T>(mut self, outcome: anyhow::Result<(T, String)>) -> anyhow::Result<T> {
+        let record = self.path.join(RECORD);
+        match outcome {
+            Ok((result, message)) => {
+                self.manifest.finish(Status::Done, message);
+                self.manifest.write(&record)?;
+                Ok(result)
+            }
+            Err(error) => {
+                let interrupted = matches!(error.downcast_ref(), Some(Error::Interrupted));
+                let status = if interrupted { Status::Interrupted } else { Status::Failed };
+                self.manifest.finish(status, format!("{error:#}"));
+                let _ = self.manifest.write(&record);
+                Err(error)
+            }
+        }
+    }
+}
+
+fn free(name: &str) -> PathBuf {
+    let numbered = |number: u32| match number {
+        1 => PathBuf::from(format!("out/{name}")),
+        _ => PathBuf::from(format!("out/{name}-{number}")),
+    };
+    // Numbers do not run out before the disk does.
+    (1..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(1))
+}

@@ -1,0 +1,243 @@
+//! `krylux segment`: light transport segmentation, from the scene to the report.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::ValueEnum;
+use serde_json::json;
+
+use super::console::Console;
+use super::options::{OutputArgs, SourceArgs, TraceArgs};
+use super::run_folder::RunFolder;
+use super::{Outcome, labels, simulation};
+use crate::analysis::{Capture, Cut, SegmentOptions, Segmentation, adjusted_rand_index};
+use crate::image::Image;
+use crate::render::Tracer;
+use crate::report::manifest;
+use crate::report::segmentation::{SegmentationRun, Truth};
+use crate::scene::Scene;
+use crate::transport::{Channels, MatrixOperator, Part, Simulated, Transport};
+
+/// Segment a scene by how light travels in it: pixels that exchange light form a group
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// Photos to take at most
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    photos: usize,
+    /// Numbers of groups, all from the same photos
+    #[arg(long, value_name = "K,K,...", value_delimiter = ',', default_value = "2,6,10")]
+    groups: Vec<usize>,
+    /// Eigenvectors that the groups are made from
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    eigenvectors: usize,
+    /// Weigh the light across a cut against each side's light, or against its number of pixels
+    #[arg(long, value_enum, default_value = "normalized")]
+    cut: CutArg,
+    /// Added to every edge of the graph, in units of A: very small groups are worth less
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    mu: f64,
+    /// Keep the direct light, as a rig that cannot tell it apart would
+    #[arg(long)]
+    keep_direct: bool,
+    /// Mask pixels with less than this share of the median global light
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
+    mask_below: f64,
+    /// Exit with 1 if the groups agree less than this with the scene's true labels (adjusted Rand index, at the number of
+    /// groups that the labels have)
+    #[arg(long, value_name = "X")]
+    min_rand_index: Option<f64>,
+    /// Where the run goes [default: out/SCENE-segment]
+    #[arg(short = 'o', long = "output", value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Write into a folder that holds an earlier run
+    #[arg(long)]
+    overwrite: bool,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum CutArg {
+    Normalized,
+    Average,
+}
+
+impl Args {
+    fn options(&self) -> SegmentOptions {
+        SegmentOptions {
+            photos: self.photos,
+            groups: self.groups.clone(),
+            eigenvectors: self.eigenvectors,
+            cut: match self.cut {
+                CutArg::Normalized => Cut::Normalized,
+                CutArg::Average => Cut::Average,
+            },
+            mu: self.mu,
+            mask_below: self.mask_below,
+            seed: u64::from(self.trace.seed),
+            ..SegmentOptions::default()
+        }
+    }
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    // What is wrong with the options or the scene should show before anything is written or traced.
+    let capture = Capture::new(args.options())?;
+    let scene = simulation::load(&args.source, console)?;
+    let mut tracer = simulation::open(&scene, &args.trace, console)?;
+    let name = format!("{}-segment", simulation::short_name(&scene));
+    let mut folder = RunFolder::create(args.folder.as_deref(), &name, args.overwrite)?;
+    describe(&mut folder.manifest, args, &scene, &tracer);
+    let outcome = segment(args, console, capture, &scene, &mut tracer, &mut folder);
+    folder.close(outcome)
+}
+
+fn segment(
+    args: &Args,
+    console: &Console,
+    mut capture: Capture,
+    scene: &Scene,
+    tracer: &mut Tracer,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
+    let resolution = args.trace.settings().resolution;
+    let truth = folder.timed("true labels", |_| truth(tracer, scene, args))?;
+    let traced = folder.timed("tracing and matrix", |_| {
+        simulation::assemble(tracer, &args.trace, Channels::Luma, console)
+    })?;
+
+    let part = if args.keep_direct { Part::Full } else { Part::Global };
+    let bar = console.bar("photos");
+    folder.timed("photos", |_| {
+        let mut operator = MatrixOperator { matrix: &traced.matrix, part, channel: 0 };
+        capture.run(&mut operator, &mut |step| bar.at(step.products as u64, step.budget as u64))
+    })?;
+    drop(bar);
+    if console.check().is_break() {
+        return Err(crate::Error::Interrupted.into());
+    }
+    let segmentation = folder.timed("groups", |_| capture.segmentation())?;
+    folder.manifest.photos = segmentation.photos as u64;
+    say(&segmentation, console)?;
+
+    let scores = score(&segmentation, truth.as_ref())?;
+    for &(groups, score) in &scores {
+        console.say(format_args!(
+            "groups    {groups:>3}: adjusted Rand index {score:.4} against the true labels"
+        ))?;
+    }
+    let white = Simulated { traced }.photograph(&Image::filled(resolution, 1, 1.0))?;
+    let run = SegmentationRun {
+        title: format!("{} · light transport segmentation", simulation::short_name(scene)),
+        segmentation: &segmentation,
+        resolution,
+        white: &white,
+        truth: truth.as_ref(),
+        scores: &scores,
+    };
+    let seconds = folder.seconds();
+    let files = folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
+    folder.manifest.outputs = files;
+
+    let report = folder.path.join("report.html");
+    console.say(format_args!("pictures  {}", folder.path.display()))?;
+    console.say(format_args!("report    {}", report.display()))?;
+    console.summary(&json!({
+        "verb": "segment",
+        "folder": folder.path,
+        "report": report,
+        "photos": segmentation.photos,
+        "status": segmentation.status,
+        "eigenvalues": segmentation.eigenvalues,
+        "residuals": segmentation.residuals,
+        "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),
+        "adjusted_rand_index": scores.iter().map(|(k, s)| (k.to_string(), json!(s))).collect::<serde_json::Map<_, _>>(),
+        "seconds": folder.seconds(),
+    }))?;
+    Ok((judge(args, &scores, truth.as_ref(), console)?, segmentation.status))
+}
+
+/// What the run depends on, for its record.
+fn describe(manifest: &mut manifest::Manifest, args: &Args, scene: &Scene, tracer: &Tracer) {
+    let settings = args.trace.settings();
+    let adapter = tracer.adapter();
+    manifest.seed = Some(u64::from(settings.seed));
+    manifest.adapter = Some(manifest::Adapter {
+        name: adapter.name.clone(),
+        driver: format!("{} {}", adapter.driver, adapter.driver_version),
+        backend: "vulkan".into(),
+    });
+    manifest.scene = Some(manifest::Scene {
+        path: scene.path.display().to_string(),
+        hash: scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
+    });
+    manifest.resolution = Some(settings.resolution);
+    manifest.samples_per_pixel = Some(settings.samples);
+    manifest.max_bounces = Some(settings.max_bounces);
+    manifest.channels = Some("luma".into());
+}
+
+/// The scene's own labels, where its author gave some.
+fn truth(tracer: &mut Tracer, scene: &Scene, args: &Args) -> Result<Option<Truth>> {
+    if !scene.regions_are_labels {
+        return Ok(None);
+    }
+    let labels = labels::true_labels(tracer, scene, args.trace.settings().resolution)?;
+    Ok(Some(Truth { labels, regions: scene.regions.clone() }))
+}
+
+/// The adjusted Rand index of each number of groups.
+fn score(segmentation: &Segmentation, truth: Option<&Truth>) -> Result<Vec<(usize, f64)>> {
+    let Some(truth) = truth else { return Ok(Vec::new()) };
+    let score =
+        |(groups, labels): &(usize, Vec<u8>)| Ok((*groups, adjusted_rand_index(labels, &truth.labels)?));
+    segmentation.labels.iter().map(score).collect()
+}
+
+fn say(segmentation: &Segmentation, console: &Console) -> Result<()> {
+    console.say(format_args!("photos    {}: {}", segmentation.photos, segmentation.status))?;
+    let masked = segmentation.mask.iter().filter(|&&masked| masked).count();
+    if masked > 0 {
+        let share = 100.0 * masked as f64 / segmentation.mask.len() as f64;
+        console.say(format_args!("masked    {masked} pixels without global light ({share:.1} %)"))?;
+    }
+    console.say("          eigenvalue   residual")?;
+    for (index, (value, residual)) in segmentation.eigenvalues.iter().zip(&segmentation.residuals).enumerate()
+    {
+        console.say(format_args!("  {:>6}  {value:>10.6}   {residual:.1e}", index + 1))?;
+    }
+    Ok(())
+}
+
+/// Whether the groups are as good as the user demanded.
+fn judge(args: &Args, scores: &[(usize, f64)], truth: Option<&Truth>, console: &Console) -> Result<Outcome> {
+    let Some(wanted) = args.min_rand_index else { return Ok(Outcome::Done) };
+    let Some(truth) = truth else {
+        return Err(crate::Error::Option {
+            option: "--min-rand-index".into(),
+            fault: "the scene has no true labels to compare with".into(),
+            help: "give regions by `region` in the extras of its nodes, meshes or primitives".into(),
+        }
+        .into());
+    };
+    let regions = truth.seen();
+    let Some(&(_, score)) = scores.iter().find(|(groups, _)| *groups == regions) else {
+        return Err(crate::Error::Option {
+            option: "--min-rand-index".into(),
+            fault: format!(
+                "the scene shows {regions} labelled regions, but --groups does not ask for {regions}"
+            ),
+            help: format!("add --groups {regions}"),
+        }
+        .into());
+    };
+    if score < wanted {
+        console.note(format_args!("the adjusted Rand index {score:.4} is below {wanted}"));
+        return Ok(Outcome::NotGoodEnough);
+    }
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,106 @@
+//! From a scene file to its light transport matrix, with everything that the user should see on the way.
+
+use std::time::Instant;
+
+use anyhow::Result;
+
+use super::console::Console;
+use super::options::{SourceArgs, TraceArgs};
+use crate::render::{TraceSummary, Tracer};
+use crate::scene::{self, Scene};
+use crate::transport::{self, Assembled, Channels};
+
+/// Loads the scene and says what was ignored in it.
+pub(super) fn load(source: &SourceArgs, console: &Console) -> Result<Scene> {
+    let scene = scene::load(&source.source, source.camera.as_deref())?;
+    for warning in &scene.warnings {
+        console.note(format_args!("warning: {}: {warning}", scene.path.display()));
+    }
+    console.detail(format_args!(
+        "scene     {} triangles, {} materials, camera `{}`",
+        scene.triangles.len(),
+        scene.materials.len(),
+        scene.camera.name
+    ));
+    Ok(scene)
+}
+
+/// Opens the adapter for this scene.
+pub(super) fn open(scene: &Scene, trace: &TraceArgs, console: &Console) -> Result<Tracer> {
+    let tracer = Tracer::new(scene, trace.adapter.as_deref())?;
+    let adapter = tracer.adapter();
+    console.detail(format_args!("adapter   {} ({}), {}", adapter.name, adapter.kind, adapter.driver_version));
+    Ok(tracer)
+}
+
+/// Traces the light transport matrix, and says what that took.
+pub(super) fn assemble(
+    tracer: &mut Tracer,
+    trace: &TraceArgs,
+    channels: Channels,
+    console: &Console,
+) -> Result<Assembled> {
+    let start = Instant::now();
+    let bar = console.bar("tracing");
+    let traced = transport::assemble(tracer, &trace.settings(), channels, &mut |progress| {
+        bar.at(progress.done, progress.total)
+    })?;
+    drop(bar);
+    say_traced(&traced.summary, console)?;
+    console.say(format_args!(
+        "matrix    {} entries, {:.1} MiB, {:.2} s with the tracing",
+        grouped(traced.matrix.nonzeros() as u64),
+        traced.matrix.bytes() as f64 / f64::from(1 << 20),
+        start.elapsed().as_secs_f64()
+    ))?;
+    Ok(traced)
+}
+
+/// The line about a finished trace.
+pub(super) fn say_traced(summary: &TraceSummary, console: &Console) -> Result<()> {
+    let seconds = summary.tracing.as_secs_f64();
+    console.detail(format_args!(
+        "dispatch  {} of them, the longest {:.0} ms",
+        summary.dispatches,
+        summary.longest.as_secs_f64() * 1e3
+    ));
+    console.say(format_args!(
+        "traced    {} light paths, {} rays in {seconds:.2} s ({:.2} M rays/s)",
+        grouped(summary.paths),
+        grouped(summary.rays),
+        summary.rays as f64 / seconds.max(1e-9) / 1e6
+    ))
+}
+
+/// `1048576` as `1,048,576`.
+pub(super) fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A short name for the scene: the file's, or the folder's where the file is just called `scene`.
+pub(super) fn short_name(scene: &Scene) -> String {
+    let stem = scene.path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let folder =
+        scene.path.parent().and_then(|folder| folder.file_name()).map(|f| f.to_string_lossy().into_owned());
+    match (stem, folder) {
+        (Some(stem), Some(folder)) if stem == "scene" => folder,
+        (Some(stem), _) => stem,
+        (None, _) => "scene".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn numbers_are_grouped_by_thousands() {
+        assert_eq!([0, 999, 1000, 1048576].map(super::grouped), ["0", "999", "1,000", "1,048,576"]);
+    }
+}
