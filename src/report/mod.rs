@@ -13,6 +13,7 @@
 //! there as a whole or not at all, and the same content gives the same bytes.
 
 pub mod atomic;
+mod axis;
 pub mod clock;
 pub mod colormap;
 pub mod exr;
@@ -24,5 +25,5 @@ pub mod picture;
 pub mod plot;
 pub mod png;
 pub mod sparse;
-pub mod svg;
+mod svg;
 pub mod tone;
