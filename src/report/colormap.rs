@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 
 /// Masked pixels: a gray that neither map passes through.
-pub const MASKED: [u8; 3] = [0x58, 0x58, 0x5c];
+pub const MASKED: [u8; 3] = [0x3c, 0x3c, 0x40];
 
 /// NaN: the magenta that nobody overlooks.
 pub const NOT_A_NUMBER: [u8; 3] = [0xff, 0x00, 0xff];

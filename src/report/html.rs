@@ -219,7 +219,7 @@ fn is_number(cell: &str) -> bool {
 /// `34 %`, and more digits where these would be lost.
 fn percent(fraction: f64) -> String {
     match 100.0 * fraction {
-        percent if percent >= 99.5 && percent < 100.0 => format!("{percent:.1}\u{202f}%"),
+        percent if (99.5..100.0).contains(&percent) => format!("{percent:.1}\u{202f}%"),
         percent if percent >= 1.0 => format!("{percent:.0}\u{202f}%"),
         percent if percent >= 0.01 => format!("{percent:.2}\u{202f}%"),
         _ => "<\u{202f}0.01\u{202f}%".into(),

@@ -14,6 +14,7 @@
 //! there as a whole or not at all, and the same content gives the same bytes.
 
 pub mod atomic;
+mod axis;
 pub mod clock;
 pub mod colormap;
 pub mod exr;
@@ -26,5 +27,5 @@ pub mod plot;
 pub mod png;
 pub mod segmentation;
 pub mod sparse;
-pub mod svg;
+mod svg;
 pub mod tone;

@@ -33,7 +33,7 @@ pub fn label_color(label: u8) -> [u8; 3] {
         return color;
     }
     const GOLDEN_ANGLE: f32 = 2.399_963;
-    const LIGHTNESS: [f32; 5] = [0.70, 0.52, 0.82, 0.60, 0.44];
+    const LIGHTNESS: [f32; 5] = [0.70, 0.54, 0.82, 0.62, 0.48];
     let step = usize::from(label) - HAND_PICKED.len();
     let hue = step as f32 * GOLDEN_ANGLE;
     let lightness = LIGHTNESS[step % LIGHTNESS.len()];

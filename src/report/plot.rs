@@ -1,6 +1,7 @@
 //! The plots of a report, as SVG: residuals over photos, and spectra.
 
-use super::svg::{Axis, Chart, Scale, Tick, nothing_to_plot};
+use super::axis::{Axis, Scale, Tick};
+use super::svg::{Chart, nothing_to_plot};
 
 /// Told apart by colour-blind readers, on white and on black.
 const COLORS: [&str; 8] =
@@ -112,6 +113,9 @@ impl StemPlot {
             .collect();
         let x = Axis::exactly(0.4, count as f64 + 0.6, ticks);
         let mut chart = Chart::new(x, y, &self.x_label, &self.y_label, &[]);
+        if let (Some(left), Some(right)) = (chart.place((0.4, 0.0)), chart.place((count as f64 + 0.6, 0.0))) {
+            chart.segment(left, right, "currentColor", 1.2, 0.6);
+        }
         for (index, &value) in self.values.iter().enumerate() {
             let number = index as f64 + 1.0;
             let (Some(base), Some(top)) = (chart.place((number, 0.0)), chart.place((number, value))) else {
