@@ -133,7 +133,8 @@ fn indefinite_matrices_give_either_end_or_the_largest_magnitudes() {
 
 #[test]
 fn repeated_eigenvalues_end_in_an_invariant_subspace_and_their_copies_come_after_it() {
-    let mut matrix = Dense::turned(&[3.0, 3.0, 3.0, 1.0, 1.0, 0.5]);
+    // Diagonal: a turned one has its eigenvalues repeated only up to rounding.
+    let mut matrix = Dense::diagonal(&[3.0, 3.0, 3.0, 1.0, 1.0, 0.5]);
     let mut lanczos = Lanczos::new(&Start::default().vector(6), &[]).unwrap();
     let mut steps = Vec::new();
     while !lanczos.is_exhausted() {
@@ -188,7 +189,7 @@ fn nearly_degenerate_pair_is_reported_with_an_honest_residual() {
     values[0] = 1.5;
     values[1] = 1.5 - 1e-9;
     let mut matrix = Dense::turned(&values);
-    let found = solve(&mut matrix, 2, 25, Which::LargestAlgebraic);
+    let found = solve(&mut matrix, 2, 60, Which::LargestAlgebraic);
     check_residuals(&mut matrix, &found, 1.5);
     // Its residual is tiny whichever mixture of the two vectors was found, and an eigenvalue is that near.
     assert!((found.values[0] - 1.5).abs() <= 1e-9 + found.residuals[0] + 1e-13);
