@@ -241,7 +241,7 @@ fn products_that_are_not_symmetric_are_noticed_and_residuals_stay_true() {
 #[test]
 fn failed_product_leaves_a_factorization_that_resumes_to_the_same_bits() {
     let options = EigsOptions { count: 4, products: 30, tolerance: 0.0, ..EigsOptions::default() };
-    let matrix = Dense::turned(&spread(3000)[..400].to_vec());
+    let matrix = Dense::turned(&spread(3000)[..400]);
     let start = options.start.vector(400);
     let mut whole = Lanczos::new(&start, &[]).unwrap();
     let unfailed = eigs_from(&mut whole, &mut matrix.clone(), &options, &mut keep_going).unwrap();
@@ -381,8 +381,9 @@ proptest! {
                 square += (dot(a, b) - f64::from(u8::from(i == j))).powi(2);
             }
         }
-        // Giraud et al.: twice is enough leaves ε times a small polynomial of n; n ε each for up to n² entries is generous by far,
-        // and a single unneeded pass left out overshoots it by orders of magnitude on the graded spectra.
+        // Giraud et al.: twice is enough leaves ε times a small polynomial of n; n ε each for up to n² entries is
+        // generous by far, and a single unneeded pass left out overshoots it by orders of magnitude on the graded
+        // spectra.
         prop_assert!(square.sqrt() < (n * n) as f64 * f64::EPSILON, "‖VᵀV − I‖ = {:e}, n = {}", square.sqrt(), n);
     }
 }

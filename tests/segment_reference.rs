@@ -32,7 +32,8 @@ impl Scene {
         Self { n, entries, truth, photos: 0, fail_at: None }
     }
 
-    /// Regions that exchange light within themselves, at random, and `between` times as much with the others. Which pixel is in which is random.
+    /// Regions that exchange light within themselves, at random, and `between` times as much with the others. Which
+    /// pixel is in which is random.
     fn regions(sizes: &[usize], between: f64, seed: u64) -> Self {
         let mut random = Pcg64::seed_from_u64(seed);
         let mut truth: Vec<u8> =
@@ -46,7 +47,8 @@ impl Scene {
         Self::new(truth, |i, j| noise[i * n + j] * if regions[i] == regions[j] { 1.0 } else { between })
     }
 
-    /// Two strips side by side, mirror images of each other that exchange no light: the top row of `zigzag`, in small.
+    /// Two strips side by side, mirror images of each other that exchange no light: the top row of `zigzag`, in
+    /// small.
     fn mirrored(width: usize) -> Self {
         let n = 2 * width;
         let folded = move |i: usize| if i < width { i } else { n - 1 - i };
@@ -206,6 +208,39 @@ fn wrapped_operators_equal_their_dense_matrices() {
             }
         }
     }
+}
+
+#[test]
+fn residual_of_the_known_vector_is_within_its_bound_where_the_degree_lacks_a_photo() {
+    // Pixel 2 is bright by the light of 3 and 4, which are masked; it is masked then too, and 0 still counts its light.
+    let light = [(0, 1, 5.0), (0, 2, 0.1), (2, 3, 0.3), (2, 4, 0.3)];
+    let mut scene = Scene::new(vec![0; 5], |i, j| {
+        light.iter().find(|edge| (edge.0, edge.1) == (i, j)).map_or(0.0, |edge| edge.2)
+    });
+    let mut white = vec![0.0; 5];
+    scene.apply(&[1.0; 5], &mut white).unwrap();
+    let mut again = scene.clone();
+    let graph = Graph::measure(&white, 0.1, 0.0, |pattern| {
+        let mut photo = vec![0.0; 5];
+        again.apply(pattern, &mut photo)?;
+        Ok(photo)
+    })
+    .unwrap();
+    assert_eq!(graph.pixels(), [0, 1]);
+    assert_eq!(graph.leak(), 0.1);
+    let residual = |operator: &mut dyn Operator, known: Vec<f64>, value: f64| {
+        let mut product = vec![0.0; 2];
+        operator.apply(&known, &mut product).unwrap();
+        let rest: Vec<f64> = product.iter().zip(&known).map(|(p, k)| p - value * k).collect();
+        (dot(&rest, &rest) / dot(&known, &known)).sqrt()
+    };
+    let normalized = NormalizedAdjacency::known_vector(&graph);
+    let truth = residual(&mut NormalizedAdjacency::new(&mut scene, &graph), normalized, 1.0);
+    assert!(truth > 0.01 && truth <= NormalizedAdjacency::known_residual(&graph), "{truth}");
+    let average = NegativeLaplacian::known_vector(&graph);
+    let truth = residual(&mut NegativeLaplacian::new(&mut scene, &graph), average, 0.0);
+    // Here the bound is attained, up to rounding.
+    assert!(truth > 0.01 && truth <= NegativeLaplacian::known_residual(&graph) * (1.0 + 1e-12), "{truth}");
 }
 
 #[test]

@@ -38,11 +38,12 @@ pub struct Clusters {
     pub inertia: f64,
 }
 
-/// Groups `n` points of `d` coordinates so that `Σ w_i ‖x_i − c(i)‖²` is small, `c(i)` being the weighted mean of the point's group.
+/// Groups `n` points of `d` coordinates so that `Σ w_i ‖x_i − c(i)‖²` is small, `c(i)` being the weighted mean of the
+/// point's group.
 ///
-/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007): a local minimum, the
-/// best of several. A group that runs empty gets the point farthest from its centre; with fewer than `K` distinct points some groups stay empty.
-/// Deterministic for a seed, whatever the number of threads.
+/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007): a
+/// local minimum, the best of several. A group that runs empty gets the point farthest from its centre; with fewer
+/// than `K` distinct points some groups stay empty. Deterministic for a seed, whatever the number of threads.
 ///
 /// `coordinates` holds `d` columns of length `n`; `weights` has length `n` and is not negative.
 pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions) -> Clusters {
@@ -84,7 +85,8 @@ impl Points<'_> {
         self.coordinates.iter().map(|column| column[index]).collect()
     }
 
-    /// k-means++: each centre is a point drawn with probability proportional to its weighted squared distance to those before.
+    /// k-means++: each centre is a point drawn with probability proportional to its weighted squared distance to
+    /// those before.
     fn start(&self, clusters: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
         let mut centres: Vec<Vec<f64>> = Vec::with_capacity(clusters);
         let mut odds = self.weights.to_vec();
