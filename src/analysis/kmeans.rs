@@ -12,7 +12,8 @@ const BLOCK: usize = 512;
 pub struct KmeansOptions {
     /// How many groups, `K`.
     pub clusters: usize,
-    /// How many starts; the best result is kept. Default 8.
+    /// How many starts; the best result is kept. Default 64/K, at least 8: a start costs in proportion to K, and near
+    /// ties between two groups are common in symmetric scenes.
     pub restarts: usize,
     /// Rounds per start at most. Default 100.
     pub rounds: usize,
@@ -23,7 +24,7 @@ pub struct KmeansOptions {
 impl KmeansOptions {
     /// `clusters` groups, and else the defaults.
     pub fn new(clusters: usize, seed: u64) -> Self {
-        Self { clusters, restarts: 8, rounds: 100, seed }
+        Self { clusters, restarts: (64 / clusters.max(1)).max(8), rounds: 100, seed }
     }
 }
 
