@@ -10,9 +10,9 @@ use crate::operator::{Operator, Symmetry};
 
 /// The photos taken for a segmentation, and what was made of them so far.
 ///
-/// One photo is of white (the degree `D = G 1`), another of the mask if masked pixels have light (see [`Graph::measure`]), and all others are
-/// Lanczos steps. When the operator fails, [`Capture::run`] returns its error and keeps every photo taken: run it again to go on, or ask
-/// [`Capture::segmentation`] for what can be said by now.
+/// One photo is of white (the degree `D = G 1`), another of the mask if masked pixels have light (see
+/// [`Graph::measure`]), and all others are Lanczos steps. When the operator fails, [`Capture::run`] returns its error
+/// and keeps every photo taken: run it again to go on, or ask [`Capture::segmentation`] for what can be said by now.
 #[derive(Clone, Debug)]
 pub struct Capture {
     options: SegmentOptions,
@@ -52,15 +52,16 @@ impl Capture {
         self.photos_of_degree + self.lanczos.as_ref().map_or(0, Lanczos::products)
     }
 
-    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the monitor stops it. `global` is the symmetric
-    /// `n × n` transport matrix without its direct part. The monitor's products are photos, those of the degree included; its values are
-    /// the eigenvalues sought, without the known one.
+    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the monitor stops it.
+    /// `global` is the symmetric `n × n` transport matrix without its direct part. The monitor's products are photos,
+    /// those of the degree included; its values are the eigenvalues sought, without the known one.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when `global` is not declared symmetric, sees no light at all, or yields NaN; [`Error::Option`] naming
-    /// `--groups` when there are fewer pixels with light than groups; [`Error::Dimension`] when `global` is not square or not that of the photos before;
-    /// whatever `global` fails with.
+    /// [`Error::Numerical`] when `global` is not declared symmetric, sees no light at all, or yields NaN;
+    /// [`Error::Option`] naming `--groups` when there are fewer pixels with light than groups; [`Error::Dimension`]
+    /// when `global` is not square or not that of the photos before; whatever `global` fails with.
     pub fn run(&mut self, global: &mut dyn Operator, monitor: &mut Monitor<'_>) -> Result<()> {
+        self.status = None;
         self.measure_graph(global)?;
         let Some(graph) = &self.graph else { return Ok(()) };
         let lanczos = match &mut self.lanczos {
@@ -138,7 +139,9 @@ impl Capture {
         }
         if global.symmetry() != Symmetry::Symmetric {
             return Err(Error::Numerical(
-                "segmentation needs a symmetric transport matrix (a coaxial rig's), and this one is not declared symmetric".into(),
+                "segmentation needs a symmetric transport matrix (a coaxial rig's), \
+                 and this one is not declared symmetric"
+                    .into(),
             ));
         }
         if self.graph.is_some() {

@@ -12,7 +12,8 @@ const BLOCK: usize = 512;
 pub struct KmeansOptions {
     /// How many groups, `K`.
     pub clusters: usize,
-    /// How many starts; the best result is kept. Default 8.
+    /// How many starts; the best result is kept. Default 64/K, at least 8: a start costs in proportion to K, and near
+    /// ties between two groups are common in symmetric scenes.
     pub restarts: usize,
     /// Rounds per start at most. Default 100.
     pub rounds: usize,
@@ -23,7 +24,7 @@ pub struct KmeansOptions {
 impl KmeansOptions {
     /// `clusters` groups, and else the defaults.
     pub fn new(clusters: usize, seed: u64) -> Self {
-        Self { clusters, restarts: 8, rounds: 100, seed }
+        Self { clusters, restarts: (64 / clusters.max(1)).max(8), rounds: 100, seed }
     }
 }
 
@@ -38,11 +39,12 @@ pub struct Clusters {
     pub inertia: f64,
 }
 
-/// Groups `n` points of `d` coordinates so that `Σ w_i ‖x_i − c(i)‖²` is small, `c(i)` being the weighted mean of the point's group.
+/// Groups `n` points of `d` coordinates so that `Σ w_i ‖x_i − c(i)‖²` is small, `c(i)` being the weighted mean of the
+/// point's group.
 ///
-/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007): a local minimum, the
-/// best of several. A group that runs empty gets the point farthest from its centre; with fewer than `K` distinct points some groups stay empty.
-/// Deterministic for a seed, whatever the number of threads.
+/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007): a
+/// local minimum, the best of several. A group that runs empty gets the point farthest from its centre; with fewer
+/// than `K` distinct points some groups stay empty. Deterministic for a seed, whatever the number of threads.
 ///
 /// `coordinates` holds `d` columns of length `n`; `weights` has length `n` and is not negative.
 pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions) -> Clusters {
@@ -84,7 +86,8 @@ impl Points<'_> {
         self.coordinates.iter().map(|column| column[index]).collect()
     }
 
-    /// k-means++: each centre is a point drawn with probability proportional to its weighted squared distance to those before.
+    /// k-means++: each centre is a point drawn with probability proportional to its weighted squared distance to
+    /// those before.
     fn start(&self, clusters: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
         let mut centres: Vec<Vec<f64>> = Vec::with_capacity(clusters);
         let mut odds = self.weights.to_vec();

@@ -1,10 +1,13 @@
 //! Light transport segmentation: groups of pixels that exchange light with one another, and little with the rest.
 //!
-//! Pixels are the nodes of a graph, the global light `G_ij` from one to another the weight of an edge. The normalized cut (Shi and Malik,
-//! doi:10.1109/34.868688) splits it where the light exchanged is little in proportion to each side's total. Relaxed to real vectors this is the
-//! generalized eigenproblem `(D − G) u = (1 − λ) D u`, whose smallest eigenvectors are the largest of `D^-½ G D^-½`, which Lanczos finds from a few dozen
-//! photos. K-means on them, pixel by pixel, gives the groups; for any number of groups from one capture.
-//! O'Toole and Kutulakos (2010), doi:10.1145/1882261.1866165, section 5.
+//! Pixels are the nodes of a graph, the global light `G_ij` from one to another the weight of an edge. The normalized
+//! cut (Shi and Malik, doi:10.1109/34.868688) splits it where the light exchanged is little in proportion to each
+//! side's total. Relaxed to real vectors this is the generalized eigenproblem `(D − G) u = (1 − λ) D u`, whose
+//! smallest eigenvectors are the largest of `D^-½ G D^-½`, which Lanczos finds from a few dozen photos. K-means on
+//! them, pixel by pixel, gives the groups; for any number of groups from one capture.
+//!
+//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5 (the photos themselves:
+//! *Optical computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165).
 
 use super::capture::Capture;
 use super::graph::Graph;
@@ -47,13 +50,15 @@ pub struct SegmentOptions {
     pub photos: usize,
     /// Numbers of groups, each from 2 to 254. Default 2, 6 and 10.
     pub groups: Vec<usize>,
-    /// How many eigenvectors, the known first one included; at least 2. Each Lanczos photo yields one at most. Default 10.
+    /// How many eigenvectors, the known first one included; at least 2. Each Lanczos photo yields one at most.
+    /// Default 10.
     pub eigenvectors: usize,
     /// How a cut is weighed.
     pub cut: Cut,
     /// `μ ≥ 0`, added to every edge (in the unit of `G`): the smallest groups are worth less. Default 0.
     pub mu: f64,
-    /// Pixels with a degree of at most this share of the median are masked (see [`Graph::measure`]); in [0, 1). Default 0.01.
+    /// Pixels with a degree of at most this share of the median are masked (see [`Graph::measure`]); in [0, 1).
+    /// Default 0.01.
     pub mask_below: f64,
     /// Done early when every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
     pub tolerance: f64,
@@ -112,19 +117,20 @@ impl SegmentOptions {
     }
 }
 
-/// A segmentation of `n` pixels, with `k` eigenvectors: as many as asked for, or fewer when there were not enough photos.
+/// A segmentation of `n` pixels, with `k` eigenvectors: as many as asked for, or fewer when there were not enough
+/// photos.
 #[derive(Clone, Debug)]
 pub struct Segmentation {
-    /// For each number of groups `K` asked for: the label of each pixel (`n`), numbered by first appearance in raster order;
-    /// [`MASKED`] (255) for masked pixels.
+    /// For each number of groups `K` asked for: the label of each pixel (`n`), numbered by first appearance in raster
+    /// order; [`MASKED`] (255) for masked pixels.
     pub labels: Vec<(usize, Vec<u8>)>,
-    /// `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending from 0, for the
-    /// average cut. The first is known.
+    /// `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending
+    /// from 0, for the average cut. The first is known.
     pub eigenvalues: Vec<f64>,
     /// The residual norm of each, for an eigenvector of `D^-½ G D^-½` or `D − G` of norm 1. The first is a bound.
     pub residuals: Vec<f64>,
-    /// `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or `uᵀ u = 1`
-    /// (average cut). The first is the same in all pixels.
+    /// `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or
+    /// `uᵀ u = 1` (average cut). The first is the same in all pixels.
     pub eigenvectors: Vec<Vec<f64>>,
     /// The degree `D` of each pixel (`n`), in radiance, `μ m` included; zero on masked pixels.
     pub degree: Vec<f64>,
@@ -138,7 +144,8 @@ pub struct Segmentation {
     pub status: String,
 }
 
-/// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the direct part.
+/// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the
+/// direct part.
 ///
 /// To keep what was taken before an operator failed, use a [`Capture`].
 ///
@@ -214,8 +221,9 @@ impl Segmentation {
     }
 }
 
-/// One column per eigenvector: `u / √(1 − λ)` (normalized cut), as in the commute-time embedding, where distances tell how long light takes to get from one
-/// pixel to another. `1 − λ` is not known better than to the residual, so no less than that divides an unresolved vector.
+/// One column per eigenvector: `u / √(1 − λ)` (normalized cut), as in the commute-time embedding, where distances
+/// tell how long light takes to get from one pixel to another. `1 − λ` is not known better than to the residual, so
+/// no less than that divides an unresolved vector.
 fn features(cut: Cut, graph: &Graph, pairs: &[RitzPair], vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
     // For the average cut λ is in units of degree.
     let unit = if cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };

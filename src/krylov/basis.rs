@@ -5,7 +5,8 @@
 
 use rayon::prelude::*;
 
-/// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns stream past it.
+/// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns stream past
+/// it.
 const BLOCK: usize = 1024;
 
 /// The columns of a tall matrix `V` of `rows × len`, each contiguous.
@@ -96,8 +97,8 @@ impl Basis {
     }
 }
 
-/// The inner product of one block. Eight partial sums let the compiler use vector registers, which it may not do by itself as
-/// that reorders the sum.
+/// The inner product of one block. Eight partial sums let the compiler use vector registers, which it may not do by
+/// itself as that reorders the sum.
 fn dot_block(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (a_chunks, a_tail) = a.as_chunks::<8>();
@@ -111,7 +112,7 @@ fn dot_block(a: &[f64], b: &[f64]) -> f64 {
     ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + tail
 }
 
-/// `aᵀ b`, summed in a fixed order whatever the number of threads.
+/// `aᵀ b` of two vectors of one length, summed in a fixed order whatever the number of threads.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     debug_assert_eq!(a.len(), b.len());
     if a.len() <= 2 * BLOCK {
@@ -122,8 +123,8 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     partial.iter().sum()
 }
 
-/// `‖w‖₂`, without overflow or underflow on the way. Infinite or NaN exactly if `w` holds such an entry (or if the norm itself
-/// is beyond the largest `f64`).
+/// `‖w‖₂`, without overflow or underflow on the way. Infinite or NaN exactly if `w` holds such an entry (or if the
+/// norm itself is beyond the largest `f64`).
 pub fn norm(w: &[f64]) -> f64 {
     let square = dot(w, w);
     // Between these bounds no square that matters was lost.

@@ -29,8 +29,8 @@ pub struct RitzPair {
 }
 
 impl RitzPair {
-    /// Whether `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. By Weyl's bound an eigenvalue is then that near;
-    /// the vector is as near as the gap to the other eigenvalues allows (Davis–Kahan).
+    /// Whether `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. By Weyl's bound an eigenvalue is
+    /// then that near; the vector is as near as the gap to the other eigenvalues allows (Davis–Kahan).
     pub fn is_resolved(&self, tolerance: f64, scale: f64) -> bool {
         self.residual <= tolerance * scale
     }
@@ -75,7 +75,8 @@ impl Lanczos {
             .collect())
     }
 
-    /// The Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of largest magnitude positive.
+    /// The Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of largest
+    /// magnitude positive.
     pub fn ritz_vector(&self, pair: &RitzPair) -> Vec<f64> {
         let mut vector = vec![0.0; self.n()];
         let count = pair.coefficients.len().min(self.steps());

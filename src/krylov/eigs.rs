@@ -19,7 +19,8 @@ pub struct EigsOptions {
     pub which: Which,
     /// How many products at most (ARPACK's `ncv`, without restarts). Default 50.
     pub products: usize,
-    /// Done when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`. 0 spends the whole budget. Default 1e-8.
+    /// Done when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`. 0 spends the whole budget. Default
+    /// 1e-8.
     pub tolerance: f64,
     /// The first vector. Default: random signs of seed 0.
     pub start: Start,
@@ -61,19 +62,21 @@ pub struct Eigs {
 
 /// Eigenpairs `A y = θ y` of a symmetric operator by the Lanczos process, within a budget of products.
 ///
-/// Returns the best so far when the budget ends or the monitor stops it. A repeated eigenvalue is found once: its further copies
-/// come only with an exactly invariant subspace, or when rounding has let them grow.
+/// Returns the best so far when the budget ends or the monitor stops it. A repeated eigenvalue is found once: its
+/// further copies come only with an exactly invariant subspace, or when rounding has let them grow.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count` or `--photos` when either is 0; else as [`Lanczos::new`] and [`Lanczos::expand`]. To keep what was
-/// taken before an operator failed, hold the factorization yourself and use [`eigs_from`].
+/// [`Error::Option`] naming `--count` or `--photos` when either is 0; else as [`Lanczos::new`] and
+/// [`Lanczos::expand`]. To keep what was taken before an operator failed, hold the factorization yourself and use
+/// [`eigs_from`].
 pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions, monitor: &mut Monitor<'_>) -> Result<Eigs> {
     let mut lanczos = Lanczos::new(&options.start.vector(operator.cols()), &options.deflate)?;
     eigs_from(&mut lanczos, operator, options, monitor)
 }
 
-/// As [`eigs`], going on from a factorization; `options.products` counts the products already in it, while `start` and `deflate` are not
-/// looked at. After an error, `lanczos` holds everything up to the product that failed: call this again to go on.
+/// As [`eigs`], going on from a factorization; `options.products` counts the products already in it, while `start`
+/// and `deflate` are not looked at. After an error, `lanczos` holds everything up to the product that failed: call
+/// this again to go on.
 ///
 /// # Errors
 /// As [`eigs`].

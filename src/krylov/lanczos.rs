@@ -14,35 +14,40 @@ use crate::operator::{Operator, Symmetry};
 pub enum Step {
     /// The subspace grew by one, and goes on growing.
     Extended,
-    /// The subspace grew by one and is now invariant (`β = 0`): all its Ritz pairs are eigenpairs. The next step goes on
-    /// from a random vector orthogonal to everything so far, and finds, e.g., further copies of a repeated eigenvalue.
+    /// The subspace grew by one and is now invariant (`β = 0`): all its Ritz pairs are eigenpairs. The next step goes
+    /// on from a random vector orthogonal to everything so far, and finds, e.g., further copies of a repeated
+    /// eigenvalue.
     Invariant,
-    /// The subspace is the whole space (less the known vectors): nothing is left to find. A further step takes no product.
+    /// The subspace is the whole space (less the known vectors): nothing is left to find. A further step takes no
+    /// product.
     Exhausted,
 }
 
 /// A Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
 ///
-/// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal `β`) and
-/// `v` the next basis vector,
+/// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal
+/// `β`) and `v` the next basis vector,
 ///
 /// ```text
 /// A V = V T + β_m v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
 /// ```
 ///
-/// where `Q` are known vectors (deflation): they are projected out of the start and of every new vector. For eigenvectors `Q`
-/// of `A` the process then sees `A` on the rest of the space only, and a further copy of their eigenvalue as a simple one.
+/// where `Q` are known vectors (deflation): they are projected out of the start and of every new vector. For
+/// eigenvectors `Q` of `A` the process then sees `A` on the rest of the space only, and a further copy of their
+/// eigenvalue as a simple one.
 ///
-/// A step takes exactly one product. When that fails, the factorization is as it was before, to the bit, and the step can be
-/// taken again. Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one more to work in.
+/// A step takes exactly one product. When that fails, the factorization is as it was before, to the bit, and the step
+/// can be taken again. Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one more to work in.
 ///
-/// The coefficients of `A v_j` on all basis vectors, which reorthogonalization computes anyway, are kept. They are zero to rounding
-/// where `A` is symmetric, tell by how much it is not ([`Lanczos::asymmetry`]), and keep residual norms honest in that case.
+/// The coefficients of `A v_j` on all basis vectors, which reorthogonalization computes anyway, are kept. They are
+/// zero to rounding where `A` is symmetric, tell by how much it is not ([`Lanczos::asymmetry`]), and keep residual
+/// norms honest in that case.
 ///
 /// # References
-/// Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large sparse matrices*
-/// (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163; as "Krylov subspace illumination",
-/// O'Toole and Kutulakos (2010), doi:10.1145/1882261.1866165, section 4.
+/// Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large
+/// sparse matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163. With
+/// photos for products: O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010),
+/// doi:10.1145/1882261.1866165.
 #[derive(Clone, Debug)]
 pub struct Lanczos {
     /// Columns `Q`, then `v_1 … v_m`, then `v_{m+1}` unless exhausted.
@@ -59,12 +64,13 @@ pub struct Lanczos {
 }
 
 impl Lanczos {
-    /// A process that starts from `start` (length `n`) with the vectors of `deflate` (length `n` each, independent; they need
-    /// be neither normalized nor orthogonal) projected out. A start within their span is replaced by a random one.
+    /// A process that starts from `start` (length `n`) with the vectors of `deflate` (length `n` each, independent;
+    /// they need be neither normalized nor orthogonal) projected out. A start within their span is replaced by a
+    /// random one.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when a length differs from the start's. [`Error::Numerical`] when a vector holds NaN or an
-    /// infinity, when `n = 0`, or when a known vector is zero or depends on those before it.
+    /// [`Error::Dimension`] when a length differs from the start's. [`Error::Numerical`] when a vector holds NaN or
+    /// an infinity, when `n = 0`, or when a known vector is zero or depends on those before it.
     pub fn new(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
         let n = start.len();
         if n == 0 {
@@ -106,9 +112,9 @@ impl Lanczos {
     /// One step: one product with `operator`, which must be the same from step to step.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the operator is not `n × n`. [`Error::Numerical`] when it is not declared symmetric (no
-    /// product is taken then), or when the product holds NaN or an infinity. Whatever the product fails with. After any
-    /// error the factorization is as it was before.
+    /// [`Error::Dimension`] when the operator is not `n × n`. [`Error::Numerical`] when it is not declared symmetric
+    /// (no product is taken then), or when the product holds NaN or an infinity. Whatever the product fails with.
+    /// After any error the factorization is as it was before.
     pub fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
         let n = self.n();
         if operator.rows() != n || operator.cols() != n {
@@ -188,7 +194,8 @@ impl Lanczos {
         &self.alphas
     }
 
-    /// `β_1 … β_m`: the off-diagonal of `T`, and last the norm of the residual `β_m v e_mᵀ`. Zero where the subspace was invariant.
+    /// `β_1 … β_m`: the off-diagonal of `T`, and last the norm of the residual `β_m v e_mᵀ`. Zero where the subspace
+    /// was invariant.
     pub fn betas(&self) -> &[f64] {
         &self.betas
     }
@@ -203,8 +210,8 @@ impl Lanczos {
         self.scale
     }
 
-    /// How far the products taken are from those of a symmetric operator: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. About 1e-16 for a
-    /// symmetric one; the relative noise of the products otherwise. Costs no product.
+    /// How far the products taken are from those of a symmetric operator: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. About
+    /// 1e-16 for a symmetric one; the relative noise of the products otherwise. Costs no product.
     pub fn asymmetry(&self) -> f64 {
         let mut difference = 0.0;
         let mut total = 0.0;
@@ -221,8 +228,8 @@ impl Lanczos {
         if total > 0.0 { (difference / total).sqrt() } else { 0.0 }
     }
 
-    /// The norm of `A V s − V T s − β_m v s_m` for `s` of length `m`: what of `A V s` lies along the known vectors, and what breaks
-    /// the symmetry. Zero to rounding where the known vectors are eigenvectors and `A` is symmetric.
+    /// The norm of `A V s − V T s − β_m v s_m` for `s` of length `m`: what of `A V s` lies along the known vectors,
+    /// and what breaks the symmetry. Zero to rounding where the known vectors are eigenvectors and `A` is symmetric.
     pub(super) fn unmodelled(&self, s: &[f64]) -> f64 {
         let mut rest = vec![0.0; self.known + self.steps()];
         for (j, column) in self.projections.iter().enumerate() {

@@ -5,8 +5,8 @@ use rand_pcg::Pcg64;
 
 /// The first vector of a Krylov process (its length is of no importance).
 ///
-/// A random start has a part in every eigenvector. A chosen one may not: all ones, on a scene with a mirror symmetry, can
-/// never tell the two sides apart.
+/// A random start has a part in every eigenvector. A chosen one may not: all ones, on a scene with a mirror symmetry,
+/// can never tell the two sides apart.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Start {
     /// Entries −1 and +1, by fair coin. As a pattern it uses the projector's whole range; the same on every machine.
@@ -14,7 +14,8 @@ pub enum Start {
         /// Seed of the generator.
         seed: u64,
     },
-    /// Standard normal entries: no direction is preferred. (They pass through `ln`, which differs by machine in the last bit.)
+    /// Standard normal entries: no direction is preferred. (They pass through `ln`, which differs by machine in the
+    /// last bit.)
     Gaussian {
         /// Seed of the generator.
         seed: u64,
