@@ -1,0 +1,81 @@
+//! What several tests share: shipped scenes, tracing them, reading reference data.
+#![allow(dead_code, reason = "each test binary uses its own part of this")]
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use krylux::image::{Image, Resolution};
+use krylux::render::{Progress, TraceSettings, Tracer};
+use krylux::report::npy;
+use krylux::scene::{self, Scene};
+use krylux::transport::{Assembled, Channels, assemble};
+
+/// The repository's root.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The file of a shipped scene.
+pub fn scene_path(name: &str) -> PathBuf {
+    root().join("assets/scenes").join(name).join("scene.glb")
+}
+
+/// A shipped scene.
+pub fn load(name: &str) -> Scene {
+    scene::load(&scene_path(name), None).expect("shipped scenes load")
+}
+
+/// A scene on the first adapter.
+pub fn tracer(scene: &Scene) -> Tracer {
+    Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver")
+}
+
+/// Settings for a square image.
+pub fn settings(side: usize, samples: u32, max_bounces: u32, seed: u32) -> TraceSettings {
+    TraceSettings { resolution: Resolution::new(side, side), samples, max_bounces, seed }
+}
+
+/// Traces without looking on.
+pub fn trace(tracer: &mut Tracer, settings: TraceSettings, channels: Channels) -> Assembled {
+    assemble(tracer, &settings, channels, &mut keep_going).expect("shipped scenes can be traced")
+}
+
+/// Progress that nobody watches.
+pub fn keep_going(_: Progress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+/// An array of `tests/reference`, as it lies there.
+pub fn reference(name: &str) -> Vec<f64> {
+    let path = root().join("tests/reference").join(name);
+    let array = npy::read_npy(&path).expect("reference data is in the repository");
+    array.values
+}
+
+/// The pattern `checker:N`, its top left square lit.
+pub fn checker(resolution: Resolution, period: usize) -> Image {
+    let lit = |pixel: usize| {
+        let (x, y) = (pixel % resolution.width, pixel / resolution.width);
+        f32::from(u8::from((x / period + y / period).is_multiple_of(2)))
+    };
+    Image::new(resolution, 1, (0..resolution.pixels()).map(lit).collect()).expect("one sample per pixel")
+}
+
+/// Mean and standard error, element by element, of independent estimates of one vector.
+pub fn mean_and_error(estimates: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
+    let count = estimates.len() as f64;
+    let each = |index: usize| estimates.iter().map(move |estimate| estimate[index]);
+    let indices = 0..estimates[0].len();
+    let mean: Vec<f64> = indices.clone().map(|index| each(index).sum::<f64>() / count).collect();
+    let error = indices.map(|index| {
+        let squares: f64 = each(index).map(|value| (value - mean[index]).powi(2)).sum();
+        (squares / (count - 1.0) / count).sqrt()
+    });
+    let error = error.collect();
+    (mean, error)
+}
+
+/// Root of the mean square.
+pub fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
