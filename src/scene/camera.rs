@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::image::Resolution;
+
 /// A pinhole with an image plane at unit distance. Pixels are square: the vertical field of view is the file's, the
 /// horizontal one follows from the resolution's shape.
 ///
@@ -23,4 +25,82 @@ pub struct Camera {
     pub tan_half_fov: f32,
     /// Width over height as the file states it, if it does.
     pub aspect: Option<f32>,
+}
+
+impl Camera {
+    /// The direction, not normalized, in which the raster point `(u, v)` looks; its component along `forward` is 1.
+    pub fn ray_direction(&self, u: f32, v: f32, resolution: Resolution) -> Vec3 {
+        let [horizontal, vertical] = self.half_extents(resolution);
+        let x = (2.0 * u / resolution.width as f32 - 1.0) * horizontal;
+        let y = (1.0 - 2.0 * v / resolution.height as f32) * vertical;
+        self.forward + x * self.right + y * self.up
+    }
+
+    /// The raster point `(u, v)` at which `point` is seen, the inverse of [`Camera::ray_direction`]. `None` when it lies
+    /// beside or behind the camera; outside `[0, w]` × `[0, h]` it lies before the camera but out of view.
+    pub fn project(&self, point: Vec3, resolution: Resolution) -> Option<(f32, f32)> {
+        let offset = point - self.position;
+        let depth = offset.dot(self.forward);
+        if depth <= 0.0 {
+            return None;
+        }
+        let [horizontal, vertical] = self.half_extents(resolution);
+        let x = offset.dot(self.right) / (depth * horizontal);
+        let y = offset.dot(self.up) / (depth * vertical);
+        Some(((1.0 + x) / 2.0 * resolution.width as f32, (1.0 - y) / 2.0 * resolution.height as f32))
+    }
+
+    /// Half the width and height of the image plane at unit distance.
+    fn half_extents(&self, resolution: Resolution) -> [f32; 2] {
+        let shape = resolution.width as f32 / resolution.height as f32;
+        [self.tan_half_fov * shape, self.tan_half_fov]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::vec3;
+
+    use super::*;
+
+    /// Stands at (1, 2, 3) and looks along +X with +Z up.
+    fn camera() -> Camera {
+        Camera {
+            name: "test".into(),
+            position: vec3(1.0, 2.0, 3.0),
+            right: Vec3::NEG_Y,
+            up: Vec3::Z,
+            forward: Vec3::X,
+            tan_half_fov: 0.5,
+            aspect: None,
+        }
+    }
+
+    #[test]
+    fn the_corners_of_a_wide_raster_follow_from_the_vertical_field_of_view() {
+        let resolution = Resolution::new(8, 4);
+        assert_eq!(camera().ray_direction(4.0, 2.0, resolution), vec3(1.0, 0.0, 0.0));
+        assert_eq!(camera().ray_direction(0.0, 0.0, resolution), vec3(1.0, 1.0, 0.5), "top left");
+        assert_eq!(camera().ray_direction(8.0, 4.0, resolution), vec3(1.0, -1.0, -0.5), "bottom right");
+    }
+
+    #[test]
+    fn a_point_on_a_ray_projects_to_where_the_ray_starts() {
+        let resolution = Resolution::new(7, 5);
+        let camera = camera();
+        for (u, v) in [(0.5, 0.25), (3.0, 4.75), (6.9, 2.0), (-1.0, 6.0)] {
+            let point = camera.position + 3.0 * camera.ray_direction(u, v, resolution);
+            let (back_u, back_v) =
+                camera.project(point, resolution).expect("the point lies before the camera");
+            // A few roundings of numbers below 10.
+            assert!((back_u - u).abs() < 1e-5 && (back_v - v).abs() < 1e-5, "{u} {v} → {back_u} {back_v}");
+        }
+    }
+
+    #[test]
+    fn points_behind_the_camera_are_not_seen() {
+        let resolution = Resolution::new(4, 4);
+        assert_eq!(camera().project(vec3(0.0, 2.0, 3.0), resolution), None);
+        assert_eq!(camera().project(vec3(1.0, 5.0, 3.0), resolution), None, "beside it");
+    }
 }

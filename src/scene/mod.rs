@@ -1,5 +1,6 @@
 //! Scenes: triangles in world space, their materials, and the rig's camera. Lengths are metres.
 
+pub mod builtin;
 pub mod bvh;
 pub mod camera;
 mod gltf;

@@ -1,0 +1,145 @@
+//! `carton` and `carton-eggs`: an egg carton from above.
+
+use glam::{DVec3, Vec3, dvec3};
+
+use super::model::{Model, Part, white_paper};
+use crate::scene::Camera;
+
+const COLUMNS: usize = 3;
+const ROWS: usize = 4;
+
+/// Metres, from rim to rim.
+const CUP_WIDTH: f64 = 0.20;
+const CUP_LENGTH: f64 = 0.15;
+const CUP_DEPTH: f64 = 0.09;
+
+/// Part of the half-width over which a cup's floor is flat.
+const FLOOR: f64 = 0.4;
+
+/// Cells a side of a cup's grid.
+const CUP_GRID: usize = 12;
+
+/// Half-axes of an egg, lying along the cup's width.
+const EGG: DVec3 = dvec3(0.050, 0.036, 0.036);
+const EGG_SEGMENTS: usize = 16;
+const EGG_RINGS: usize = 12;
+
+/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, lying on the floor with its rims at height 0; the camera looks down
+/// on it from 1 m, and the carton fills the view. A cup is 0.20 m × 0.15 m and 0.09 m deep. All rims are equally high and no cup
+/// rises above them, so light bounces within a cup but never from one to another. Each cup is a region, counted from
+/// the far left in rows.
+pub fn carton() -> Model {
+    model("carton", |_| false)
+}
+
+/// The same carton with an egg in every second cup, as on the black squares of a chessboard. An egg belongs to the region of its
+/// cup and stays below the rim.
+pub fn carton_eggs() -> Model {
+    model("carton-eggs", |cup| (cup % COLUMNS + cup / COLUMNS) % 2 == 0)
+}
+
+fn model(name: &'static str, has_egg: impl Fn(usize) -> bool) -> Model {
+    let mut parts = Vec::new();
+    for index in 0..ROWS * COLUMNS {
+        let cup = Cup::new(index);
+        parts.push(cup.shell());
+        if has_egg(index) {
+            parts.push(cup.egg());
+        }
+    }
+    let camera = Camera {
+        name: "camera".into(),
+        position: Vec3::Y,
+        right: Vec3::X,
+        up: Vec3::NEG_Z,
+        forward: Vec3::NEG_Y,
+        tan_half_fov: 0.3,
+        aspect: Some(1.0),
+    };
+    Model { name, parts, materials: white_paper(), camera }
+}
+
+struct Cup {
+    index: usize,
+    /// Middle of the rim.
+    center: DVec3,
+}
+
+impl Cup {
+    fn new(index: usize) -> Self {
+        let offset = |position: usize, count: usize| position as f64 - (count as f64 - 1.0) / 2.0;
+        let x = CUP_WIDTH * offset(index % COLUMNS, COLUMNS);
+        let z = CUP_LENGTH * offset(index / COLUMNS, ROWS);
+        Self { index, center: dvec3(x, 0.0, z) }
+    }
+
+    fn shell(&self) -> Part {
+        let mut part = Part::new(format!("cup {}", self.index), Some(self.index as u32));
+        part.grid(CUP_GRID, CUP_GRID, |column, row| {
+            let across = 2.0 * column as f64 / CUP_GRID as f64 - 1.0;
+            // Rows run away from the camera's lower edge, so that the front is above.
+            let along = 1.0 - 2.0 * row as f64 / CUP_GRID as f64;
+            let local = dvec3(across * CUP_WIDTH / 2.0, -depth(across, along), along * CUP_LENGTH / 2.0);
+            (self.center + local).as_vec3()
+        });
+        part
+    }
+
+    /// An ellipsoid that rests on the cup's floor.
+    fn egg(&self) -> Part {
+        let mut part = Part::new(format!("egg {}", self.index), Some(self.index as u32));
+        let center = self.center + dvec3(0.0, EGG.y - CUP_DEPTH, 0.0);
+        let point = |longitude: f64, latitude: f64| {
+            let on_sphere =
+                dvec3(latitude.sin(), latitude.cos() * longitude.sin(), latitude.cos() * longitude.cos());
+            (center + EGG * on_sphere).as_vec3()
+        };
+        let turn = std::f64::consts::TAU / EGG_SEGMENTS as f64;
+        let step = std::f64::consts::PI / EGG_RINGS as f64;
+        // Rings between the poles, then the two poles.
+        for ring in 1..EGG_RINGS {
+            let latitude = step * ring as f64 - std::f64::consts::FRAC_PI_2;
+            part.positions.extend((0..EGG_SEGMENTS).map(|segment| point(turn * segment as f64, latitude)));
+        }
+        part.positions.push((center - dvec3(EGG.x, 0.0, 0.0)).as_vec3());
+        part.positions.push((center + dvec3(EGG.x, 0.0, 0.0)).as_vec3());
+        let vertex = |ring: usize, segment: usize| (ring * EGG_SEGMENTS + segment % EGG_SEGMENTS) as u32;
+        let last = EGG_RINGS - 2;
+        let south = ((last + 1) * EGG_SEGMENTS) as u32;
+        for segment in 0..EGG_SEGMENTS {
+            part.triangles.push([south, vertex(0, segment), vertex(0, segment + 1)]);
+            for ring in 0..last {
+                let [a, b] = [vertex(ring, segment), vertex(ring, segment + 1)];
+                let [c, d] = [vertex(ring + 1, segment + 1), vertex(ring + 1, segment)];
+                part.triangles.extend([[a, d, c], [a, c, b]]);
+            }
+            part.triangles.push([south + 1, vertex(last, segment + 1), vertex(last, segment)]);
+        }
+        part
+    }
+}
+
+/// Depth of a cup at `across` and `along` in [−1, 1]: flat in the middle, smooth, and exactly 0 on the rim. Contours are
+/// rounded rectangles.
+fn depth(across: f64, along: f64) -> f64 {
+    let radius = (across.powi(4) + along.powi(4)).sqrt().sqrt();
+    let rise = ((radius - FLOOR) / (1.0 - FLOOR)).clamp(0.0, 1.0);
+    CUP_DEPTH * (1.0 - rise * rise * (3.0 - 2.0 * rise))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eggs_touch_neither_the_walls_nor_the_plane_of_the_rims() {
+        let cup = Cup::new(0);
+        for position in cup.egg().positions {
+            let local = position.as_dvec3() - cup.center;
+            let floor = -depth(local.x / (CUP_WIDTH / 2.0), local.z / (CUP_LENGTH / 2.0));
+            // Single precision rounds the point where the egg rests.
+            assert!(local.y > floor - 1e-6, "{local} is below the wall at {floor}");
+            assert!(local.y < -0.01, "{local} is close to the rim");
+        }
+    }
+}

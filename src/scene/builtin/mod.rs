@@ -1,0 +1,36 @@
+//! Scenes made in code: those that are shipped as files, and those for tests and benchmarks.
+//!
+//! | shipped as `assets/scenes/NAME/scene.glb` | shows |
+//! |---|---|
+//! | `zigzag` | two folded sheets that exchange no light |
+//! | `corner` | two planes at a right angle |
+//! | `cornell` | a coloured box with two blocks |
+//! | `two-sheets` | two curved sheets of paper that exchange no light |
+//! | `carton` | an egg carton of twelve cups that exchange no light |
+//! | `carton-eggs` | the same with an egg in every second cup |
+//!
+//! `cargo run --example regenerate_assets` writes the files anew.
+
+mod analytic;
+mod cornell;
+mod corner;
+mod egg_carton;
+mod glb;
+mod model;
+mod tessellated_box;
+mod two_sheets;
+mod zigzag;
+
+pub use analytic::{inside_sphere, parallel_plates, plane};
+pub use cornell::cornell;
+pub use corner::corner;
+pub use egg_carton::{carton, carton_eggs};
+pub use model::{Model, Part};
+pub use tessellated_box::tessellated_box;
+pub use two_sheets::two_sheets;
+pub use zigzag::zigzag;
+
+/// Every shipped scene; the file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
+pub fn shipped() -> Vec<Model> {
+    vec![zigzag(), corner(), cornell(), two_sheets(), carton(), carton_eggs()]
+}

@@ -1,0 +1,145 @@
+//! Indexed meshes with a camera: what every built-in scene is made of.
+
+use glam::{Vec2, Vec3};
+
+use crate::scene::{Camera, Material, Scene, Triangle};
+
+/// A scene in the form in which it is written to a file.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The scene's name: its folder, and its path as a [`Scene`].
+    pub name: &'static str,
+    /// The objects.
+    pub parts: Vec<Part>,
+    /// Materials, indexed by [`Part::material`].
+    pub materials: Vec<Material>,
+    /// The rig.
+    pub camera: Camera,
+}
+
+/// An object of one material, in world space.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Its name; its region's name, too, unless the parts are labelled.
+    pub name: String,
+    /// The author's label of its region, counted from 0 without gaps. All parts of a model have one, or none has.
+    pub label: Option<u32>,
+    /// Vertices in metres.
+    pub positions: Vec<Vec3>,
+    /// Vertices of each triangle, counter-clockwise around its front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`Model::materials`].
+    pub material: u32,
+}
+
+impl Part {
+    /// A part without vertices, of material 0.
+    pub fn new(name: impl Into<String>, label: Option<u32>) -> Self {
+        Self { name: name.into(), label, positions: Vec::new(), triangles: Vec::new(), material: 0 }
+    }
+
+    /// Adds a quadrilateral; its front is the side from which the corners run counter-clockwise.
+    pub fn quad(&mut self, corners: [Vec3; 4]) {
+        let first = self.positions.len() as u32;
+        self.positions.extend(corners);
+        self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    }
+
+    /// Adds a grid of `columns` × `rows` cells, two triangles each, with shared vertices. `at(i, j)` is the vertex at
+    /// column `i ≤ columns`, row `j ≤ rows`; the front is where `i` runs to the right when `j` runs upwards.
+    pub fn grid(&mut self, columns: usize, rows: usize, at: impl Fn(usize, usize) -> Vec3) {
+        let first = self.positions.len();
+        for row in 0..=rows {
+            self.positions.extend((0..=columns).map(|column| at(column, row)));
+        }
+        let vertex = |column: usize, row: usize| (first + row * (columns + 1) + column) as u32;
+        for row in 0..rows {
+            for column in 0..columns {
+                let [a, b] = [vertex(column, row), vertex(column + 1, row)];
+                let [c, d] = [vertex(column + 1, row + 1), vertex(column, row + 1)];
+                self.triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+    }
+}
+
+impl Model {
+    /// The model as a scene in memory; for a shipped model, the same as its file loaded, but for path and hash.
+    pub fn to_scene(&self) -> Scene {
+        let labelled = self.parts.iter().any(|part| part.label.is_some());
+        let regions = if labelled {
+            let count = self.parts.iter().filter_map(|part| part.label).max().map_or(0, |last| last + 1);
+            (0..count).map(|label| label.to_string()).collect()
+        } else {
+            self.parts.iter().map(|part| part.name.clone()).collect()
+        };
+        let mut triangles = Vec::with_capacity(self.parts.iter().map(|part| part.triangles.len()).sum());
+        for (index, part) in self.parts.iter().enumerate() {
+            let region = part.label.unwrap_or(index as u32);
+            triangles.extend(part.triangles.iter().map(|corners| Triangle {
+                positions: corners.map(|corner| part.positions[corner as usize]),
+                texcoords: [Vec2::ZERO; 3],
+                material: part.material,
+                region,
+            }));
+        }
+        let mut scene = Scene {
+            path: self.name.into(),
+            triangles,
+            materials: self.materials.clone(),
+            textures: Vec::new(),
+            camera: self.camera.clone(),
+            regions,
+            regions_are_labels: labelled,
+            hash: [0; 32],
+            warnings: Vec::new(),
+        };
+        scene.hash = content_hash(&scene);
+        scene
+    }
+
+    /// The model as a `.glb` file.
+    pub fn to_glb(&self) -> Vec<u8> {
+        super::glb::write(self)
+    }
+}
+
+/// A scene without a file is known by what it consists of.
+fn content_hash(scene: &Scene) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    // Debug text of floats is exact: Rust prints the shortest digits that read back as the same number.
+    hasher.update(format!("{:?} {:?} {:?}", scene.camera, scene.materials, scene.regions).as_bytes());
+    for triangle in &scene.triangles {
+        for position in triangle.positions {
+            position.to_array().iter().for_each(|value| {
+                hasher.update(&value.to_le_bytes());
+            });
+        }
+        hasher.update(&triangle.material.to_le_bytes());
+        hasher.update(&triangle.region.to_le_bytes());
+    }
+    *hasher.finalize().as_bytes()
+}
+
+/// A camera at `position` that looks along −Z with +Y up, square, with this tangent of half its field of view.
+pub(super) fn camera_along_z(position: Vec3, tan_half_fov: f32) -> Camera {
+    Camera {
+        name: "camera".into(),
+        position,
+        right: Vec3::X,
+        up: Vec3::Y,
+        forward: Vec3::NEG_Z,
+        tan_half_fov,
+        aspect: Some(1.0),
+    }
+}
+
+/// A matte material that reflects `color` of the light, the same from both sides.
+pub(super) fn matte(name: &str, color: Vec3) -> Material {
+    Material { name: name.into(), base_color: color, ..Material::default() }
+}
+
+/// The matte white of the paper's scenes.
+pub(super) fn white_paper() -> Vec<Material> {
+    vec![matte("white paper", Vec3::splat(0.8))]
+}

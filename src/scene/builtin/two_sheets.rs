@@ -1,0 +1,55 @@
+//! `two-sheets`: two curved sheets of paper.
+
+use glam::{DVec2, Vec3, dvec2, dvec3};
+
+use super::model::{Model, Part, camera_along_z, white_paper};
+
+const TAN_HALF_FOV: f32 = 0.45;
+
+/// Distance of all rims from the camera, in metres.
+const RIM: f64 = 0.85;
+
+/// Strips in which each sheet is bent.
+const STRIPS: usize = 24;
+
+/// Two white sheets of paper side by side, each bent about a vertical axis into a trough that opens towards the
+/// camera: part of a cylinder, 120° of it on the left and 100° on the right, 0.43 m and 0.41 m from rim to rim, 0.9 m high. A
+/// gap of 2 mm is between them. Both rims of both sheets are 0.85 m from the camera and everything else lies behind, so a line
+/// from one sheet to the other is blocked by their rims: they exchange no light. Left is region 0, right region 1.
+/// Unlike the zigzag's, the halves are not mirror images.
+pub fn two_sheets() -> Model {
+    Model {
+        name: "two-sheets",
+        parts: vec![
+            trough("left sheet", 0, [-0.441, -0.011], 60.0),
+            trough("right sheet", 1, [-0.009, 0.401], 50.0),
+        ],
+        materials: white_paper(),
+        camera: camera_along_z(Vec3::ZERO, TAN_HALF_FOV),
+    }
+}
+
+/// An arc from `left` to `right` (metres along x), whose ends rise at `angle` degrees.
+fn trough(name: &str, label: u32, [left, right]: [f64; 2], angle: f64) -> Part {
+    let angle = angle.to_radians();
+    let radius = (right - left) / (2.0 * angle.sin());
+    let axis = dvec2((left + right) / 2.0, -RIM + radius * angle.cos());
+    let profile = |strip: usize| -> DVec2 {
+        // The ends are set and not computed: rounding must not bring one before the other.
+        match strip {
+            0 => dvec2(left, -RIM),
+            STRIPS => dvec2(right, -RIM),
+            _ => {
+                let turn = angle * (2.0 * strip as f64 / STRIPS as f64 - 1.0);
+                axis + radius * dvec2(turn.sin(), -turn.cos())
+            }
+        }
+    };
+    let mut part = Part::new(name, Some(label));
+    part.grid(STRIPS, 1, |strip, end| {
+        let at = profile(strip);
+        let height = if end == 0 { -0.45 } else { 0.45 };
+        dvec3(at.x, height, at.y).as_vec3()
+    });
+    part
+}

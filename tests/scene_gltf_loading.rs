@@ -1,0 +1,401 @@
+//! What a glTF file says comes out in the scene.
+
+#![allow(clippy::panic, reason = "a failed test panics")]
+
+mod scene_support;
+
+use glam::{Vec2, Vec3, vec2, vec3};
+use krylux::scene::{self, Scene, Wrap};
+use scene_support::{CORNERS, buffer, data_uri, document, glb, load, png, set, with, write, write_bytes};
+use serde_json::{Value, json};
+
+fn corners() -> [Vec3; 3] {
+    CORNERS.map(Vec3::from_array)
+}
+
+/// Twice the triangle's area along its front's normal.
+fn front(scene: &Scene) -> Vec3 {
+    let [a, b, c] = scene.triangles[0].positions;
+    (b - a).cross(c - a)
+}
+
+#[test]
+fn data_uris_external_files_and_binary_chunks_hold_the_same_buffer() {
+    let embedded = load(&document());
+    assert_eq!(embedded.triangles[0].positions, corners());
+
+    let external = with(&[("/buffers/0/uri", json!("parts/my%20mesh.bin"))]);
+    let written = write(&external);
+    let parts = written.folder.path().join("parts");
+    std::fs::create_dir(&parts).expect("a new folder is writable");
+    std::fs::write(parts.join("my mesh.bin"), buffer()).expect("a new folder is writable");
+    let first = scene::load(&written.path, None).expect("the buffer is there");
+    assert_eq!(first.triangles, embedded.triangles);
+
+    let mut in_chunk = document();
+    in_chunk["buffers"][0].as_object_mut().expect("a buffer").remove("uri");
+    let written_glb = write_bytes("scene.glb", &glb(&in_chunk, &buffer()));
+    let scene = scene::load(&written_glb.path, None).expect("the buffer is in the chunk");
+    assert_eq!(scene.triangles, embedded.triangles);
+
+    // The hash covers the external file.
+    let mut other = buffer();
+    other[0] ^= 1;
+    std::fs::write(parts.join("my mesh.bin"), other).expect("the file is ours");
+    let second = scene::load(&written.path, None).expect("the buffer is there");
+    assert_ne!(first.hash, second.hash);
+}
+
+#[test]
+fn the_hash_depends_on_the_file_and_the_camera_and_not_on_the_place() {
+    let two =
+        with(&[("/scenes/0/nodes", json!([0, 1, 2])), ("/nodes/2", json!({ "camera": 0, "name": "other" }))]);
+    let hash = |document: &Value, camera| {
+        scene::load(&write(document).path, Some(camera)).expect("the camera exists").hash
+    };
+    assert_eq!(hash(&two, "eye"), hash(&two, "eye"));
+    assert_ne!(hash(&two, "eye"), hash(&two, "other"));
+    assert_ne!(hash(&two, "eye"), hash(&document(), "eye"));
+}
+
+#[test]
+fn nested_transforms_act_from_the_leaf_to_the_root() {
+    // A quarter turn about Z takes +X to +Y.
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let scene = load(&with(&[
+        ("/scenes/0/nodes", json!([1, 2])),
+        ("/nodes/2", json!({ "children": [0], "translation": [10, 0, 0], "rotation": [0, 0, half, half] })),
+        ("/nodes/0/scale", json!([2, 3, 1])),
+    ]));
+    let expected = corners().map(|corner| vec3(10.0 - 3.0 * corner.y, 2.0 * corner.x, corner.z));
+    for (position, expected) in scene.triangles[0].positions.into_iter().zip(expected) {
+        // The quaternion is rounded to single precision.
+        assert!(position.distance(expected) < 1e-6, "{position} is not {expected}");
+    }
+}
+
+#[test]
+fn a_matrix_is_read_column_by_column() {
+    let scene = load(&with(&[("/nodes/0/matrix", json!([0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1]))]));
+    let expected = corners().map(|corner| vec3(5.0 - corner.y, 6.0 + corner.x, 7.0 + corner.z));
+    assert_eq!(scene.triangles[0].positions, expected);
+}
+
+#[test]
+fn mirrored_triangles_keep_their_front() {
+    assert!(front(&load(&document())).z > 0.0);
+    // Mirroring left and right leaves the front towards +Z; mirroring front and back turns it.
+    assert!(front(&load(&with(&[("/nodes/0/scale", json!([-1, 1, 1]))]))).z > 0.0);
+    assert!(front(&load(&with(&[("/nodes/0/scale", json!([1, 1, -1]))]))).z < 0.0);
+    assert!(front(&load(&with(&[("/nodes/0/scale", json!([-1, -1, 1]))]))).z > 0.0);
+}
+
+#[test]
+fn a_mesh_may_be_placed_by_several_nodes() {
+    let scene = load(&with(&[
+        ("/scenes/0/nodes", json!([0, 1, 2])),
+        ("/nodes/2", json!({ "mesh": 0, "name": "sheet", "translation": [0, 0, -1] })),
+    ]));
+    assert_eq!(scene.triangles.len(), 2);
+    assert_eq!(scene.triangles[1].positions, corners().map(|corner| corner - Vec3::Z));
+    assert_eq!(scene.regions, ["sheet", "sheet (node 2)"]);
+    assert_eq!(scene.triangles.iter().map(|triangle| triangle.region).collect::<Vec<_>>(), [0, 1]);
+}
+
+/// Four corners of a unit square in z = 0, counter-clockwise, drawn in this mode with these indices.
+fn square(mode: u32, indices: &[u8]) -> Scene {
+    let positions = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let mut bytes: Vec<u8> = positions.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+    bytes.extend(indices);
+    load(&with(&[
+        (
+            "/meshes/0/primitives/0",
+            json!({ "attributes": { "POSITION": 0 }, "indices": 1, "mode": mode, "material": 0 }),
+        ),
+        ("/accessors/0/count", json!(4)),
+        (
+            "/accessors/1",
+            json!({ "bufferView": 1, "componentType": 5121, "type": "SCALAR", "count": indices.len() }),
+        ),
+        ("/bufferViews/0/byteLength", json!(48)),
+        ("/bufferViews/1", json!({ "buffer": 0, "byteOffset": 48, "byteLength": indices.len() })),
+        ("/buffers/0", json!({ "byteLength": bytes.len(), "uri": data_uri("", &bytes) })),
+    ]))
+}
+
+#[test]
+fn strips_and_fans_face_the_same_way_throughout() {
+    for (mode, indices) in [(4, vec![0, 1, 2, 0, 2, 3]), (5, vec![0, 1, 3, 2]), (6, vec![0, 1, 2, 3])] {
+        let scene = square(mode, &indices);
+        let normals: Vec<Vec3> = scene
+            .triangles
+            .iter()
+            .map(|triangle| {
+                let [a, b, c] = triangle.positions;
+                (b - a).cross(c - a)
+            })
+            .collect();
+        assert_eq!(normals, [Vec3::Z, Vec3::Z], "mode {mode}");
+    }
+}
+
+#[test]
+fn triangles_without_area_are_dropped_with_one_warning() {
+    let scene = square(4, &[0, 1, 2, 0, 0, 1, 3, 3, 3]);
+    assert_eq!(scene.triangles.len(), 1);
+    assert_eq!(scene.warnings, ["2 triangles without area were dropped"]);
+}
+
+#[test]
+fn interleaved_and_quantized_vertices_are_read() {
+    // Two 16-bit coordinates of a unit each 2 bytes, with a stride of 8; normalized to [0, 1].
+    let words: [[u16; 4]; 3] = [[0, 0, 0, 9], [65535, 0, 0, 9], [0, 65535, 0, 9]];
+    let bytes: Vec<u8> = words.as_flattened().iter().flat_map(|word| word.to_le_bytes()).collect();
+    let scene = load(&with(&[
+        ("/extensionsRequired", json!(["KHR_mesh_quantization"])),
+        ("/meshes/0/primitives/0", json!({ "attributes": { "POSITION": 0 }, "material": 0 })),
+        (
+            "/accessors/0",
+            json!({ "bufferView": 0, "componentType": 5123, "normalized": true, "type": "VEC3", "count": 3 }),
+        ),
+        ("/bufferViews/0", json!({ "buffer": 0, "byteLength": 24, "byteStride": 8 })),
+        ("/buffers/0", json!({ "byteLength": 24, "uri": data_uri("", &bytes) })),
+    ]));
+    assert_eq!(scene.triangles[0].positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+}
+
+#[test]
+fn the_camera_stands_where_its_node_stands() {
+    // A quarter turn about −X makes it look down; the scale must not matter.
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let scene = load(&with(&[
+        ("/nodes/1/rotation", json!([-half, 0, 0, half])),
+        ("/nodes/1/translation", json!([1, 2, 3])),
+        ("/nodes/1/scale", json!([0.5, 2, 7])),
+        ("/cameras/0/perspective/aspectRatio", json!(1.5)),
+    ]));
+    let camera = &scene.camera;
+    assert_eq!(
+        (camera.name.as_str(), camera.position, camera.aspect),
+        ("eye", vec3(1.0, 2.0, 3.0), Some(1.5))
+    );
+    assert!((camera.tan_half_fov - 0.5_f32.tan()).abs() < 1e-7);
+    // The quaternion is rounded to single precision.
+    for (axis, expected) in [(camera.forward, Vec3::NEG_Y), (camera.up, Vec3::NEG_Z), (camera.right, Vec3::X)]
+    {
+        assert!(axis.distance(expected) < 1e-6, "{axis} is not {expected}");
+    }
+}
+
+#[test]
+fn material_factors_come_out_as_they_stand() {
+    let scene = load(&with(&[(
+        "/materials/0",
+        json!({
+            "name": "lacquer",
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [0.1, 0.2, 0.3, 1],
+                "metallicFactor": 0.25,
+                "roughnessFactor": 0.5,
+            },
+            "emissiveFactor": [0.5, 0, 1],
+            "doubleSided": true,
+            "extensions": {
+                "KHR_materials_specular": { "specularFactor": 0.75, "specularColorFactor": [1, 2, 3] },
+                "KHR_materials_ior": { "ior": 1.33 },
+                "KHR_materials_emissive_strength": { "emissiveStrength": 4 },
+            },
+        }),
+    )]));
+    let material = &scene.materials[0];
+    assert_eq!(material.name, "lacquer");
+    assert_eq!(material.base_color, vec3(0.1, 0.2, 0.3));
+    assert_eq!((material.metallic, material.roughness, material.specular), (0.25, 0.5, 0.75));
+    assert_eq!((material.specular_color, material.ior), (vec3(1.0, 2.0, 3.0), 1.33));
+    assert_eq!(material.emission, vec3(2.0, 0.0, 4.0));
+    assert!(material.double_sided);
+    assert_eq!(scene.warnings.len(), 0, "{:?}", scene.warnings);
+}
+
+#[test]
+fn defaults_of_materials_are_those_of_gltf() {
+    let given = load(&document());
+    let mut without = document();
+    without["meshes"][0]["primitives"][0].as_object_mut().expect("a primitive").remove("material");
+    let absent = load(&without);
+    for material in [&given.materials[0], &absent.materials[0]] {
+        assert_eq!((material.base_color, material.metallic, material.roughness), (Vec3::ONE, 1.0, 1.0));
+        assert_eq!((material.specular, material.ior, material.double_sided), (1.0, 1.5, false));
+    }
+    assert_eq!(
+        absent.warnings,
+        ["surfaces without a material get glTF's default, which is a rough white metal"]
+    );
+}
+
+/// The document with this picture as base colour texture; `info` and `sampler` are merged in.
+fn textured(uri: &str, info: Value, sampler: Value) -> Value {
+    let mut document = with(&[
+        ("/materials/0/pbrMetallicRoughness/baseColorTexture", info),
+        ("/textures", json!([{ "source": 0, "sampler": 0 }])),
+        ("/images", json!([{ "uri": uri }])),
+        ("/samplers", json!([sampler])),
+    ]);
+    set(&mut document, "/materials/0/pbrMetallicRoughness/baseColorTexture/index", json!(0));
+    document
+}
+
+const TEXELS: [[u8; 4]; 6] =
+    [[1, 2, 3, 255], [4, 5, 6, 255], [7, 8, 9, 255], [10, 11, 12, 128], [13, 14, 15, 0], [16, 17, 18, 255]];
+
+#[test]
+fn pictures_keep_their_texels_and_samplers() {
+    let uri = data_uri("image/png", &png(3, 2, &TEXELS));
+    let sampler = json!({ "wrapS": 33071, "wrapT": 33648, "magFilter": 9728 });
+    let scene = load(&textured(&uri, json!({}), sampler));
+    assert_eq!(scene.materials[0].base_color_texture, Some(0));
+    let texture = &scene.textures[0];
+    assert_eq!((texture.width, texture.height, texture.texels.as_slice()), (3, 2, TEXELS.as_slice()));
+    assert_eq!((texture.wrap, texture.linear), ([Wrap::ClampToEdge, Wrap::MirroredRepeat], false));
+    assert_eq!(scene.triangles[0].texcoords, [vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(0.0, 1.0)]);
+
+    let defaults = load(&textured(&uri, json!({}), json!({})));
+    assert_eq!((defaults.textures[0].wrap, defaults.textures[0].linear), ([Wrap::Repeat; 2], true));
+}
+
+#[test]
+fn pictures_may_be_files_or_buffer_views_and_jpeg() {
+    let picture = png(3, 2, &TEXELS);
+    let written = write(&textured("paint%20layer.png", json!({}), json!({})));
+    std::fs::write(written.folder.path().join("paint layer.png"), &picture).expect("the folder is ours");
+    let scene = scene::load(&written.path, None).expect("the picture is there");
+    assert_eq!(scene.textures[0].texels, TEXELS);
+
+    let mut in_view = textured("", json!({}), json!({}));
+    set(&mut in_view, "/images/0", json!({ "bufferView": 3, "mimeType": "image/png" }));
+    set(&mut in_view, "/bufferViews/3", json!({ "buffer": 1, "byteLength": picture.len() }));
+    set(&mut in_view, "/buffers/1", json!({ "byteLength": picture.len(), "uri": data_uri("", &picture) }));
+    assert_eq!(load(&in_view).textures[0].texels, TEXELS);
+
+    let mut jpeg = std::io::Cursor::new(Vec::new());
+    image::RgbImage::from_pixel(8, 8, image::Rgb([200, 100, 50]))
+        .write_to(&mut jpeg, image::ImageFormat::Jpeg)
+        .expect("JPEG holds any RGB picture");
+    let scene = load(&textured(&data_uri("image/jpeg", jpeg.get_ref()), json!({}), json!({})));
+    let [red, green, blue, alpha] = scene.textures[0].texels[0];
+    // JPEG is lossy; an even colour survives within a few steps.
+    assert!(red.abs_diff(200) < 4 && green.abs_diff(100) < 4 && blue.abs_diff(50) < 4 && alpha == 255);
+}
+
+#[test]
+fn texture_transforms_are_applied_to_the_coordinates() {
+    let transform = |value: Value| {
+        let uri = data_uri("image/png", &png(1, 1, &[[255; 4]]));
+        let info = json!({ "extensions": { "KHR_texture_transform": value } });
+        load(&textured(&uri, info, json!({}))).triangles[0].texcoords
+    };
+    let scaled = transform(json!({ "offset": [0.5, 0.25], "scale": [2, 4] }));
+    assert_eq!(scaled, [vec2(0.5, 0.25), vec2(2.5, 0.25), vec2(0.5, 4.25)]);
+    // Counter-clockwise to the eye, v pointing down: +u goes to −v.
+    let turned = transform(json!({ "rotation": std::f32::consts::FRAC_PI_2 }));
+    for (turned, expected) in turned.into_iter().zip([Vec2::ZERO, vec2(0.0, -1.0), vec2(1.0, 0.0)]) {
+        // sin and cos of a rounded π/2.
+        assert!(turned.distance(expected) < 1e-6, "{turned} is not {expected}");
+    }
+}
+
+#[test]
+fn a_texture_transform_may_choose_another_set_of_coordinates() {
+    let uri = data_uri("image/png", &png(1, 1, &[[255; 4]]));
+    let info = json!({ "texCoord": 0, "extensions": { "KHR_texture_transform": { "texCoord": 1 } } });
+    let mut document = textured(&uri, info, json!({}));
+    set(&mut document, "/meshes/0/primitives/0/attributes", json!({ "POSITION": 0, "TEXCOORD_1": 2 }));
+    assert_eq!(load(&document).triangles[0].texcoords[1], vec2(1.0, 0.0));
+}
+
+#[test]
+fn without_labels_each_mesh_node_is_a_region() {
+    let scene = load(&document());
+    assert_eq!(scene.regions, ["sheet"]);
+    assert!(!scene.regions_are_labels);
+    assert_eq!(load(&with(&[("/nodes/0", json!({ "mesh": 0 }))])).regions, ["node 0"]);
+}
+
+#[test]
+fn the_nearest_label_wins() {
+    let label = |region: u32| json!({ "region": region });
+    let mut document = with(&[
+        ("/scenes/0/nodes", json!([1, 2])),
+        ("/nodes/2", json!({ "children": [0], "extras": label(4) })),
+    ]);
+    assert_eq!(load(&document).regions, ["4"], "inherited from the parent");
+    set(&mut document, "/nodes/0/extras", label(3));
+    assert_eq!(load(&document).regions, ["3"], "of the node");
+    set(&mut document, "/meshes/0/extras", label(2));
+    assert_eq!(load(&document).regions, ["2"], "of the mesh");
+    set(&mut document, "/meshes/0/primitives/0/extras", label(1));
+    assert_eq!(load(&document).regions, ["1"], "of the primitive");
+}
+
+#[test]
+fn regions_are_ordered_by_label_and_not_by_node() {
+    let labels = [json!("lid"), json!(10), json!(2), Value::Null, json!("10")];
+    let mut nodes: Vec<Value> =
+        labels.iter().map(|label| json!({ "mesh": 0, "extras": { "region": label } })).collect();
+    nodes.push(json!({ "camera": 0 }));
+    let scene = load(&with(&[("/scenes/0/nodes", json!([0, 1, 2, 3, 4, 5])), ("/nodes", json!(nodes))]));
+    assert!(scene.regions_are_labels);
+    assert_eq!(scene.regions, ["2", "10", "lid", "unlabelled"]);
+    let regions: Vec<u32> = scene.triangles.iter().map(|triangle| triangle.region).collect();
+    assert_eq!(regions, [2, 1, 0, 3, 1]);
+    assert_eq!(
+        scene.warnings,
+        ["1 triangles have no extras.region while others have one; they form the region `unlabelled`"]
+    );
+}
+
+#[test]
+fn what_is_ignored_is_said_once() {
+    let texture = json!({ "index": 0 });
+    let scene = load(&with(&[
+        ("/scenes/0/nodes", json!([0, 1, 2])),
+        ("/nodes/2", json!({ "mesh": 0 })),
+        (
+            "/extensionsUsed",
+            json!(["KHR_lights_punctual", "VENDOR_fog", "KHR_xmp_json_ld", "KHR_materials_sheen"]),
+        ),
+        ("/materials/0/alphaMode", json!("BLEND")),
+        ("/materials/0/normalTexture", texture.clone()),
+        ("/materials/0/pbrMetallicRoughness/metallicRoughnessTexture", texture),
+        ("/materials/0/extensions/KHR_materials_transmission", json!({ "transmissionFactor": 1 })),
+        ("/meshes/0/primitives/0/attributes/COLOR_0", json!(0)),
+        ("/meshes/0/primitives/1", json!({ "attributes": { "POSITION": 0 }, "mode": 1 })),
+        ("/meshes/0/primitives/0/targets", json!([{ "POSITION": 0 }])),
+    ]));
+    let primitive = "mesh 0 \"triangle\", primitive";
+    assert_eq!(
+        scene.warnings,
+        [
+            "the file's lights (KHR_lights_punctual) are ignored: the projector is the light".to_string(),
+            "the extension VENDOR_fog is not supported and ignored".into(),
+            format!("{primitive} 0: its morph targets are ignored; the mesh is taken at rest"),
+            format!("{primitive} 0: its vertex colours are ignored"),
+            "material 0 \"paint\": KHR_materials_transmission is not supported; the surface is opaque".into(),
+            "material 0 \"paint\": its alphaMode BLEND is not supported; the surface is opaque".into(),
+            "material 0 \"paint\": its metallic-roughness texture is not supported and ignored".into(),
+            "material 0 \"paint\": its normal texture is not supported and ignored".into(),
+            format!("{primitive} 1 consists of points or lines, which have no area: ignored"),
+        ]
+    );
+}
+
+#[test]
+fn only_the_default_scene_is_loaded() {
+    let scene = load(&with(&[
+        ("/scene", json!(1)),
+        ("/scenes", json!([{ "nodes": [2] }, { "nodes": [0, 1], "name": "second" }])),
+        ("/nodes/2", json!({ "mesh": 0 })),
+    ]));
+    assert_eq!(scene.regions, ["sheet"]);
+    assert_eq!(scene.warnings, ["the file has 2 scenes; only scene 1 \"second\" is used"]);
+}
