@@ -260,7 +260,13 @@ fn compressed_meshes_without_a_fallback_are_refused() {
     draco["accessors"][0].as_object_mut().expect("an accessor").remove("bufferView");
     assert_eq!(
         fault(&draco, None).0,
-        "mesh 0 \"triangle\", primitive 0: POSITION has no data (accessor 0 has no buffer view)"
+        "mesh 0 \"triangle\", primitive 0: POSITION has no data of its own: the file is compressed with \
+         KHR_draco_mesh_compression"
+    );
+    draco["extensionsUsed"] = json!([]);
+    assert_eq!(
+        fault(&draco, None).0,
+        "mesh 0 \"triangle\", primitive 0: POSITION has no data: accessor 0 has no buffer view"
     );
     refuses(
         &[

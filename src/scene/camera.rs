@@ -36,8 +36,9 @@ impl Camera {
         self.forward + x * self.right + y * self.up
     }
 
-    /// The raster point `(u, v)` at which `point` is seen, the inverse of [`Camera::ray_direction`]. `None` when it lies
-    /// beside or behind the camera; outside `[0, w]` × `[0, h]` it lies before the camera but out of view.
+    /// The raster point `(u, v)` at which `point` is seen, the inverse of [`Camera::ray_direction`]. `None`
+    /// when it lies beside or behind the camera; outside `[0, w]` × `[0, h]` it lies before the camera but out
+    /// of view.
     pub fn project(&self, point: Vec3, resolution: Resolution) -> Option<(f32, f32)> {
         let offset = point - self.position;
         let depth = offset.dot(self.forward);

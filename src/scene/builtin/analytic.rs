@@ -7,8 +7,8 @@ use glam::{DVec3, Vec3, dvec3, vec3};
 use super::model::{Model, Part, camera_along_z, matte};
 use crate::scene::Scene;
 
-/// A matte plane of this albedo at `distance` metres, square to the optical axis, and much larger than the view (half a field of view of
-/// tangent 0.5). With an all-ones pattern each pixel reads `albedo/(π·distance²)`.
+/// A matte plane of this albedo at `distance` metres, square to the optical axis, and much larger than the view
+/// (half a field of view of tangent 0.5). With an all-ones pattern each pixel reads `albedo/(π·distance²)`.
 pub fn plane(distance: f32, albedo: f32) -> Scene {
     let mut part = Part::new("plane", None);
     let side = 10.0 * distance;
@@ -18,8 +18,9 @@ pub fn plane(distance: f32, albedo: f32) -> Scene {
     matte_scene("plane", vec![part], albedo, 0.5)
 }
 
-/// Two matte square plates that face each other: `side` metres a side, `separation` metres apart, left and right of
-/// the optical axis. The camera sees the inner faces of both; their near edges are one `separation` away from it along the axis.
+/// Two matte square plates that face each other: `side` metres a side, `separation` metres apart, left and
+/// right of the optical axis. The camera sees the inner faces of both; their near edges are one `separation`
+/// away from it along the axis.
 ///
 /// The form factor from one to the other, with `x = side/separation`, is
 /// `2/(π x²)·(ln√((1+x²)²/(1+2x²)) + 2x√(1+x²)·atan(x/√(1+x²)) − 2x·atan x)`.
@@ -35,8 +36,9 @@ pub fn parallel_plates(side: f32, separation: f32, albedo: f32) -> Scene {
     matte_scene("parallel-plates", vec![left, right], albedo, tan_half_fov)
 }
 
-/// A matte sphere around the camera, `radius` metres, fronts inwards: an icosahedron of which each triangle is split
-/// into four `subdivisions` times (`20·4^subdivisions` triangles; at most 8 times). The camera's field of view is 90°.
+/// A matte sphere around the camera, `radius` metres, fronts inwards: an icosahedron of which each triangle is
+/// split into four `subdivisions` times (`20·4^subdivisions` triangles; at most 8 times). The camera's field of
+/// view is 90°.
 ///
 /// In the limit of a true sphere every point sees every other alike: once the light has bounced, it is uniform.
 pub fn inside_sphere(radius: f32, subdivisions: u32, albedo: f32) -> Scene {

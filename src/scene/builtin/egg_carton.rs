@@ -24,18 +24,18 @@ const EGG: DVec3 = dvec3(0.050, 0.036, 0.036);
 const EGG_SEGMENTS: usize = 16;
 const EGG_RINGS: usize = 12;
 
-/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, lying on the floor with its rims at height 0; the camera looks down
-/// on it from 1 m, and the carton fills the view. A cup is 0.20 m × 0.15 m and 0.09 m deep. All rims are equally high and no cup
-/// rises above them, so light bounces within a cup but never from one to another. Each cup is a region, counted from
-/// the far left in rows.
+/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, lying on the floor with its rims at height 0; the camera looks
+/// down on it from 1 m, and the carton fills the view. A cup is 0.20 m × 0.15 m and 0.09 m deep. All rims are
+/// equally high and no cup rises above them, so light bounces within a cup but never from one to another. Each
+/// cup is a region, in rows of three from the top left of the photo.
 pub fn carton() -> Model {
     model("carton", |_| false)
 }
 
-/// The same carton with an egg in every second cup, as on the black squares of a chessboard. An egg belongs to the region of its
-/// cup and stays below the rim.
+/// The same carton with an egg in every second cup, as on the black squares of a chessboard. An egg belongs to
+/// the region of its cup and stays below the rim.
 pub fn carton_eggs() -> Model {
-    model("carton-eggs", |cup| (cup % COLUMNS + cup / COLUMNS) % 2 == 0)
+    model("carton-eggs", |cup| (cup % COLUMNS + cup / COLUMNS).is_multiple_of(2))
 }
 
 fn model(name: &'static str, has_egg: impl Fn(usize) -> bool) -> Model {
@@ -119,8 +119,8 @@ impl Cup {
     }
 }
 
-/// Depth of a cup at `across` and `along` in [−1, 1]: flat in the middle, smooth, and exactly 0 on the rim. Contours are
-/// rounded rectangles.
+/// Depth of a cup at `across` and `along` in [−1, 1]: flat in the middle, smooth, and exactly 0 on the rim.
+/// Contours are rounded rectangles.
 fn depth(across: f64, along: f64) -> f64 {
     let radius = (across.powi(4) + along.powi(4)).sqrt().sqrt();
     let rise = ((radius - FLOOR) / (1.0 - FLOOR)).clamp(0.0, 1.0);

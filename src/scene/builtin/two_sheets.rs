@@ -13,10 +13,10 @@ const RIM: f64 = 0.85;
 const STRIPS: usize = 24;
 
 /// Two white sheets of paper side by side, each bent about a vertical axis into a trough that opens towards the
-/// camera: part of a cylinder, 120° of it on the left and 100° on the right, 0.43 m and 0.41 m from rim to rim, 0.9 m high. A
-/// gap of 2 mm is between them. Both rims of both sheets are 0.85 m from the camera and everything else lies behind, so a line
-/// from one sheet to the other is blocked by their rims: they exchange no light. Left is region 0, right region 1.
-/// Unlike the zigzag's, the halves are not mirror images.
+/// camera: part of a cylinder, 120° of it on the left and 100° on the right, 0.43 m and 0.41 m from rim to rim,
+/// 0.9 m high. A gap of 2 mm is between them. Both rims of both sheets are 0.85 m from the camera and
+/// everything else lies behind, so a line from one sheet to the other is blocked by their rims: they exchange
+/// no light. Left is region 0, right region 1. Unlike the zigzag's, the halves are not mirror images.
 pub fn two_sheets() -> Model {
     Model {
         name: "two-sheets",

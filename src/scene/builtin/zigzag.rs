@@ -7,10 +7,11 @@ use super::model::{Model, Part, camera_along_z, white_paper};
 /// tan 25°
 const TAN_HALF_FOV: f32 = 0.466_307_67;
 
-/// Two white sheets, each folded along the vertical into a valley, ridge to ridge: `\/\/` seen from above. Their rims
-/// lie 0.8 m from the camera and their valleys 1.1 m; each is 0.4 m wide and 1.4 m high, and together they fill the
-/// view. A straight line from one sheet to the other would have to pass in front of the ridge between them, and no
-/// point of a sheet lies that far in front: the sheets exchange no light at all. Left is region 0, right region 1; they are mirror images.
+/// Two white sheets, each folded along the vertical into a valley, ridge to ridge: `\/\/` seen from above.
+/// Their rims lie 0.8 m from the camera and their valleys 1.1 m; each is 0.4 m wide and 1.4 m high, and
+/// together they fill the view. A straight line from one sheet to the other would have to pass in front of the
+/// ridge between them, and no point of a sheet lies that far in front: the sheets exchange no light at all.
+/// Left is region 0, right region 1; they are mirror images.
 pub fn zigzag() -> Model {
     let left = fold("left sheet", 0, [-0.4, -0.2, 0.0]);
     let right = fold("right sheet", 1, [0.0, 0.2, 0.4]);

@@ -4,7 +4,7 @@ use gltf::json;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
-use super::{Document, buffers};
+use super::{Document, buffers, extensions};
 use crate::error::Result;
 
 /// A checked accessor: every element up to `count` lies inside `bytes`.
@@ -54,10 +54,13 @@ pub(super) fn open<'a>(
         return Err(document.fault(format!("{what} (accessor {index}) is not of type {shape:?}"), help));
     }
     let Some(view_index) = accessor.buffer_view else {
-        return Err(document.fault(
-            format!("{what} has no data (accessor {index} has no buffer view)"),
-            "the data may be in an unsupported extension: export the scene without mesh compression",
-        ));
+        return Err(match extensions::compression(document) {
+            Some(name) => document.fault(
+                format!("{what} has no data of its own: the file is compressed with {name}"),
+                extensions::advice(name),
+            ),
+            None => document.fault(format!("{what} has no data: accessor {index} has no buffer view"), help),
+        });
     };
     let (view, stride) = buffers::view(document, &format!("accessor {index}"), view_index)?;
     let element = component.size() * shape.multiplicity();

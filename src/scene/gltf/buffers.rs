@@ -2,8 +2,8 @@
 
 use gltf::json;
 
-use super::{Document, called, uri};
-use crate::error::Result;
+use super::{Document, called, extensions, uri};
+use crate::error::{Error, Result};
 
 /// Reads every buffer of the file.
 pub(super) fn load(document: &mut Document) -> Result<()> {
@@ -27,18 +27,17 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-fn missing(document: &Document, what: &str) -> crate::error::Error {
-    let meshopt = "EXT_meshopt_compression";
-    if document.root.extensions_used.iter().any(|name| name == meshopt) {
-        return document.fault(
-            format!("{what} has no data of its own: the file is compressed with {meshopt}"),
-            "export the scene without mesh compression",
-        );
+fn missing(document: &Document, what: &str) -> Error {
+    match extensions::compression(document) {
+        Some(name) => document.fault(
+            format!("{what} has no data of its own: the file is compressed with {name}"),
+            extensions::advice(name),
+        ),
+        None => document.fault(
+            format!("{what} has neither a URI nor a binary chunk in the file"),
+            "the file is incomplete: export it again",
+        ),
     }
-    document.fault(
-        format!("{what} has neither a URI nor a binary chunk in the file"),
-        "the file is incomplete: export it again",
-    )
 }
 
 /// The bytes of a buffer view, and its stride if it states one. `what` names its user.

@@ -24,7 +24,7 @@ const FOLLOWED: [&str; 5] = [
 const LIGHTS: &str = "KHR_lights_punctual";
 
 /// Used, these change nothing in the picture of the scene as the file presents it.
-const WITHOUT_EFFECT: [&str; 9] = [
+const WITHOUT_EFFECT: [&str; 8] = [
     "KHR_xmp",
     "KHR_xmp_json_ld",
     "KHR_materials_variants",
@@ -33,19 +33,13 @@ const WITHOUT_EFFECT: [&str; 9] = [
     "KHR_physics_rigid_bodies",
     "KHR_implicit_shapes",
     "MSFT_lod",
-    "EXT_lights_image_based",
 ];
 
+const COMPRESSION: [&str; 3] =
+    ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
+
 /// These are met, or not, where a mesh or a texture turns out to have no other data, or where a material uses them.
-const CHECKED_AT_USE: [&str; 7] = [
-    "KHR_draco_mesh_compression",
-    "EXT_meshopt_compression",
-    "KHR_meshopt_compression",
-    "KHR_texture_basisu",
-    "EXT_texture_webp",
-    "EXT_texture_avif",
-    "KHR_materials_unlit",
-];
+const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif"];
 
 /// Refuses required extensions that are not followed, and warns of used ones.
 pub(super) fn check(document: &mut Document) -> Result<()> {
@@ -67,6 +61,7 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         } else if !FOLLOWED.contains(&name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
+            && !COMPRESSION.contains(&name)
             // Named with the material that uses it, and not at all if none does.
             && !name.starts_with("KHR_materials_")
         {
@@ -76,12 +71,15 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
+/// The mesh compression that the file uses, if any: the likely reason why data is not where it should be.
+pub(super) fn compression(document: &Document) -> Option<&str> {
+    document.root.extensions_used.iter().map(String::as_str).find(|name| COMPRESSION.contains(name))
+}
+
 /// What to do about an extension that is required but not supported.
 pub(super) fn advice(name: &str) -> &'static str {
     match name {
-        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            "export the scene without mesh compression"
-        }
+        _ if COMPRESSION.contains(&name) => "export the scene without mesh compression",
         "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" => {
             "export the scene with PNG or JPEG pictures"
         }

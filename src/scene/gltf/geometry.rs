@@ -139,8 +139,7 @@ impl Assembly {
                     )
                 })?;
                 let world = placement.transform.transform_point3(local.as_dvec3()).as_vec3();
-                // NaN fails the comparison, too.
-                if !(world.abs().max_element() <= MAX_COORDINATE) || !local.is_finite() || world.is_nan() {
+                if !world.is_finite() || world.abs().max_element() > MAX_COORDINATE {
                     return Err(bad_position(document, what, vertex, local));
                 }
                 positions[corner] = world;
