@@ -32,6 +32,7 @@ pub mod operator;
 pub mod render;
 pub mod report;
 pub mod scene;
+pub mod sparse;
 pub mod transport;
 
 pub use error::{Error, Result};

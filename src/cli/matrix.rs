@@ -9,8 +9,8 @@ use serde_json::json;
 use super::console::Console;
 use super::options::{ChannelsArg, OutputArgs, SourceArgs, TraceArgs};
 use super::{Outcome, simulation};
-use crate::report::{atomic, sparse};
-use crate::transport::{Channels, Csr, Part};
+use crate::report::sparse;
+use crate::transport::{Channels, Part};
 
 /// Write the light transport matrix, traced once, as a sparse matrix
 #[derive(clap::Args)]
@@ -50,8 +50,7 @@ impl From<PartArg> for Part {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    format(&args.file)?;
-    atomic::check_writable(&args.file)?;
+    sparse::check_writable(&args.file)?;
     let scene = simulation::load(&args.source, console)?;
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let channels = args.channels.into();
@@ -62,9 +61,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     };
     let mut nonzeros = Vec::new();
     for (channel, file) in files.iter().enumerate() {
-        let csr = traced.matrix.to_csr(args.part.into(), channel);
-        write(file, &csr)?;
-        nonzeros.push(csr.weights.len());
+        let csr = traced.matrix.to_csr(args.part.into(), channel)?;
+        sparse::write(file, &csr)?;
+        nonzeros.push(csr.weights().len());
         console.say(format_args!("wrote     {}", file.display()))?;
     }
     console.summary(&json!({
@@ -82,33 +81,4 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn with_channel(file: &Path, channel: &str) -> PathBuf {
     let extension = file.extension().unwrap_or_default().to_string_lossy();
     file.with_extension(format!("{channel}.{extension}"))
-}
-
-enum Format {
-    Npz,
-    Mtx,
-}
-
-fn format(file: &Path) -> Result<Format> {
-    match file.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).as_deref() {
-        Some("npz") => Ok(Format::Npz),
-        Some("mtx") => Ok(Format::Mtx),
-        _ => Err(crate::Error::Data {
-            path: file.to_path_buf(),
-            fault: "its extension tells no sparse matrix format".into(),
-            help: "name it .npz (for scipy.sparse.load_npz) or .mtx (Matrix Market)".into(),
-        }
-        .into()),
-    }
-}
-
-fn write(file: &Path, csr: &Csr) -> Result<()> {
-    let starts: Vec<u64> = csr.row_start.iter().map(|&start| start as u64).collect();
-    let n = starts.len() - 1;
-    let matrix = sparse::Csr::new(n, n, &starts, &csr.columns, &csr.weights)?;
-    match format(file)? {
-        Format::Npz => sparse::write_npz(file, matrix)?,
-        Format::Mtx => sparse::write_mtx(file, matrix)?,
-    }
-    Ok(())
 }

@@ -199,7 +199,7 @@ fn score(segmentation: &Segmentation, truth: Option<&Truth>) -> Result<Vec<(usiz
 }
 
 fn say(segmentation: &Segmentation, console: &Console) -> Result<()> {
-    console.say(format_args!("photos    {}: {}", segmentation.photos, segmentation.status))?;
+    console.say(format_args!("photos    {}", segmentation.status))?;
     let masked = segmentation.mask.iter().filter(|&&masked| masked).count();
     if masked > 0 {
         let share = 100.0 * masked as f64 / segmentation.mask.len() as f64;

@@ -9,86 +9,41 @@ use zip::{CompressionMethod, ZipWriter};
 
 use super::atomic;
 use crate::error::{Error, Result};
+use crate::sparse::Csr;
 
-/// A matrix in compressed sparse rows, borrowed: row `j` holds `data[indptr[j]..indptr[j + 1]]` at the columns
-/// `indices[indptr[j]..indptr[j + 1]]`, which ascend strictly.
-#[derive(Clone, Copy, Debug)]
-pub struct Csr<'a> {
-    rows: usize,
-    cols: usize,
-    indptr: &'a [u64],
-    indices: &'a [u32],
-    data: &'a [f32],
+/// Writes a matrix in the format that the extension says: `.npz` ([`write_npz`]) or `.mtx` ([`write_mtx`]).
+///
+/// # Errors
+/// [`Error::Data`] for another extension; [`Error::Write`].
+pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
+    match kind(path)? {
+        Kind::Npz => write_npz(path, matrix),
+        Kind::Mtx => write_mtx(path, matrix),
+    }
 }
 
-impl<'a> Csr<'a> {
-    /// Wraps the three arrays of a `rows` × `cols` matrix.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when they do not describe such a matrix.
-    pub fn new(
-        rows: usize,
-        cols: usize,
-        indptr: &'a [u64],
-        indices: &'a [u32],
-        data: &'a [f32],
-    ) -> Result<Self> {
-        let mismatch =
-            |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
-        if indptr.len() != rows + 1 {
-            return mismatch(
-                "row pointers of a sparse matrix",
-                (rows + 1).to_string(),
-                indptr.len().to_string(),
-            );
-        }
-        if indices.len() != data.len() {
-            return mismatch("columns of a sparse matrix", data.len().to_string(), indices.len().to_string());
-        }
-        let ends = (indptr[0], indptr[rows]);
-        if ends != (0, data.len() as u64) || !indptr.is_sorted() {
-            return mismatch(
-                "row pointers of a sparse matrix",
-                format!("ascending from 0 to {}", data.len()),
-                format!("{} to {}", ends.0, ends.1),
-            );
-        }
-        let matrix = Self { rows, cols, indptr, indices, data };
-        for row in 0..rows {
-            let columns = matrix.row(row).0;
-            let ascends = columns.is_sorted_by(|a, b| a < b);
-            if !ascends || columns.last().is_some_and(|&last| last as usize >= cols) {
-                return mismatch(
-                    "columns of a sparse matrix",
-                    format!("strictly ascending below {cols}"),
-                    format!("others in row {row}"),
-                );
-            }
-        }
-        Ok(matrix)
-    }
+/// Whether [`write`] could write `path`: it has a known extension, and its folder is there and writable.
+///
+/// # Errors
+/// As [`write`].
+pub fn check_writable(path: &Path) -> Result<()> {
+    kind(path).and_then(|_| atomic::check_writable(path))
+}
 
-    /// Columns and values of one row.
-    fn row(&self, row: usize) -> (&'a [u32], &'a [f32]) {
-        let range = self.indptr[row] as usize..self.indptr[row + 1] as usize;
-        (&self.indices[range.clone()], &self.data[range])
-    }
+enum Kind {
+    Npz,
+    Mtx,
+}
 
-    /// Entries as (row, column, value), row by row.
-    fn entries(self) -> impl Iterator<Item = (usize, usize, f32)> + use<'a> {
-        (0..self.rows).flat_map(move |row| {
-            let (columns, values) = self.row(row);
-            columns.iter().zip(values).map(move |(&column, &value)| (row, column as usize, value))
-        })
-    }
-
-    /// Whether each entry has its mirror image, equal to the last bit.
-    pub fn is_symmetric(&self) -> bool {
-        self.rows == self.cols
-            && self.entries().all(|(row, column, value)| {
-                let (columns, values) = self.row(column);
-                columns.binary_search(&(row as u32)).is_ok_and(|at| values[at].to_bits() == value.to_bits())
-            })
+fn kind(path: &Path) -> Result<Kind> {
+    match path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).as_deref() {
+        Some("npz") => Ok(Kind::Npz),
+        Some("mtx") => Ok(Kind::Mtx),
+        _ => Err(Error::Data {
+            path: path.to_path_buf(),
+            fault: "its extension tells no sparse matrix format".into(),
+            help: "name it .npz (for scipy.sparse.load_npz) or .mtx (Matrix Market)".into(),
+        }),
     }
 }
 
@@ -99,20 +54,35 @@ impl<'a> Csr<'a> {
 ///
 /// # Errors
 /// [`Error::Write`].
-pub fn write_npz(path: &Path, matrix: Csr<'_>) -> Result<()> {
+pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
     atomic::write_with(path, |file| {
         let mut archive = ZipWriter::new(file);
-        let largest = [matrix.rows, matrix.cols, matrix.data.len()].into_iter().max().unwrap_or(0);
+        let largest = [matrix.rows(), matrix.cols(), matrix.weights().len()].into_iter().max().unwrap_or(0);
         if i32::try_from(largest).is_ok() {
-            add(&mut archive, "indices", matrix.indices.len(), matrix.indices.iter().map(|&v| v as i32))?;
-            add(&mut archive, "indptr", matrix.indptr.len(), matrix.indptr.iter().map(|&v| v as i32))?;
+            add(&mut archive, "indices", matrix.columns().len(), matrix.columns().iter().map(|&v| v as i32))?;
+            add(
+                &mut archive,
+                "indptr",
+                matrix.row_start().len(),
+                matrix.row_start().iter().map(|&v| v as i32),
+            )?;
         } else {
-            add(&mut archive, "indices", matrix.indices.len(), matrix.indices.iter().map(|&v| i64::from(v)))?;
-            add(&mut archive, "indptr", matrix.indptr.len(), matrix.indptr.iter().map(|&v| v as i64))?;
+            add(
+                &mut archive,
+                "indices",
+                matrix.columns().len(),
+                matrix.columns().iter().map(|&v| i64::from(v)),
+            )?;
+            add(
+                &mut archive,
+                "indptr",
+                matrix.row_start().len(),
+                matrix.row_start().iter().map(|&v| v as i64),
+            )?;
         }
         add_format(&mut archive)?;
-        add(&mut archive, "shape", 2, [matrix.rows as i64, matrix.cols as i64].into_iter())?;
-        add(&mut archive, "data", matrix.data.len(), matrix.data.iter().copied())?;
+        add(&mut archive, "shape", 2, [matrix.rows() as i64, matrix.cols() as i64].into_iter())?;
+        add(&mut archive, "data", matrix.weights().len(), matrix.weights().iter().copied())?;
         archive.finish()?;
         Ok(())
     })
@@ -165,14 +135,14 @@ fn options(bytes: u64) -> SimpleFileOptions {
 ///
 /// # Errors
 /// [`Error::Write`]; a NaN or infinite entry, which the format cannot hold, is one.
-pub fn write_mtx(path: &Path, matrix: Csr<'_>) -> Result<()> {
+pub fn write_mtx(path: &Path, matrix: &Csr) -> Result<()> {
     let symmetric = matrix.is_symmetric();
     let kept = || matrix.entries().filter(move |&(row, column, _)| !symmetric || column <= row);
     let count = kept().count();
     atomic::write_with(path, |file| {
         let kind = if symmetric { "symmetric" } else { "general" };
         writeln!(file, "%%MatrixMarket matrix coordinate real {kind}")?;
-        writeln!(file, "{} {} {count}", matrix.rows, matrix.cols)?;
+        writeln!(file, "{} {} {count}", matrix.rows(), matrix.cols())?;
         for (row, column, value) in kept() {
             if !value.is_finite() {
                 let fault = format!("entry ({row}, {column}) is {value}");

@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::error::Result;
 use crate::image::Resolution;
+use crate::sparse::Csr;
 
 use super::Channels;
 
@@ -35,17 +37,6 @@ pub struct TransportMatrix {
     pub(super) weights: Vec<Vec<f32>>,
     /// `[channel][pixel]`
     pub(super) direct: Vec<Vec<f32>>,
-}
-
-/// A matrix in compressed sparse rows.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Csr {
-    /// `n + 1` offsets into the other two.
-    pub row_start: Vec<usize>,
-    /// Ascending within a row.
-    pub columns: Vec<u32>,
-    /// The values there.
-    pub weights: Vec<f32>,
 }
 
 impl TransportMatrix {
@@ -96,60 +87,35 @@ impl TransportMatrix {
         });
     }
 
-    /// The `part` of one channel as a matrix of its own, e.g. to be written to a file.
-    pub fn to_csr(&self, part: Part, channel: usize) -> Csr {
+    /// The `part` of one channel as a matrix of its own, e.g. to be written to a file. The diagonal of the full matrix
+    /// is the rounded sum of both parts'.
+    ///
+    /// # Errors
+    /// None that this matrix can cause; the constructor of [`Csr`] checks its arrays.
+    pub fn to_csr(&self, part: Part, channel: usize) -> Result<Csr> {
         let pixels = self.resolution.pixels();
-        let mut csr = Csr { row_start: vec![0], columns: Vec::new(), weights: Vec::new() };
+        let (direct, weights) = (&self.direct[channel], &self.weights[channel]);
+        let mut row_start = vec![0];
+        let mut entries: Vec<(u32, f32)> = Vec::new();
         for row in 0..pixels {
-            let diagonal =
-                (part != Part::Global).then_some(self.direct[channel][row]).filter(|&value| value != 0.0);
-            let entries =
-                if part == Part::Direct { 0..0 } else { self.row_start[row]..self.row_start[row + 1] };
-            let split = entries.start
-                + self.columns[entries.clone()].partition_point(|&column| (column as usize) < row);
-            csr.push(self, channel, entries.start..split);
-            // The global part may have an entry on the diagonal as well (light that comes back to where it was sent).
-            let meets = split < entries.end && self.columns[split] as usize == row;
-            match (diagonal, meets) {
-                (None, _) => csr.push(self, channel, split..entries.end),
-                (Some(value), true) => {
-                    csr.columns.push(row as u32);
-                    csr.weights.push(value + self.weights[channel][split]);
-                    csr.push(self, channel, split + 1..entries.end);
-                }
-                (Some(value), false) => {
-                    csr.columns.push(row as u32);
-                    csr.weights.push(value);
-                    csr.push(self, channel, split..entries.end);
+            if part != Part::Direct {
+                let global = self.row_start[row]..self.row_start[row + 1];
+                entries.extend(
+                    self.columns[global.clone()].iter().copied().zip(weights[global].iter().copied()),
+                );
+            }
+            if part != Part::Global && direct[row] != 0.0 {
+                let own = *row_start.last().unwrap_or(&0);
+                // The global part may have an entry there as well: light that comes back to where it was sent.
+                match entries[own..].binary_search_by_key(&(row as u32), |entry| entry.0) {
+                    Ok(at) => entries[own + at].1 += direct[row],
+                    Err(at) => entries.insert(own + at, (row as u32, direct[row])),
                 }
             }
-            csr.row_start.push(csr.columns.len());
+            row_start.push(entries.len());
         }
-        csr
-    }
-}
-
-impl Csr {
-    fn push(&mut self, matrix: &TransportMatrix, channel: usize, entries: std::ops::Range<usize>) {
-        self.columns.extend_from_slice(&matrix.columns[entries.clone()]);
-        self.weights.extend_from_slice(&matrix.weights[channel][entries]);
-    }
-
-    /// Whether the matrix equals its transpose to the last bit.
-    pub fn is_symmetric(&self) -> bool {
-        // Columns ascend within rows, so walking the rows in order meets the entries of each column in order too: the
-        // next unmatched entry of row `column` must be this one's mirror image.
-        let mut next = self.row_start.clone();
-        (0..self.row_start.len() - 1).all(|row| {
-            (self.row_start[row]..self.row_start[row + 1]).all(|entry| {
-                let column = self.columns[entry] as usize;
-                let mirror = next[column];
-                next[column] += 1;
-                mirror < self.row_start[column + 1]
-                    && self.columns[mirror] as usize == row
-                    && self.weights[mirror].to_bits() == self.weights[entry].to_bits()
-            })
-        })
+        let (columns, weights) = entries.into_iter().unzip();
+        Csr::new(pixels, row_start, columns, weights)
     }
 }
 

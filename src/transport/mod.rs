@@ -11,7 +11,7 @@ mod retraced;
 mod simulated;
 
 pub use assemble::{Assembled, assemble};
-pub use matrix::{Csr, Part, TransportMatrix};
+pub use matrix::{Part, TransportMatrix};
 pub use operator::MatrixOperator;
 pub use retraced::Retraced;
 pub use simulated::Simulated;

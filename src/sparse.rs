@@ -1,0 +1,119 @@
+//! Sparse matrices as the project hands them around: compressed rows, `f32` values.
+
+use crate::error::{Error, Result};
+
+/// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at the columns
+/// `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Csr {
+    cols: usize,
+    row_start: Vec<usize>,
+    columns: Vec<u32>,
+    weights: Vec<f32>,
+}
+
+impl Csr {
+    /// Wraps the three arrays of a matrix with `cols` columns and one row less than `row_start` has entries.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when they do not describe such a matrix.
+    pub fn new(cols: usize, row_start: Vec<usize>, columns: Vec<u32>, weights: Vec<f32>) -> Result<Self> {
+        let mismatch =
+            |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
+        if columns.len() != weights.len() {
+            let found = columns.len().to_string();
+            return mismatch("columns of a sparse matrix", weights.len().to_string(), found);
+        }
+        let ends = (row_start.first(), row_start.last());
+        if ends != (Some(&0), Some(&weights.len())) || !row_start.is_sorted() {
+            let expected = format!("ascending from 0 to {}", weights.len());
+            return mismatch("row starts of a sparse matrix", expected, format!("{ends:?}"));
+        }
+        let matrix = Self { cols, row_start, columns, weights };
+        for row in 0..matrix.rows() {
+            let columns = matrix.row(row).0;
+            let ascends = columns.is_sorted_by(|a, b| a < b);
+            if !ascends || columns.last().is_some_and(|&last| last as usize >= cols) {
+                let expected = format!("strictly ascending below {cols}");
+                return mismatch("columns of a sparse matrix", expected, format!("others in row {row}"));
+            }
+        }
+        Ok(matrix)
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.row_start.len() - 1
+    }
+
+    /// Number of columns.
+    pub fn cols(&self) -> usize {
+        self.cols
+    }
+
+    /// Offsets of the rows, and the number of entries last.
+    pub fn row_start(&self) -> &[usize] {
+        &self.row_start
+    }
+
+    /// Column of each entry.
+    pub fn columns(&self) -> &[u32] {
+        &self.columns
+    }
+
+    /// Value of each entry.
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
+    /// Columns and values of one row.
+    pub fn row(&self, row: usize) -> (&[u32], &[f32]) {
+        let range = self.row_start[row]..self.row_start[row + 1];
+        (&self.columns[range.clone()], &self.weights[range])
+    }
+
+    /// Entries as (row, column, value), row by row.
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f32)> + '_ {
+        (0..self.rows()).flat_map(move |row| {
+            let (columns, values) = self.row(row);
+            columns.iter().zip(values).map(move |(&column, &value)| (row, column as usize, value))
+        })
+    }
+
+    /// Whether each entry has its mirror image, equal to the last bit.
+    pub fn is_symmetric(&self) -> bool {
+        self.rows() == self.cols
+            && self.entries().all(|(row, column, value)| {
+                let (columns, values) = self.row(column);
+                columns.binary_search(&(row as u32)).is_ok_and(|at| values[at].to_bits() == value.to_bits())
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn symmetric(cols: usize, start: &[usize], columns: &[u32], weights: &[f32]) -> Option<bool> {
+        let matrix = Csr::new(cols, start.to_vec(), columns.to_vec(), weights.to_vec());
+        matrix.ok().map(|matrix| matrix.is_symmetric())
+    }
+
+    #[test]
+    fn symmetry_is_to_the_last_bit() {
+        assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.5]), Some(true));
+        assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.500_000_1]), Some(false));
+        assert_eq!(symmetric(2, &[0, 1], &[1], &[1.0]), Some(false), "not square");
+    }
+
+    #[test]
+    fn arrays_that_make_no_matrix_are_refused() {
+        assert_eq!(symmetric(3, &[0, 1, 2], &[2, 0], &[1.0, 1.0]), Some(false), "this one is fine");
+        assert_eq!(symmetric(3, &[0, 2, 1], &[0, 1], &[1.0, 1.0]), None, "descending");
+        assert_eq!(symmetric(3, &[0, 5, 2], &[0, 1], &[1.0, 1.0]), None, "beyond the end");
+        assert_eq!(symmetric(3, &[0, 1, 2], &[3, 0], &[1.0, 1.0]), None, "column out of range");
+        assert_eq!(symmetric(3, &[0, 2, 2], &[1, 1], &[1.0, 1.0]), None, "column twice");
+        assert_eq!(symmetric(3, &[0, 1, 2], &[0, 1], &[1.0]), None, "a value is missing");
+        assert_eq!(symmetric(3, &[], &[], &[]), None, "not even zero rows");
+    }
+}
