@@ -156,7 +156,7 @@ impl SegmentationRun<'_> {
         });
         sections.push(Section {
             title: "Spectrum and convergence".into(),
-            text: format!("{} photos: {}.", found.photos, found.status),
+            text: format!("{}.", found.status),
             blocks: vec![self.spectrum(), self.convergence(), self.table()],
         });
         Report {
@@ -177,7 +177,7 @@ impl SegmentationRun<'_> {
                     "{photos} photos; at {groups} groups the adjusted Rand index against the true regions is {score:.4}."
                 )
             }
-            None => format!("{photos} photos; {}.", self.segmentation.status),
+            None => format!("{}.", self.segmentation.status),
         }
     }
 

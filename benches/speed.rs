@@ -1,0 +1,152 @@
+//! How fast tracing, products and a whole run are, as ratios taken in one process. `cargo bench`; see `benches/README.md`.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use krylux::analysis::{Capture, SegmentOptions};
+use krylux::image::{Image, Resolution};
+use krylux::krylov::keep_going;
+use krylux::render::{TraceSettings, TraceSummary, Tracer};
+use krylux::scene::{Scene, builtin};
+use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Retraced, Transport, assemble};
+
+/// Turns of each measurement; medians and ranges are printed.
+const TURNS: usize = 5;
+
+type Outcome = Result<(), Box<dyn std::error::Error>>;
+
+fn main() -> Outcome {
+    // `cargo test --benches` passes this; there is nothing to test here.
+    if std::env::args().any(|argument| argument == "--test") {
+        return Ok(());
+    }
+    // A process of its own, so that nothing before it counts.
+    if std::env::args().any(|argument| argument == "--peak-memory") {
+        return print_peak_memory();
+    }
+    let cores = std::thread::available_parallelism()?;
+    println!("krylux {}, {cores} cores, {TURNS} turns, median (least to most)\n", env!("CARGO_PKG_VERSION"));
+    tracing()?;
+    whole_run("corner, 4 triangles", &builtin::corner().to_scene())?;
+    whole_run("zigzag, 8 triangles", &builtin::zigzag().to_scene())?;
+    whole_run("box, 100,000 triangles", &builtin::tessellated_box(100_000))?;
+    memory()
+}
+
+fn settings(side: usize, samples: u32) -> TraceSettings {
+    TraceSettings { resolution: Resolution::new(side, side), samples, max_bounces: 6, seed: 0 }
+}
+
+fn trace(tracer: &mut Tracer, settings: &TraceSettings) -> krylux::Result<Assembled> {
+    assemble(tracer, settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))
+}
+
+/// Paths and rays per second, by the number of triangles.
+fn tracing() -> Outcome {
+    println!("tracing, 128x128, 64 samples, 6 bounces");
+    for triangles in [100, 100_000] {
+        let scene = builtin::tessellated_box(triangles);
+        let start = Instant::now();
+        let mut tracer = Tracer::new(&scene, None)?;
+        let opened = start.elapsed();
+        // The first pass compiles the kernel.
+        let first = trace(&mut tracer, &settings(16, 4))?.summary.tracing;
+        let mut passes = Vec::new();
+        for _ in 0..TURNS {
+            passes.push(trace(&mut tracer, &settings(128, 64))?.summary);
+        }
+        let rate = |count: fn(&TraceSummary) -> u64| {
+            spread(passes.iter().map(|pass| count(pass) as f64 / pass.tracing.as_secs_f64() / 1e6))
+        };
+        let longest = passes.iter().map(|pass| pass.longest).max().unwrap_or_default();
+        println!("  {} triangles, on {}", scene.triangles.len(), tracer.adapter().name);
+        println!("    paths per second, millions         {}", rate(|pass| pass.paths));
+        println!("    rays per second, millions          {}", rate(|pass| pass.rays));
+        println!("    to open the scene                  {:8.3} s", opened.as_secs_f64());
+        println!("    first dispatches, compiling        {:8.3} s", first.as_secs_f64());
+        println!("    longest dispatch after that        {:8.3} s", longest.as_secs_f64());
+    }
+    println!();
+    Ok(())
+}
+
+/// A product, a traced photo and a run of 50 photos, each against the tracing pass.
+fn whole_run(name: &str, scene: &Scene) -> Outcome {
+    println!("{name}, 128x128, 64 samples, 6 bounces");
+    let settings = settings(128, 64);
+    let mut tracer = Tracer::new(scene, None)?;
+    let white = Image::filled(settings.resolution, 1, 1.0);
+    trace(&mut tracer, &TraceSettings { samples: 1, ..settings })?;
+    let [mut pass, mut matrix, mut product, mut photo, mut run] = [const { Vec::<f64>::new() }; 5];
+    for _ in 0..TURNS {
+        let start = Instant::now();
+        let traced = trace(&mut tracer, &settings)?;
+        let to_matrix = start.elapsed().as_secs_f64();
+        let to_photos = time(|| capture(&traced).map(drop))?.as_secs_f64();
+        let (x, mut y) = (vec![1.0; settings.resolution.pixels()], vec![0.0; settings.resolution.pixels()]);
+        let twenty = time(|| {
+            (0..20).for_each(|_| traced.matrix.apply(Part::Full, 0, &x, &mut y));
+            Ok(())
+        })?;
+        let retraced = time(|| {
+            let mut progress = |_| ControlFlow::Continue(());
+            let channels = Channels::Luma;
+            Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress }.photograph(&white).map(drop)
+        })?;
+        let tracing = traced.summary.tracing.as_secs_f64();
+        let one = twenty.as_secs_f64() / 20.0;
+        pass.push(tracing);
+        matrix.push(to_matrix / tracing - 1.0);
+        product.push(one * 1e3);
+        photo.push(retraced.as_secs_f64() / one);
+        run.push((to_matrix + to_photos) / tracing);
+    }
+    println!("    tracing pass, s                    {}", spread(pass));
+    println!("    matrix / tracing pass              {}", spread(matrix));
+    println!("    one product, ms                    {}", spread(product));
+    println!("    one retraced photo / one product   {}", spread(photo));
+    println!("    50-photo run in all / tracing pass {}\n", spread(run));
+    Ok(())
+}
+
+/// All photos of a segmentation, to the last one allowed.
+fn capture(traced: &Assembled) -> krylux::Result<Capture> {
+    let mut operator = MatrixOperator { matrix: &traced.matrix, part: Part::Global, channel: 0 };
+    let mut capture = Capture::new(SegmentOptions { photos: 50, tolerance: 0.0, ..SegmentOptions::default() })?;
+    capture.run(&mut operator, &mut keep_going)?;
+    assert_eq!(capture.photos(), 50, "the run is to take 50 photos");
+    Ok(capture)
+}
+
+fn time(work: impl FnOnce() -> krylux::Result<()>) -> krylux::Result<Duration> {
+    let start = Instant::now();
+    work()?;
+    Ok(start.elapsed())
+}
+
+/// Peak memory of a 50-photo run at 256×256, in a child process.
+fn memory() -> Outcome {
+    let child = std::process::Command::new(std::env::current_exe()?).arg("--peak-memory").output()?;
+    print!("{}", String::from_utf8_lossy(&child.stdout));
+    if child.status.success() { Ok(()) } else { Err(String::from_utf8_lossy(&child.stderr).into()) }
+}
+
+fn print_peak_memory() -> Outcome {
+    let mut tracer = Tracer::new(&builtin::zigzag().to_scene(), None)?;
+    let traced = trace(&mut tracer, &settings(256, 64))?;
+    capture(&traced)?.segmentation()?;
+    let status = std::fs::read_to_string("/proc/self/status")?;
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).ok_or("no VmHWM in /proc/self/status")?;
+    let kibibytes: f64 = peak.trim().trim_end_matches(" kB").parse()?;
+    println!("zigzag, 256x256, 64 samples, 50 photos");
+    println!("    peak memory, GiB                   {:8.3}", kibibytes / f64::from(1 << 20));
+    println!("    of it the matrix, GiB              {:8.3}", traced.matrix.bytes() as f64 / f64::from(1 << 30));
+    Ok(())
+}
+
+/// Median and range.
+fn spread(values: impl IntoIterator<Item = f64>) -> String {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    format!("{:8.3} ({:.3} to {:.3})", values[values.len() / 2], values[0], values[values.len() - 1])
+}

@@ -1,0 +1,254 @@
+//! The program as a user meets it: outputs, messages, exit status.
+
+mod common;
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use common::scene_path;
+use krylux::report::{npy, picture};
+use tempfile::TempDir;
+
+/// The program with these arguments.
+fn krylux(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_krylux"));
+    command.args(arguments);
+    command
+}
+
+fn run(arguments: &[&str]) -> Output {
+    krylux(arguments).output().expect("the program is built with the tests")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn zigzag() -> String {
+    scene_path("zigzag").display().to_string()
+}
+
+fn inside(folder: &TempDir, name: &str) -> String {
+    folder.path().join(name).display().to_string()
+}
+
+fn folder() -> TempDir {
+    TempDir::new().expect("a temporary folder can be made")
+}
+
+/// Asserts an error of exit status 2 whose message holds all of `parts`.
+fn assert_error(arguments: &[&str], parts: &[&str]) {
+    let output = run(arguments);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    for part in parts {
+        assert!(message.contains(part), "{arguments:?}: `{part}` is missing in: {message}");
+    }
+}
+
+#[test]
+fn segment_leaves_everything_a_reader_needs() {
+    let folder = folder();
+    let out = inside(&folder, "run");
+    let output = run(&[
+        "segment", &zigzag(), "--size", "32x24", "--spp", "64", "--photos", "20", "--groups", "2,4", "--eigenvectors", "5", "--json",
+        "-o", &out,
+    ]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON");
+    assert_eq!(summary["photos"], 20);
+    assert!(output.stderr.is_empty(), "quiet in a pipe, but: {}", text(&output.stderr));
+
+    let out = Path::new(&out);
+    let shape = |name: &str| npy::read_npy(&out.join(name)).expect("it is written").shape;
+    assert_eq!(shape("eigenvalues.npy"), [5]);
+    assert_eq!(shape("residuals.npy"), [5]);
+    assert_eq!(shape("eigenvectors.npy"), [5, 24, 32]);
+    assert_eq!(shape("degree.npy"), [24, 32]);
+    for groups in [2_u8, 4] {
+        let labels = npy::read_npy(&out.join(format!("labels-{groups}.npy"))).expect("it is written");
+        assert_eq!(labels.shape, [24, 32]);
+        for group in 0..groups {
+            assert!(labels.values.contains(&f64::from(group)), "group {group} of {groups} is empty");
+        }
+    }
+    for name in ["white.exr", "eigenvectors.exr", "white.png", "labels-2.png", "labels-true.png", "eigenvector-05.png"] {
+        assert!(out.join(name).exists(), "{name}");
+    }
+    let record = std::fs::read_to_string(out.join("run.json")).expect("a run has a record");
+    let record: serde_json::Value = serde_json::from_str(&record).expect("it is JSON");
+    assert_eq!((&record["status"], &record["photos"]), (&"done".into(), &20.into()));
+    for name in record["outputs"].as_array().expect("the files are listed") {
+        assert!(out.join(name.as_str().expect("by name")).exists(), "{name}");
+    }
+    let page = std::fs::read_to_string(out.join("report.html")).expect("a run has a report");
+    assert!(page.contains("adjusted Rand index") && page.contains("data:image/png;base64,"));
+    assert!(!page.contains("http"), "the report asks for nothing from outside");
+}
+
+#[test]
+fn segment_finds_the_folds_of_the_zigzag_at_50_photos() {
+    for size in ["64", "100"] {
+        let folder = folder();
+        let arguments = ["--spp", "128", "--photos", "50", "--groups", "2", "--min-rand-index", "0.99"];
+        let mut command = krylux(&["segment", &zigzag(), "--size", size, "-o", &inside(&folder, "run")]);
+        let output = command.args(arguments).output().expect("the program is built with the tests");
+        assert_eq!(output.status.code(), Some(0), "at {size}: {}{}", text(&output.stdout), text(&output.stderr));
+    }
+}
+
+#[test]
+fn segment_finds_them_at_20_photos_too() {
+    for seed in ["0", "1", "2"] {
+        let folder = folder();
+        let arguments = ["--spp", "256", "--photos", "20", "--groups", "2", "--min-rand-index", "0.99", "--seed", seed];
+        let mut command = krylux(&["segment", &zigzag(), "--size", "64", "-o", &inside(&folder, "run")]);
+        let output = command.args(arguments).output().expect("the program is built with the tests");
+        assert_eq!(output.status.code(), Some(0), "seed {seed}: {}{}", text(&output.stdout), text(&output.stderr));
+    }
+}
+
+#[test]
+fn too_low_a_score_is_exit_status_1() {
+    // Ten groups cannot be two regions; the two groups of the corner are not its two walls, which exchange light.
+    let folder = folder();
+    let corner = scene_path("corner").display().to_string();
+    let arguments = ["--size", "32", "--groups", "2", "--min-rand-index", "0.99"];
+    let mut command = krylux(&["segment", &corner, "-o", &inside(&folder, "run")]);
+    let output = command.args(arguments).output().expect("the program is built with the tests");
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("is below 0.99"));
+}
+
+#[test]
+fn equal_seeds_give_equal_files() {
+    let folder = folder();
+    let files = ["a.npz", "b.npz", "c.npz"].map(|name| inside(&folder, name));
+    for (file, seed) in files.iter().zip(["5", "5", "6"]) {
+        let output = run(&["matrix", &zigzag(), "--size", "24", "--spp", "16", "--seed", seed, "-o", file]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    }
+    let [a, b, c] = files.map(|file| std::fs::read(file).expect("it is written"));
+    assert!(a == b, "two runs with one seed differ");
+    assert!(a != c, "another seed changed nothing");
+}
+
+#[test]
+fn photos_by_replay_and_by_retracing_agree() {
+    let folder = folder();
+    let photo = |operator: &str| {
+        let file = inside(&folder, &format!("{operator}.npy"));
+        let cornell = scene_path("cornell").display().to_string();
+        let arguments = ["--size", "32", "--spp", "16", "--pattern", "checker:4", "--operator", operator, "-o", &file];
+        let mut command = krylux(&["photo", &cornell]);
+        let output = command.args(arguments).output().expect("the program is built with the tests");
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        picture::read(Path::new(&file)).expect("it is written").samples().to_vec()
+    };
+    let (replayed, retraced) = (photo("replay"), photo("retrace"));
+    let norm = |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+    let difference = norm(&mut replayed.iter().zip(&retraced).map(|(a, b)| a - b));
+    // Weights are kept as f32 in the matrix: 6e-8 each.
+    assert!(difference <= 1e-5 * norm(&mut retraced.iter().copied()), "{difference}");
+}
+
+#[test]
+fn labels_are_the_regions_that_pixels_see() {
+    let folder = folder();
+    let file = inside(&folder, "labels.npy");
+    let output = run(&["labels", &zigzag(), "--size", "16", "-o", &file]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let labels = npy::read_npy(Path::new(&file)).expect("it is written").values;
+    // The left fold is region 0, the right one region 1, and they meet in the middle.
+    let expected: Vec<f64> = (0..256).map(|pixel| if pixel % 16 < 8 { 0.0 } else { 1.0 }).collect();
+    assert_eq!(labels, expected);
+}
+
+#[test]
+fn without_a_vulkan_driver_the_package_is_named() {
+    for arguments in [vec!["info"], vec!["photo", &zigzag(), "-o", "/dev/null/photo.npy"]] {
+        let mut command = krylux(&arguments);
+        command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+        command.env("XDG_DATA_DIRS", "/nonexistent").env("XDG_CONFIG_DIRS", "/nonexistent");
+        let output = command.output().expect("the program is built with the tests");
+        assert_eq!(output.status.code(), Some(2));
+        if arguments[0] == "info" {
+            let message = text(&output.stderr);
+            assert!(message.contains("no Vulkan adapter") && message.contains("mesa-vulkan-drivers"), "{message}");
+        }
+    }
+}
+
+#[test]
+fn errors_name_the_file_or_the_option() {
+    let folder = folder();
+    let text_file = inside(&folder, "scene.glb");
+    std::fs::write(&text_file, "not a scene").expect("the folder is writable");
+    let small = inside(&folder, "small.npy");
+    npy::write_npy(Path::new(&small), &[4, 4], &[0.5_f32; 16]).expect("the folder is writable");
+    let z = zigzag();
+
+    assert_error(&["photo", "missing.glb"], &["cannot read missing.glb"]);
+    assert_error(&["photo", &text_file], &["scene.glb"]);
+    assert_error(&["photo", &z, "--camera", "nobody"], &["nobody", "camera"]);
+    assert_error(&["photo", &z, "--pattern", "wihte"], &["--pattern", "checker:N"]);
+    assert_error(&["photo", &z, "--size", "0"], &["--size"]);
+    assert_error(&["photo", &z, "--spp", "0", "--size", "8"], &["--spp"]);
+    assert_error(&["photo", &z, "--max-bounces", "99"], &["--max-bounces", "64"]);
+    assert_error(&["photo", &z, "--size", "8", "--pattern", &small], &["small.npy", "4x4", "8x8"]);
+    assert_error(&["photo", &z, "--size", "8", "--pattern", "pixel:8,0"], &["--pattern", "8,0"]);
+    assert_error(&["photo", &z, "-o", "photo.bmp"], &["photo.bmp", ".exr"]);
+    assert_error(&["photo", &z, "-o", "/nonexistent/photo.png"], &["cannot write /nonexistent/photo.png"]);
+    assert_error(&["photo", &z, "--adapter", "no such GPU"], &["no such GPU"]);
+    assert_error(&["matrix", &z, "-o", "matrix.csv"], &["matrix.csv", ".npz"]);
+    assert_error(&["segment", &z, "--photos", "2"], &["--photos"]);
+    assert_error(&["segment", &z, "--groups", "1"], &["--groups"]);
+}
+
+#[test]
+fn an_earlier_run_is_never_overwritten_unasked() {
+    let folder = folder();
+    let out = inside(&folder, "run");
+    let segment = |more: &[&str]| {
+        let mut command = krylux(&["segment", &zigzag(), "--size", "8", "--spp", "4", "--photos", "5", "--groups", "2", "-o", &out]);
+        command.args(more).output().expect("the program is built with the tests")
+    };
+    assert_eq!(segment(&[]).status.code(), Some(0));
+    let again = segment(&[]);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(text(&again.stderr).contains("already holds a run"));
+    assert_eq!(segment(&["--overwrite"]).status.code(), Some(0));
+}
+
+#[test]
+fn a_reader_who_leaves_is_no_fault() {
+    let mut child = krylux(&["info", &zigzag()]).stdout(Stdio::piped()).spawn().expect("the program is built with the tests");
+    drop(child.stdout.take());
+    let status = child.wait().expect("it was started");
+    assert_eq!(status.code(), Some(0));
+}
+
+/// `kill -INT`, as Ctrl-C does it.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_stops_within_a_batch_and_says_so_in_the_record() {
+    let folder = folder();
+    let out = inside(&folder, "run");
+    // Hours of work, if nobody stopped it.
+    let mut command = krylux(&["segment", &zigzag(), "--size", "512", "--spp", "4096", "-o", &out]);
+    let mut child = command.stderr(Stdio::piped()).spawn().expect("the program is built with the tests");
+    let record = Path::new(&out).join("run.json");
+    let start = Instant::now();
+    while !record.exists() && start.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    std::thread::sleep(Duration::from_millis(1500));
+    let signal = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(signal.expect("every Unix has kill").success());
+    let status = child.wait().expect("it was started");
+    assert_eq!(status.code(), Some(130));
+    let record: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&record).expect("the record is there")).expect("it is whole");
+    assert_eq!(record["status"], "interrupted");
+}
