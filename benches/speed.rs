@@ -91,7 +91,9 @@ fn whole_run(name: &str, scene: &Scene) -> Outcome {
         let retraced = time(|| {
             let mut progress = |_| ControlFlow::Continue(());
             let channels = Channels::Luma;
-            Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress }.photograph(&white).map(drop)
+            Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress }
+                .photograph(&white)
+                .map(drop)
         })?;
         let tracing = traced.summary.tracing.as_secs_f64();
         let one = twenty.as_secs_f64() / 20.0;
@@ -112,7 +114,8 @@ fn whole_run(name: &str, scene: &Scene) -> Outcome {
 /// All photos of a segmentation, to the last one allowed.
 fn capture(traced: &Assembled) -> krylux::Result<Capture> {
     let mut operator = MatrixOperator { matrix: &traced.matrix, part: Part::Global, channel: 0 };
-    let mut capture = Capture::new(SegmentOptions { photos: 50, tolerance: 0.0, ..SegmentOptions::default() })?;
+    let mut capture =
+        Capture::new(SegmentOptions { photos: 50, tolerance: 0.0, ..SegmentOptions::default() })?;
     capture.run(&mut operator, &mut keep_going)?;
     assert_eq!(capture.photos(), 50, "the run is to take 50 photos");
     Ok(capture)
@@ -136,11 +139,15 @@ fn print_peak_memory() -> Outcome {
     let traced = trace(&mut tracer, &settings(256, 64))?;
     capture(&traced)?.segmentation()?;
     let status = std::fs::read_to_string("/proc/self/status")?;
-    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).ok_or("no VmHWM in /proc/self/status")?;
+    let peak =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:")).ok_or("no VmHWM in /proc/self/status")?;
     let kibibytes: f64 = peak.trim().trim_end_matches(" kB").parse()?;
     println!("zigzag, 256x256, 64 samples, 50 photos");
     println!("    peak memory, GiB                   {:8.3}", kibibytes / f64::from(1 << 20));
-    println!("    of it the matrix, GiB              {:8.3}", traced.matrix.bytes() as f64 / f64::from(1 << 30));
+    println!(
+        "    of it the matrix, GiB              {:8.3}",
+        traced.matrix.bytes() as f64 / f64::from(1 << 30)
+    );
     Ok(())
 }
 

@@ -21,6 +21,32 @@
 //! | light transport segmentation (section 5) | [`analysis::segment`] |
 //!
 //! Units, conventions and the symmetric estimator stand in [`render`] and [`transport`].
+//!
+//! # From a scene to its groups
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use std::path::Path;
+//!
+//! use krylux::analysis::{SegmentOptions, segment::segment};
+//! use krylux::image::Resolution;
+//! use krylux::render::{TraceSettings, Tracer};
+//! use krylux::transport::{Channels, MatrixOperator, Part, assemble};
+//!
+//! # fn main() -> krylux::Result<()> {
+//! let scene = krylux::scene::load(Path::new("assets/scenes/zigzag/scene.glb"), None)?;
+//! let mut tracer = Tracer::new(&scene, None)?;
+//! let settings = TraceSettings { resolution: Resolution::new(32, 32), samples: 64, max_bounces: 6, seed: 0 };
+//! let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
+//!
+//! let mut global = MatrixOperator { matrix: &traced.matrix, part: Part::Global, channel: 0 };
+//! let options = SegmentOptions { photos: 20, groups: vec![2], ..SegmentOptions::default() };
+//! let found = segment(&mut global, &options, &mut krylux::krylov::keep_going)?;
+//! // Two regions exchange no light, so the eigenvalue 1 comes twice.
+//! assert!(found.photos == 20 && found.eigenvalues[1] > 0.999);
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod analysis;
 pub mod cli;

@@ -52,11 +52,25 @@ fn segment_leaves_everything_a_reader_needs() {
     let folder = folder();
     let out = inside(&folder, "run");
     let output = run(&[
-        "segment", &zigzag(), "--size", "32x24", "--spp", "64", "--photos", "20", "--groups", "2,4", "--eigenvectors", "5", "--json",
-        "-o", &out,
+        "segment",
+        &zigzag(),
+        "--size",
+        "32x24",
+        "--spp",
+        "64",
+        "--photos",
+        "20",
+        "--groups",
+        "2,4",
+        "--eigenvectors",
+        "5",
+        "--json",
+        "-o",
+        &out,
     ]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON");
+    let summary: serde_json::Value =
+        serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON");
     assert_eq!(summary["photos"], 20);
     assert!(output.stderr.is_empty(), "quiet in a pipe, but: {}", text(&output.stderr));
 
@@ -73,7 +87,14 @@ fn segment_leaves_everything_a_reader_needs() {
             assert!(labels.values.contains(&f64::from(group)), "group {group} of {groups} is empty");
         }
     }
-    for name in ["white.exr", "eigenvectors.exr", "white.png", "labels-2.png", "labels-true.png", "eigenvector-05.png"] {
+    for name in [
+        "white.exr",
+        "eigenvectors.exr",
+        "white.png",
+        "labels-2.png",
+        "labels-true.png",
+        "eigenvector-05.png",
+    ] {
         assert!(out.join(name).exists(), "{name}");
     }
     let record = std::fs::read_to_string(out.join("run.json")).expect("a run has a record");
@@ -94,7 +115,13 @@ fn segment_finds_the_folds_of_the_zigzag_at_50_photos() {
         let arguments = ["--spp", "128", "--photos", "50", "--groups", "2", "--min-rand-index", "0.99"];
         let mut command = krylux(&["segment", &zigzag(), "--size", size, "-o", &inside(&folder, "run")]);
         let output = command.args(arguments).output().expect("the program is built with the tests");
-        assert_eq!(output.status.code(), Some(0), "at {size}: {}{}", text(&output.stdout), text(&output.stderr));
+        assert_eq!(
+            output.status.code(),
+            Some(0),
+            "at {size}: {}{}",
+            text(&output.stdout),
+            text(&output.stderr)
+        );
     }
 }
 
@@ -102,10 +129,17 @@ fn segment_finds_the_folds_of_the_zigzag_at_50_photos() {
 fn segment_finds_them_at_20_photos_too() {
     for seed in ["0", "1", "2"] {
         let folder = folder();
-        let arguments = ["--spp", "256", "--photos", "20", "--groups", "2", "--min-rand-index", "0.99", "--seed", seed];
+        let arguments =
+            ["--spp", "256", "--photos", "20", "--groups", "2", "--min-rand-index", "0.99", "--seed", seed];
         let mut command = krylux(&["segment", &zigzag(), "--size", "64", "-o", &inside(&folder, "run")]);
         let output = command.args(arguments).output().expect("the program is built with the tests");
-        assert_eq!(output.status.code(), Some(0), "seed {seed}: {}{}", text(&output.stdout), text(&output.stderr));
+        assert_eq!(
+            output.status.code(),
+            Some(0),
+            "seed {seed}: {}{}",
+            text(&output.stdout),
+            text(&output.stderr)
+        );
     }
 }
 
@@ -140,14 +174,16 @@ fn photos_by_replay_and_by_retracing_agree() {
     let photo = |operator: &str| {
         let file = inside(&folder, &format!("{operator}.npy"));
         let cornell = scene_path("cornell").display().to_string();
-        let arguments = ["--size", "32", "--spp", "16", "--pattern", "checker:4", "--operator", operator, "-o", &file];
+        let arguments =
+            ["--size", "32", "--spp", "16", "--pattern", "checker:4", "--operator", operator, "-o", &file];
         let mut command = krylux(&["photo", &cornell]);
         let output = command.args(arguments).output().expect("the program is built with the tests");
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         picture::read(Path::new(&file)).expect("it is written").samples().to_vec()
     };
     let (replayed, retraced) = (photo("replay"), photo("retrace"));
-    let norm = |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+    let norm =
+        |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v).powi(2)).sum::<f64>().sqrt();
     let difference = norm(&mut replayed.iter().zip(&retraced).map(|(a, b)| a - b));
     // Weights are kept as f32 in the matrix: 6e-8 each.
     assert!(difference <= 1e-5 * norm(&mut retraced.iter().copied()), "{difference}");
@@ -175,7 +211,10 @@ fn without_a_vulkan_driver_the_package_is_named() {
         assert_eq!(output.status.code(), Some(2));
         if arguments[0] == "info" {
             let message = text(&output.stderr);
-            assert!(message.contains("no Vulkan adapter") && message.contains("mesa-vulkan-drivers"), "{message}");
+            assert!(
+                message.contains("no Vulkan adapter") && message.contains("mesa-vulkan-drivers"),
+                "{message}"
+            );
         }
     }
 }
@@ -211,7 +250,20 @@ fn an_earlier_run_is_never_overwritten_unasked() {
     let folder = folder();
     let out = inside(&folder, "run");
     let segment = |more: &[&str]| {
-        let mut command = krylux(&["segment", &zigzag(), "--size", "8", "--spp", "4", "--photos", "5", "--groups", "2", "-o", &out]);
+        let mut command = krylux(&[
+            "segment",
+            &zigzag(),
+            "--size",
+            "8",
+            "--spp",
+            "4",
+            "--photos",
+            "5",
+            "--groups",
+            "2",
+            "-o",
+            &out,
+        ]);
         command.args(more).output().expect("the program is built with the tests")
     };
     assert_eq!(segment(&[]).status.code(), Some(0));
@@ -223,7 +275,10 @@ fn an_earlier_run_is_never_overwritten_unasked() {
 
 #[test]
 fn a_reader_who_leaves_is_no_fault() {
-    let mut child = krylux(&["info", &zigzag()]).stdout(Stdio::piped()).spawn().expect("the program is built with the tests");
+    let mut child = krylux(&["info", &zigzag()])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the program is built with the tests");
     drop(child.stdout.take());
     let status = child.wait().expect("it was started");
     assert_eq!(status.code(), Some(0));

@@ -83,3 +83,55 @@ impl Batch<'_> {
 fn value(slot: [u32; 4]) -> [f32; 3] {
     [f32::from_bits(slot[1]), f32::from_bits(slot[2]), f32::from_bits(slot[3])]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two paths of at most three surfaces, with ambient light.
+    fn batch(records: &[[u32; 4]]) -> Batch<'_> {
+        Batch { first_path: 7, samples: 4, max_bounces: 3, ambient: true, records }
+    }
+
+    const MARK: u32 = 5 << 16;
+    const ONE: u32 = 0x3f80_0000;
+    const LEFT_OVER: [u32; 4] = [9, ONE, ONE, ONE];
+
+    fn records() -> [[u32; 4]; 8] {
+        [
+            // Four rays, two surfaces; then the connection from the second, a slot not reached, and ambient light.
+            [MARK | 4 << 8 | 2, ONE, 0, 0],
+            [6, 0, ONE, 0],
+            LEFT_OVER,
+            [MARK, 0, 0, ONE],
+            // Three surfaces, of which the second sees no pixel.
+            [MARK | 5 << 8 | 3, 0, 0, 0],
+            [crate::render::materials::NONE, 0, 0, 0],
+            [2, ONE, ONE, ONE],
+            [MARK, 0, 0, 0],
+        ]
+    }
+
+    #[test]
+    fn a_record_reads_back_as_it_was_written() {
+        let records = records();
+        let batch = batch(&records);
+        assert_eq!((batch.len(), batch.pixel(0), batch.pixel(1)), (2, 1, 2));
+        assert_eq!((batch.direct(0), batch.ambient(0)), ([1.0, 0.0, 0.0], Some([0.0, 0.0, 1.0])));
+        let connections = |path| batch.connections(path).collect::<Vec<_>>();
+        assert_eq!(connections(0), [Connection { projector: 6, bounces: 2, value: [0.0, 1.0, 0.0] }]);
+        assert_eq!(connections(1), [Connection { projector: 2, bounces: 3, value: [1.0; 3] }]);
+        assert_eq!(batch.rays(0) + batch.rays(1), 9);
+    }
+
+    #[test]
+    fn a_path_without_this_dispatchs_mark_is_unfinished() {
+        let mut records = records();
+        assert_eq!(batch(&records).unfinished(MARK), 0);
+        // What an earlier dispatch left there.
+        records[4][0] = 4 << 16 | 5 << 8 | 3;
+        assert_eq!(batch(&records).unfinished(MARK), 1);
+        records[0][0] = 0;
+        assert_eq!(batch(&records).unfinished(MARK), 2);
+    }
+}
