@@ -5,7 +5,7 @@ use std::path::Path;
 
 use krylux::Error;
 use krylux::report::npy;
-use krylux::report::sparse::{write_mtx, write_npz};
+use krylux::report::sparse::{self, write_mtx, write_npz};
 use krylux::sparse::Csr;
 use tempfile::TempDir;
 
@@ -16,7 +16,7 @@ const COLUMNS: [u32; 6] = [0, 3, 2, 3, 0, 2];
 const VALUES: [f32; 6] = [1.5, 0.1, 1e-45, f32::MAX, 0.1, 1.0 / 3.0];
 
 fn matrix() -> krylux::Result<Csr> {
-    Csr::new(4, POINTERS.to_vec(), COLUMNS.to_vec(), VALUES.to_vec())
+    Csr::new(4, POINTERS.to_vec(), COLUMNS.to_vec(), VALUES.map(f64::from).to_vec())
 }
 
 fn entry(path: &Path, name: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
@@ -73,7 +73,7 @@ fn a_matrix_market_file_reads_back_exactly_by_way_of_f64() -> Outcome {
 }
 
 /// Symmetric where the last two values agree.
-fn two_by_two(values: [f32; 3]) -> krylux::Result<Csr> {
+fn two_by_two(values: [f64; 3]) -> krylux::Result<Csr> {
     Csr::new(2, vec![0, 2, 3], vec![0, 1, 0], values.to_vec())
 }
 
@@ -85,10 +85,71 @@ fn a_symmetric_matrix_is_written_by_its_lower_triangle() -> Outcome {
     let text = std::fs::read_to_string(&path)?;
     assert_eq!(
         text,
-        "%%MatrixMarket matrix coordinate real symmetric\n2 2 2\n1 1 2.00000000e0\n2 1 5.00000000e-1\n"
+        "%%MatrixMarket matrix coordinate real symmetric\n2 2 2\n1 1 2e0\n2 1 5e-1\n"
     );
-    let nan = two_by_two([2.0, f32::NAN, f32::NAN])?;
+    let nan = two_by_two([2.0, f64::NAN, f64::NAN])?;
     assert!(matches!(write_mtx(&path, &nan), Err(Error::Write { .. })));
     assert_eq!(std::fs::read_to_string(&path)?, text, "a failed write left the old file alone");
+    Ok(())
+}
+
+#[test]
+fn matrices_read_back_as_they_were_written() -> Outcome {
+    let folder = TempDir::new()?;
+    let third = Csr::new(3, vec![0, 1, 3], vec![2, 0, 1], vec![1.0 / 3.0, -2.0, 1e-300])?;
+    for original in [matrix()?, two_by_two([2.0, 0.5, 0.5])?, third] {
+        for name in ["matrix.npz", "matrix.mtx"] {
+            let path = folder.path().join(name);
+            sparse::write(&path, &original)?;
+            assert_eq!(sparse::read(&path)?, original, "{name}");
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn a_dense_array_is_a_matrix_too() -> Outcome {
+    let folder = TempDir::new()?;
+    let path = folder.path().join("matrix.npy");
+    npy::write_npy(&path, &[2, 3], &[0.0, 1.0, 0.0, 2.0, 0.0, 3.0])?;
+    assert_eq!(sparse::read(&path)?, Csr::new(3, vec![0, 1, 3], vec![1, 0, 2], vec![1.0, 2.0, 3.0])?);
+    npy::write_npy(&path, &[6], &[0.0; 6])?;
+    assert!(matches!(sparse::read(&path), Err(Error::Data { .. })));
+    Ok(())
+}
+
+#[test]
+fn damaged_matrices_are_errors_and_never_panics() -> Outcome {
+    let folder = TempDir::new()?;
+    for name in ["matrix.npz", "matrix.mtx"] {
+        let path = folder.path().join(name);
+        sparse::write(&path, &matrix()?)?;
+        let whole = std::fs::read(&path)?;
+        for cut in 0..whole.len() {
+            std::fs::write(&path, &whole[..cut])?;
+            let read = sparse::read(&path);
+            // A text file may lose its last digits or its last line break and still be one.
+            assert!(
+                read.is_err() || (name == "matrix.mtx" && cut + 4 > whole.len() - 12),
+                "{name} cut at {cut}"
+            );
+            let mut damaged = whole.clone();
+            damaged[cut] ^= 0x5a;
+            std::fs::write(&path, &damaged)?;
+            // Damage to padding or a digit may go unseen; it must not bring anything down.
+            let _ = sparse::read(&path);
+        }
+    }
+    for (text, fault) in [
+        ("%%MatrixMarket matrix array real general\n1 1\n1\n", "first line"),
+        ("%%MatrixMarket matrix coordinate real general\n2 2 1\n3 1 1.0\n", "line 3"),
+        ("%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "announces 2"),
+        ("%%MatrixMarket matrix coordinate real general\n2 2 1\n1 1 nan\n", "(0, 0)"),
+    ] {
+        let path = folder.path().join("wrong.mtx");
+        std::fs::write(&path, text)?;
+        let message = sparse::read(&path).map_or_else(|error| error.to_string(), |_| String::new());
+        assert!(message.contains(fault) && message.contains("wrong.mtx"), "{message}");
+    }
     Ok(())
 }

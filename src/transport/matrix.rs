@@ -114,8 +114,8 @@ impl TransportMatrix {
             }
             row_start.push(entries.len());
         }
-        let (columns, weights) = entries.into_iter().unzip();
-        Csr::new(pixels, row_start, columns, weights)
+        let columns = entries.iter().map(|entry| entry.0).collect();
+        Csr::new(pixels, row_start, columns, entries.iter().map(|entry| f64::from(entry.1)).collect())
     }
 }
 

@@ -1,4 +1,8 @@
-//! Sparse matrices as the project hands them around: compressed rows, `f32` values.
+//! Sparse matrices as the project hands them around, to files and from them: compressed rows, `f64` values.
+
+mod operator;
+
+pub use operator::SparseOperator;
 
 use crate::error::{Error, Result};
 
@@ -9,7 +13,7 @@ pub struct Csr {
     cols: usize,
     row_start: Vec<usize>,
     columns: Vec<u32>,
-    weights: Vec<f32>,
+    weights: Vec<f64>,
 }
 
 impl Csr {
@@ -17,7 +21,7 @@ impl Csr {
     ///
     /// # Errors
     /// [`Error::Dimension`] when they do not describe such a matrix.
-    pub fn new(cols: usize, row_start: Vec<usize>, columns: Vec<u32>, weights: Vec<f32>) -> Result<Self> {
+    pub fn new(cols: usize, row_start: Vec<usize>, columns: Vec<u32>, weights: Vec<f64>) -> Result<Self> {
         let mismatch =
             |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
         if columns.len() != weights.len() {
@@ -62,22 +66,44 @@ impl Csr {
     }
 
     /// Value of each entry.
-    pub fn weights(&self) -> &[f32] {
+    pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
     /// Columns and values of one row.
-    pub fn row(&self, row: usize) -> (&[u32], &[f32]) {
+    pub fn row(&self, row: usize) -> (&[u32], &[f64]) {
         let range = self.row_start[row]..self.row_start[row + 1];
         (&self.columns[range.clone()], &self.weights[range])
     }
 
     /// Entries as (row, column, value), row by row.
-    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f32)> + '_ {
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
         (0..self.rows()).flat_map(move |row| {
             let (columns, values) = self.row(row);
             columns.iter().zip(values).map(move |(&column, &value)| (row, column as usize, value))
         })
+    }
+
+    /// The transpose.
+    pub fn transposed(&self) -> Self {
+        let mut row_start = vec![0; self.cols + 1];
+        for &column in &self.columns {
+            row_start[column as usize + 1] += 1;
+        }
+        for row in 0..self.cols {
+            row_start[row + 1] += row_start[row];
+        }
+        let mut next = row_start.clone();
+        let mut columns = vec![0; self.columns.len()];
+        let mut weights = vec![0.0; self.columns.len()];
+        // Rows come in order, so that each row of the transpose is filled from left to right.
+        for (row, column, value) in self.entries() {
+            let at = next[column];
+            next[column] += 1;
+            columns[at] = row as u32;
+            weights[at] = value;
+        }
+        Self { cols: self.rows(), row_start, columns, weights }
     }
 
     /// Whether each entry has its mirror image, equal to the last bit.
@@ -94,7 +120,7 @@ impl Csr {
 mod tests {
     use super::*;
 
-    fn symmetric(cols: usize, start: &[usize], columns: &[u32], weights: &[f32]) -> Option<bool> {
+    fn symmetric(cols: usize, start: &[usize], columns: &[u32], weights: &[f64]) -> Option<bool> {
         let matrix = Csr::new(cols, start.to_vec(), columns.to_vec(), weights.to_vec());
         matrix.ok().map(|matrix| matrix.is_symmetric())
     }
@@ -102,7 +128,7 @@ mod tests {
     #[test]
     fn symmetry_is_to_the_last_bit() {
         assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.5]), Some(true));
-        assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.500_000_1]), Some(false));
+        assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.500_000_000_000_000_1]), Some(false));
         assert_eq!(symmetric(2, &[0, 1], &[1], &[1.0]), Some(false), "not square");
     }
 

@@ -1,0 +1,105 @@
+//! Sparse matrices for others, and from them: SciPy's `.npz` and Matrix Market's `.mtx`.
+
+mod mtx;
+mod npz;
+
+use std::path::Path;
+
+pub use mtx::{read_mtx, write_mtx};
+pub use npz::{read_npz, write_npz};
+
+use super::{atomic, npy};
+use crate::error::{Error, Result};
+use crate::sparse::Csr;
+
+/// Writes a matrix in the format that the extension says: `.npz` ([`write_npz`]) or `.mtx` ([`write_mtx`]).
+///
+/// # Errors
+/// [`Error::Data`] for another extension; [`Error::Write`].
+pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
+    match kind(path)? {
+        Kind::Npz => write_npz(path, matrix),
+        Kind::Mtx => write_mtx(path, matrix),
+    }
+}
+
+/// Whether [`write`] could write `path`: it has a known extension, and its folder is there and writable.
+///
+/// # Errors
+/// As [`write`].
+pub fn check_writable(path: &Path) -> Result<()> {
+    kind(path).and_then(|_| atomic::check_writable(path))
+}
+
+/// Reads a matrix: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or a dense one, `m×n`, from an `.npy` file.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Data`] for another extension or a malformed file.
+pub fn read(path: &Path) -> Result<Csr> {
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy")) {
+        return from_dense(path);
+    }
+    match kind(path)? {
+        Kind::Npz => read_npz(path),
+        Kind::Mtx => read_mtx(path),
+    }
+}
+
+fn from_dense(path: &Path) -> Result<Csr> {
+    let npy::Array { shape, values } = npy::read_npy(path)?;
+    let &[rows, cols] = shape.as_slice() else {
+        let fault = format!("it has {} dimensions, but a matrix has two", shape.len());
+        return Err(unusable(path, fault));
+    };
+    let entries = (0..rows).flat_map(|row| (0..cols).map(move |column| (row, column)));
+    from_entries(
+        path,
+        rows,
+        cols,
+        entries.zip(values).map(|((row, column), value)| (row, column, value)).collect(),
+    )
+}
+
+/// The matrix of these (row, column, value), in any order. Zeros are left out, as are entries of an empty matrix.
+fn from_entries(path: &Path, rows: usize, cols: usize, mut entries: Vec<(usize, usize, f64)>) -> Result<Csr> {
+    entries.retain(|entry| entry.2 != 0.0);
+    entries.sort_by_key(|&(row, column, _)| (row, column));
+    if let Some(&(row, column, value)) = entries.iter().find(|entry| !entry.2.is_finite()) {
+        return Err(unusable(path, format!("entry ({row}, {column}) is {value}")));
+    }
+    let mut row_start = vec![0; rows + 1];
+    for &(row, ..) in &entries {
+        row_start[row + 1] += 1;
+    }
+    for row in 0..rows {
+        row_start[row + 1] += row_start[row];
+    }
+    let columns = entries.iter().map(|entry| entry.1 as u32).collect();
+    let weights = entries.iter().map(|entry| entry.2).collect();
+    Csr::new(cols, row_start, columns, weights).map_err(|error| unusable(path, error.to_string()))
+}
+
+fn unusable(path: &Path, fault: String) -> Error {
+    Error::Data {
+        path: path.to_path_buf(),
+        fault,
+        help: "write it with scipy.sparse.save_npz(FILE, A.tocsr()), scipy.io.mmwrite or numpy.save".into(),
+    }
+}
+
+enum Kind {
+    Npz,
+    Mtx,
+}
+
+fn kind(path: &Path) -> Result<Kind> {
+    match path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).as_deref() {
+        Some("npz") => Ok(Kind::Npz),
+        Some("mtx") => Ok(Kind::Mtx),
+        _ => Err(Error::Data {
+            path: path.to_path_buf(),
+            fault: "its extension tells no sparse matrix format".into(),
+            help: "name it .npz (SciPy) or .mtx (Matrix Market)".into(),
+        }),
+    }
+}

@@ -1,0 +1,84 @@
+//! Matrix Market's exchange format: text, one entry a line.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use super::super::atomic;
+use super::unusable;
+use crate::error::{Error, Result};
+use crate::sparse::Csr;
+
+/// Writes Matrix Market's coordinate format, 1-based: `symmetric` (the lower triangle) when the matrix is so to the
+/// last bit, else `general`.
+///
+/// Values have as many digits as it takes for a reader to find the same number.
+///
+/// # Errors
+/// [`Error::Write`]; a NaN or infinite entry, which the format cannot hold, is one.
+pub fn write_mtx(path: &Path, matrix: &Csr) -> Result<()> {
+    let symmetric = matrix.is_symmetric();
+    let kept = || matrix.entries().filter(move |&(row, column, _)| !symmetric || column <= row);
+    let count = kept().count();
+    atomic::write_with(path, |file| {
+        let kind = if symmetric { "symmetric" } else { "general" };
+        writeln!(file, "%%MatrixMarket matrix coordinate real {kind}")?;
+        writeln!(file, "{} {} {count}", matrix.rows(), matrix.cols())?;
+        for (row, column, value) in kept() {
+            if !value.is_finite() {
+                let fault = format!("entry ({row}, {column}) is {value}");
+                return Err(io::Error::new(io::ErrorKind::InvalidData, fault));
+            }
+            writeln!(file, "{} {} {value:e}", row + 1, column + 1)?;
+        }
+        Ok(())
+    })
+}
+
+/// Reads Matrix Market's coordinate format of real or integer numbers, `general` or `symmetric`.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Data`] naming the line at fault.
+pub fn read_mtx(path: &Path) -> Result<Csr> {
+    let text = std::fs::read_to_string(path).map_err(Error::reading(path))?;
+    let mut lines = text.lines().enumerate();
+    let header = lines.next().map_or(String::new(), |(_, line)| line.to_ascii_lowercase());
+    let words: Vec<&str> = header.split_whitespace().collect();
+    let symmetric = match words.as_slice() {
+        ["%%matrixmarket", "matrix", "coordinate", "real" | "integer", "general"] => false,
+        ["%%matrixmarket", "matrix", "coordinate", "real" | "integer", "symmetric"] => true,
+        _ => {
+            let fault = "its first line does not announce real coordinates, general or symmetric";
+            return Err(unusable(path, fault.into()));
+        }
+    };
+    let mut lines = lines.filter(|(_, line)| !line.starts_with('%') && !line.trim().is_empty());
+    let fault = |number: usize, what: &str| unusable(path, format!("line {}: {what}", number + 1));
+    let (number, sizes) = lines.next().ok_or_else(|| unusable(path, "it ends before its sizes".into()))?;
+    let sizes: Vec<usize> = sizes.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    let &[rows, cols, count] = sizes.as_slice() else {
+        return Err(fault(number, "expected rows, columns and number of entries"));
+    };
+    if u32::try_from(rows.max(cols)).is_err() {
+        return Err(fault(number, "more than 4294967295 rows or columns"));
+    }
+    let mut entries = Vec::new();
+    let mut found = 0;
+    for (number, line) in lines {
+        let mut words = line.split_whitespace();
+        let mut index = |limit| words.next()?.parse().ok().filter(|index| (1..=limit).contains(index));
+        let position = index(rows).zip(index(cols));
+        let value = words.next().and_then(|word| word.parse::<f64>().ok());
+        let Some(((row, column), value)) = position.zip(value) else {
+            return Err(fault(number, "expected row, column (from 1 on) and value"));
+        };
+        entries.push((row - 1, column - 1, value));
+        if symmetric && row != column {
+            entries.push((column - 1, row - 1, value));
+        }
+        found += 1;
+    }
+    if found != count {
+        return Err(unusable(path, format!("it announces {count} entries, but has {found}")));
+    }
+    super::from_entries(path, rows, cols, entries)
+}
