@@ -35,7 +35,7 @@ fn bsdfs_are_reciprocal() {
     let pairs = run(&gpu(), &source, &[], &[[0.0; 4]; 3], 1 << 20);
     // ωo and ωi are unit vectors to a rounding only. Where they are nearly opposite that difference in length is a large part
     // of their sum, by which the half vector is normalized.
-    let worst = pairs.iter().map(|pair| pair[0] * pair[2]).fold(0.0, f32::max);
+    let worst = pairs.iter().map(|pair| pair[0] * pair[2]).max_by(f32::total_cmp).expect("there are pairs");
     let lit = pairs.iter().filter(|pair| pair[1] == 1.0).count();
     println!("reciprocity: worst relative difference {worst:.2e}");
     assert!(lit > pairs.len() * 9 / 10, "only {lit} of {} pairs reflect light", pairs.len());
