@@ -37,6 +37,8 @@ mod geometry;
 mod materials;
 mod parameters;
 mod pipeline;
+#[cfg(test)]
+mod tests;
 mod tracer;
 
 pub use batch::{Batch, Connection};

@@ -1,0 +1,66 @@
+//! The upper hemisphere, cut into bins, and points to integrate over it.
+
+use std::f64::consts::{PI, TAU};
+
+/// Azimuth of all outgoing directions. Arbitrary: nothing may depend on it.
+const AZIMUTH: f64 = 2.2;
+
+/// `(ring, sector)` bins, fine where a glossy lobe may be narrow. Rings are equally spaced in `t = √(1 − cosθ)`, which
+/// is linear in `θ` around the normal; sectors in `s = ∛(φ/π)` from −1 to 1, with `φ` counted from the mirror
+/// direction: at grazing incidence a lobe is narrower in azimuth than in height, by the cosine. A solid angle is
+/// `dω = 2t dt · 3πs² ds`.
+pub(super) struct Hemisphere {
+    pub(super) rings: usize,
+    pub(super) sectors: usize,
+}
+
+impl Hemisphere {
+    pub(super) fn bins(&self) -> usize {
+        self.rings * self.sectors
+    }
+
+    /// The bin that a direction above the horizon falls into.
+    pub(super) fn bin(&self, [x, y, z]: [f64; 3]) -> usize {
+        // 1 − z without cancellation.
+        let t = ((x * x + y * y) / (1.0 + z)).sqrt();
+        let phi = (y.atan2(x) - AZIMUTH).rem_euclid(TAU) - PI;
+        let ring = ((t * self.rings as f64) as usize).min(self.rings - 1);
+        let sector = ((phi / PI).cbrt() + 1.0) / 2.0 * self.sectors as f64;
+        ring * self.sectors + (sector as usize).min(self.sectors - 1)
+    }
+
+    /// The midpoints of `per_side²` cells of each bin, bin by bin, and the solid angle that each stands for.
+    pub(super) fn midpoints(&self, per_side: usize) -> (Vec<[f32; 4]>, Vec<f64>) {
+        let (dt, ds) = (1.0 / (self.rings * per_side) as f64, 2.0 / (self.sectors * per_side) as f64);
+        let cells = per_side * per_side;
+        let point = |index: usize| {
+            let (bin, cell) = (index / cells, index % cells);
+            let t = ((bin / self.sectors * per_side + cell / per_side) as f64 + 0.5) * dt;
+            let s = ((bin % self.sectors * per_side + cell % per_side) as f64 + 0.5) * ds - 1.0;
+            let phi = AZIMUTH + PI + PI * s.powi(3);
+            let cos = 1.0 - t * t;
+            let sin = (t * t * (1.0 + cos)).sqrt();
+            let direction = [(sin * phi.cos()) as f32, (sin * phi.sin()) as f32, cos as f32, 0.0];
+            (direction, 2.0 * t * dt * 3.0 * PI * s * s * ds)
+        };
+        (0..self.bins() * cells).map(point).unzip()
+    }
+}
+
+/// The unit vector at this cosine to the normal.
+pub(super) fn outgoing(cos: f64) -> [f32; 4] {
+    let sin = (1.0 - cos * cos).sqrt();
+    [(sin * AZIMUTH.cos()) as f32, (sin * AZIMUTH.sin()) as f32, cos as f32, 0.0]
+}
+
+#[test]
+fn the_cells_make_up_the_hemisphere_and_lie_in_their_bins() {
+    let hemisphere = Hemisphere { rings: 5, sectors: 8 };
+    let (points, solid_angles) = hemisphere.midpoints(3);
+    // Midpoints integrate the linear 2t exactly, and 3s² but for ds²/4, with ds = 2/24.
+    let solid_angle = solid_angles.iter().sum::<f64>();
+    assert!((solid_angle / TAU - (1.0 - 1.0 / 576.0)).abs() < 1e-12, "{solid_angle}");
+    for (index, [x, y, z, _]) in points.iter().map(|point| point.map(f64::from)).enumerate() {
+        assert_eq!(hemisphere.bin([x, y, z]), index / 9);
+    }
+}

@@ -1,0 +1,112 @@
+//! Runs one WGSL function over many invocations.
+
+use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
+
+use crate::gpu::{Gpu, shader};
+
+/// What stands around the function under test. Group 1 is its own, since group 0 belongs to the shared shaders.
+const FRAME: &str = "
+@group(1) @binding(0) var<storage, read> input: array<vec4f>;
+@group(1) @binding(1) var<storage, read_write> output: array<vec4f>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if (id.x < arrayLength(&output)) {
+        output[id.x] = work(id.x);
+    }
+}
+";
+
+/// The first adapter, as the tests' environment provides it.
+pub(super) fn gpu() -> Gpu {
+    Gpu::open(None).expect("the README's test command installs a Vulkan driver")
+}
+
+/// `work(0), …, work(count − 1)` of the WGSL in `source`, which defines `fn work(index: u32) -> vec4f` and may import
+/// shared shaders and read `input`. `shared` are the read-only buffers of group 0 that these shaders use, by binding.
+pub(super) fn run(
+    gpu: &Gpu,
+    source: &str,
+    shared: &[(u32, &wgpu::Buffer)],
+    input: &[[f32; 4]],
+    count: usize,
+) -> Vec<[f32; 4]> {
+    let text =
+        shader::compose_source("test", &format!("{source}\n{FRAME}")).expect("the test's WGSL is valid");
+    let bytes = 16 * count as u64;
+    let storage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+    let input = gpu.storage("input", input).expect("the input fits");
+    let output = gpu.buffer("output", bytes, storage).expect("the output fits");
+    let readback = gpu
+        .buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
+        .expect("the read-back fits");
+
+    let shared: Vec<_> = shared.iter().map(|&(binding, buffer)| (binding, buffer, true)).collect();
+    let groups = [shared, vec![(0, &input, true), (1, &output, false)]];
+    gpu.guarded("test", || {
+        let layouts = groups.each_ref().map(|group| layout(gpu, group));
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("test"),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("test"),
+            layout: Some(&gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: None,
+                bind_group_layouts: &layouts.each_ref().map(Some),
+                immediate_size: 0,
+            })),
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        for ((index, layout), group) in (0..).zip(&layouts).zip(&groups) {
+            pass.set_bind_group(index, &bind_group(gpu, layout, group), &[]);
+        }
+        pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
+        drop(pass);
+        encoder.copy_buffer_to_buffer(&output, 0, &readback, 0, bytes);
+        gpu.queue.submit([encoder.finish()]);
+    })
+    .expect("the test's kernel runs");
+
+    readback.map_async(wgpu::MapMode::Read, .., |outcome| outcome.expect("results can be read back"));
+    gpu.wait().expect("the device is there");
+    let view = readback.get_mapped_range(..).expect("results can be read back");
+    bytemuck::cast_slice(&view).to_vec()
+}
+
+/// Binding, buffer, and whether it is read only.
+type Entry<'a> = (u32, &'a wgpu::Buffer, bool);
+
+fn layout(gpu: &Gpu, group: &[Entry<'_>]) -> wgpu::BindGroupLayout {
+    let entry = |&(binding, _, read_only): &Entry<'_>| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: ShaderStages::COMPUTE,
+        ty: BindingType::Buffer {
+            ty: BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &group.iter().map(entry).collect::<Vec<_>>(),
+    })
+}
+
+fn bind_group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, group: &[Entry<'_>]) -> wgpu::BindGroup {
+    let entries = group
+        .iter()
+        .map(|&(binding, buffer, _)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout,
+        entries: &entries.collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,100 @@
+//! Goodness of fit: Pearson's χ² and its p-value.
+
+/// The probability with which a family of tests rejects although all is well.
+const SIGNIFICANCE: f64 = 0.01;
+
+/// The p-value below which one of `tests` independent tests fails (Šidák), so that the family keeps the significance.
+pub(super) fn threshold(tests: usize) -> f64 {
+    1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests as f64)
+}
+
+/// The p-value of counts in bins against what is expected there. Bins with an expectation below 5, where χ² would not be
+/// distributed as χ², are pooled into one; should even that one expect less, it joins the smallest of the others.
+pub(super) fn chi_square_test(observed: &[f64], expected: &[f64]) -> f64 {
+    const ENOUGH: f64 = 5.0;
+    let mut bins: Vec<(f64, f64)> = expected.iter().copied().zip(observed.iter().copied()).collect();
+    bins.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let small = bins.partition_point(|bin| bin.0 < ENOUGH);
+    let mut pooled =
+        bins.drain(..small).fold((0.0, 0.0), |sum: (f64, f64), bin| (sum.0 + bin.0, sum.1 + bin.1));
+    if pooled.0 < ENOUGH && (pooled.0 > 0.0 || pooled.1 > 0.0) {
+        let smallest = bins.remove(0);
+        pooled = (pooled.0 + smallest.0, pooled.1 + smallest.1);
+    }
+    if pooled.0 > 0.0 {
+        bins.push(pooled);
+    }
+    let statistic: f64 = bins.iter().map(|(e, o)| (o - e).powi(2) / e).sum();
+    chi_square_survival(statistic, (bins.len() - 1) as f64)
+}
+
+/// `P(χ²_freedom > statistic) = Q(freedom/2, statistic/2)`.
+fn chi_square_survival(statistic: f64, freedom: f64) -> f64 {
+    upper_incomplete_gamma(freedom / 2.0, statistic / 2.0)
+}
+
+/// The regularized `Q(a, x)`: below `a + 1` from the series of `P = 1 − Q`, above from Legendre's continued fraction,
+/// evaluated by Lentz's method (Abramowitz and Stegun 6.5.29 and 6.5.31).
+fn upper_incomplete_gamma(a: f64, x: f64) -> f64 {
+    let front = (a * x.ln() - x - ln_gamma(a)).exp();
+    if x <= 0.0 {
+        return 1.0;
+    }
+    if x < a + 1.0 {
+        let (mut term, mut sum, mut n) = (1.0 / a, 1.0 / a, a);
+        while term > 1e-16 * sum {
+            n += 1.0;
+            term *= x / n;
+            sum += term;
+        }
+        return 1.0 - front * sum;
+    }
+    let mut b = x + 1.0 - a;
+    let (mut c, mut d) = (1e300, 1.0 / b);
+    let mut fraction = d;
+    for i in 1..10_000 {
+        let factor = f64::from(i) * (a - f64::from(i));
+        b += 2.0;
+        d = 1.0 / (factor * d + b);
+        c = b + factor / c;
+        fraction *= c * d;
+        if (c * d - 1.0).abs() < 1e-15 {
+            break;
+        }
+    }
+    front * fraction
+}
+
+/// Stirling's series beyond 15, reached by `Γ(a+1) = a Γ(a)`: its error there is below 1e-15.
+fn ln_gamma(a: f64) -> f64 {
+    if a < 15.0 {
+        return ln_gamma(a + 1.0) - a.ln();
+    }
+    let square = a * a;
+    let series =
+        (1.0 / 12.0 - (1.0 / 360.0 - (1.0 / 1260.0 - 1.0 / (1680.0 * square)) / square) / square) / a;
+    (a - 0.5) * a.ln() - a + 0.5 * std::f64::consts::TAU.ln() + series
+}
+
+#[test]
+fn survival_has_its_closed_forms() {
+    // Two degrees of freedom: exp(−x/2). Four: exp(−x/2)(1 + x/2). Both branches of the evaluation.
+    for x in [0.1, 1.0, 3.0, 10.0, 40.0] {
+        let two = (-x / 2.0_f64).exp();
+        assert!((chi_square_survival(x, 2.0) / two - 1.0).abs() < 1e-13, "{x}");
+        assert!((chi_square_survival(x, 4.0) / (two * (1.0 + x / 2.0)) - 1.0).abs() < 1e-13, "{x}");
+    }
+    // Tabulated 5 % points.
+    assert!((chi_square_survival(3.841_458_820_694_124, 1.0) - 0.05).abs() < 1e-13);
+    assert!((chi_square_survival(124.342_113_404_004_1, 100.0) - 0.05).abs() < 1e-12);
+}
+
+#[test]
+fn counts_that_fit_too_badly_fail() {
+    let expected = [100.0; 50];
+    let fair: Vec<f64> = (0..50).map(|bin| 100.0 + if bin % 2 == 0 { 10.0 } else { -10.0 }).collect();
+    // χ² = 50 at 49 degrees of freedom, and then 200.
+    assert!(chi_square_test(&fair, &expected) > 0.4);
+    let unfair: Vec<f64> = fair.iter().map(|count| 100.0 + 2.0 * (count - 100.0)).collect();
+    assert!(chi_square_test(&unfair, &expected) < 1e-15);
+}

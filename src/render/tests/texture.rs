@@ -1,0 +1,87 @@
+//! Texture look-ups against the host's.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::kernel::{gpu, run};
+use crate::render::materials::{pack_textures, srgb_table};
+use crate::scene::{Texture, Wrap, builtin};
+
+/// Texel index of a coordinate outside `0..size`, in the words of OpenGL 4.6, table 8.20.
+fn wrapped(coordinate: i64, size: i64, wrap: Wrap) -> i64 {
+    let mirror = |a: i64| if a >= 0 { a } else { -(1 + a) };
+    match wrap {
+        Wrap::Repeat => coordinate.rem_euclid(size),
+        Wrap::MirroredRepeat => (size - 1) - mirror(coordinate.rem_euclid(2 * size) - size),
+        Wrap::ClampToEdge => coordinate.clamp(0, size - 1),
+    }
+}
+
+fn texel(texture: &Texture, x: i64, y: i64) -> [f64; 3] {
+    let x = wrapped(x, i64::from(texture.width), texture.wrap[0]);
+    let y = wrapped(y, i64::from(texture.height), texture.wrap[1]);
+    let [r, g, b, _] = texture.texels[(y * i64::from(texture.width) + x) as usize];
+    [r, g, b].map(|byte| {
+        let c = f64::from(byte) / 255.0;
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    })
+}
+
+fn color(texture: &Texture, uv: [f32; 2]) -> [f64; 3] {
+    // In f32 as on the device, so that both choose the same texels.
+    let [x, y] = [uv[0] * texture.width as f32, uv[1] * texture.height as f32];
+    if !texture.linear {
+        return texel(texture, x.floor() as i64, y.floor() as i64);
+    }
+    let [left, top] = [(x - 0.5).floor(), (y - 0.5).floor()];
+    let [s, t] = [f64::from(x - 0.5 - left), f64::from(y - 0.5 - top)];
+    let [i, j] = [left as i64, top as i64];
+    let corners = [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)].map(|(x, y)| texel(texture, x, y));
+    let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
+    [0, 1, 2].map(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
+}
+
+#[test]
+fn textures_are_filtered_and_wrapped_as_gltf_says() {
+    let mut random = Pcg64::seed_from_u64(1);
+    let wraps = [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge];
+    let mut scene = builtin::plane(1.0, 1.0);
+    for (u, v, linear) in
+        wraps.iter().flat_map(|u| wraps.iter().flat_map(move |v| [(*u, *v, true), (*u, *v, false)]))
+    {
+        // Odd and even sides, and one texel.
+        let (width, height) = [(5, 3), (4, 7), (1, 2)][scene.textures.len() % 3];
+        let texels = (0..width * height).map(|_| random.random::<[u8; 4]>()).collect();
+        scene.textures.push(Texture { name: String::new(), width, height, texels, wrap: [u, v], linear });
+    }
+    let look_ups: Vec<[f32; 4]> = (0..1 << 16)
+        .map(|index| {
+            let [u, v] = [random.random_range(-3.0..4.0_f32), random.random_range(-3.0..4.0_f32)];
+            [u, v, (index % scene.textures.len()) as f32, 0.0]
+        })
+        .collect();
+
+    let gpu = gpu();
+    let (infos, texels) = pack_textures(&scene);
+    let infos = gpu.storage("texture descriptions", &infos).expect("small");
+    let texels = gpu.storage("textures", &texels).expect("small");
+    let table = gpu.storage("sRGB table", &srgb_table()).expect("small");
+    let source = "#import texture
+        fn work(index: u32) -> vec4f {
+            return vec4f(texture_color(u32(input[index].z), input[index].xy), 0.0);
+        }";
+    let shared = [(5, &infos), (6, &texels), (7, &table)];
+    let found = run(&gpu, source, &shared, &look_ups, look_ups.len());
+    for (&[u, v, index, _], found) in look_ups.iter().zip(&found) {
+        let texture = &scene.textures[index as usize];
+        let expected = color(texture, [u, v]);
+        for c in 0..3 {
+            // Two blends of numbers up to 1, in f32.
+            let error = (f64::from(found[c]) - expected[c]).abs();
+            assert!(
+                error < 8.0 * f64::from(f32::EPSILON),
+                "{texture:?} at {u}, {v}: {found:?}, expected {expected:?}"
+            );
+        }
+    }
+}
