@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3, Quat, Vec3, dvec3, vec3};
 
-use common::{keep_going, mean_and_error, rms, settings, trace, tracer};
+use common::{csr, keep_going, mean_and_error, rms, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::TraceSettings;
 use krylux::scene::{Camera, Scene, Triangle, builtin};
@@ -342,20 +342,18 @@ fn the_back_of_a_one_sided_surface_is_black() {
 #[test]
 fn a_one_sided_surface_blocks_light_from_both_sides() {
     const SIDE: usize = 24;
-    let left = |pixel: u32| (pixel as usize % SIDE) < SIDE / 2;
+    let left = |pixel: usize| pixel % SIDE < SIDE / 2;
     let crossing = |scene: &Scene| {
         let traced = trace(&mut tracer(scene), settings(SIDE, 32, 6, 1), Channels::Luma);
-        let global = traced.matrix.to_csr(Part::Global, 0);
+        let global = csr(&traced.matrix, Part::Global, 0);
         assert!(global.is_symmetric());
-        let entries = (0..SIDE * SIDE).flat_map(|row| {
-            let range = global.row_start[row]..global.row_start[row + 1];
-            let columns = &global.columns;
-            range.map(move |entry| (row as u32, columns[entry], entry))
-        });
-        let crossing = entries.clone().filter(|&(row, column, _)| left(row) != left(column)).count();
+        let entries = || global.entries().map(|(row, column, weight)| (left(row), left(column), weight));
+        let crossing = entries().filter(|(row, column, _)| row != column).count();
         let within = |side: bool| {
-            let both = entries.clone().filter(|&(row, column, _)| left(row) == side && left(column) == side);
-            both.map(|(.., entry)| f64::from(global.weights[entry])).sum::<f64>()
+            entries()
+                .filter(|&(row, column, _)| row == side && column == side)
+                .map(|entry| entry.2)
+                .sum::<f64>()
         };
         (crossing, within(true), within(false))
     };

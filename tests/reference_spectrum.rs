@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{load, reference, settings, trace, tracer};
+use common::{csr, load, reference, settings, trace, tracer};
 use faer::{Mat, Side};
 use krylux::transport::{Channels, Part, TransportMatrix};
 
@@ -12,13 +12,8 @@ const COUNT: usize = 20;
 
 /// One part as a dense matrix.
 fn dense(matrix: &TransportMatrix, part: Part) -> Mat<f64> {
-    let csr = matrix.to_csr(part, 0);
     let mut dense = Mat::zeros(SIDE * SIDE, SIDE * SIDE);
-    for row in 0..SIDE * SIDE {
-        for entry in csr.row_start[row]..csr.row_start[row + 1] {
-            dense[(row, csr.columns[entry] as usize)] = f64::from(csr.weights[entry]);
-        }
-    }
+    csr(matrix, part, 0).entries().for_each(|(row, column, weight)| dense[(row, column)] = weight);
     dense
 }
 

@@ -83,10 +83,7 @@ fn a_symmetric_matrix_is_written_by_its_lower_triangle() -> Outcome {
     let path = folder.path().join("matrix.mtx");
     write_mtx(&path, &two_by_two([2.0, 0.5, 0.5])?)?;
     let text = std::fs::read_to_string(&path)?;
-    assert_eq!(
-        text,
-        "%%MatrixMarket matrix coordinate real symmetric\n2 2 2\n1 1 2e0\n2 1 5e-1\n"
-    );
+    assert_eq!(text, "%%MatrixMarket matrix coordinate real symmetric\n2 2 2\n1 1 2e0\n2 1 5e-1\n");
     let nan = two_by_two([2.0, f64::NAN, f64::NAN])?;
     assert!(matches!(write_mtx(&path, &nan), Err(Error::Write { .. })));
     assert_eq!(std::fs::read_to_string(&path)?, text, "a failed write left the old file alone");

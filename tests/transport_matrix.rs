@@ -2,10 +2,11 @@
 
 mod common;
 
-use common::{checker, keep_going, load, settings, trace, tracer};
+use common::{checker, csr, keep_going, load, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{TraceSettings, Tracer};
-use krylux::transport::{Assembled, Channels, Csr, Part, Retraced, Simulated, Transport, TransportMatrix};
+use krylux::sparse::Csr;
+use krylux::transport::{Assembled, Channels, Part, Retraced, Simulated, Transport, TransportMatrix};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -29,18 +30,10 @@ fn product(matrix: &TransportMatrix, part: Part, channel: usize, x: &[f64]) -> V
     y
 }
 
-/// `(row, column, weight)` of every stored entry.
-fn entries(csr: &Csr) -> impl Iterator<Item = (usize, usize, f32)> + '_ {
-    (0..csr.row_start.len() - 1).flat_map(move |row| {
-        (csr.row_start[row]..csr.row_start[row + 1])
-            .map(move |entry| (row, csr.columns[entry] as usize, csr.weights[entry]))
-    })
-}
-
 /// `Σ_i |A_ji| |x_i|`: what the rounding of a row's sum is relative to.
 fn magnitudes(csr: &Csr, x: &[f64]) -> Vec<f64> {
     let mut sums = vec![0.0; x.len()];
-    entries(csr).for_each(|(row, column, weight)| sums[row] += f64::from(weight.abs()) * x[column].abs());
+    csr.entries().for_each(|(row, column, weight)| sums[row] += weight.abs() * x[column].abs());
     sums
 }
 
@@ -50,19 +43,19 @@ fn every_part_is_symmetric_to_the_last_bit_and_never_negative() {
         let matrix = traced(name, channels).matrix;
         for channel in 0..channels.count() {
             for part in [Part::Full, Part::Direct, Part::Global] {
-                let csr = matrix.to_csr(part, channel);
+                let csr = csr(&matrix, part, channel);
                 assert!(csr.is_symmetric(), "{name}: {part:?} of channel {channel}");
                 assert!(
-                    entries(&csr).all(|(.., weight)| weight.is_finite() && weight >= 0.0),
+                    csr.entries().all(|(.., weight)| weight.is_finite() && weight >= 0.0),
                     "{name}: {part:?}"
                 );
-                let on_diagonal = entries(&csr).all(|(row, column, _)| row == column);
+                let on_diagonal = csr.entries().all(|(row, column, _)| row == column);
                 assert_eq!(on_diagonal, part == Part::Direct, "{name}: {part:?}");
             }
             // Not by way of `is_symmetric`: the same statement, entry by entry, in a dense square.
             let n = matrix.resolution().pixels();
-            let mut dense = vec![0.0_f32; n * n];
-            entries(&matrix.to_csr(Part::Full, channel)).for_each(|(row, column, weight)| {
+            let mut dense = vec![0.0; n * n];
+            csr(&matrix, Part::Full, channel).entries().for_each(|(row, column, weight)| {
                 dense[row * n + column] = weight;
             });
             for row in 0..n {
@@ -88,14 +81,14 @@ fn products_are_linear() {
         let combined: Vec<f64> = x.iter().zip(&y).map(|(x, y)| alpha * x + beta * y).collect();
         for channel in 0..channels.count() {
             for part in [Part::Full, Part::Direct, Part::Global] {
-                let csr = matrix.to_csr(part, channel);
+                let csr = csr(&matrix, part, channel);
                 let together = product(&matrix, part, channel, &combined);
                 let [ax, ay] = [&x, &y].map(|v| product(&matrix, part, channel, v));
                 let [mx, my] = [&x, &y].map(|v| magnitudes(&csr, v));
                 for row in 0..n {
                     // A sum of m products is off by at most m ε Σ|a x| (Higham 2002, eq. 3.5); three such sums, and
                     // three more roundings in the combination.
-                    let terms = (csr.row_start[row + 1] - csr.row_start[row] + 4) as f64;
+                    let terms = (csr.row(row).0.len() + 4) as f64;
                     let bound =
                         2.0 * terms * f64::EPSILON * (alpha.abs() * mx[row] + f64::abs(beta) * my[row]);
                     let error = (together[row] - (alpha * ax[row] + beta * ay[row])).abs();
@@ -113,10 +106,9 @@ fn products_agree_with_the_exported_matrix() {
         let x = random_vector(matrix.resolution().pixels(), 3);
         for channel in 0..channels.count() {
             for part in [Part::Full, Part::Direct, Part::Global] {
-                let csr = matrix.to_csr(part, channel);
+                let csr = csr(&matrix, part, channel);
                 let mut by_entries = vec![0.0; x.len()];
-                entries(&csr)
-                    .for_each(|(row, column, weight)| by_entries[row] += f64::from(weight) * x[column]);
+                csr.entries().for_each(|(row, column, weight)| by_entries[row] += weight * x[column]);
                 let magnitudes = magnitudes(&csr, &x);
                 let applied = product(&matrix, part, channel, &x);
                 for row in 0..x.len() {
@@ -245,11 +237,9 @@ fn a_photo_under_one_lit_pixel_is_that_pixels_row() {
             pattern.samples_mut()[pixel] = 1.0;
             let photo = rig.photograph(&pattern).expect("the pattern fits");
             for channel in 0..channels.count() {
-                let csr = rig.traced.matrix.to_csr(Part::Full, channel);
+                let csr = csr(&rig.traced.matrix, Part::Full, channel);
                 let mut row = vec![0.0; n];
-                entries(&csr)
-                    .filter(|&(r, ..)| r == pixel)
-                    .for_each(|(_, column, w)| row[column] = f64::from(w));
+                csr.entries().filter(|&(r, ..)| r == pixel).for_each(|(_, column, w)| row[column] = w);
                 assert!(row[pixel] > 0.0 && row.iter().filter(|&&weight| weight > 0.0).count() > 1, "{name}");
                 for (seen, expected) in photo.plane(channel).iter().zip(&row) {
                     // The diagonal is a sum, rounded once here and once there.
@@ -269,7 +259,7 @@ fn luminance_is_the_weighted_sum_of_the_colours() {
     let x = random_vector(gray.resolution().pixels(), 9);
     let luma = product(&gray, Part::Full, 0, &x);
     let planes = [0, 1, 2].map(|channel| product(&color, Part::Full, channel, &x));
-    let magnitudes = magnitudes(&gray.to_csr(Part::Full, 0), &x);
+    let magnitudes = magnitudes(&csr(&gray, Part::Full, 0), &x);
     for row in 0..x.len() {
         let sum = 0.2126 * planes[0][row] + 0.7152 * planes[1][row] + 0.0722 * planes[2][row];
         // Weighted before or after the sums over paths, and rounded to f32 in either.

@@ -39,7 +39,9 @@ fn bsdf_eval(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> vec3f {
         return bsdf.base_color * INV_PI;
     }
     let h = normalize(wo + wi);
-    let grazing = pow(clamp(1.0 - dot(wo, h), 0.0, 1.0), 5.0);
+    // Schlick's fifth power, multiplied out: `pow` differs from device to device.
+    let away = clamp(1.0 - dot(wo, h), 0.0, 1.0);
+    let grazing = away * away * (away * away) * away;
     let dielectric = bsdf.f0 + (vec3f(bsdf.f90) - bsdf.f0) * grazing;
     let metal = bsdf.base_color + (vec3f(1.0) - bsdf.base_color) * grazing;
     let passed = 1.0 - max(max(dielectric.x, dielectric.y), dielectric.z);

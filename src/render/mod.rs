@@ -29,6 +29,9 @@
 //!   a photo is radiance in W/(m² sr). A white Lambertian plane at distance `d` photographs as `1/(π d²)`.
 //! * Geometric normals carry every cosine. Interpolated vertex normals are not used.
 //! * The back of a one-sided surface is black: to let light through from one side only would not be reciprocal.
+//! * glTF's dielectric gains energy where it is smooth and seen at a grazing angle: its diffuse part is dimmed by the
+//!   Fresnel factor at the microfacet, which does not know the angle of the light inside. A white one at `α = 0.05` returns
+//!   1.14 times what it receives at `cosθ = 0.3`, 1.39 times at 0.1. A test pins these figures.
 //! * Microfacet widths `α = roughness²` below 0.001 are traced as 0.001 ([`MIN_ALPHA`]).
 //! * Emission is seen along the camera's paths only, and makes the ambient photo.
 

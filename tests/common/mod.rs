@@ -8,7 +8,8 @@ use krylux::image::{Image, Resolution};
 use krylux::render::{Progress, TraceSettings, Tracer};
 use krylux::report::npy;
 use krylux::scene::{self, Scene};
-use krylux::transport::{Assembled, Channels, assemble};
+use krylux::sparse::Csr;
+use krylux::transport::{Assembled, Channels, Part, TransportMatrix, assemble};
 
 /// The repository's root.
 pub fn root() -> &'static Path {
@@ -38,6 +39,11 @@ pub fn settings(side: usize, samples: u32, max_bounces: u32, seed: u32) -> Trace
 /// Traces without looking on.
 pub fn trace(tracer: &mut Tracer, settings: TraceSettings, channels: Channels) -> Assembled {
     assemble(tracer, &settings, channels, &mut keep_going).expect("shipped scenes can be traced")
+}
+
+/// A part as a matrix of its own.
+pub fn csr(matrix: &TransportMatrix, part: Part, channel: usize) -> Csr {
+    matrix.to_csr(part, channel).expect("a transport matrix is well formed")
 }
 
 /// Progress that nobody watches.
