@@ -180,7 +180,8 @@ fn area(scene: &Scene) -> f64 {
 /// For the closed polyhedron that stands for the sphere, energy conservation makes the mean of `L_k` over its surface exactly
 /// `ρᵏ Φ / (π · area)`; only its evenness is lost, to second order in the edge. What the camera sees of
 /// the second bounce is 6e-4 too bright for 20,480 triangles, by an integral taken apart from the tracer (1.2e-3 for
-/// a quarter of them): below the Monte Carlo error. Later bounces are more even.
+/// a quarter of them): below the Monte Carlo error. Later bounces are more even. Once, two thousand seeds of the
+/// second bounce came to +2.1e-4 ± 2.8e-4.
 #[test]
 fn light_in_a_sphere_becomes_even_and_is_neither_gained_nor_lost() {
     const SIDE: usize = 16;
@@ -309,8 +310,8 @@ fn a_white_corner_gains_no_energy() {
     }
 }
 
-/// `plates` of a scene that reflect and hide like those of `parallel_plates`, and a sheet between them, on the optical
-/// axis, whose front is to the right or to the left.
+/// The parallel plates, and half-way between them a one-sided sheet that hides each from the other, with its front
+/// towards `front`. The camera sees it edge-on.
 fn plates_with_a_sheet_between(front: Vec3) -> Scene {
     let mut scene = builtin::parallel_plates(1.0, 1.0, 0.9);
     let mut sheet = scene.materials[0].clone();
