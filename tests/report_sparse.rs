@@ -122,14 +122,12 @@ fn damaged_matrices_are_errors_and_never_panics() -> Outcome {
         let path = folder.path().join(name);
         sparse::write(&path, &matrix()?)?;
         let whole = std::fs::read(&path)?;
+        // A text file that loses digits of its last line is still one.
+        let last_line = whole[..whole.len() - 1].iter().rposition(|&byte| byte == b'\n').unwrap_or(0);
+        let telling = if name == "matrix.mtx" { last_line } else { whole.len() };
         for cut in 0..whole.len() {
             std::fs::write(&path, &whole[..cut])?;
-            let read = sparse::read(&path);
-            // A text file may lose its last digits or its last line break and still be one.
-            assert!(
-                read.is_err() || (name == "matrix.mtx" && cut + 4 > whole.len() - 12),
-                "{name} cut at {cut}"
-            );
+            assert!(sparse::read(&path).is_err() || cut > telling, "{name} cut at {cut}");
             let mut damaged = whole.clone();
             damaged[cut] ^= 0x5a;
             std::fs::write(&path, &damaged)?;

@@ -97,19 +97,19 @@ impl TransportMatrix {
         let (direct, weights) = (&self.direct[channel], &self.weights[channel]);
         let mut row_start = vec![0];
         let mut entries: Vec<(u32, f32)> = Vec::new();
-        for row in 0..pixels {
+        for (row, &diagonal) in direct.iter().enumerate() {
             if part != Part::Direct {
                 let global = self.row_start[row]..self.row_start[row + 1];
                 entries.extend(
                     self.columns[global.clone()].iter().copied().zip(weights[global].iter().copied()),
                 );
             }
-            if part != Part::Global && direct[row] != 0.0 {
+            if part != Part::Global && diagonal != 0.0 {
                 let own = *row_start.last().unwrap_or(&0);
                 // The global part may have an entry there as well: light that comes back to where it was sent.
                 match entries[own..].binary_search_by_key(&(row as u32), |entry| entry.0) {
-                    Ok(at) => entries[own + at].1 += direct[row],
-                    Err(at) => entries.insert(own + at, (row as u32, direct[row])),
+                    Ok(at) => entries[own + at].1 += diagonal,
+                    Err(at) => entries.insert(own + at, (row as u32, diagonal)),
                 }
             }
             row_start.push(entries.len());
