@@ -10,7 +10,7 @@ use super::stats::{Stats, Status};
 use crate::error::{Error, Result};
 use crate::operator::Operator;
 
-/// What [`eigs`] is asked for.
+/// What [`eigs()`] is asked for.
 #[derive(Clone, Debug)]
 pub struct EigsOptions {
     /// How many eigenpairs. Default 6.
@@ -41,7 +41,7 @@ impl Default for EigsOptions {
     }
 }
 
-/// What [`eigs`] found: `k = min(count, products)` pairs, the most wanted first.
+/// What [`eigs()`] found: `k = min(count, products)` pairs, the most wanted first.
 #[derive(Clone, Debug)]
 pub struct Eigs {
     /// `k` eigenvalues.
@@ -74,12 +74,12 @@ pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions, monitor: &mut Mo
     eigs_from(&mut lanczos, operator, options, monitor)
 }
 
-/// As [`eigs`], going on from a factorization; `options.products` counts the products already in it, while `start`
+/// As [`eigs()`], going on from a factorization; `options.products` counts the products already in it, while `start`
 /// and `deflate` are not looked at. After an error, `lanczos` holds everything up to the product that failed: call
 /// this again to go on.
 ///
 /// # Errors
-/// As [`eigs`].
+/// As [`eigs()`].
 pub fn eigs_from(
     lanczos: &mut Lanczos,
     operator: &mut dyn Operator,

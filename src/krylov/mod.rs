@@ -5,11 +5,11 @@
 //! * a *factorization* ([`Lanczos`]) takes exactly one product a step. It can be stopped, inspected and resumed after
 //!   any step, and a product that fails leaves it as it was;
 //! * a *question* is answered from a factorization without any further product ([`Lanczos::ritz`]), or drives one
-//!   until the answer is good enough or the budget is spent ([`eigs`]).
+//!   until the answer is good enough or the budget is spent ([`eigs()`]).
 //!
 //! | needs `A v` | needs `A = Aᵀ` | method | answers |
 //! |---|---|---|---|
-//! | yes | yes | [`Lanczos`], [`eigs`] | eigenvalues at either end of the spectrum, and their vectors |
+//! | yes | yes | [`Lanczos`], [`eigs()`] | eigenvalues at either end of the spectrum, and their vectors |
 //!
 //! Everything is bit-identical from run to run and for any number of threads: sums are taken over fixed blocks of
 //! rows and added in the order of the rows.

@@ -44,10 +44,10 @@ pub fn write(path: &Path, image: &Image) -> Result<()> {
     }
 }
 
-/// Whether [`write`] could write `path`: it has a known extension, and its folder is there and writable.
+/// Whether [`write()`] could write `path`: it has a known extension, and its folder is there and writable.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn check_writable(path: &Path) -> Result<()> {
     match kind(path) {
         Some(Kind::Npy | Kind::Exr | Kind::Png) => atomic::check_writable(path),

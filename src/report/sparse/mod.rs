@@ -23,10 +23,10 @@ pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
     }
 }
 
-/// Whether [`write`] could write `path`: it has a known extension, and its folder is there and writable.
+/// Whether [`write()`] could write `path`: it has a known extension, and its folder is there and writable.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn check_writable(path: &Path) -> Result<()> {
     kind(path).and_then(|_| atomic::check_writable(path))
 }
