@@ -1,6 +1,6 @@
 //! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
 //!
-//! Light paths do not depend on the pattern, so [`assemble`] traces them once and keeps them as a sparse matrix; every
+//! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse matrix; every
 //! later photo is a product with it ([`Simulated`]). [`Retraced`] is the honest black box beside it: it traces anew for
 //! each photo and keeps nothing. For equal settings both are the same `Â`, to rounding.
 
