@@ -18,8 +18,8 @@ use crate::operator::Adjoint;
 /// Converges to the true constrained optimum. Two products an iteration, `A x` and `Aᵀ r` (for a symmetric operator
 /// both are products with `A`); `A y` follows from the photos of `x` by linearity. For a non-negative symmetric `A`
 /// with `D = A 1`, `L = max D` is a bound, as `D^-½ A D^-½` has norm 1; should a product show that it is not, `L` is
-/// doubled. The momentum is dropped when it points uphill. Stores ten `n`-vectors: `b, x`, the best `x`, `r, D, y`,
-/// the last `x`, two photos and a product.
+/// doubled. The momentum is dropped when it points uphill. Stores eleven `n`-vectors: `b, x`, the best `x`, `r, D,
+/// y`, the last `x`, two residuals and two to work in.
 ///
 /// # References
 /// Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015),
@@ -33,6 +33,7 @@ pub struct Fista {
     /// `b − A x` of the iterate before, and that iterate.
     r_old: Vec<f64>,
     x_old: Vec<f64>,
+    scratch: Vec<f64>,
     lipschitz: f64,
     t: f64,
     forward: bool,
@@ -52,7 +53,8 @@ impl Fista {
             y: zero.clone(),
             gradient: zero.clone(),
             r_old: zero.clone(),
-            x_old: zero,
+            x_old: zero.clone(),
+            scratch: zero,
             lipschitz: 0.0,
             t: 1.0,
             forward: true,
@@ -66,14 +68,12 @@ impl Fista {
         let mut momentum = 0.0;
         if !self.first {
             // ‖A(x − y)‖² ≤ L ‖x − y‖²_D must hold for the step that led here.
-            let mut step = self.y.clone();
-            update(&mut step, &system.x, |y, x| x - y);
-            let mut change = self.gradient.clone();
-            update(&mut change, &system.r, |ry, rx| rx - ry);
-            let mut weighted = step.clone();
-            update(&mut weighted, &self.boxed.diagonal, |s, d| s * d);
-            let bound = self.lipschitz * dot(&step, &weighted);
-            if dot(&change, &change) > bound * (1.0 + 1e-12) {
+            update2(&mut self.scratch, &system.r, &self.gradient, |_, rx, ry| rx - ry);
+            let change = dot(&self.scratch, &self.scratch);
+            update2(&mut self.scratch, &system.x, &self.y, |_, x, y| x - y);
+            update(&mut self.scratch, &self.boxed.diagonal, |step, d| step * d.sqrt());
+            let step = dot(&self.scratch, &self.scratch);
+            if change > self.lipschitz * step * (1.0 + 1e-12) {
                 self.lipschitz *= 2.0;
             }
             let t = 0.5 * (1.0 + (1.0 + 4.0 * self.t * self.t).sqrt());

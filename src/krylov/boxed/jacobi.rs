@@ -14,7 +14,7 @@ use crate::operator::Adjoint;
 /// One product an iteration, no transpose, no symmetry. For a non-negative symmetric `A` with `D = A 1` the step is a
 /// contraction where the direct light prevails. Its fixed point satisfies the signs of `b − A x` instead of those of
 /// `Aᵀ(b − A x)`, so it is near the least-squares optimum but not there, and can pass it on the way: the best iterate
-/// is kept. Stores `b, x`, the best `x`, `r, D` and a product of `n`.
+/// is kept. Stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
 ///
 /// # References
 /// Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and Distributed

@@ -118,7 +118,12 @@ impl Solver for KrylovBox {
             self.next = if predicted <= residual * (1.0 - self.rtol.max(f64::EPSILON)) {
                 Next::Candidate
             } else if self.gradient_known {
-                return Ok(Advance::Ended(Status::ConstrainedOptimum));
+                // Only a symmetric model's gradient is the true one.
+                return Ok(Advance::Ended(if symmetric {
+                    Status::ConstrainedOptimum
+                } else {
+                    Status::Stalled
+                }));
             } else {
                 Next::Residual
             };

@@ -51,6 +51,12 @@ impl Solver for Multiplicative {
         if boxed.take_diagonal(operator)? {
             return Ok(Advance::Continuing);
         }
+        if self.numerator.is_empty() {
+            let system = &mut boxed.system;
+            system.tally.adjoint(operator, &system.b, &mut system.work)?;
+            self.numerator = system.work.iter().map(|value| value.max(0.0)).collect();
+            return Ok(Advance::Continuing);
+        }
         if self.forward {
             let system = &mut boxed.system;
             if system.pending {
@@ -66,11 +72,6 @@ impl Solver for Multiplicative {
             return Ok(Advance::Continuing);
         }
         let system = &mut boxed.system;
-        if self.numerator.is_empty() {
-            system.tally.adjoint(operator, &system.b, &mut system.work)?;
-            self.numerator = system.work.iter().map(|value| value.max(0.0)).collect();
-            return Ok(Advance::Continuing);
-        }
         system.tally.adjoint(operator, &self.image, &mut system.work)?;
         update2(&mut system.x, &self.numerator, &system.work, |x, above, below| {
             if below > 0.0 { x * above / below } else { x }

@@ -44,8 +44,17 @@ pub struct Gmres {
     /// `Qᵀ ‖r_0‖ e_1`: one entry more than there are columns.
     rotated: Vec<f64>,
     hat: Vec<f64>,
+    /// The largest `‖A M⁻¹ v‖` so far.
+    scale: f64,
     started: bool,
 }
+
+const SINGULAR: Status =
+    Status::Breakdown("the Krylov space is used up and holds no solution: the operator is singular");
+
+/// A correction whose rounding errors are this share of the first residual is none: the true residual would no longer
+/// be the one reported.
+const MEANINGLESS: f64 = 1e-9;
 
 impl Gmres {
     /// For `b` of length `n`. Looks at `x0`, `preconditioner`, `side` and `restart` of the options.
@@ -65,6 +74,7 @@ impl Gmres {
             rotations: Vec::new(),
             rotated: Vec::new(),
             hat: vec![0.0; b.len()],
+            scale: 0.0,
             started: false,
         })
     }
@@ -101,6 +111,11 @@ impl Gmres {
             self.started = true;
         }
         Ok(length > 0.0)
+    }
+
+    /// `‖r_0‖` of this cycle, which rotations leave as it is.
+    fn rotated_norm(&self) -> f64 {
+        norm(&self.rotated)
     }
 
     /// `y = R⁻¹ (Qᵀ ‖r_0‖ e_1)`.
@@ -220,9 +235,7 @@ impl Solver for Gmres {
         let last = column.len() - 1;
         let (c, s, diagonal) = rotation(column[last], below);
         if diagonal <= 10.0 * f64::EPSILON * length {
-            return Ok(Advance::Ended(Status::Breakdown(
-                "the Krylov space is used up and holds no solution: the operator is singular",
-            )));
+            return Ok(Advance::Ended(SINGULAR));
         }
         column[last] = diagonal;
         self.rotations.push((c, s));
@@ -230,6 +243,15 @@ impl Solver for Gmres {
         let top = self.rotated[last];
         self.rotated[last] = c * top;
         self.rotated.push(-s * top);
+        self.scale = self.scale.max(length);
+        if norm(&self.coefficients()) * self.scale * f64::EPSILON > MEANINGLESS * self.rotated_norm() {
+            // Rounding errors of such a correction would be larger than what it corrects.
+            self.rotations.pop();
+            self.triangle.pop();
+            self.rotated.pop();
+            self.rotated[last] = top;
+            return Ok(Advance::Ended(SINGULAR));
+        }
         if self.flexible {
             self.kept.push(self.hat.clone());
         } else if !right {

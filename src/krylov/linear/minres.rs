@@ -16,6 +16,11 @@ use crate::operator::Adjoint;
 /// `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖`: no better `x` exists, to what products in double precision can tell.
 pub(super) const LEAST_SQUARES: f64 = 1e-10;
 
+/// In exact arithmetic the residual never rises. When it does, by more than the rounding of its norm, the Lanczos
+/// vectors have lost their orthogonality to what is left: a least-squares residual, which further steps only blow up
+/// (Choi, Paige and Saunders (2011), doi:10.1137/100787921).
+const RISE: f64 = 1e-14;
+
 /// MINRES: `min ‖b − A x‖₂` for a symmetric `A` of `n × n`, definite or not.
 ///
 /// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`, that is, it is MINRES on
@@ -177,8 +182,9 @@ impl Solver for Minres {
         // r_j = s² r_{j−1} + c η v_{j+1}
         update(&mut system.r, &self.v, |r, v| s * s * r + c * eta * v);
         let residual = norm(&system.r);
+        let rises = self.preconditioner.is_none() && residual > system.tally.residual * (1.0 + RISE);
         system.note(residual);
-        Ok(if beta_next == 0.0 { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
+        Ok(if beta_next == 0.0 || rises { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
     }
 
     fn tally(&self) -> Tally {

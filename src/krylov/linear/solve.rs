@@ -25,7 +25,7 @@ pub trait Solver {
     /// Whatever the product fails with, and [`Error::Numerical`] for one that holds NaN. After that the state is as
     /// it was (a product of the step before included), and the step can be taken again, to the same bits.
     /// [`Error::Dimension`] when the operator does not fit; [`Error::Numerical`] when it is not declared symmetric
-    /// and the method needs that. Whatever the preconditioner fails with.
+    /// and the method needs that. Whatever the preconditioner fails with; a product may be lost then.
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
     /// Products and residuals so far.
     fn tally(&self) -> Tally;
