@@ -307,6 +307,76 @@ fn noise_floor_stops_where_noise_would_be_fitted() {
     }
 }
 
+/// Adds to each product noise of a relative size that is set from outside.
+struct Noisy<'a> {
+    matrix: Dense,
+    noise: &'a std::cell::Cell<f64>,
+    seed: u64,
+}
+
+impl Operator for Noisy<'_> {
+    fn rows(&self) -> usize {
+        self.matrix.rows
+    }
+    fn cols(&self) -> usize {
+        self.matrix.cols
+    }
+    fn symmetry(&self) -> Symmetry {
+        self.matrix.symmetry
+    }
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.matrix.apply(x, y)?;
+        self.seed += 1;
+        let error = random(y.len(), self.seed);
+        let share = self.noise.get() * norm(y) / norm(&error);
+        y.iter_mut().zip(&error).for_each(|(y, e)| *y += share * e);
+        Ok(())
+    }
+}
+
+#[test]
+fn with_noisy_products_the_residual_at_the_noise_floor_is_true_to_the_noise() {
+    let system = named("spd_well");
+    let noise = std::cell::Cell::new(1e-3);
+    for method in [Method::Minres, Method::Gmres, Method::Cg, Method::BiCgStab] {
+        let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100 };
+        let options = SolveOptions { noise: 1e-3, rtol: 1e-9, ..SolveOptions::default() };
+        let found = solve(method, &mut noisy, &system.b, &options, &mut keep_solving).unwrap();
+        assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
+        let truth = misfit(&system.matrix, &found.x, &system.b) / norm(&system.b);
+        // Errors of up to ten products, each at most 1e-3 of κ = 3 times ‖b‖, add up at random: √10 · 3 and the floor.
+        assert!(truth < 1e-3 * (1.0 + 9.5), "{method:?}: {truth:e}");
+    }
+}
+
+#[test]
+fn relaxed_products_are_ever_noisier_and_reach_the_target_all_the_same() {
+    let system = named("spd_well");
+    let (target, budget) = (1e-6, 20);
+    let relaxed = |adapt: bool| {
+        let noise = std::cell::Cell::new(target / budget as f64);
+        let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 7 };
+        let options = SolveOptions { products: budget, rtol: 0.3 * target, ..SolveOptions::default() };
+        let mut loudest = 0.0_f64;
+        let found = solve(Method::Gmres, &mut noisy, &system.b, &options, &mut |progress| {
+            loudest = loudest.max(noise.get());
+            noise.set(if adapt { progress.relaxed_noise(target) } else { noise.get() * 1e4 });
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        (misfit(&system.matrix, &found.x, &system.b) / norm(&system.b), loudest)
+    };
+    let (truth, loudest) = relaxed(true);
+    assert!(
+        loudest > 1e3 * target / budget as f64,
+        "the last products are a thousand times noisier: {loudest:e}"
+    );
+    // Twenty errors of target/20 each at most, times κ = 3, and the residual of the recurrence.
+    assert!(truth < 3.3 * target, "{truth:e}");
+    let (careless, _) = relaxed(false);
+    assert!(careless > 10.0 * target, "noise that rises faster than that is not forgiven: {careless:e}");
+}
+
 fn preconditioners(n: usize, matrix: &Dense) -> Vec<(&'static str, Arc<dyn Preconditioner>)> {
     let main: Vec<f64> = (0..n).map(|i| matrix.entries[i * n + i]).collect();
     let side = (n as f64).sqrt() as usize;

@@ -11,8 +11,8 @@ use crate::operator::{Adjoint, Symmetry};
 
 /// `min ‖b − A x‖₂` over the box by a model that learns from every product.
 ///
-/// Each step solves the box problem for a [model](super) `M` that agrees with all products so far (no product, dense
-/// work only), photographs the answer `z`, and moves to the best point between `x` and `z`, whose residual is known by
+/// Each step solves the box problem for a model `M` that agrees with all products so far and is otherwise as near as
+/// can be to a multiple `θ D` of the diagonal (no product, dense work only), photographs the answer `z`, and moves to the best point between `x` and `z`, whose residual is known by
 /// linearity. When that gains less than a thousandth, the residual `r` is photographed instead: a symmetric model that
 /// knows `A r` knows the true gradient `A r` at `x`, so it is at rest only at the true optimum.
 ///

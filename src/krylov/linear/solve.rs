@@ -51,6 +51,20 @@ impl SolveProgress<'_> {
     pub fn solution(&self) -> Vec<f64> {
         self.solver.solution()
     }
+
+    /// How noisy the next product may be, relative to itself, for a true residual of `target` (relative to `‖b‖`) in
+    /// the end: `target / (budget · residual)`, at most 1. As the residual falls, later products may be noisier: fewer
+    /// samples, or a shorter exposure. Each product adds its noise times its coefficient to the gap between the
+    /// residual that the recurrence knows and the true one, and the coefficients fall as the residuals do; the
+    /// operator's condition is taken as moderate, which preconditioning is to see to.
+    ///
+    /// # References
+    /// Bouras and Frayssé (2005), doi:10.1137/S0895479801384743; van den Eshof and Sleijpen (2004),
+    /// doi:10.1137/S0895479802403459; Simoncini and Szyld (2003), doi:10.1137/S1064827502406415.
+    pub fn relaxed_noise(&self, target: f64) -> f64 {
+        let bound = self.budget.max(1) as f64 * self.residual.min(1.0);
+        if bound > target { target / bound } else { 1.0 }
+    }
 }
 
 /// Sees each step, and stops the method by [`ControlFlow::Break`].
