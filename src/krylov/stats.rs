@@ -22,6 +22,19 @@ pub enum Status {
     SpaceExhausted,
     /// The monitor asked to stop; the answer is the best so far.
     Stopped,
+    /// The residual is as small as the noise of the products: going on would fit noise.
+    NoiseFloor,
+    /// No vector has a smaller residual: the system has no solution, and this is a least-squares one.
+    LeastSquares,
+    /// No vector inside the box has a smaller residual, as far as the products can tell.
+    ConstrainedOptimum,
+    /// The iterate no longer moves.
+    Stalled,
+    /// The products are not those of a symmetric operator, and the method needs one; the answer is the best before
+    /// that showed.
+    NotSymmetric,
+    /// The method cannot go on, for this reason; the answer is the best so far.
+    Breakdown(&'static str),
 }
 
 impl fmt::Display for Status {
@@ -31,6 +44,12 @@ impl fmt::Display for Status {
             Self::BudgetSpent => "budget spent before everything reached the tolerance",
             Self::SpaceExhausted => "the whole space is explored; the answer is exact to rounding",
             Self::Stopped => "stopped by the caller",
+            Self::NoiseFloor => "residual at the noise floor",
+            Self::LeastSquares => "no smaller residual exists: a least-squares solution",
+            Self::ConstrainedOptimum => "no smaller residual exists inside the box",
+            Self::Stalled => "the iterate no longer moves",
+            Self::NotSymmetric => "operator is not symmetric",
+            Self::Breakdown(reason) => return write!(f, "breakdown: {reason}"),
         })
     }
 }

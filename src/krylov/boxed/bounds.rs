@@ -1,0 +1,108 @@
+//! The box and the diagonal by which steps are scaled.
+
+use super::super::linear::SolveOptions;
+use super::super::linear::system::{System, same_length};
+use super::super::vectors::{update, update2};
+use crate::error::{Error, Result};
+use crate::operator::Adjoint;
+
+/// `[lower, upper]` for each entry.
+#[derive(Clone, Copy)]
+pub(super) struct Bounds {
+    pub(super) lower: f64,
+    pub(super) upper: f64,
+}
+
+impl Bounds {
+    pub(super) fn of(options: &SolveOptions) -> Self {
+        Self { lower: options.lower, upper: options.upper }
+    }
+
+    pub(super) fn clip(self, value: f64) -> f64 {
+        value.max(self.lower).min(self.upper)
+    }
+}
+
+/// A diagonal smaller than this share of its largest entry is a pixel without light: steps there would be unbounded.
+const DARK: f64 = 1e-3;
+
+/// A least-squares problem in a box, with `D` once it is known. The first iterate is `x0` clipped, or `clip(b / D)`.
+#[derive(Clone)]
+pub(super) struct Boxed {
+    pub(super) system: System,
+    pub(super) bounds: Bounds,
+    /// `D`, raised to be positive; empty until taken.
+    pub(super) diagonal: Vec<f64>,
+    given_start: bool,
+}
+
+impl Boxed {
+    pub(super) fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<Self> {
+        if options.preconditioner.is_some() {
+            return Err(Error::Option {
+                option: "--precondition".into(),
+                fault: format!("{method} takes no preconditioner"),
+                help: "give it a diagonal instead".into(),
+            });
+        }
+        let mut system = System::new(b.len(), b, options)?;
+        let bounds = Bounds::of(options);
+        system.pending = true;
+        system.tally.residual = f64::INFINITY;
+        system.tally.best = f64::INFINITY;
+        let mut boxed = Self { system, bounds, diagonal: Vec::new(), given_start: options.x0.is_some() };
+        if let Some(diagonal) = &options.diagonal {
+            same_length("the diagonal's length", b.len(), diagonal.len())?;
+            boxed.set_diagonal(diagonal.clone())?;
+        } else {
+            boxed.start();
+        }
+        Ok(boxed)
+    }
+
+    /// The white photo, if `D` is not known yet: one product. `true` when it was taken just now; it is then in
+    /// `system.work`.
+    pub(super) fn take_diagonal(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
+        if !self.diagonal.is_empty() {
+            return Ok(false);
+        }
+        let ones = vec![1.0; self.system.b.len()];
+        self.system.tally.product(operator, &ones, &mut self.system.work)?;
+        self.set_diagonal(self.system.work.clone())?;
+        Ok(true)
+    }
+
+    fn set_diagonal(&mut self, mut diagonal: Vec<f64>) -> Result<()> {
+        let largest = diagonal.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
+        if !largest.is_finite() || diagonal.iter().any(|d| d.is_nan()) {
+            return Err(Error::Numerical("the diagonal holds a NaN or an infinity".into()));
+        }
+        // An operator without any response: any scale does, nothing will move.
+        let floor = if largest > 0.0 { DARK * largest } else { 1.0 };
+        for d in &mut diagonal {
+            *d = d.abs().max(floor);
+        }
+        self.diagonal = diagonal;
+        self.start();
+        Ok(())
+    }
+
+    /// `x ← clip(b / D)`, or the given one clipped.
+    fn start(&mut self) {
+        let bounds = self.bounds;
+        let System { x, b, .. } = &mut self.system;
+        if self.given_start {
+            update(x, b, |x, _| bounds.clip(x));
+        } else if self.diagonal.is_empty() {
+            x.fill(bounds.clip(0.0));
+        } else {
+            update2(x, b, &self.diagonal, |_, b, d| bounds.clip(b / d));
+        }
+    }
+
+    /// `r ← b − A x` from the product in `system.work`.
+    pub(super) fn residual_from_work(&mut self) {
+        let System { r, b, work, .. } = &mut self.system;
+        update2(r, b, work, |_, b, y| b - y);
+    }
+}

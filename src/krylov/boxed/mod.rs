@@ -1,0 +1,20 @@
+//! Least squares inside a box, `min ‖b − A x‖₂` over `lower ≤ x ≤ upper`: a projector shows values in [0, 1].
+//!
+//! Solving first and clamping afterwards can be worse than not solving at all, so the bounds are inside each method.
+//! [`ProjectedJacobi`] costs one product an iteration and is the one to beat; [`Fista`] is the accelerated projected
+//! gradient (two products, as the gradient is `Aᵀ(A x − b)`); [`KrylovBox`] learns a model of the operator from all
+//! products so far. [`Mrnsd`] and [`Multiplicative`] keep `x ≥ 0` only, and are here for comparison.
+
+mod bounds;
+mod fista;
+mod jacobi;
+mod krylov_box;
+mod model;
+mod mrnsd;
+mod multiplicative;
+
+pub use fista::Fista;
+pub use jacobi::ProjectedJacobi;
+pub use krylov_box::KrylovBox;
+pub use mrnsd::Mrnsd;
+pub use multiplicative::Multiplicative;

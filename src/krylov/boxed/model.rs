@@ -1,0 +1,179 @@
+//! A model of the operator from all products so far, and the box problem for the model.
+
+use super::super::basis::{Basis, dot, norm};
+use super::super::orthogonalize::orthogonalize;
+use super::super::vectors::{axpy, update, update2};
+use super::bounds::Bounds;
+
+/// `M ≈ A` with `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal for all else.
+///
+/// With `Â = D^-½ A D^-½`, `V` an orthonormal basis of the scaled patterns, `W = Â V` and `H = VᵀW`, the symmetric
+/// matrix that agrees with all products and is nearest to `θ I` in the Frobenius norm is
+///
+/// ```text
+/// M̂ = θ I + (W − θV) Vᵀ + V (W − θV)ᵀ − V (H − θI) Vᵀ,
+/// M̂ − Â = (I − VVᵀ)(θ I − Â)(I − VVᵀ)
+/// ```
+///
+/// (Powell's symmetric Broyden formula, for a block): indirect or blurred light is smooth, so its part outside the
+/// patterns shown dies out after a few. For a general `A` the nearest is Broyden's, `θ I + (W − θV) Vᵀ`. `θ` is the
+/// Rayleigh quotient `vᵀ Â v` of the newest direction: what the operator does to patterns not yet shown. It is the
+/// direct share of the light in focus, and falls towards zero under defocus.
+#[derive(Clone)]
+pub(super) struct Model {
+    /// `D^½`.
+    root: Vec<f64>,
+    patterns: Basis,
+    products: Basis,
+    /// `H`, by columns; symmetrized.
+    projected: Vec<Vec<f64>>,
+    theta: f64,
+    symmetric: bool,
+}
+
+/// A direction whose part outside the span is less than this share of it tells nothing new but rounding.
+const NEW: f64 = 1e-8;
+
+impl Model {
+    pub(super) fn new(diagonal: &[f64], symmetric: bool) -> Self {
+        let n = diagonal.len();
+        Self {
+            root: diagonal.iter().map(|d| d.sqrt()).collect(),
+            patterns: Basis::new(n),
+            products: Basis::new(n),
+            projected: Vec::new(),
+            theta: 1.0,
+            symmetric,
+        }
+    }
+
+    /// Takes in `A x = y`. False when `x` is in the span of what is known.
+    pub(super) fn learn(&mut self, x: &[f64], y: &[f64]) -> bool {
+        let mut v = x.to_vec();
+        update(&mut v, &self.root, |x, s| x * s);
+        let mut w = y.to_vec();
+        update(&mut w, &self.root, |y, s| y / s);
+        let before = norm(&v);
+        let removed = orthogonalize(&self.patterns, &mut v, 0);
+        if removed.norm.is_nan() || removed.norm <= NEW * before {
+            return false;
+        }
+        for (factor, product) in removed.coefficients.iter().zip(self.products.columns()) {
+            axpy(-factor, product, &mut w);
+        }
+        self.patterns.push_scaled(&v, removed.norm);
+        self.products.push_scaled(&w, removed.norm);
+        let (Some(v), Some(w)) = (self.patterns.columns().last(), self.products.columns().last()) else {
+            return false;
+        };
+        let left = self.patterns.dots(0, w);
+        let right = self.products.dots(0, v);
+        let last = left.len() - 1;
+        let column: Vec<f64> = left.iter().zip(&right).map(|(a, b)| 0.5 * (a + b)).collect();
+        for (row, entry) in self.projected.iter_mut().zip(&column) {
+            row.push(*entry);
+        }
+        self.projected.push(column);
+        if last > 0 {
+            self.theta = left[last].clamp(0.0, 1.0);
+        }
+        true
+    }
+
+    /// `out ← M̂ u`, or `M̂ᵀ u`, in scaled coordinates.
+    fn apply(&self, transposed: bool, u: &[f64], out: &mut [f64]) {
+        let theta = self.theta;
+        update(out, u, |_, u| theta * u);
+        if self.symmetric {
+            let c = self.patterns.dots(0, u);
+            let d = self.products.dots(0, u);
+            let e: Vec<f64> =
+                (0..c.len()).map(|i| d[i] - theta * c[i] - dot(&self.projected[i], &c)).collect();
+            self.products.accumulate(0, &c, 1.0, out);
+            self.patterns.accumulate(0, &e, 1.0, out);
+        } else if transposed {
+            let c = self.patterns.dots(0, u);
+            let d = self.products.dots(0, u);
+            let e: Vec<f64> = d.iter().zip(&c).map(|(d, c)| d - theta * c).collect();
+            self.patterns.accumulate(0, &e, 1.0, out);
+        } else {
+            let c = self.patterns.dots(0, u);
+            self.products.accumulate(0, &c, 1.0, out);
+            self.patterns.accumulate(0, &c, -theta, out);
+        }
+    }
+
+    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b)`, the gradient of `½‖M x − b‖²` in `u = D^½ x`; returns `‖M x − b‖`.
+    fn gradient(&self, u: &[f64], b: &[f64], image: &mut [f64], g: &mut [f64]) -> f64 {
+        self.apply(false, u, image);
+        update2(image, &self.root, b, |y, s, b| s * y - b);
+        let length = norm(image);
+        update(image, &self.root, |r, s| r * s);
+        self.apply(true, image, g);
+        length
+    }
+
+    /// `x ← argmin ‖M x − b‖` over the box, from `x`, by accelerated projected gradients with restart: no product.
+    /// Returns `‖M x − b‖`.
+    pub(super) fn minimize(&self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
+        const ITERATIONS: usize = 400;
+        /// The iterate is photographed next, and the photo will correct more than this.
+        const SETTLED: f64 = 1e-6;
+        let mut u = x.to_vec();
+        update(&mut u, &self.root, |x, s| x * s);
+        let (mut y, mut g, mut image) = (u.clone(), vec![0.0; u.len()], vec![0.0; u.len()]);
+        let lipschitz = self.lipschitz(&mut image, &mut g);
+        if lipschitz <= 0.0 {
+            return self.gradient(&u, b, &mut image, &mut g);
+        }
+        let mut next = u.clone();
+        let mut t = 1.0_f64;
+        for _ in 0..ITERATIONS {
+            self.gradient(&y, b, &mut image, &mut g);
+            next.copy_from_slice(&y);
+            update2(&mut next, &g, &self.root, |y, g, s| {
+                (y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s)
+            });
+            // u ← next − u, the step.
+            update(&mut u, &next, |old, new| new - old);
+            let step = norm(&u);
+            if dot(&g, &u) > 0.0 {
+                t = 1.0;
+            }
+            let t_next = 0.5 * (1.0 + (1.0 + 4.0 * t * t).sqrt());
+            let momentum = (t - 1.0) / t_next;
+            t = t_next;
+            update2(&mut y, &next, &u, |_, new, step| new + momentum * step);
+            std::mem::swap(&mut u, &mut next);
+            if step <= SETTLED * norm(&u) {
+                break;
+            }
+        }
+        let predicted = self.gradient(&u, b, &mut image, &mut g);
+        x.copy_from_slice(&u);
+        update(x, &self.root, |u, s| bounds.clip(u / s));
+        predicted
+    }
+
+    /// A bound of `‖D^½ M̂‖²`, by a few power iterations from the white pattern and ten percent on top.
+    fn lipschitz(&self, image: &mut [f64], g: &mut [f64]) -> f64 {
+        let zero = vec![0.0; self.root.len()];
+        let mut v: Vec<f64> = self.root.clone();
+        let mut square = 0.0;
+        for _ in 0..12 {
+            let length = norm(&v);
+            if length == 0.0 || !length.is_finite() {
+                return 0.0;
+            }
+            for value in &mut v {
+                *value /= length;
+            }
+            self.gradient(&v, &zero, image, g);
+            square = norm(g);
+            v.copy_from_slice(g);
+        }
+        // Whatever lies outside the span is multiplied by θ.
+        let largest = self.root.iter().copied().fold(0.0, f64::max);
+        1.1 * square.max((self.theta * largest).powi(2))
+    }
+}

@@ -1,0 +1,119 @@
+//! The conjugate gradient method.
+
+use std::sync::Arc;
+
+use super::super::basis::{dot, norm};
+use super::super::precondition::Preconditioner;
+use super::super::stats::Status;
+use super::super::vectors::{axpy, update};
+use super::system::{System, Tally, declared_symmetric, square};
+use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_positive_definite};
+use crate::error::Result;
+use crate::operator::Adjoint;
+
+/// Conjugate gradients: `A x = b` for a symmetric positive definite `A` of `n × n`.
+///
+/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without the roots.
+///
+/// # Properties
+/// `‖x − A⁻¹b‖_A` falls monotonically; `‖r‖` need not, so the best iterate is kept. One product a step. Ends with a
+/// sentence when a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite, or when `zᵀAp ≠ pᵀAp` shows that it
+/// is not symmetric (in exact arithmetic `p` and the direction before it are conjugate). Stores seven `n`-vectors:
+/// `b, x`, the best `x`, `r, z, p` and `A p`.
+///
+/// # References
+/// Hestenes and Stiefel (1952), doi:10.6028/jres.049.044.
+#[derive(Clone)]
+pub struct Cg {
+    system: System,
+    preconditioner: Option<Arc<dyn Preconditioner>>,
+    /// `M⁻¹ r`.
+    z: Vec<f64>,
+    p: Vec<f64>,
+    /// `rᵀ z` of the step before; 0 at the start.
+    rho: f64,
+    /// `p` belongs to the current residual.
+    directed: bool,
+    symmetry_tolerance: f64,
+}
+
+impl Cg {
+    /// For `b` of length `n`. Looks at `x0` and `preconditioner` of the options, and judges symmetry by `noise`.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ, [`Error::Numerical`](crate::Error::Numerical)
+    /// for NaN, [`Error::Option`](crate::Error::Option) for a preconditioner that is not positive definite or an
+    /// impossible option.
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        require_positive_definite("CG", options)?;
+        refuse_left("CG", options)?;
+        let n = b.len();
+        Ok(Self {
+            system: System::new(n, b, options)?,
+            preconditioner: options.preconditioner.clone(),
+            z: vec![0.0; n],
+            p: vec![0.0; n],
+            rho: 0.0,
+            directed: false,
+            symmetry_tolerance: symmetry_tolerance(options),
+        })
+    }
+}
+
+/// Rounding leaves departures from symmetry of 1e-16 times a growth that stays small before convergence; anything
+/// above 1e-6 is not rounding. Noise of a relative size shows as itself.
+pub(super) fn symmetry_tolerance(options: &SolveOptions) -> f64 {
+    (10.0 * options.noise).max(1e-6)
+}
+
+impl Solver for Cg {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        let system = &mut self.system;
+        system.fits(operator)?;
+        square(system.b.len(), system.x.len())?;
+        declared_symmetric("CG", operator)?;
+        if system.pending {
+            system.first_residual(operator)?;
+            return Ok(Advance::Continuing);
+        }
+        if !self.directed {
+            precondition(self.preconditioner.as_ref(), &system.r, &mut self.z)?;
+            let rho = dot(&system.r, &self.z);
+            if rho <= 0.0 {
+                return Ok(Advance::Ended(if system.tally.residual == 0.0 {
+                    Status::ReachedTolerance
+                } else {
+                    Status::Breakdown("the preconditioner is not positive definite")
+                }));
+            }
+            let beta = if self.rho > 0.0 { rho / self.rho } else { 0.0 };
+            update(&mut self.p, &self.z, |p, z| z + beta * p);
+            self.rho = rho;
+            self.directed = true;
+        }
+        system.tally.product(operator, &self.p, &mut system.work)?;
+        let curvature = dot(&self.p, &system.work);
+        let asymmetry = (dot(&self.z, &system.work) - curvature).abs();
+        if asymmetry > self.symmetry_tolerance * norm(&self.z) * norm(&system.work) {
+            return Ok(Advance::Ended(Status::NotSymmetric));
+        }
+        if curvature <= f64::EPSILON * norm(&self.p) * norm(&system.work) {
+            return Ok(Advance::Ended(Status::Breakdown("the operator is not positive definite")));
+        }
+        let alpha = self.rho / curvature;
+        axpy(alpha, &self.p, &mut system.x);
+        axpy(-alpha, &system.work, &mut system.r);
+        self.directed = false;
+        let residual = norm(&system.r);
+        system.note(residual);
+        Ok(Advance::Continuing)
+    }
+
+    fn tally(&self) -> Tally {
+        self.system.tally
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        self.system.best().to_vec()
+    }
+}

@@ -1,0 +1,197 @@
+//! The minimal residual method for symmetric operators.
+
+use std::sync::Arc;
+
+use super::super::basis::{dot, norm};
+use super::super::precondition::Preconditioner;
+use super::super::stats::Status;
+use super::super::vectors::{axpy, update, update2};
+use super::cg::symmetry_tolerance;
+use super::rotation::rotation;
+use super::system::{System, Tally, declared_symmetric, square};
+use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_positive_definite};
+use crate::error::Result;
+use crate::operator::Adjoint;
+
+/// `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖`: no better `x` exists, to what products in double precision can tell.
+pub(super) const LEAST_SQUARES: f64 = 1e-10;
+
+/// In exact arithmetic the residual never rises. When it does, by more than the rounding of its norm, the Lanczos
+/// vectors have lost their orthogonality to what is left: a least-squares residual, which further steps only blow up
+/// (Choi, Paige and Saunders (2011), doi:10.1137/100787921).
+const RISE: f64 = 1e-14;
+
+/// MINRES: `min ‖b − A x‖₂` for a symmetric `A` of `n × n`, definite or not.
+///
+/// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`, that is, it is MINRES on
+/// `M^-½ A M^-½` without the roots: symmetry is kept. With `M = D` that is symmetric scaling.
+///
+/// # Properties
+/// `‖r‖` (in the norm of `M⁻¹`) falls monotonically, and so does the residual that is reported where there is no
+/// preconditioner; with one, the best iterate in the 2-norm is kept. The true residual comes from a recurrence, at no
+/// product. One product a step. Ends where `‖A r‖` vanishes (a least-squares solution of a singular system), and
+/// where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise (the operator is not symmetric). Stores
+/// twelve `n`-vectors: `b, x`, the best `x`, `r`, two Lanczos vectors, their preconditioned selves and the next one's,
+/// two directions, and a product.
+///
+/// # References
+/// Paige and Saunders (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements
+/// and Fast Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
+#[derive(Clone)]
+pub struct Minres {
+    system: System,
+    preconditioner: Option<Arc<dyn Preconditioner>>,
+    /// Lanczos vectors, orthonormal in `M⁻¹`: the one before, and the current one.
+    v_old: Vec<f64>,
+    v: Vec<f64>,
+    /// `M⁻¹ v` of both.
+    z_old: Vec<f64>,
+    z: Vec<f64>,
+    z_next: Vec<f64>,
+    /// Directions of the two steps before.
+    w_old: Vec<f64>,
+    w: Vec<f64>,
+    /// `β_j`, and `η`, the residual's norm in `M⁻¹` with its sign.
+    beta: f64,
+    eta: f64,
+    /// The last two rotations.
+    cosines: [f64; 2],
+    sines: [f64; 2],
+    /// A lower bound of the preconditioned operator's norm.
+    scale: f64,
+    started: bool,
+    symmetry_tolerance: f64,
+}
+
+impl Minres {
+    /// For `b` of length `n`. Looks at `x0` and `preconditioner` of the options, and judges symmetry by `noise`.
+    ///
+    /// # Errors
+    /// As [`Cg::new`](super::Cg::new).
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        require_positive_definite("MINRES", options)?;
+        refuse_left("MINRES", options)?;
+        let zero = vec![0.0; b.len()];
+        Ok(Self {
+            system: System::new(b.len(), b, options)?,
+            preconditioner: options.preconditioner.clone(),
+            v_old: zero.clone(),
+            v: zero.clone(),
+            z_old: zero.clone(),
+            z: zero.clone(),
+            z_next: zero.clone(),
+            w_old: zero.clone(),
+            w: zero,
+            beta: 0.0,
+            eta: 0.0,
+            cosines: [1.0; 2],
+            sines: [0.0; 2],
+            scale: 0.0,
+            started: false,
+            symmetry_tolerance: symmetry_tolerance(options),
+        })
+    }
+
+    /// The first Lanczos vector, `r / ‖r‖` in the norm of `M⁻¹`.
+    fn start(&mut self) -> Result<Option<Status>> {
+        precondition(self.preconditioner.as_ref(), &self.system.r, &mut self.z)?;
+        let square = dot(&self.system.r, &self.z);
+        if square <= 0.0 || !square.is_finite() {
+            return Ok(Some(if self.system.tally.residual == 0.0 {
+                Status::ReachedTolerance
+            } else {
+                Status::Breakdown("the preconditioner is not positive definite")
+            }));
+        }
+        let length = square.sqrt();
+        self.eta = length;
+        update(&mut self.v, &self.system.r, |_, r| r / length);
+        for z in &mut self.z {
+            *z /= length;
+        }
+        self.started = true;
+        Ok(None)
+    }
+}
+
+impl Solver for Minres {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        self.system.fits(operator)?;
+        square(self.system.b.len(), self.system.x.len())?;
+        declared_symmetric("MINRES", operator)?;
+        if self.system.pending {
+            self.system.first_residual(operator)?;
+            return Ok(Advance::Continuing);
+        }
+        if !self.started
+            && let Some(status) = self.start()?
+        {
+            return Ok(Advance::Ended(status));
+        }
+        let system = &mut self.system;
+        let next = &mut system.work;
+        system.tally.product(operator, &self.z, next)?;
+        let length = norm(next);
+        let alpha = dot(next, &self.z);
+        let asymmetry = if self.beta > 0.0 { (dot(next, &self.z_old) - self.beta).abs() } else { 0.0 };
+        if asymmetry > self.symmetry_tolerance * length * norm(&self.z_old) {
+            return Ok(Advance::Ended(Status::NotSymmetric));
+        }
+        let beta = self.beta;
+        update2(next, &self.v, &self.v_old, |q, v, old| q - alpha * v - beta * old);
+        precondition(self.preconditioner.as_ref(), next, &mut self.z_next)?;
+        let square = dot(next, &self.z_next);
+        let mut beta_next = square.max(0.0).sqrt();
+        if square < -f64::EPSILON * norm(next) * norm(&self.z_next) {
+            return Ok(Advance::Ended(Status::Breakdown("the preconditioner is not positive definite")));
+        }
+        self.scale = self.scale.max(alpha.hypot(beta).hypot(beta_next));
+        if beta_next <= f64::EPSILON * 10.0 * self.scale {
+            // The subspace is invariant: what is left of the vector is rounding errors.
+            beta_next = 0.0;
+        }
+        let [c1, c0] = self.cosines;
+        let [s1, s0] = self.sines;
+        let diagonal = c1 * alpha - c0 * s1 * beta;
+        // ‖A r‖ = ‖r‖ · this, for the residual before this step.
+        let gradient = diagonal.hypot(c1 * beta_next);
+        let (c, s, rho) = rotation(diagonal, beta_next);
+        if gradient <= LEAST_SQUARES * self.scale || rho == 0.0 {
+            return Ok(Advance::Ended(Status::LeastSquares));
+        }
+        let above = s1 * alpha + c0 * c1 * beta;
+        let far = s0 * beta;
+        // w_old ← (z − far w_old − above w) / ρ, then swap.
+        update2(&mut self.w_old, &self.z, &self.w, |old, z, w| (z - far * old - above * w) / rho);
+        std::mem::swap(&mut self.w_old, &mut self.w);
+        axpy(c * self.eta, &self.w, &mut system.x);
+        self.eta *= -s;
+        let eta = self.eta;
+        if beta_next > 0.0 {
+            update(&mut self.v_old, next, |_, q| q / beta_next);
+            update(&mut self.z_old, &self.z_next, |_, z| z / beta_next);
+        } else {
+            self.v_old.fill(0.0);
+            self.z_old.fill(0.0);
+        }
+        std::mem::swap(&mut self.v_old, &mut self.v);
+        std::mem::swap(&mut self.z_old, &mut self.z);
+        self.beta = beta_next;
+        self.cosines = [c, c1];
+        self.sines = [s, s1];
+        // r_j = s² r_{j−1} + c η v_{j+1}
+        update(&mut system.r, &self.v, |r, v| s * s * r + c * eta * v);
+        let residual = norm(&system.r);
+        let rises = self.preconditioner.is_none() && residual > system.tally.residual * (1.0 + RISE);
+        system.note(residual);
+        Ok(if beta_next == 0.0 || rises { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
+    }
+
+    fn tally(&self) -> Tally {
+        self.system.tally
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        self.system.best().to_vec()
+    }
+}

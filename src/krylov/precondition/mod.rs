@@ -1,0 +1,30 @@
+//! Preconditioners: approximate inverses that cost no product.
+//!
+//! | preconditioner | `M⁻¹` | symmetric positive definite |
+//! |---|---|---|
+//! | [`Diagonal`] | division by a vector: `D = A 1`, or the direct image | yes, for positive entries |
+//! | [`Multiscale`] | a gain for each scale of an image pyramid | yes, for positive gains |
+//! | [`Given`] | a closure, or another operator | as the caller says |
+
+mod diagonal;
+mod given;
+mod multiscale;
+
+pub use diagonal::Diagonal;
+pub use given::Given;
+pub use multiscale::Multiscale;
+
+use crate::error::Result;
+
+/// An approximate inverse `M⁻¹` of `n × n`. Applying it takes no product with `A`.
+pub trait Preconditioner: Send + Sync {
+    /// `n`, or `None` where it fits any.
+    fn size(&self) -> Option<usize>;
+    /// `z ← M⁻¹ r`, both of length `n`; every entry of `z` is overwritten.
+    ///
+    /// # Errors
+    /// Whatever a preconditioner that is itself an operator fails with.
+    fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()>;
+    /// Whether `M` is symmetric and positive definite, as CG and MINRES need it.
+    fn is_positive_definite(&self) -> bool;
+}
