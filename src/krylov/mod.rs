@@ -2,31 +2,39 @@
 //!
 //! Nothing here knows what a product is; it may be a photo, so it is the currency. A method is in two parts:
 //!
-//! * a *factorization* ([`Lanczos`]) takes exactly one product a step. It can be stopped, inspected and resumed after
-//!   any step, and a product that fails leaves it as it was;
-//! * a *question* is answered from a factorization without any further product ([`Lanczos::ritz`]), or drives one
-//!   until the answer is good enough or the budget is spent ([`eigs`]).
+//! * a *factorization* ([`Lanczos`], [`BlockLanczos`], [`Arnoldi`]) takes exactly one product a step. It can be
+//!   stopped, inspected, saved and resumed after any step, and a product that fails leaves it as it was;
+//! * a *question* is answered from a factorization without any further product ([`Factorization::ritz`]), or drives
+//!   one until the answer is good enough or the budget is spent ([`eigs`]).
 //!
-//! | needs `A v` | needs `A = Aᵀ` | method | answers |
+//! | needs `A = Aᵀ` | method | answers | vectors of `n`, for `m` products |
 //! |---|---|---|---|
-//! | yes | yes | [`Lanczos`], [`eigs`] | eigenvalues at either end of the spectrum, and their vectors |
+//! | no | [`Method::Power`] | the eigenpair of largest magnitude | 4 |
+//! | yes | [`Lanczos`] | eigenpairs at the ends of the spectrum | `m + 2` |
+//! | yes | [`BlockLanczos`] | the same, with up to `b` copies of each | `m + b + 1` |
+//! | no | [`Arnoldi`] | complex eigenpairs at the rim of the spectrum | `m + 2` |
 //!
 //! Everything is bit-identical from run to run and for any number of threads: sums are taken over fixed blocks of
 //! rows and added in the order of the rows.
 
 mod basis;
-mod eigenpairs;
-mod eigs;
-mod lanczos;
+mod eigen;
+mod estimators;
+mod factor;
+mod inexact;
 mod monitor;
 mod orthogonalize;
 mod start;
 mod stats;
 
 pub use basis::{dot, norm};
-pub use eigenpairs::{RitzPair, Which};
-pub use eigs::{Eigs, EigsOptions, eigs, eigs_from};
-pub use lanczos::{Lanczos, Step};
+pub use eigen::{Eigs, EigsOptions, Method, RitzPair, Verdict, Which, eigs, eigs_from};
+pub use estimators::{
+    Diagonal, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity, diagonal,
+    hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
+};
+pub use factor::{Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, Step};
+pub use inexact::Relaxation;
 pub use monitor::{HistoryRow, Monitor, Progress, keep_going};
 pub use start::Start;
 pub use stats::{Stats, Status};

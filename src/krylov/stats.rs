@@ -20,6 +20,8 @@ pub enum Status {
     BudgetSpent,
     /// The space is used up: every eigenpair is known to rounding, and no product could add to it.
     SpaceExhausted,
+    /// What was asked for is as good as the noise of the products allows, which is not within the tolerance.
+    NoiseFloor,
     /// The monitor asked to stop; the answer is the best so far.
     Stopped,
 }
@@ -30,6 +32,7 @@ impl fmt::Display for Status {
             Self::ReachedTolerance => "reached the tolerance",
             Self::BudgetSpent => "budget spent before everything reached the tolerance",
             Self::SpaceExhausted => "the whole space is explored; the answer is exact to rounding",
+            Self::NoiseFloor => "residual at the noise floor of the products",
             Self::Stopped => "stopped by the caller",
         })
     }
