@@ -123,9 +123,9 @@ impl RitzPair {
 
     /// A bound on the distance of `θ` to the nearest eigenvalue. For a symmetric operator it is rigorous (there is an
     /// eigenvalue within the residual norm: Weyl; Parlett, theorem 4.5.1). For a general one it is the first-order
-    /// estimate condition × residual.
+    /// estimate condition × (residual + rounding).
     pub fn bound(&self, noise: f64) -> f64 {
-        self.condition * self.true_residual(noise) + self.rounding
+        self.condition * (self.true_residual(noise) + self.rounding)
     }
 
     /// The Temple–Kato bound `ρ²/gap` on the same distance, where it is smaller than [`RitzPair::bound`]. It holds if

@@ -42,7 +42,7 @@ pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) 
     let n = square(operator)?;
     at_least(products, 6, "--photos")?;
     let third = (products / 3).min(n);
-    let mut probes = signs(n, products - third, seed);
+    let mut probes = signs(n, products, seed);
     let rest = probes.split_off(third);
     let mut sketch = Vec::with_capacity(third);
     for probe in &probes {
