@@ -94,8 +94,8 @@ fn temple_kato_bounds_hold_where_nothing_was_missed_and_are_sharper() {
     for products in [12, 16, 20] {
         let options = EigsOptions { count: 3, products, tolerance: 0.0, ..EigsOptions::default() };
         let found = solve(&mut matrix, &options);
-        for k in 0..3 {
-            let error = (found.values[k] - truth[k]).abs();
+        for (k, truth) in truth.iter().enumerate().take(3) {
+            let error = (found.values[k] - truth).abs();
             assert!(error <= found.gap_bounds[k] + 1e-13, "{error:e} {:e}", found.gap_bounds[k]);
             sharper += usize::from(found.gap_bounds[k] < 0.1 * found.bounds[k]);
         }

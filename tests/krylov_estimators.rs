@@ -178,9 +178,9 @@ fn low_rank_matrices_are_recovered_to_rounding() {
     let options = LowRankOptions { rank: 6, oversampling: 4, probes: 3, ..LowRankOptions::default() };
     let nystrom = nystrom(&mut matrix, &options).unwrap();
     let svd = randomized_svd(&mut SelfAdjoint::new(&mut matrix).unwrap(), &options).unwrap();
-    for k in 0..4 {
-        assert!((nystrom.values[k] - values[k]).abs() < 1e-12, "{:?}", nystrom.values);
-        assert!((svd.values[k] - values[k]).abs() < 1e-12, "{:?}", svd.values);
+    for (k, value) in values.iter().enumerate().take(4) {
+        assert!((nystrom.values[k] - value).abs() < 1e-12, "{:?}", nystrom.values);
+        assert!((svd.values[k] - value).abs() < 1e-12, "{:?}", svd.values);
     }
     assert!(nystrom.missed_square.value < 1e-20 && svd.missed_square.value < 1e-20);
     let zero = randomized_svd(&mut Dense::diagonal(&[0.0; 20]), &options).unwrap();
