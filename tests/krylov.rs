@@ -1,79 +1,18 @@
 //! Lanczos and `eigs` on a gallery of small matrices, against the dense eigensolver.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
+mod krylov_support;
+
 use std::ops::ControlFlow;
 
-use faer::{Mat, Side};
+use krylov_support::{Dense, spread};
 use krylux::krylov::{
-    Eigs, EigsOptions, Lanczos, Start, Status, Step, Which, dot, eigs, eigs_from, keep_going,
+    Eigs, EigsOptions, Factorization, Lanczos, Start, Status, Step, Verdict, Which, dot, eigs, eigs_from,
+    keep_going,
 };
 use krylux::operator::{Operator, Symmetry};
 use krylux::{Error, Result};
 use proptest::prelude::*;
-
-/// A dense matrix that counts its products, and fails or spoils those it is told to.
-#[derive(Clone)]
-struct Dense {
-    n: usize,
-    entries: Vec<f64>,
-    symmetry: Symmetry,
-    products: usize,
-    fail_at: Option<usize>,
-    spoil_at: Option<usize>,
-}
-
-impl Dense {
-    fn new(n: usize, entry: impl Fn(usize, usize) -> f64) -> Self {
-        let entries = (0..n * n).map(|k| entry(k / n, k % n)).collect();
-        Self { n, entries, symmetry: Symmetry::Symmetric, products: 0, fail_at: None, spoil_at: None }
-    }
-
-    fn diagonal(values: &[f64]) -> Self {
-        Self::new(values.len(), |i, j| if i == j { values[i] } else { 0.0 })
-    }
-
-    /// `Q diag(values) Q` with a Householder reflection `Q`: the same eigenvalues, and no zeros to make it easy.
-    fn turned(values: &[f64]) -> Self {
-        let n = values.len();
-        let axis: Vec<f64> = (0..n).map(|i| 1.0 + ((i * i) as f64).sin()).collect();
-        let square = dot(&axis, &axis);
-        let q = |i: usize, j: usize| f64::from(u8::from(i == j)) - 2.0 * axis[i] * axis[j] / square;
-        Self::new(n, |i, j| (0..n).map(|k| q(i, k) * values[k] * q(k, j)).sum())
-    }
-
-    fn eigenvalues(&self) -> Vec<f64> {
-        let matrix = Mat::from_fn(self.n, self.n, |i, j| self.entries[i * self.n + j]);
-        let mut values = matrix.self_adjoint_eigenvalues(Side::Lower).unwrap();
-        values.reverse();
-        values
-    }
-}
-
-impl Operator for Dense {
-    fn rows(&self) -> usize {
-        self.n
-    }
-    fn cols(&self) -> usize {
-        self.n
-    }
-    fn symmetry(&self) -> Symmetry {
-        self.symmetry
-    }
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.products += 1;
-        y.fill(-7.0);
-        if self.fail_at == Some(self.products) {
-            return Err(Error::Interrupted);
-        }
-        for (y, row) in y.iter_mut().zip(self.entries.chunks(self.n)) {
-            *y = dot(row, x);
-        }
-        if self.spoil_at == Some(self.products) {
-            y[0] = f64::NAN;
-        }
-        Ok(())
-    }
-}
 
 fn solve(matrix: &mut Dense, count: usize, products: usize, which: Which) -> Eigs {
     let options = EigsOptions { count, products, which, ..EigsOptions::default() };
@@ -97,17 +36,13 @@ fn check_residuals(matrix: &mut Dense, found: &Eigs, norm: f64) {
     }
 }
 
-fn spread(n: usize) -> Vec<f64> {
-    (0..n).map(|k| 1.0 - (k as f64 / n as f64).sqrt()).collect()
-}
-
 #[test]
 fn leading_eigenvalues_of_a_spread_spectrum_come_long_before_n_products() {
     let mut matrix = Dense::turned(&spread(300));
     let truth = matrix.eigenvalues();
     let found = solve(&mut matrix, 5, 80, Which::LargestAlgebraic);
     assert_eq!(found.stats.status, Status::ReachedTolerance);
-    assert!(found.resolved.iter().all(|&resolved| resolved));
+    assert!(found.verdicts.iter().all(|&verdict| verdict == Verdict::Converged));
     for (value, truth) in found.values.iter().zip(&truth) {
         // A Ritz value is as near as the square of its residual (1e-8) over the gap; then rounding, 300 terms.
         assert!((value - truth).abs() < 1e-12, "{value} {truth}");
@@ -193,7 +128,7 @@ fn nearly_degenerate_pair_is_reported_with_an_honest_residual() {
     check_residuals(&mut matrix, &found, 1.5);
     // Its residual is tiny whichever mixture of the two vectors was found, and an eigenvalue is that near.
     assert!((found.values[0] - 1.5).abs() <= 1e-9 + found.residuals[0] + 1e-13);
-    assert!(found.resolved[0]);
+    assert_eq!(found.verdicts[0], Verdict::Converged);
 }
 
 #[test]

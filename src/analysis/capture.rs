@@ -5,7 +5,9 @@ use super::graph::Graph;
 use super::laplacian::NegativeLaplacian;
 use super::segment::{Cut, SegmentOptions, Segmentation};
 use crate::error::{Error, Result};
-use crate::krylov::{EigsOptions, HistoryRow, Lanczos, Monitor, Progress, Start, Status, Which, eigs_from};
+use crate::krylov::{
+    EigsOptions, Factorization, HistoryRow, Lanczos, Monitor, Progress, Start, Status, Which, eigs_from,
+};
 use crate::operator::{Operator, Symmetry};
 
 /// The photos taken for a segmentation, and what was made of them so far.
@@ -49,7 +51,7 @@ impl Capture {
 
     /// Photos taken so far.
     pub fn photos(&self) -> usize {
-        self.photos_of_degree + self.lanczos.as_ref().map_or(0, Lanczos::products)
+        self.photos_of_degree + self.lanczos.as_ref().map_or(0, Factorization::products)
     }
 
     /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the monitor stops it.

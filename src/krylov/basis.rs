@@ -14,12 +14,14 @@ const BLOCK: usize = 1024;
 pub(super) struct Basis {
     rows: usize,
     columns: Vec<Vec<f64>>,
+    /// Vectors set aside for columns to come, so that a step need not ask for memory.
+    spare: Vec<Vec<f64>>,
 }
 
 impl Basis {
     /// No columns yet.
     pub(super) fn new(rows: usize) -> Self {
-        Self { rows, columns: Vec::new() }
+        Self { rows, columns: Vec::new(), spare: Vec::new() }
     }
 
     /// The length of each column.
@@ -40,8 +42,36 @@ impl Basis {
     /// Appends `w / divisor`.
     pub(super) fn push_scaled(&mut self, w: &[f64], divisor: f64) {
         debug_assert_eq!(w.len(), self.rows);
+        let mut column = self.spare.pop().unwrap_or_default();
+        column.clear();
         // A true division: the reciprocal of a subnormal norm would overflow.
-        self.columns.push(w.iter().map(|&value| value / divisor).collect());
+        column.extend(w.iter().map(|&value| value / divisor));
+        self.columns.push(column);
+    }
+
+    /// Sets memory aside until `total` columns fit. Untouched pages cost nothing on common systems.
+    pub(super) fn reserve(&mut self, total: usize) {
+        self.columns.reserve(total.saturating_sub(self.columns.len()));
+        while self.columns.len() + self.spare.len() < total {
+            self.spare.push(vec![0.0; self.rows]);
+        }
+    }
+
+    /// Replaces the columns `first..last` by `V S` over just these columns: one new column for each column of
+    /// coefficients. Memory that this sets free is kept for columns to come.
+    pub(super) fn rotate(&mut self, first: usize, last: usize, coefficients: &[&[f64]]) {
+        let mut rotated = Vec::with_capacity(coefficients.len());
+        let tail = self.columns.split_off(last);
+        for s in coefficients {
+            let mut column = self.spare.pop().unwrap_or_default();
+            column.clear();
+            column.resize(self.rows, 0.0);
+            self.accumulate(first, s, 1.0, &mut column);
+            rotated.push(column);
+        }
+        self.spare.extend(self.columns.drain(first..));
+        self.columns.extend(rotated);
+        self.columns.extend(tail);
     }
 
     /// `Vᵀ w` over the columns from `first` on.

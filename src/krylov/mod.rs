@@ -2,14 +2,17 @@
 //!
 //! Nothing here knows what a product is; it may be a photo, so it is the currency. A method is in two parts:
 //!
-//! * a *factorization* ([`Lanczos`]) takes exactly one product a step. It can be stopped, inspected and resumed after
-//!   any step, and a product that fails leaves it as it was;
-//! * a *question* is answered from a factorization without any further product ([`Lanczos::ritz`]), or drives one
-//!   until the answer is good enough or the budget is spent ([`eigs()`]).
+//! * a *factorization* ([`Lanczos`], [`BlockLanczos`], [`Arnoldi`]) takes exactly one product a step. It can be
+//!   stopped, inspected, saved and resumed after any step, and a product that fails leaves it as it was;
+//! * a *question* is answered from a factorization without any further product ([`Factorization::ritz`]), or drives
+//!   one until the answer is good enough or the budget is spent ([`eigs()`]).
 //!
-//! | needs `A v` | needs `A = Aᵀ` | method | answers |
+//! | needs `A = Aᵀ` | method | answers | vectors of `n`, for `m` products |
 //! |---|---|---|---|
-//! | yes | yes | [`Lanczos`], [`eigs()`] | eigenvalues at either end of the spectrum, and their vectors |
+//! | no | [`EigsMethod::Power`] | the eigenpair of largest magnitude | 4 |
+//! | yes | [`Lanczos`] | eigenpairs at the ends of the spectrum | `m + 2` |
+//! | yes | [`BlockLanczos`] | the same, with up to `b` copies of each | `m + b + 1` |
+//! | no | [`Arnoldi`] | complex eigenpairs at the rim of the spectrum | `m + 2` |
 //!
 //! Linear systems, with or without a box around the solution, are [`Solver`]s of the same kind: [`solve`] takes any
 //! [`Method`] of the table [`METHODS`], by value, with [`SolveOptions`].
@@ -19,9 +22,10 @@
 
 mod basis;
 mod boxed;
-mod eigenpairs;
-mod eigs;
-mod lanczos;
+mod eigen;
+mod estimators;
+mod factor;
+mod inexact;
 mod linear;
 mod methods;
 mod monitor;
@@ -33,9 +37,13 @@ mod vectors;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi};
-pub use eigenpairs::{RitzPair, Which};
-pub use eigs::{Eigs, EigsOptions, eigs, eigs_from};
-pub use lanczos::{Lanczos, Step};
+pub use eigen::{Eigs, EigsMethod, EigsOptions, RitzPair, Verdict, Which, eigs, eigs_from};
+pub use estimators::{
+    DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,
+    diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
+};
+pub use factor::{Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, Step};
+pub use inexact::Relaxation;
 pub use linear::{
     Advance, BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Side, Solution, SolveMonitor,
     SolveOptions, SolveProgress, SolveRow, Solver, Tally, keep_solving, solve_from,

@@ -39,6 +39,25 @@ impl Start {
             Self::Given(vector) => vector.clone(),
         }
     }
+
+    /// `count` vectors of length `n` for a block start. Random ones are drawn one after the other from the one
+    /// generator, so that the first is [`Start::vector`]'s; a given one is followed by random signs of seed 0.
+    pub fn block(&self, n: usize, count: usize) -> Vec<Vec<f64>> {
+        let draw = |seed: u64, count: usize, one: fn(usize, &mut Pcg64) -> Vec<f64>| -> Vec<Vec<f64>> {
+            let mut random = Pcg64::seed_from_u64(seed);
+            (0..count).map(|_| one(n, &mut random)).collect()
+        };
+        match self {
+            Self::Rademacher { seed } => draw(*seed, count, rademacher),
+            Self::Gaussian { seed } => draw(*seed, count, gaussian),
+            Self::Given(vector) => {
+                let mut block = vec![vector.clone()];
+                block.extend(draw(0, count.saturating_sub(1), rademacher));
+                block.truncate(count);
+                block
+            }
+        }
+    }
 }
 
 fn rademacher(n: usize, random: &mut Pcg64) -> Vec<f64> {

@@ -22,7 +22,7 @@ pub enum Status {
     SpaceExhausted,
     /// The monitor asked to stop; the answer is the best so far.
     Stopped,
-    /// The residual is as small as the noise of the products: going on would fit noise.
+    /// The residual is as small as the noise of the products, which is not within the tolerance: going on would fit noise.
     NoiseFloor,
     /// No vector has a smaller residual: the system has no solution, and this is a least-squares one.
     LeastSquares,

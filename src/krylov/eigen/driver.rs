@@ -1,0 +1,139 @@
+//! Drives a factorization until its eigenpairs are good enough or the budget is spent.
+
+use std::ops::ControlFlow;
+
+use super::super::factor::{Factorization, Step};
+use super::super::monitor::{HistoryRow, Monitor, Progress};
+use super::super::stats::{Stats, Status};
+use super::eigs::{Eigs, EigsOptions};
+use super::pairs::{RitzPair, Verdict};
+use crate::error::Result;
+use crate::operator::Operator;
+
+/// As [`eigs`](super::eigs), going on from a factorization; `options.products` counts the products already in it,
+/// while `method`, `start` and `deflate` are not looked at. After an error, `factorization` holds everything up to the
+/// product that failed: call this again to go on.
+///
+/// # Errors
+/// As [`eigs`](super::eigs).
+pub fn eigs_from(
+    factorization: &mut dyn Factorization,
+    operator: &mut dyn Operator,
+    options: &EigsOptions,
+    monitor: &mut Monitor<'_>,
+) -> Result<Eigs> {
+    options.check()?;
+    let most = options.max_basis.unwrap_or(usize::MAX);
+    let left = options.products.saturating_sub(factorization.products());
+    let steps = (factorization.steps() + left).min(most);
+    factorization.expansion_mut().reserve(steps);
+    let mut recorder = Recorder::new(options, monitor);
+    let mut pairs = factorization.ritz(options.which, options.count)?;
+    let status = loop {
+        if factorization.is_exhausted() {
+            break Status::SpaceExhausted;
+        }
+        if let Some(status) = good_enough(&pairs, options, factorization.scale()) {
+            break status;
+        }
+        if factorization.products() >= options.products {
+            break Status::BudgetSpent;
+        }
+        let waiting = factorization.expansion().pending();
+        if factorization.steps() + waiting >= most {
+            // Half of what is not asked for is kept too: it is what the next cycle converges from.
+            let steps = factorization.steps();
+            let keep = options.count + steps.saturating_sub(options.count) / 2;
+            factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
+        }
+        let step = factorization.expand(operator)?;
+        pairs = factorization.ritz(options.which, options.count)?;
+        let verdict = recorder.row(factorization.products(), &pairs);
+        if step == Step::Exhausted {
+            break Status::SpaceExhausted;
+        }
+        if verdict == ControlFlow::Break(()) {
+            break Status::Stopped;
+        }
+    };
+    let stats = Stats { products: factorization.products(), status };
+    let vectors = pairs.iter().map(|pair| factorization.ritz_vector(pair)).collect();
+    let imaginary = pairs
+        .iter()
+        .map(|pair| if pair.is_real() { Vec::new() } else { factorization.ritz_vector_imaginary(pair) });
+    let imaginary = imaginary.collect();
+    let found = Found { pairs: &pairs, vectors, imaginary, scale: factorization.scale() };
+    Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
+}
+
+/// Why there is nothing more to do for these pairs, if so.
+pub(super) fn good_enough(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Option<Status> {
+    if pairs.len() < options.count {
+        return None;
+    }
+    let wanted = options.tolerance * scale;
+    let verdicts = || pairs.iter().map(|pair| pair.verdict(wanted, options.noise));
+    if verdicts().all(|verdict| verdict == Verdict::Converged) {
+        Some(Status::ReachedTolerance)
+    } else if verdicts().all(|verdict| verdict != Verdict::NotResolved) {
+        Some(Status::NoiseFloor)
+    } else {
+        None
+    }
+}
+
+/// Shows each product to the monitor, and keeps it.
+pub(super) struct Recorder<'a, 'm> {
+    budget: usize,
+    monitor: &'a mut Monitor<'m>,
+    pub(super) history: Vec<HistoryRow>,
+}
+
+impl<'a, 'm> Recorder<'a, 'm> {
+    pub(super) fn new(options: &EigsOptions, monitor: &'a mut Monitor<'m>) -> Self {
+        Self { budget: options.products, monitor, history: Vec::new() }
+    }
+
+    pub(super) fn row(&mut self, products: usize, pairs: &[RitzPair]) -> ControlFlow<()> {
+        let values: Vec<f64> = pairs.iter().map(|pair| pair.value).collect();
+        let residuals: Vec<f64> = pairs.iter().map(|pair| pair.residual).collect();
+        let progress = Progress { products, budget: self.budget, values: &values, residuals: &residuals };
+        let verdict = (self.monitor)(&progress);
+        self.history.push(HistoryRow { products, values, residuals });
+        verdict
+    }
+}
+
+/// Pairs with their vectors.
+pub(super) struct Found<'a> {
+    pub(super) pairs: &'a [RitzPair],
+    pub(super) vectors: Vec<Vec<f64>>,
+    pub(super) imaginary: Vec<Vec<f64>>,
+    pub(super) scale: f64,
+}
+
+impl Found<'_> {
+    pub(super) fn eigs(
+        self,
+        options: &EigsOptions,
+        asymmetry: f64,
+        history: Vec<HistoryRow>,
+        stats: Stats,
+    ) -> Eigs {
+        let wanted = options.tolerance * self.scale;
+        let each = |of: &dyn Fn(&RitzPair) -> f64| -> Vec<f64> { self.pairs.iter().map(of).collect() };
+        Eigs {
+            values: each(&|pair| pair.value),
+            imaginary_values: each(&|pair| pair.imaginary),
+            residuals: each(&|pair| pair.residual),
+            bounds: each(&|pair| pair.bound(options.noise)),
+            gap_bounds: each(&|pair| pair.gap_bound(options.noise)),
+            verdicts: self.pairs.iter().map(|pair| pair.verdict(wanted, options.noise)).collect(),
+            vectors: self.vectors,
+            imaginary_vectors: self.imaginary,
+            asymmetry,
+            history,
+            stats,
+        }
+    }
+}

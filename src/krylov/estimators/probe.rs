@@ -1,0 +1,175 @@
+//! Random probes, products with them, and means with standard errors.
+
+use super::super::basis::{Basis, norm};
+use super::super::orthogonalize::orthogonalize;
+use super::super::start::Start;
+use crate::error::{Error, Result};
+use crate::operator::{Adjoint, Operator, Symmetry};
+
+/// A mean of independent random estimates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The estimate; without bias.
+    pub value: f64,
+    /// Its standard error, from the spread of the single estimates.
+    pub standard_error: f64,
+    /// Products taken.
+    pub products: usize,
+}
+
+impl Estimate {
+    /// The mean of `samples`, at least two.
+    pub(super) fn of(samples: &[f64], products: usize) -> Self {
+        let count = samples.len() as f64;
+        let value = samples.iter().sum::<f64>() / count;
+        let squares: f64 = samples.iter().map(|sample| (sample - value).powi(2)).sum();
+        Self { value, standard_error: (squares / (count - 1.0) / count).sqrt(), products }
+    }
+}
+
+/// How much a low-rank approximation may cost.
+#[derive(Clone, Debug)]
+pub struct LowRankOptions {
+    /// Singular or eigenvalues wanted, `k ≥ 1`. Default 10.
+    pub rank: usize,
+    /// Vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
+    pub oversampling: usize,
+    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly; not used by Nyström. Default 0.
+    pub power: usize,
+    /// Products spent on the error estimate, at least 2. Default 4.
+    pub probes: usize,
+    /// Of the random vectors.
+    pub seed: u64,
+}
+
+impl Default for LowRankOptions {
+    fn default() -> Self {
+        Self { rank: 10, oversampling: 10, power: 0, probes: 4, seed: 0 }
+    }
+}
+
+impl LowRankOptions {
+    /// Checks the options, and the sketch's width `l ≤ n`.
+    pub(super) fn width(&self, n: usize) -> Result<usize> {
+        at_least(self.rank, 1, "--rank")?;
+        at_least(self.probes, 2, "--probes")?;
+        Ok((self.rank + self.oversampling).min(n))
+    }
+}
+
+/// A symmetric operator, which is its own adjoint.
+pub struct SelfAdjoint<'a> {
+    operator: &'a mut dyn Operator,
+}
+
+impl<'a> SelfAdjoint<'a> {
+    /// # Errors
+    /// [`Error::Numerical`] when the operator is not declared symmetric.
+    pub fn new(operator: &'a mut dyn Operator) -> Result<Self> {
+        symmetric(operator, "the adjoint of an operator that is not its own")?;
+        Ok(Self { operator })
+    }
+}
+
+impl Operator for SelfAdjoint<'_> {
+    fn rows(&self) -> usize {
+        self.operator.rows()
+    }
+    fn cols(&self) -> usize {
+        self.operator.cols()
+    }
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::Symmetric
+    }
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.operator.apply(x, y)
+    }
+}
+
+impl Adjoint for SelfAdjoint<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.operator.apply(y, x)
+    }
+}
+
+pub(super) fn at_least(value: usize, least: usize, option: &str) -> Result<()> {
+    if value >= least {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: option.into(),
+        fault: format!("{value} is too few"),
+        help: format!("give at least {least}"),
+    })
+}
+
+pub(super) fn symmetric(operator: &dyn Operator, what: &str) -> Result<()> {
+    if operator.symmetry() == Symmetry::Symmetric && operator.rows() == operator.cols() {
+        return Ok(());
+    }
+    Err(Error::Numerical(format!("{what}: the operator must be symmetric, and is not declared to be")))
+}
+
+pub(super) fn square(operator: &dyn Operator) -> Result<usize> {
+    let (rows, n) = (operator.rows(), operator.cols());
+    if rows == n {
+        return Ok(n);
+    }
+    Err(Error::Dimension {
+        what: "the operator of an estimator",
+        expected: format!("{n}x{n}"),
+        found: format!("{rows}x{n}"),
+    })
+}
+
+/// `count` vectors of `n` random signs.
+pub(super) fn signs(n: usize, count: usize, seed: u64) -> Vec<Vec<f64>> {
+    Start::Rademacher { seed }.block(n, count)
+}
+
+/// `A x`, checked for NaN.
+pub(super) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>> {
+    let mut y = vec![0.0; operator.rows()];
+    operator.apply(x, &mut y)?;
+    finite(y)
+}
+
+/// `Aᵀ y`, checked for NaN.
+pub(super) fn adjoint_product(operator: &mut dyn Adjoint, y: &[f64]) -> Result<Vec<f64>> {
+    let mut x = vec![0.0; operator.cols()];
+    operator.apply_adjoint(y, &mut x)?;
+    finite(x)
+}
+
+fn finite(y: Vec<f64>) -> Result<Vec<f64>> {
+    if norm(&y).is_finite() {
+        return Ok(y);
+    }
+    Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
+}
+
+/// `Q R = Y`: an orthonormal basis of the span, dependent vectors left out, and for each vector its coefficients on
+/// the basis so far.
+pub(super) fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
+    let mut basis = Basis::new(rows);
+    let mut coefficients = Vec::with_capacity(vectors.len());
+    for vector in vectors {
+        let length = norm(vector);
+        let mut w = vector.clone();
+        let mut removed = orthogonalize(&basis, &mut w, 0);
+        // The rest is rounding errors of a sum of `rows` terms.
+        if removed.norm > length * f64::EPSILON * (10.0 + (rows as f64).sqrt()) {
+            basis.push_scaled(&w, removed.norm);
+            removed.coefficients.push(removed.norm);
+        }
+        coefficients.push(removed.coefficients);
+    }
+    (basis, coefficients)
+}
+
+/// `V s` over all columns.
+pub(super) fn combine(basis: &Basis, s: &[f64]) -> Vec<f64> {
+    let mut sum = vec![0.0; basis.rows()];
+    basis.accumulate(0, s, 1.0, &mut sum);
+    sum
+}

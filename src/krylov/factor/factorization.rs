@@ -1,0 +1,107 @@
+//! What can be done with any of the three factorizations.
+
+use super::super::eigen::{RitzPair, Which};
+use super::{Expansion, Step};
+use crate::error::Result;
+use crate::operator::Operator;
+
+/// A factorization that takes one product a step, and from which eigenpairs can be asked at no further product.
+///
+/// It can be stopped, inspected, saved and resumed after any step. When a product fails, it is as it was before, to
+/// the bit, and the step can be taken again.
+pub trait Factorization {
+    /// Basis, coefficients and counts.
+    fn expansion(&self) -> &Expansion;
+
+    /// As [`Factorization::expansion`], to set memory aside ([`Expansion::reserve`]).
+    fn expansion_mut(&mut self) -> &mut Expansion;
+
+    /// One step: one product with `operator` (`n × n`), which must be the same from step to step.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`](crate::Error::Dimension) when the operator is not `n × n`.
+    /// [`Error::Numerical`](crate::Error::Numerical) when it is not declared symmetric and has to be (no product is
+    /// taken then), or when the product holds NaN or an infinity. Whatever the product fails with. After any error the
+    /// factorization is as it was before.
+    fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step>;
+
+    /// The `count` Ritz pairs that are wanted most, most wanted first; `min(count, m)` of them.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`](crate::Error::Numerical) when the dense eigensolver fails on `H`.
+    /// [`Error::Option`](crate::Error::Option) naming `--which` where the end of the spectrum is not one of this
+    /// factorization's.
+    fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>>;
+
+    /// Thick restart: shrinks the subspace to the `keep` Ritz vectors wanted most, at no product, and the process goes
+    /// on from there (Wu and Simon, doi:10.1137/S0895479898334605). Nothing to do for `keep ≥ m`.
+    ///
+    /// # Errors
+    /// As [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) where restarts are not supported.
+    fn shrink(&mut self, which: Which, keep: usize) -> Result<()>;
+
+    /// The dimension of the space.
+    fn n(&self) -> usize {
+        self.expansion().n()
+    }
+
+    /// The dimension `m` of the subspace; without restarts the number of steps done.
+    fn steps(&self) -> usize {
+        self.expansion().steps()
+    }
+
+    /// Products taken: one a step.
+    fn products(&self) -> usize {
+        self.expansion().products()
+    }
+
+    /// The subspace is the whole space less the known vectors; no further step takes a product.
+    fn is_exhausted(&self) -> bool {
+        self.expansion().pending() == 0
+    }
+
+    /// `V`: `m` orthonormal vectors of length `n`.
+    fn basis(&self) -> &[Vec<f64>] {
+        self.expansion().basis()
+    }
+
+    /// `Q`: the known vectors, made orthonormal.
+    fn known(&self) -> &[Vec<f64>] {
+        self.expansion().known()
+    }
+
+    /// The largest `‖A v_j‖` so far, a lower bound of `‖A‖₂`.
+    fn scale(&self) -> f64 {
+        self.expansion().scale()
+    }
+
+    /// See [`Expansion::asymmetry`].
+    fn asymmetry(&self) -> f64 {
+        self.expansion().asymmetry()
+    }
+
+    /// The real Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of largest
+    /// magnitude positive. Of a complex pair, the real part, as it is.
+    fn ritz_vector(&self, pair: &RitzPair) -> Vec<f64> {
+        let mut vector = self.expansion().combine(&pair.coefficients);
+        if pair.is_real() {
+            point_upwards(&mut vector);
+        }
+        vector
+    }
+
+    /// The imaginary part of a Ritz vector (length `n`): zero for a real pair.
+    fn ritz_vector_imaginary(&self, pair: &RitzPair) -> Vec<f64> {
+        self.expansion().combine(&pair.imaginary_coefficients)
+    }
+}
+
+/// Makes the entry of largest magnitude positive.
+pub(in super::super) fn point_upwards(vector: &mut [f64]) {
+    let largest = vector.iter().fold(0.0_f64, |a, &b| if b.abs() > a.abs() { b } else { a });
+    if largest < 0.0 {
+        for value in vector {
+            *value = -*value;
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The Lanczos process: `A V = V T + β v eᵀ`, one product a step.
+
+use std::io::{Read, Write};
+
+use super::super::eigen::{RitzPair, Which, symmetric};
+use super::factorization::Factorization;
+use super::save::{self, Kind};
+use super::{Expansion, Step};
+use crate::error::{Error, Result};
+use crate::operator::{Operator, Symmetry};
+
+/// A Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
+///
+/// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal
+/// `β`) and `v` the next basis vector,
+///
+/// ```text
+/// A V = V T + β_m v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
+/// ```
+///
+/// where `Q` are known vectors (deflation): they are projected out of the start and of every new vector. For
+/// eigenvectors `Q` of `A` the process then sees `A` on the rest of the space only, and a further copy of their
+/// eigenvalue as a simple one.
+///
+/// A step takes exactly one product. When that fails, the factorization is as it was before, to the bit, and the step
+/// can be taken again. Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one more to work in.
+///
+/// The coefficients of `A v_j` on all basis vectors, which reorthogonalization computes anyway, are kept. They are
+/// zero to rounding where `A` is symmetric, tell by how much it is not ([`Lanczos::asymmetry`]), and keep residual
+/// norms honest in that case.
+///
+/// # References
+/// Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large
+/// sparse matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163. With
+/// photos for products: O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010),
+/// doi:10.1145/1882261.1866165.
+#[derive(Clone, Debug)]
+pub struct Lanczos {
+    expansion: Expansion,
+}
+
+impl Lanczos {
+    /// A process that starts from `start` (length `n`) with the vectors of `deflate` (length `n` each, independent;
+    /// they need be neither normalized nor orthogonal) projected out. A start within their span is replaced by a
+    /// random one.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when a length differs from the start's. [`Error::Numerical`] when a vector holds NaN or
+    /// an infinity, when `n = 0`, or when a known vector is zero or depends on those before it.
+    pub fn new(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
+        Ok(Self { expansion: Expansion::new(&[start.to_vec()], deflate)? })
+    }
+
+    /// `α_1 … α_m`, the diagonal of `T`.
+    pub fn alphas(&self) -> Vec<f64> {
+        (0..self.steps()).map(|j| self.expansion.entry(j, j)).collect()
+    }
+
+    /// `β_1 … β_m`: the off-diagonal of `T`, and last the norm of the residual `β_m v e_mᵀ`. Zero where the subspace
+    /// was invariant. (After [`Factorization::shrink`] the kept Ritz vectors couple to the first vector after them
+    /// instead, see [`Expansion::entry`].)
+    pub fn betas(&self) -> Vec<f64> {
+        (0..self.steps()).map(|j| self.expansion.entry(j + 1, j)).collect()
+    }
+
+    /// `β_m`, or 0 before the first step.
+    pub fn residual_norm(&self) -> f64 {
+        self.betas().last().copied().unwrap_or(0.0)
+    }
+
+    /// Saves the state, so that [`Lanczos::load`] goes on to the same bits.
+    ///
+    /// The format is the same for all factorizations. Numbers are little endian, floats IEEE 754 binary64:
+    ///
+    /// | bytes | what |
+    /// |---|---|
+    /// | 8 | `KRYLUXFZ` |
+    /// | u32 | version, 1 |
+    /// | u32 | kind: 1 Lanczos, 2 block Lanczos, 3 Arnoldi |
+    /// | u64 × 7 | `n`, known vectors `k`, block size, columns `k + m + p`, steps `m`, products, random vectors drawn |
+    /// | f64 | the largest `‖A v_j‖` |
+    /// | `m` times | u64 count, as many f64: the coefficients of `A v_j` on `Q, v_1, …`; f64: what a restart threw away |
+    /// | `(k + m + p) n` f64 | `Q`, then `v_1 … v_{m+p}`, one after the other |
+    /// | 32 | BLAKE3 of everything before |
+    ///
+    /// A file is believed only when the checksum fits, and nothing is allocated on the word of a damaged length.
+    ///
+    /// # Errors
+    /// [`Error::Write`] when the writer fails.
+    pub fn save(&self, writer: impl Write) -> Result<()> {
+        save::save(Kind::Lanczos, &self.expansion, writer)
+    }
+
+    /// The state that [`Lanczos::save`] saved.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when it is damaged, of another version, or of another factorization.
+    pub fn load(reader: impl Read) -> Result<Self> {
+        Ok(Self { expansion: save::load(Kind::Lanczos, reader)? })
+    }
+}
+
+impl Factorization for Lanczos {
+    fn expansion(&self) -> &Expansion {
+        &self.expansion
+    }
+
+    fn expansion_mut(&mut self) -> &mut Expansion {
+        &mut self.expansion
+    }
+
+    fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {
+        check_symmetric(operator)?;
+        // A v_j lies in the span of v_{j−1}, v_j, v_{j+1}.
+        self.expansion.step(operator, 2)
+    }
+
+    fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+        symmetric::ritz(&self.expansion, which, count)
+    }
+
+    fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
+        symmetric::shrink(&mut self.expansion, which, keep)
+    }
+}
+
+pub(super) fn check_symmetric(operator: &dyn Operator) -> Result<()> {
+    if operator.symmetry() == Symmetry::Symmetric {
+        return Ok(());
+    }
+    Err(Error::Numerical(
+        "Lanczos needs a symmetric operator (a coaxial rig's), and this one is not declared symmetric".into(),
+    ))
+}

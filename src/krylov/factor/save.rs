@@ -1,0 +1,182 @@
+//! A factorization on disk.
+//!
+//! The format is described at [`super::Lanczos::save`].
+
+use std::io::{Read, Write};
+use std::path::PathBuf;
+
+use super::super::basis::Basis;
+use super::Expansion;
+use crate::error::{Error, Result};
+
+const MAGIC: &[u8; 8] = b"KRYLUXFZ";
+const VERSION: u32 = 1;
+/// Floats passed on at a time.
+const CHUNK: usize = 8192;
+
+/// Which factorization a file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Lanczos = 1,
+    BlockLanczos = 2,
+    Arnoldi = 3,
+}
+
+pub(super) fn save(kind: Kind, state: &Expansion, writer: impl Write) -> Result<()> {
+    let mut sink = Sink { writer, hasher: blake3::Hasher::new() };
+    sink.everything(kind, state).map_err(Error::writing(name()))
+}
+
+pub(super) fn load(kind: Kind, reader: impl Read) -> Result<Expansion> {
+    let mut source = Source { reader, hasher: blake3::Hasher::new() };
+    let state = source.everything(kind)?;
+    let computed = *source.hasher.finalize().as_bytes();
+    let mut stored = [0; 32];
+    source.bytes(&mut stored)?;
+    if computed != stored {
+        return Err(damaged("the checksum does not fit"));
+    }
+    Ok(state)
+}
+
+struct Sink<W> {
+    writer: W,
+    hasher: blake3::Hasher,
+}
+
+impl<W: Write> Sink<W> {
+    fn everything(&mut self, kind: Kind, state: &Expansion) -> std::io::Result<()> {
+        self.bytes(MAGIC)?;
+        self.bytes(&VERSION.to_le_bytes())?;
+        self.bytes(&(kind as u32).to_le_bytes())?;
+        for count in [state.n(), state.known, state.block, state.basis.len(), state.steps(), state.products] {
+            self.bytes(&(count as u64).to_le_bytes())?;
+        }
+        self.bytes(&state.draws.to_le_bytes())?;
+        self.floats(&[state.scale])?;
+        for (column, leak) in state.columns.iter().zip(&state.leaks) {
+            self.bytes(&(column.len() as u64).to_le_bytes())?;
+            self.floats(column)?;
+            self.floats(&[*leak])?;
+        }
+        for column in state.basis.columns() {
+            self.floats(column)?;
+        }
+        let checksum = *self.hasher.finalize().as_bytes();
+        self.bytes(&checksum)?;
+        self.writer.flush()
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        self.hasher.update(bytes);
+        self.writer.write_all(bytes)
+    }
+
+    fn floats(&mut self, floats: &[f64]) -> std::io::Result<()> {
+        let mut buffer = Vec::with_capacity(8 * CHUNK.min(floats.len()));
+        for chunk in floats.chunks(CHUNK) {
+            buffer.clear();
+            buffer.extend(chunk.iter().flat_map(|value| value.to_le_bytes()));
+            self.bytes(&buffer)?;
+        }
+        Ok(())
+    }
+}
+
+struct Source<R> {
+    reader: R,
+    hasher: blake3::Hasher,
+}
+
+impl<R: Read> Source<R> {
+    fn everything(&mut self, kind: Kind) -> Result<Expansion> {
+        let mut magic = [0; 8];
+        self.bytes(&mut magic)?;
+        if &magic != MAGIC {
+            return Err(damaged("this is no saved factorization"));
+        }
+        let version = self.u32()?;
+        if version != VERSION {
+            return Err(damaged(&format!("version {version}; this program reads version {VERSION}")));
+        }
+        let found = self.u32()?;
+        if found != kind as u32 {
+            return Err(damaged(&format!("kind {found} was saved; {kind:?} is kind {}", kind as u32)));
+        }
+        let mut counts = [0; 6];
+        for count in &mut counts {
+            *count = usize::try_from(self.u64()?).map_err(|_| damaged("a count is beyond all memory"))?;
+        }
+        let [n, known, block, total, steps, products] = counts;
+        let draws = self.u64()?;
+        let fits = (1..=n).contains(&total) && (1..=n).contains(&block);
+        if !fits || known.checked_add(steps).is_none_or(|used| used > total) {
+            return Err(damaged("the counts contradict each other"));
+        }
+        let scale = self.float()?;
+        let mut columns = Vec::new();
+        let mut leaks = Vec::new();
+        for step in 0..steps {
+            let length = self.u64()?;
+            if length > total as u64 || length <= (known + step) as u64 {
+                return Err(damaged("the counts contradict each other"));
+            }
+            columns.push(self.floats(length as usize)?);
+            leaks.push(self.float()?);
+        }
+        let mut basis = Basis::new(n);
+        for _ in 0..total {
+            basis.push_scaled(&self.floats(n)?, 1.0);
+        }
+        Ok(Expansion { basis, known, block, columns, leaks, products, scale, draws, work: vec![0.0; n] })
+    }
+
+    fn bytes(&mut self, bytes: &mut [u8]) -> Result<()> {
+        self.reader.read_exact(bytes).map_err(|error| match error.kind() {
+            std::io::ErrorKind::UnexpectedEof => damaged("it ends too early"),
+            _ => Error::reading(name())(error),
+        })?;
+        self.hasher.update(bytes);
+        Ok(())
+    }
+
+    fn u32(&mut self) -> Result<u32> {
+        let mut bytes = [0; 4];
+        self.bytes(&mut bytes)?;
+        Ok(u32::from_le_bytes(bytes))
+    }
+
+    fn u64(&mut self) -> Result<u64> {
+        let mut bytes = [0; 8];
+        self.bytes(&mut bytes)?;
+        Ok(u64::from_le_bytes(bytes))
+    }
+
+    fn float(&mut self) -> Result<f64> {
+        self.u64().map(f64::from_bits)
+    }
+
+    /// In pieces: a damaged length runs into the end of the file before it asks for all memory.
+    fn floats(&mut self, count: usize) -> Result<Vec<f64>> {
+        let mut floats = Vec::with_capacity(count.min(CHUNK));
+        let mut buffer = vec![0; 8 * CHUNK.min(count)];
+        while floats.len() < count {
+            let bytes = &mut buffer[..8 * CHUNK.min(count - floats.len())];
+            self.bytes(bytes)?;
+            floats.extend(bytes.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)));
+        }
+        Ok(floats)
+    }
+}
+
+fn name() -> PathBuf {
+    PathBuf::from("saved factorization")
+}
+
+fn damaged(fault: &str) -> Error {
+    Error::Data {
+        path: name(),
+        fault: fault.into(),
+        help: "give a file that the same method saved, undamaged; or start anew".into(),
+    }
+}

@@ -1,0 +1,169 @@
+//! Memory and threads: a step allocates no long vector once the memory is set aside, and the bits do not depend on
+//! the number of threads. An own binary, since it counts every allocation.
+#![allow(clippy::unwrap_used, reason = "in a test a panic is the report")]
+#![allow(unsafe_code, reason = "a global allocator that counts cannot be written without")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+
+use krylux::Result;
+use krylux::krylov::{
+    Arnoldi, BlockLanczos, EigsMethod, EigsOptions, Factorization, Lanczos, Start, Which, eigs, eigs_from,
+    keep_going,
+};
+use krylux::operator::{Operator, Symmetry};
+
+/// Counts allocations that could hold a vector of the test's space.
+struct Counting;
+
+/// Shorter ones are not counted: coefficients, partial sums.
+const N: usize = 50_000;
+static LONG: AtomicUsize = AtomicUsize::new(0);
+static ALONE: Mutex<()> = Mutex::new(());
+
+fn count(layout: Layout) {
+    if layout.size() >= 8 * N {
+        LONG.fetch_add(1, SeqCst);
+    }
+}
+
+// SAFETY: everything is passed on to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        if size >= 8 * N {
+            LONG.fetch_add(1, SeqCst);
+        }
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// `x ↦ D x + reversed x`: symmetric, and needs no memory.
+struct Comb;
+
+impl Operator for Comb {
+    fn rows(&self) -> usize {
+        N
+    }
+    fn cols(&self) -> usize {
+        N
+    }
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::Symmetric
+    }
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        for i in 0..N {
+            y[i] = x[i] * (i as f64).cos() + x[N - 1 - i];
+        }
+        Ok(())
+    }
+}
+
+fn long_allocations(work: impl FnOnce()) -> usize {
+    let before = LONG.load(SeqCst);
+    work();
+    LONG.load(SeqCst) - before
+}
+
+#[test]
+fn steps_allocate_no_long_vector_once_memory_is_set_aside() {
+    let _alone = ALONE.lock();
+    let start = Start::default();
+    let mut lanczos = Lanczos::new(&start.vector(N), &[]).unwrap();
+    let mut block = BlockLanczos::new(&start.block(N, 3), &[]).unwrap();
+    let mut arnoldi = Arnoldi::new(&start.vector(N), &[]).unwrap();
+    let processes: [&mut dyn Factorization; 3] = [&mut lanczos, &mut block, &mut arnoldi];
+    for process in processes {
+        let without = long_allocations(|| {
+            process.expand(&mut Comb).unwrap();
+        });
+        assert_eq!(without, 1, "the new basis vector, and that only");
+        process.expansion_mut().reserve(20);
+        let with = long_allocations(|| {
+            for _ in 1..20 {
+                process.expand(&mut Comb).unwrap();
+            }
+        });
+        assert_eq!(with, 0, "{} products", process.products());
+    }
+}
+
+#[test]
+fn storage_is_what_the_table_of_methods_says() {
+    let _alone = ALONE.lock();
+    let run = |method, count, products| {
+        let which = Which::LargestMagnitude;
+        let options =
+            EigsOptions { count, which, products, method, tolerance: 0.0, ..EigsOptions::default() };
+        long_allocations(|| {
+            eigs(&mut Comb, &options, &mut keep_going).unwrap();
+        })
+    };
+    // The answer's vectors (one), the start as drawn, as passed on, and as orthogonalized are on top of the table.
+    for (method, of_the_table) in [
+        (EigsMethod::Lanczos, 12 + 2),
+        (EigsMethod::BlockLanczos { block: 3 }, 12 + 3 + 1),
+        (EigsMethod::Arnoldi, 12 + 2),
+    ] {
+        let starts = if method == (EigsMethod::BlockLanczos { block: 3 }) { 3 } else { 1 };
+        let transient = 1 + 3 * starts;
+        let counted = run(method, 1, 12);
+        assert!((of_the_table..=of_the_table + transient).contains(&counted), "{method:?}: {counted}");
+    }
+    // Power iteration does not grow with the number of products.
+    assert_eq!(run(EigsMethod::Power, 1, 12), run(EigsMethod::Power, 1, 40));
+    assert!(run(EigsMethod::Power, 1, 12) <= 4 + 4);
+}
+
+#[test]
+fn restarts_use_the_memory_that_they_set_free() {
+    let _alone = ALONE.lock();
+    let mut lanczos = Lanczos::new(&Start::default().vector(N), &[]).unwrap();
+    let options = |products| EigsOptions {
+        count: 2,
+        products,
+        tolerance: 0.0,
+        max_basis: Some(10),
+        ..EigsOptions::default()
+    };
+    eigs_from(&mut lanczos, &mut Comb, &options(12), &mut keep_going).unwrap();
+    let later = long_allocations(|| {
+        eigs_from(&mut lanczos, &mut Comb, &options(60), &mut keep_going).unwrap();
+    });
+    // The answer itself: two vectors. The ten restarts ask for nothing.
+    assert!(later <= 2 + 2, "{later}");
+}
+
+#[test]
+fn bits_do_not_depend_on_the_number_of_threads() {
+    let _alone = ALONE.lock();
+    for method in
+        [EigsMethod::Power, EigsMethod::Lanczos, EigsMethod::BlockLanczos { block: 4 }, EigsMethod::Arnoldi]
+    {
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let max_basis = matches!(method, EigsMethod::BlockLanczos { .. }).then_some(14);
+                let options =
+                    EigsOptions { count: 1, products: 25, method, max_basis, ..EigsOptions::default() };
+                let found = eigs(&mut Comb, &options, &mut keep_going).unwrap();
+                (found.values, found.vectors, found.residuals)
+            })
+        };
+        assert_eq!(with(1), with(4), "{method:?}");
+    }
+}
