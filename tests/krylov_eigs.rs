@@ -233,6 +233,21 @@ fn restarts_never_hold_more_vectors_than_allowed_and_stay_orthonormal() {
 }
 
 #[test]
+fn hundreds_of_restarts_leave_residuals_as_true_as_before() {
+    let mut matrix = Dense::turned(&spread(200));
+    let options =
+        EigsOptions { count: 2, products: 900, tolerance: 0.0, max_basis: Some(8), ..EigsOptions::default() };
+    let found = solve(&mut matrix, &options);
+    assert_eq!(found.stats.products, 900);
+    for k in 0..2 {
+        let residual = matrix.residual((found.values[k], 0.0), &found.vectors[k], &[]);
+        // Rounding adds up over 300 restarts of a few ε each; it must not multiply.
+        assert!((residual - found.residuals[k]).abs() < 1e-12, "{residual:e} {:e}", found.residuals[k]);
+        assert!(found.residuals[k] < 1e-12, "{:e}", found.residuals[k]);
+    }
+}
+
+#[test]
 fn noise_ends_the_search_at_its_floor_with_bounds_that_hold() {
     let noise = 1e-4;
     let mut matrix = Dense::turned(&(0..150).map(|k| 0.85_f64.powi(k)).collect::<Vec<_>>());

@@ -47,8 +47,9 @@ pub struct Expansion {
     pub(super) block: usize,
     /// Per step, the coefficients of `A v_j` on `Q, v_1, …`: as many as there were by then, the new one included.
     pub(super) columns: Vec<Vec<f64>>,
-    /// Per step, a bound on the norm of what of `A v_j` a restart threw away. Zero for symmetric products.
-    pub(super) leaks: Vec<f64>,
+    /// A bound on the Frobenius norm of what of `A V` restarts threw away. Rounding errors for symmetric products.
+    /// Restarts rotate it, which leaves it as it is: bounds for each column would grow with every restart.
+    pub(super) leak: f64,
     pub(super) products: usize,
     /// The largest `‖A v_j‖` so far: a lower bound of `‖A‖`.
     pub(super) scale: f64,
@@ -91,7 +92,7 @@ impl Expansion {
             known,
             block: starts.len().min(n),
             columns: Vec::new(),
-            leaks: Vec::new(),
+            leak: 0.0,
             products: 0,
             scale: 0.0,
             draws: 0,
@@ -130,7 +131,6 @@ impl Expansion {
         self.products += 1;
         self.scale = self.scale.max(length);
         let mut removed = orthogonalize(&self.basis, &mut self.work, recent);
-        self.leaks.push(0.0);
         // What is left of A v is nothing but rounding errors of a product of n terms.
         let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
         if !nothing_new && self.basis.len() < n {
@@ -154,27 +154,27 @@ impl Expansion {
     pub(in super::super) fn restart(&mut self, kept: &[(f64, &[f64])]) {
         let (m, pending) = (self.steps(), self.pending());
         let parts: Vec<Outside> = kept.iter().map(|(_, s)| self.outside(s)).collect();
+        // What was thrown away before counts in each part; once is enough.
+        let lost: Vec<f64> = parts.iter().map(|part| part.asymmetric - self.leak).collect();
+        self.leak += norm(&lost);
         let vectors: Vec<&[f64]> = kept.iter().map(|(_, s)| *s).collect();
         self.basis.rotate(self.known, self.known + m, &vectors);
         self.columns.clear();
-        self.leaks.clear();
         for (index, ((value, _), part)) in kept.iter().zip(parts).enumerate() {
             let mut column = part.known;
             column.resize(self.known + kept.len(), 0.0);
             column[self.known + index] = *value;
             column.extend_from_slice(&part.waiting[..pending]);
             self.columns.push(column);
-            self.leaks.push(part.asymmetric);
         }
     }
 
-    /// What `A V s` has outside of `V T s`, with `T` the symmetric matrix of the lower triangle of `H`.
+    /// What `A V s` has outside of `V T s` for `s` of norm 1, with `T` the symmetric matrix of the lower triangle of `H`.
     pub(in super::super) fn outside(&self, s: &[f64]) -> Outside {
         let m = self.steps();
         let mut known = vec![0.0; self.known];
         let mut inside = vec![0.0; m];
         let mut waiting = vec![0.0; self.pending()];
-        let mut leaked = 0.0;
         for (j, column) in self.columns.iter().enumerate() {
             for (sum, entry) in known.iter_mut().zip(column) {
                 *sum += entry * s[j];
@@ -185,9 +185,8 @@ impl Expansion {
             for (sum, entry) in waiting.iter_mut().zip(column.iter().skip(self.known + m)) {
                 *sum += entry * s[j];
             }
-            leaked += self.leaks[j] * s[j].abs();
         }
-        Outside { known, waiting, asymmetric: norm(&inside) + leaked }
+        Outside { known, waiting, asymmetric: norm(&inside) + self.leak }
     }
 
     /// Entry `(i, j)` of `H`, counted from 0: `v_iᵀ A v_j`, `j < m`, `i < m + p`.
@@ -290,7 +289,7 @@ pub(in super::super) struct Outside {
     pub(in super::super) known: Vec<f64>,
     /// Along the waiting vectors.
     pub(in super::super) waiting: Vec<f64>,
-    /// The norm of `V (H − T) s`: zero to rounding where `A` is symmetric.
+    /// The norm of `V (H − T) s`, and what restarts threw away: zero to rounding where `A` is symmetric.
     pub(in super::super) asymmetric: f64,
 }
 

@@ -53,11 +53,10 @@ impl<W: Write> Sink<W> {
             self.bytes(&(count as u64).to_le_bytes())?;
         }
         self.bytes(&state.draws.to_le_bytes())?;
-        self.floats(&[state.scale])?;
-        for (column, leak) in state.columns.iter().zip(&state.leaks) {
+        self.floats(&[state.scale, state.leak])?;
+        for column in &state.columns {
             self.bytes(&(column.len() as u64).to_le_bytes())?;
             self.floats(column)?;
-            self.floats(&[*leak])?;
         }
         for column in state.basis.columns() {
             self.floats(column)?;
@@ -113,22 +112,20 @@ impl<R: Read> Source<R> {
         if !fits || known.checked_add(steps).is_none_or(|used| used > total) {
             return Err(damaged("the counts contradict each other"));
         }
-        let scale = self.float()?;
+        let (scale, leak) = (self.float()?, self.float()?);
         let mut columns = Vec::new();
-        let mut leaks = Vec::new();
         for step in 0..steps {
             let length = self.u64()?;
             if length > total as u64 || length <= (known + step) as u64 {
                 return Err(damaged("the counts contradict each other"));
             }
             columns.push(self.floats(length as usize)?);
-            leaks.push(self.float()?);
         }
         let mut basis = Basis::new(n);
         for _ in 0..total {
             basis.push_scaled(&self.floats(n)?, 1.0);
         }
-        Ok(Expansion { basis, known, block, columns, leaks, products, scale, draws, work: vec![0.0; n] })
+        Ok(Expansion { basis, known, block, columns, leak, products, scale, draws, work: vec![0.0; n] })
     }
 
     fn bytes(&mut self, bytes: &mut [u8]) -> Result<()> {
