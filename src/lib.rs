@@ -17,7 +17,7 @@
 //! | in the paper | here |
 //! |---|---|
 //! | photo = `A` · pattern, coaxial rig (section 2) | [`render`] traces it once, [`transport`] replays it |
-//! | Krylov subspace illumination (sections 3 and 4) | [`krylov`] |
+//! | Krylov subspace illumination (sections 3 and 4) | [`krylov`]: eigenpairs, linear systems, boxes, estimators |
 //! | light transport segmentation (section 5) | [`analysis::segment`] |
 //!
 //! Units, conventions and the symmetric estimator stand in [`render`] and [`transport`].

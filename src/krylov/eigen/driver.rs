@@ -10,12 +10,12 @@ use super::pairs::{RitzPair, Verdict};
 use crate::error::Result;
 use crate::operator::Operator;
 
-/// As [`eigs`](super::eigs), going on from a factorization; `options.products` counts the products already in it,
+/// As [`eigs()`](super::eigs()), going on from a factorization; `options.products` counts the products already in it,
 /// while `method`, `start` and `deflate` are not looked at. After an error, `factorization` holds everything up to the
 /// product that failed: call this again to go on.
 ///
 /// # Errors
-/// As [`eigs`](super::eigs).
+/// As [`eigs()`](super::eigs()).
 pub fn eigs_from(
     factorization: &mut dyn Factorization,
     operator: &mut dyn Operator,

@@ -51,7 +51,7 @@ impl SpectralDensity {
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) naming `--probes` or `--steps`; else as
-/// [`Factorization::expand`](super::super::Factorization::expand).
+/// [`Factorization::expand`].
 ///
 /// # References
 /// Ubaru, Chen and Saad, *Fast estimation of tr(f(A)) via stochastic Lanczos quadrature* (2017),

@@ -6,10 +6,10 @@
 //! | estimator | products | needs |
 //! |---|---|---|
 //! | [`randomized_svd`] | `2 (q + 1) l + probes` | `A v` and `Aᵀ u` |
-//! | [`nystrom`] | `l + probes` | `A = Aᵀ`, best positive semidefinite |
+//! | [`nystrom()`] | `l + probes` | `A = Aᵀ`, best positive semidefinite |
 //! | [`hutchinson`] | `m` | `A v` |
 //! | [`hutch_plus_plus`] | `2 ⌊m/3⌋ + (m − 2 ⌊m/3⌋)` | `A v` |
-//! | [`diagonal`] | `m` | `A v` |
+//! | [`diagonal()`] | `m` | `A v` |
 //! | [`spectral_density`] | at most probes × steps | `A = Aᵀ` |
 
 mod density;
