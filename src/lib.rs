@@ -10,7 +10,7 @@
 //! Data flows one way; a module uses only those below it.
 //!
 //! ```text
-//! cli → report → analysis → krylov → operator, image
+//! cli → report → analysis → krylov → operator, sparse, image
 //!            ↘          ↘ transport → render → gpu, scene → image
 //! ```
 //!

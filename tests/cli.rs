@@ -202,6 +202,91 @@ fn labels_are_the_regions_that_pixels_see() {
 }
 
 #[test]
+fn eigenvalues_of_a_scene_are_those_of_its_exported_matrix() {
+    let folder = folder();
+    let (matrix, of_scene, of_matrix) =
+        (inside(&folder, "matrix.npz"), inside(&folder, "scene"), inside(&folder, "matrix"));
+    let traced = ["--size", "24", "--spp", "64"];
+    let finds = ["--count", "3", "--photos", "300", "--tolerance", "1e-7"];
+    let mut values = Vec::new();
+    let run = |verb: &[&str], more: &[&[&str]]| {
+        let mut command = krylux(verb);
+        more.iter().for_each(|more| {
+            command.args(*more);
+        });
+        let output = command.output().expect("the program is built with the tests");
+        assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
+    };
+    run(&["matrix", &zigzag(), "-o", &matrix], &[&traced]);
+    run(&["eigs", &zigzag(), "-o", &of_scene], &[&traced, &finds]);
+    run(&["eigs", &matrix, "-o", &of_matrix], &[&finds]);
+    for (out, shape) in [(&of_scene, vec![3, 24, 24]), (&of_matrix, vec![3, 576])] {
+        let out = Path::new(out);
+        assert_eq!(npy::read_npy(&out.join("eigenvectors.npy")).expect("it is written").shape, shape);
+        assert!(out.join("report.html").exists() && out.join("run.json").exists());
+        values.push(npy::read_npy(&out.join("eigenvalues.npy")).expect("it is written").values);
+    }
+    for (a, b) in values[0].iter().zip(&values[1]) {
+        // The exported diagonal is the sum of two parts, rounded to f32.
+        assert!((a - b).abs() <= 2.0 * f64::from(f32::EPSILON) * a, "{a} and {b}");
+    }
+}
+
+#[test]
+fn pairs_that_are_not_resolved_are_exit_status_1() {
+    let folder = folder();
+    let arguments = ["--size", "16", "--spp", "16", "--photos", "4", "--count", "4"];
+    let mut command = krylux(&["eigs", &zigzag(), "-o", &inside(&folder, "run")]);
+    let output = command.args(arguments).output().expect("the program is built with the tests");
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("not resolved"));
+}
+
+#[test]
+fn a_system_from_files_is_solved() {
+    let folder = folder();
+    let [matrix, rhs, x, history] =
+        ["A.npy", "b.npy", "x.npy", "history.csv"].map(|name| inside(&folder, name));
+    npy::write_npy(Path::new(&matrix), &[2, 2], &[4.0, 1.0, 1.0, 3.0]).expect("the folder is writable");
+    npy::write_npy(Path::new(&rhs), &[2], &[1.0, 2.0]).expect("the folder is writable");
+    for method in ["minres", "gmres", "cg", "bicgstab", "lsqr", "lsmr", "krylov-box"] {
+        let output = run(&[
+            "solve",
+            &matrix,
+            &rhs,
+            "--method",
+            method,
+            "--rtol",
+            "1e-9",
+            "-o",
+            &x,
+            "--history",
+            &history,
+        ]);
+        assert_eq!(
+            output.status.code(),
+            Some(0),
+            "{method}: {}{}",
+            text(&output.stdout),
+            text(&output.stderr)
+        );
+        let found = npy::read_npy(Path::new(&x)).expect("it is written").values;
+        // x = (1, 7)/11; the residual is at most 1e-9 |b|, and |A⁻¹| < 0.5.
+        for (found, exact) in found.iter().zip([1.0 / 11.0, 7.0 / 11.0]) {
+            assert!((found - exact).abs() < 1.2e-9, "{method}: {found} for {exact}");
+        }
+        let history = std::fs::read_to_string(&history).expect("it is written");
+        assert!(
+            history.starts_with("products,relative_residual\n") && history.lines().count() > 1,
+            "{history}"
+        );
+    }
+    npy::write_npy(Path::new(&rhs), &[3], &[1.0; 3]).expect("the folder is writable");
+    assert_error(&["solve", &matrix, &rhs], &["b.npy", "3 numbers", "2 rows"]);
+    assert_error(&["solve", &matrix, &rhs, "--method", "magic"], &["--method", "minres"]);
+}
+
+#[test]
 fn without_a_vulkan_driver_the_package_is_named() {
     for arguments in [vec!["info"], vec!["photo", &zigzag(), "-o", "/dev/null/photo.npy"]] {
         let mut command = krylux(&arguments);

@@ -33,7 +33,7 @@ pub(super) struct Args {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum PartArg {
+pub(super) enum PartArg {
     Full,
     Direct,
     Global,

@@ -3,6 +3,7 @@
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
 mod console;
+mod eigs;
 mod info;
 mod labels;
 mod matrix;
@@ -12,6 +13,7 @@ mod photo;
 mod run_folder;
 mod segment;
 mod simulation;
+mod solve;
 
 use std::process::ExitCode;
 
@@ -33,6 +35,8 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 enum Verb {
     Photo(photo::Args),
     Segment(segment::Args),
+    Eigs(eigs::Args),
+    Solve(solve::Args),
     Matrix(matrix::Args),
     Labels(labels::Args),
     Info(info::Args),
@@ -52,6 +56,8 @@ pub fn main() -> ExitCode {
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console.with(&args.output)),
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
+        Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
+        Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
         Verb::Info(args) => info::run(args, &console.with(&args.output)),

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::error::{Error, Result};
-use crate::report::manifest::{Manifest, Status};
+use crate::render::{TraceSettings, Tracer};
+use crate::report::manifest::{self, Manifest, Status};
+use crate::scene::Scene;
 
 const RECORD: &str = "run.json";
 
@@ -36,6 +38,25 @@ impl RunFolder {
         let manifest = Manifest::new(std::env::args());
         manifest.write(&path.join(RECORD))?;
         Ok(Self { path, manifest, started: Instant::now() })
+    }
+
+    /// Notes what a run on a traced scene depends on.
+    pub(super) fn describe(&mut self, scene: &Scene, tracer: &Tracer, settings: &TraceSettings) {
+        let adapter = tracer.adapter();
+        self.manifest.seed = Some(u64::from(settings.seed));
+        self.manifest.adapter = Some(manifest::Adapter {
+            name: adapter.name.clone(),
+            driver: format!("{} {}", adapter.driver, adapter.driver_version),
+            backend: "vulkan".into(),
+        });
+        self.manifest.scene = Some(manifest::Scene {
+            path: scene.path.display().to_string(),
+            hash: scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
+        });
+        self.manifest.resolution = Some(settings.resolution);
+        self.manifest.samples_per_pixel = Some(settings.samples);
+        self.manifest.max_bounces = Some(settings.max_bounces);
+        self.manifest.channels = Some("luma".into());
     }
 
     /// Seconds since the run started.

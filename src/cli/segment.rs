@@ -13,7 +13,6 @@ use super::{Outcome, labels, simulation};
 use crate::analysis::{Capture, Cut, SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::image::Image;
 use crate::render::Tracer;
-use crate::report::manifest;
 use crate::report::segmentation::{SegmentationRun, Truth};
 use crate::scene::Scene;
 use crate::transport::{Channels, MatrixOperator, Part, Simulated, Transport};
@@ -91,7 +90,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = format!("{}-segment", simulation::short_name(&scene));
     let mut folder = RunFolder::create(args.folder.as_deref(), &name, args.overwrite)?;
-    describe(&mut folder.manifest, args, &scene, &tracer);
+    folder.describe(&scene, &tracer, &args.trace.settings());
     let outcome = segment(args, console, capture, &scene, &mut tracer, &mut folder);
     folder.close(outcome)
 }
@@ -159,26 +158,6 @@ fn segment(
         "seconds": folder.seconds(),
     }))?;
     Ok((judge(args, &scores, truth.as_ref(), console)?, segmentation.status))
-}
-
-/// What the run depends on, for its record.
-fn describe(manifest: &mut manifest::Manifest, args: &Args, scene: &Scene, tracer: &Tracer) {
-    let settings = args.trace.settings();
-    let adapter = tracer.adapter();
-    manifest.seed = Some(u64::from(settings.seed));
-    manifest.adapter = Some(manifest::Adapter {
-        name: adapter.name.clone(),
-        driver: format!("{} {}", adapter.driver, adapter.driver_version),
-        backend: "vulkan".into(),
-    });
-    manifest.scene = Some(manifest::Scene {
-        path: scene.path.display().to_string(),
-        hash: scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
-    });
-    manifest.resolution = Some(settings.resolution);
-    manifest.samples_per_pixel = Some(settings.samples);
-    manifest.max_bounces = Some(settings.max_bounces);
-    manifest.channels = Some("luma".into());
 }
 
 /// The scene's own labels, where its author gave some.

@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use super::colormap::{paint_signed, robust_range};
 use super::html::{Block, Figure, Legend, Outcome, Report, Section, Swatch, Verdict};
 use super::manifest::Manifest;
 use super::palette::{label_color, paint_labels};
-use super::plot::{LinePlot, Series, StemPlot};
+use super::run::{self, Files};
 use super::tone::{develop, exposure};
-use super::{exr, npy, picture};
+use super::{exr, npy, picture, spectrum};
 use crate::analysis::{MASKED, Segmentation};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -52,7 +51,7 @@ impl SegmentationRun<'_> {
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
     pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
-        let mut files = Files { folder, names: Vec::new() };
+        let mut files = Files::new(folder);
         self.write_arrays(&mut files)?;
         let pictures = self.pictures()?;
         for (name, figure) in &pictures.all() {
@@ -120,20 +119,13 @@ impl SegmentationRun<'_> {
             Ok((format!("labels-{groups}"), figure))
         });
         let found = self.segmentation;
-        let eigenvectors = found.eigenvectors.iter().enumerate().map(|(index, vector)| {
-            let range = robust_range(vector, Some(&found.mask));
-            let figure = Figure {
-                png: paint_signed(self.resolution, vector, Some(&found.mask), range)?.encode_png()?,
-                caption: format!("{}: λ = {:.5}", index + 1, found.eigenvalues[index]),
-                legend: Legend::signed(range),
-            };
-            Ok((format!("eigenvector-{:02}", index + 1), figure))
-        });
+        let eigenvectors =
+            spectrum::pictures(self.resolution, &found.eigenvectors, &found.eigenvalues, Some(&found.mask))?;
         Ok(Pictures {
             white,
             truth: truth.transpose()?,
             labels: labels.collect::<Result<_>>()?,
-            eigenvectors: eigenvectors.collect::<Result<_>>()?,
+            eigenvectors,
         })
     }
 
@@ -157,12 +149,18 @@ impl SegmentationRun<'_> {
         sections.push(Section {
             title: "Spectrum and convergence".into(),
             text: format!("{}.", found.status),
-            blocks: vec![self.spectrum(), self.convergence(), self.table()],
+            blocks: vec![
+                spectrum::stems(&found.eigenvalues, &found.residuals, "Eigenvalues; bars are residual norms. As many at one as there are regions that exchange no light."),
+                // The known first pair has no history.
+                spectrum::convergence(&found.history, 2),
+                spectrum::table(&found.eigenvalues, &found.residuals, &[]),
+            ],
         });
+        let masked = found.mask.iter().filter(|&&masked| masked).count();
         Report {
             title: self.title.clone(),
             verdict: Verdict { outcome: Outcome::Good, sentence: self.sentence() },
-            facts: facts(manifest, found, seconds),
+            facts: run::facts(manifest, found.photos, [("Masked pixels", masked.to_string())], seconds),
             sections,
             footer: manifest.command.join(" "),
         }
@@ -180,55 +178,6 @@ impl SegmentationRun<'_> {
             None => format!("{}.", self.segmentation.status),
         }
     }
-
-    fn spectrum(&self) -> Block {
-        let plot = StemPlot {
-            x_label: "eigenvector".into(),
-            y_label: "eigenvalue λ".into(),
-            values: self.segmentation.eigenvalues.clone(),
-            errors: self.segmentation.residuals.clone(),
-        };
-        Block::Plot { svg: plot.render(), caption: "Eigenvalues; bars are residual norms. As many at one as there are regions that exchange no light.".into() }
-    }
-
-    fn convergence(&self) -> Block {
-        let history = &self.segmentation.history;
-        let pairs = history.last().map_or(0, |row| row.residuals.len()).min(5);
-        let series = (0..pairs).map(|pair| Series {
-            // The known first pair has no history.
-            name: format!("λ{}", pair + 2),
-            points: history
-                .iter()
-                .filter_map(|row| Some((row.products as f64, *row.residuals.get(pair)?)))
-                .collect(),
-        });
-        let plot = LinePlot {
-            x_label: "photos".into(),
-            y_label: "residual norm".into(),
-            logarithmic: true,
-            series: series.collect(),
-            marks: Vec::new(),
-        };
-        Block::Plot {
-            svg: plot.render(),
-            caption: "Residual norms of the leading eigenpairs as photos are taken; they cost no photo."
-                .into(),
-        }
-    }
-
-    fn table(&self) -> Block {
-        let found = self.segmentation;
-        let rows = found.eigenvalues.iter().zip(&found.residuals).enumerate();
-        Block::Table {
-            headers: ["", "eigenvalue", "residual norm"].map(String::from).to_vec(),
-            rows: rows
-                .map(|(index, (value, residual))| {
-                    vec![(index + 1).to_string(), format!("{value:.6}"), format!("{residual:.1e}")]
-                })
-                .collect(),
-            caption: "Eigenvalues with their residual norms".into(),
-        }
-    }
 }
 
 impl Truth {
@@ -240,22 +189,6 @@ impl Truth {
             .map(|region| Swatch { color: label_color(region), text: name(region) })
             .collect()
     }
-}
-
-fn facts(manifest: &Manifest, found: &Segmentation, seconds: f64) -> Vec<(String, String)> {
-    let masked = found.mask.iter().filter(|&&masked| masked).count();
-    let mut facts = vec![("Photos", found.photos.to_string())];
-    facts.extend(manifest.scene.as_ref().map(|scene| ("Scene", scene.path.clone())));
-    facts.extend(manifest.resolution.map(|resolution| ("Pixels", resolution.to_string())));
-    facts.extend(manifest.samples_per_pixel.map(|samples| ("Samples per pixel", samples.to_string())));
-    facts.extend(manifest.max_bounces.map(|bounces| ("Bounces at most", bounces.to_string())));
-    facts.push(("Masked pixels", masked.to_string()));
-    facts.extend(manifest.seed.map(|seed| ("Seed", seed.to_string())));
-    facts.extend(manifest.adapter.as_ref().map(|adapter| ("Adapter", adapter.name.clone())));
-    facts.push(("Time", format!("{seconds:.1} s")));
-    facts.push(("Started", manifest.started.clone()));
-    facts.push(("krylux", manifest.version.clone()));
-    facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 /// Every picture of the run, by its file's name.
@@ -274,18 +207,5 @@ impl Pictures {
             self.labels.iter().chain(&self.eigenvectors).map(|(name, figure)| (name.as_str(), figure)),
         );
         all
-    }
-}
-
-/// Names of the files written, as they are asked for.
-struct Files<'a> {
-    folder: &'a Path,
-    names: Vec<String>,
-}
-
-impl Files<'_> {
-    fn path(&mut self, name: &str) -> std::path::PathBuf {
-        self.names.push(name.to_owned());
-        self.folder.join(name)
     }
 }

@@ -1,0 +1,219 @@
+//! `krylux eigs`: eigenvalues and eigenvectors, of a scene's light transport or of a matrix from a file.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use clap::ValueEnum;
+use serde_json::json;
+
+use super::console::Console;
+use super::matrix::PartArg;
+use super::options::{OutputArgs, SourceArgs, TraceArgs};
+use super::run_folder::RunFolder;
+use super::{Outcome, simulation};
+use crate::image::Resolution;
+use crate::krylov::{Eigs, EigsMethod, EigsOptions, Start, Verdict, Which, eigs};
+use crate::operator::Operator;
+use crate::report::eigenpairs::EigenpairsRun;
+use crate::report::sparse;
+use crate::sparse::SparseOperator;
+use crate::transport::{Channels, MatrixOperator};
+
+/// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// The scene (.glb, .gltf), or a matrix (.npz of SciPy, .mtx, or a dense .npy)
+    #[arg(value_name = "SCENE|MATRIX")]
+    source: PathBuf,
+    /// The camera to use, where the scene has several
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// Which light of a scene
+    #[arg(long, value_enum, default_value = "full")]
+    part: PartArg,
+    /// How they are found
+    #[arg(long, value_enum, default_value = "lanczos")]
+    method: MethodArg,
+    /// Vectors in the block of block-lanczos: as many copies of a repeated eigenvalue are found
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    block: usize,
+    /// How many eigenpairs
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    count: usize,
+    /// At which end of the spectrum
+    #[arg(long, value_enum, default_value = "la")]
+    which: WhichArg,
+    /// Photos (products with the matrix) to take at most
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    photos: usize,
+    /// Done when each residual norm is at most this share of the matrix norm
+    #[arg(long, value_name = "X", default_value_t = 1e-8)]
+    tolerance: f64,
+    /// Where the run goes [default: out/SOURCE-eigs]
+    #[arg(short = 'o', long = "output", value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Write into a folder that holds an earlier run
+    #[arg(long)]
+    overwrite: bool,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum MethodArg {
+    /// The paper's Algorithm 1: one pair, of largest magnitude
+    Power,
+    /// Symmetric matrices: the best in nearly all cases
+    Lanczos,
+    /// Symmetric matrices with repeated eigenvalues
+    BlockLanczos,
+    /// Any square matrix: complex pairs
+    Arnoldi,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum WhichArg {
+    /// Largest (largest real part)
+    La,
+    /// Smallest (smallest real part)
+    Sa,
+    /// Largest magnitude
+    Lm,
+    /// Smallest magnitude
+    Sm,
+    /// Both ends in turn
+    Be,
+    /// Largest imaginary part
+    Li,
+}
+
+impl Args {
+    fn options(&self) -> EigsOptions {
+        EigsOptions {
+            count: self.count,
+            which: match self.which {
+                WhichArg::La => Which::LargestAlgebraic,
+                WhichArg::Sa => Which::SmallestAlgebraic,
+                WhichArg::Lm => Which::LargestMagnitude,
+                WhichArg::Sm => Which::SmallestMagnitude,
+                WhichArg::Be => Which::BothEnds,
+                WhichArg::Li => Which::LargestImaginary,
+            },
+            products: self.photos,
+            tolerance: self.tolerance,
+            method: match self.method {
+                MethodArg::Power => EigsMethod::Power,
+                MethodArg::Lanczos => EigsMethod::Lanczos,
+                MethodArg::BlockLanczos => EigsMethod::BlockLanczos { block: self.block },
+                MethodArg::Arnoldi => EigsMethod::Arnoldi,
+            },
+            start: Start::Rademacher { seed: u64::from(self.trace.seed) },
+            ..EigsOptions::default()
+        }
+    }
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if is_matrix(&args.source) {
+        let mut operator = SparseOperator::new(sparse::read(&args.source)?);
+        let stem = args.source.file_stem().unwrap_or_default().to_string_lossy();
+        let mut folder = RunFolder::create(args.folder.as_deref(), &format!("{stem}-eigs"), args.overwrite)?;
+        folder.manifest.seed = Some(u64::from(args.trace.seed));
+        let outcome = answer(args, console, &mut operator, &stem, None, &mut folder);
+        return folder.close(outcome);
+    }
+    let source = SourceArgs { source: args.source.clone(), camera: args.camera.clone() };
+    let scene = simulation::load(&source, console)?;
+    let mut tracer = simulation::open(&scene, &args.trace, console)?;
+    let name = simulation::short_name(&scene);
+    let mut folder = RunFolder::create(args.folder.as_deref(), &format!("{name}-eigs"), args.overwrite)?;
+    let settings = args.trace.settings();
+    folder.describe(&scene, &tracer, &settings);
+    let traced = folder.timed("tracing and matrix", |_| {
+        simulation::assemble(&mut tracer, &args.trace, Channels::Luma, console)
+    });
+    let outcome = traced.and_then(|traced| {
+        let mut operator = MatrixOperator { matrix: &traced.matrix, part: args.part.into(), channel: 0 };
+        answer(args, console, &mut operator, &name, Some(settings.resolution), &mut folder)
+    });
+    folder.close(outcome)
+}
+
+fn is_matrix(source: &Path) -> bool {
+    let extension = source.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    matches!(extension.as_deref(), Some("npz" | "mtx" | "npy"))
+}
+
+fn answer(
+    args: &Args,
+    console: &Console,
+    operator: &mut dyn Operator,
+    name: &str,
+    resolution: Option<Resolution>,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
+    let bar = console.bar("photos");
+    let found = folder.timed("photos", |_| {
+        eigs(operator, &args.options(), &mut |step| bar.at(step.products as u64, step.budget as u64))
+    })?;
+    drop(bar);
+    if console.check().is_break() {
+        return Err(crate::Error::Interrupted.into());
+    }
+    folder.manifest.photos = found.stats.products as u64;
+    let verdicts: Vec<String> = found.verdicts.iter().map(|verdict| word(*verdict).to_owned()).collect();
+    let good = found.verdicts.iter().all(|&verdict| verdict == Verdict::Converged)
+        && found.values.len() == args.count;
+    say(&found, &verdicts, console)?;
+    let title = format!("{name} · eigenpairs");
+    let run = EigenpairsRun { title, found: &found, resolution, verdicts: &verdicts, good };
+    let seconds = folder.seconds();
+    folder.manifest.outputs =
+        folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
+    let report = folder.path.join("report.html");
+    console.say(format_args!("report    {}", report.display()))?;
+    console.summary(&json!({
+        "verb": "eigs",
+        "folder": folder.path,
+        "report": report,
+        "photos": found.stats.products,
+        "status": found.stats.status.to_string(),
+        "eigenvalues": found.values,
+        "imaginary_parts": found.imaginary_values,
+        "residuals": found.residuals,
+        "bounds": found.bounds,
+        "verdicts": verdicts,
+        "seconds": folder.seconds(),
+    }))?;
+    let outcome = if good { Outcome::Done } else { Outcome::NotGoodEnough };
+    Ok((outcome, format!("{} photos: {}", found.stats.products, found.stats.status)))
+}
+
+fn say(found: &Eigs, verdicts: &[String], console: &Console) -> Result<()> {
+    console.say(format_args!("photos    {}: {}", found.stats.products, found.stats.status))?;
+    console.say("           eigenvalue   residual   error at most")?;
+    for (index, verdict) in verdicts.iter().enumerate() {
+        let imaginary = match found.imaginary_values[index] {
+            0.0 => String::new(),
+            value => format!(" {value:+.8} i"),
+        };
+        console.say(format_args!(
+            "  {:>6}  {:>11.8}{imaginary}   {:.1e}    {:.1e}   {verdict}",
+            index + 1,
+            found.values[index],
+            found.residuals[index],
+            found.bounds[index]
+        ))?;
+    }
+    Ok(())
+}
+
+fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Converged => "converged",
+        Verdict::LimitedByNoise => "limited by noise",
+        Verdict::NotResolved => "not resolved",
+    }
+}

@@ -1,0 +1,118 @@
+//! The files and the page of a run that found eigenpairs.
+
+use std::path::Path;
+
+use super::html::{Block, Outcome, Report, Section, Verdict};
+use super::manifest::Manifest;
+use super::run::{self, Files};
+use super::{exr, npy, spectrum};
+use crate::error::Result;
+use crate::image::{Image, Resolution};
+use crate::krylov::Eigs;
+
+/// Eigenpairs found, with what belongs beside them.
+#[derive(Clone, Debug)]
+pub struct EigenpairsRun<'a> {
+    /// The page's title.
+    pub title: String,
+    /// The result.
+    pub found: &'a Eigs,
+    /// The pixels that an eigenvector's entries are; `None` where the matrix is not of images.
+    pub resolution: Option<Resolution>,
+    /// What is said of each pair, a word or two.
+    pub verdicts: &'a [String],
+    /// Whether all is as good as was asked for.
+    pub good: bool,
+}
+
+impl EigenpairsRun<'_> {
+    /// Writes arrays, pictures and `report.html` into `folder`; `seconds` is what the run took so far. Returns the files' names.
+    ///
+    /// # Errors
+    /// [`crate::Error::Write`] naming the file.
+    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+        let mut files = Files::new(folder);
+        let found = self.found;
+        let count = found.values.len();
+        npy::write_npy(&files.path("eigenvalues.npy"), &[count], &found.values)?;
+        npy::write_npy(&files.path("residuals.npy"), &[count], &found.residuals)?;
+        npy::write_npy(&files.path("bounds.npy"), &[count], &found.bounds)?;
+        self.write_vectors(&mut files, "eigenvectors.npy", &found.vectors)?;
+        if found.imaginary_values.iter().any(|&value| value != 0.0) {
+            npy::write_npy(&files.path("eigenvalues-imaginary.npy"), &[count], &found.imaginary_values)?;
+            // Those of real pairs are empty.
+            let length = found.vectors.first().map_or(0, Vec::len);
+            let padded =
+                |vector: &Vec<f64>| if vector.is_empty() { vec![0.0; length] } else { vector.clone() };
+            let vectors: Vec<Vec<f64>> = found.imaginary_vectors.iter().map(padded).collect();
+            self.write_vectors(&mut files, "eigenvectors-imaginary.npy", &vectors)?;
+        }
+        let mut pictures = Vec::new();
+        if let Some(resolution) = self.resolution {
+            self.write_layers(&mut files, resolution)?;
+            pictures = spectrum::pictures(resolution, &found.vectors, &found.values, None)?;
+            for (name, figure) in &pictures {
+                super::atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+            }
+        }
+        let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
+        self.page(Block::Figures(figures), manifest, seconds).write(&files.path("report.html"))?;
+        Ok(files.names)
+    }
+
+    /// `k×H×W` for images, else `k×n`.
+    fn write_vectors(&self, files: &mut Files<'_>, name: &str, vectors: &[Vec<f64>]) -> Result<()> {
+        let shape = match self.resolution {
+            Some(Resolution { width, height }) => vec![vectors.len(), height, width],
+            None => vec![vectors.len(), vectors.first().map_or(0, Vec::len)],
+        };
+        npy::write_npy(&files.path(name), &shape, &vectors.concat())
+    }
+
+    fn write_layers(&self, files: &mut Files<'_>, resolution: Resolution) -> Result<()> {
+        let layer = |(index, vector): (usize, &Vec<f64>)| {
+            let image = Image::new(resolution, 1, vector.iter().map(|&value| value as f32).collect())?;
+            Ok((format!("eigenvector{:02}", index + 1), image))
+        };
+        let layers: Vec<(String, Image)> =
+            self.found.vectors.iter().enumerate().map(layer).collect::<Result<_>>()?;
+        let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
+        exr::write_exr(&files.path("eigenvectors.exr"), &layers)
+    }
+
+    fn page(&self, figures: Block, manifest: &Manifest, seconds: f64) -> Report {
+        let found = self.found;
+        let sentence = format!("{} photos: {}.", found.stats.products, found.stats.status);
+        let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();
+        let mut columns = vec![("error at most", bounds), ("verdict", self.verdicts.to_vec())];
+        if found.imaginary_values.iter().any(|&value| value != 0.0) {
+            let imaginary = found.imaginary_values.iter().map(|value| format!("{value:+.6} i")).collect();
+            columns.insert(0, ("imaginary part", imaginary));
+        }
+        let mut sections = Vec::new();
+        if self.resolution.is_some() {
+            sections.push(Section {
+                title: "Eigenvectors".into(),
+                text: "Signed images of norm 1. Projected (as far as signs can be), each would come back as a photo of itself.".into(),
+                blocks: vec![figures],
+            });
+        }
+        sections.push(Section {
+            title: "Spectrum and convergence".into(),
+            text: sentence.clone(),
+            blocks: vec![
+                spectrum::stems(&found.values, &found.residuals, "Eigenvalues; bars are residual norms."),
+                spectrum::convergence(&found.history, 1),
+                spectrum::table(&found.values, &found.residuals, &columns),
+            ],
+        });
+        let outcome = if self.good { Outcome::Good } else { Outcome::Short };
+        Report {
+            title: self.title.clone(),
+            verdict: Verdict { outcome, sentence },
+            facts: run::facts(manifest, found.stats.products, [], seconds),
+            sections,
+            footer: manifest.command.join(" "),
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Eigenpairs as pictures, plots and a table.
+
+use super::colormap::{paint_signed, robust_range};
+use super::html::{Block, Figure, Legend};
+use super::plot::{LinePlot, Series, StemPlot};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::krylov::HistoryRow;
+
+/// Lines in the plot of residuals, at most.
+const LINES: usize = 5;
+
+/// A signed picture of each eigenvector, by its file's name. `mask` is true at pixels to leave out.
+pub(super) fn pictures(
+    resolution: Resolution,
+    vectors: &[Vec<f64>],
+    values: &[f64],
+    mask: Option<&[bool]>,
+) -> Result<Vec<(String, Figure)>> {
+    let picture = |(index, (vector, value)): (usize, (&Vec<f64>, &f64))| {
+        let range = robust_range(vector, mask);
+        let figure = Figure {
+            png: paint_signed(resolution, vector, mask, range)?.encode_png()?,
+            caption: format!("{}: λ = {value:.5}", index + 1),
+            legend: Legend::signed(range),
+        };
+        Ok((format!("eigenvector-{:02}", index + 1), figure))
+    };
+    vectors.iter().zip(values).enumerate().map(picture).collect()
+}
+
+/// The eigenvalues, with residual norms as error bars.
+pub(super) fn stems(values: &[f64], residuals: &[f64], caption: &str) -> Block {
+    let plot = StemPlot {
+        x_label: "eigenvector".into(),
+        y_label: "eigenvalue λ".into(),
+        values: values.to_vec(),
+        errors: residuals.to_vec(),
+    };
+    Block::Plot { svg: plot.render(), caption: caption.into() }
+}
+
+/// Residual norms of the leading pairs over the photos; `first` is the number of the first pair that has a history.
+pub(super) fn convergence(history: &[HistoryRow], first: usize) -> Block {
+    let pairs = history.last().map_or(0, |row| row.residuals.len()).min(LINES);
+    let points = |pair: usize| {
+        history.iter().filter_map(move |row| Some((row.products as f64, *row.residuals.get(pair)?))).collect()
+    };
+    let plot = LinePlot {
+        x_label: "photos".into(),
+        y_label: "residual norm".into(),
+        logarithmic: true,
+        series: (0..pairs)
+            .map(|pair| Series { name: format!("λ{}", pair + first), points: points(pair) })
+            .collect(),
+        marks: Vec::new(),
+    };
+    let caption = "Residual norms of the leading eigenpairs as photos are taken; they cost no photo.";
+    Block::Plot { svg: plot.render(), caption: caption.into() }
+}
+
+/// Numbers: eigenvalue and residual norm of each pair, then the cells of `more` columns.
+pub(super) fn table(values: &[f64], residuals: &[f64], more: &[(&str, Vec<String>)]) -> Block {
+    let row = |(index, (value, residual)): (usize, (&f64, &f64))| {
+        let mut cells = vec![(index + 1).to_string(), format!("{value:.6}"), format!("{residual:.1e}")];
+        cells.extend(more.iter().map(|(_, column)| column.get(index).cloned().unwrap_or_default()));
+        cells
+    };
+    let headers = ["", "eigenvalue", "residual norm"].into_iter().chain(more.iter().map(|(name, _)| *name));
+    Block::Table {
+        headers: headers.map(String::from).collect(),
+        rows: values.iter().zip(residuals).enumerate().map(row).collect(),
+        caption: "Eigenvalues with their residual norms".into(),
+    }
+}
