@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::console::Console;
 use super::matrix::PartArg;
-use super::options::{OutputArgs, SourceArgs, TraceArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs};
 use super::run_folder::RunFolder;
 use super::{Outcome, simulation};
 use crate::image::Resolution;
@@ -51,12 +51,8 @@ pub(super) struct Args {
     /// Done when each residual norm is at most this share of the matrix norm
     #[arg(long, value_name = "X", default_value_t = 1e-8)]
     tolerance: f64,
-    /// Where the run goes [default: out/SOURCE-eigs]
-    #[arg(short = 'o', long = "output", value_name = "DIR")]
-    folder: Option<PathBuf>,
-    /// Write into a folder that holds an earlier run
-    #[arg(long)]
-    overwrite: bool,
+    #[command(flatten)]
+    run: RunArgs,
     #[command(flatten)]
     pub(super) output: OutputArgs,
 }
@@ -119,7 +115,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if is_matrix(&args.source) {
         let mut operator = SparseOperator::new(sparse::read(&args.source)?);
         let stem = args.source.file_stem().unwrap_or_default().to_string_lossy();
-        let mut folder = RunFolder::create(args.folder.as_deref(), &format!("{stem}-eigs"), args.overwrite)?;
+        let mut folder = RunFolder::create(&args.run, &format!("{stem}-eigs"))?;
         folder.manifest.seed = Some(u64::from(args.trace.seed));
         let outcome = answer(args, console, &mut operator, &stem, None, &mut folder);
         return folder.close(outcome);
@@ -128,7 +124,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let scene = simulation::load(&source, console)?;
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = simulation::short_name(&scene);
-    let mut folder = RunFolder::create(args.folder.as_deref(), &format!("{name}-eigs"), args.overwrite)?;
+    let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"))?;
     let settings = args.trace.settings();
     folder.describe(&scene, &tracer, &settings);
     let traced = folder.timed("tracing and matrix", |_| {

@@ -60,6 +60,17 @@ impl TraceArgs {
     }
 }
 
+/// Where a run leaves its folder.
+#[derive(Args)]
+pub(super) struct RunArgs {
+    /// Where the run goes [default: out/SOURCE-VERB]
+    #[arg(short = 'o', long = "output", value_name = "DIR")]
+    pub(super) folder: Option<PathBuf>,
+    /// Write into a folder that holds an earlier run
+    #[arg(long)]
+    pub(super) overwrite: bool,
+}
+
 /// How much is said, and how.
 #[derive(Args)]
 pub(super) struct OutputArgs {

@@ -1,8 +1,9 @@
 //! The folder that a run leaves behind, with its record.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
+use super::options::RunArgs;
 use crate::error::{Error, Result};
 use crate::render::{TraceSettings, Tracer};
 use crate::report::manifest::{self, Manifest, Status};
@@ -18,20 +19,20 @@ pub(super) struct RunFolder {
 }
 
 impl RunFolder {
-    /// Makes `wanted`, or, where the user named none, the first free one of `out/NAME`, `out/NAME-2`, …
+    /// Makes the folder wanted, or, where the user named none, the first free one of `out/NAME`, `out/NAME-2`, …
     ///
     /// # Errors
-    /// [`Error::Option`] when `wanted` holds an earlier run and `overwrite` is not set; [`Error::Write`].
-    pub(super) fn create(wanted: Option<&Path>, name: &str, overwrite: bool) -> Result<Self> {
-        let path = match wanted {
-            Some(path) if path.join(RECORD).exists() && !overwrite => {
+    /// [`Error::Option`] when it holds an earlier run that is not to be overwritten; [`Error::Write`].
+    pub(super) fn create(wanted: &RunArgs, name: &str) -> Result<Self> {
+        let path = match &wanted.folder {
+            Some(path) if path.join(RECORD).exists() && !wanted.overwrite => {
                 return Err(Error::Option {
                     option: "-o".into(),
                     fault: format!("{} already holds a run", path.display()),
                     help: "name another folder, or add --overwrite".into(),
                 });
             }
-            Some(path) => path.to_path_buf(),
+            Some(path) => path.clone(),
             None => free(name),
         };
         std::fs::create_dir_all(&path).map_err(Error::writing(&path))?;

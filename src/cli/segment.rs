@@ -1,13 +1,11 @@
 //! `krylux segment`: light transport segmentation, from the scene to the report.
 
-use std::path::PathBuf;
-
 use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
 use super::console::Console;
-use super::options::{OutputArgs, SourceArgs, TraceArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs};
 use super::run_folder::RunFolder;
 use super::{Outcome, labels, simulation};
 use crate::analysis::{Capture, Cut, SegmentOptions, Segmentation, adjusted_rand_index};
@@ -49,12 +47,8 @@ pub(super) struct Args {
     /// groups that the labels have)
     #[arg(long, value_name = "X")]
     min_rand_index: Option<f64>,
-    /// Where the run goes [default: out/SCENE-segment]
-    #[arg(short = 'o', long = "output", value_name = "DIR")]
-    folder: Option<PathBuf>,
-    /// Write into a folder that holds an earlier run
-    #[arg(long)]
-    overwrite: bool,
+    #[command(flatten)]
+    run: RunArgs,
     #[command(flatten)]
     pub(super) output: OutputArgs,
 }
@@ -89,7 +83,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let scene = simulation::load(&args.source, console)?;
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = format!("{}-segment", simulation::short_name(&scene));
-    let mut folder = RunFolder::create(args.folder.as_deref(), &name, args.overwrite)?;
+    let mut folder = RunFolder::create(&args.run, &name)?;
     folder.describe(&scene, &tracer, &args.trace.settings());
     let outcome = segment(args, console, capture, &scene, &mut tracer, &mut folder);
     folder.close(outcome)

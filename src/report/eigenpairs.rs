@@ -70,12 +70,7 @@ impl EigenpairsRun<'_> {
     }
 
     fn write_layers(&self, files: &mut Files<'_>, resolution: Resolution) -> Result<()> {
-        let layer = |(index, vector): (usize, &Vec<f64>)| {
-            let image = Image::new(resolution, 1, vector.iter().map(|&value| value as f32).collect())?;
-            Ok((format!("eigenvector{:02}", index + 1), image))
-        };
-        let layers: Vec<(String, Image)> =
-            self.found.vectors.iter().enumerate().map(layer).collect::<Result<_>>()?;
+        let layers = spectrum::layers(resolution, &self.found.vectors)?;
         let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
         exr::write_exr(&files.path("eigenvectors.exr"), &layers)
     }

@@ -82,15 +82,8 @@ impl SegmentationRun<'_> {
         for name in ["white.npy", "white.exr"] {
             picture::write(&files.path(name), self.white)?;
         }
-        let narrow =
-            |values: &[f64]| Image::new(self.resolution, 1, values.iter().map(|&v| v as f32).collect());
-        let layers: Vec<(String, Image)> = found
-            .eigenvectors
-            .iter()
-            .enumerate()
-            .map(|(index, vector)| Ok((format!("eigenvector{:02}", index + 1), narrow(vector)?)))
-            .chain([Ok(("degree".into(), narrow(&found.degree)?))])
-            .collect::<Result<_>>()?;
+        let mut layers = spectrum::layers(self.resolution, &found.eigenvectors)?;
+        layers.push(("degree".into(), spectrum::narrowed(self.resolution, &found.degree)?));
         let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
         exr::write_exr(&files.path("eigenvectors.exr"), &layers)
     }

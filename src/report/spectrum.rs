@@ -4,7 +4,7 @@ use super::colormap::{paint_signed, robust_range};
 use super::html::{Block, Figure, Legend};
 use super::plot::{LinePlot, Series, StemPlot};
 use crate::error::Result;
-use crate::image::Resolution;
+use crate::image::{Image, Resolution};
 use crate::krylov::HistoryRow;
 
 /// Lines in the plot of residuals, at most.
@@ -27,6 +27,19 @@ pub(super) fn pictures(
         Ok((format!("eigenvector-{:02}", index + 1), figure))
     };
     vectors.iter().zip(values).enumerate().map(picture).collect()
+}
+
+/// Each eigenvector as a layer of an `.exr` file, `eigenvector01` and so on.
+pub(super) fn layers(resolution: Resolution, vectors: &[Vec<f64>]) -> Result<Vec<(String, Image)>> {
+    let layer = |(index, vector): (usize, &Vec<f64>)| {
+        Ok((format!("eigenvector{:02}", index + 1), narrowed(resolution, vector)?))
+    };
+    vectors.iter().enumerate().map(layer).collect()
+}
+
+/// A plane of values as a gray image.
+pub(super) fn narrowed(resolution: Resolution, values: &[f64]) -> Result<Image> {
+    Image::new(resolution, 1, values.iter().map(|&value| value as f32).collect())
 }
 
 /// The eigenvalues, with residual norms as error bars.

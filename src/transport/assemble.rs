@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::{Channels, LUMINANCE, TransportMatrix};
+use super::{Channels, TransportMatrix, from_planes, luminance};
 use crate::error::Result;
-use crate::image::{Image, Resolution};
+use crate::image::Image;
 use crate::render::{Batch, Progress, TraceSettings, TraceSummary, Tracer};
 
 /// A traced scene.
@@ -31,9 +31,7 @@ pub fn assemble(
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Assembled> {
     match channels {
-        Channels::Luma => run(tracer, settings, channels, progress, |[r, g, b]| {
-            [r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2]]
-        }),
+        Channels::Luma => run(tracer, settings, channels, progress, |rgb| [luminance(rgb)]),
         Channels::Rgb => run(tracer, settings, channels, progress, |rgb| rgb),
     }
 }
@@ -73,9 +71,13 @@ fn run<const C: usize>(
         row_start,
         columns,
         weights,
-        direct: direct.means(samples),
+        direct: direct
+            .means(samples)
+            .iter()
+            .map(|plane| plane.iter().map(|&mean| mean as f32).collect())
+            .collect(),
     };
-    let ambient = ambient_image(settings.resolution, &ambient.means(samples))?;
+    let ambient = from_planes(settings.resolution, &ambient.means(samples))?;
     Ok(Assembled { matrix, ambient, summary })
 }
 
@@ -124,14 +126,9 @@ impl<const C: usize> PixelSums<C> {
     }
 
     /// `[channel][pixel]`
-    fn means(&self, samples: f64) -> Vec<Vec<f32>> {
-        (0..C).map(|channel| self.0.iter().map(|sum| (sum[channel] / samples) as f32).collect()).collect()
+    fn means(&self, samples: f64) -> Vec<Vec<f64>> {
+        (0..C).map(|channel| self.0.iter().map(|sum| sum[channel] / samples).collect()).collect()
     }
-}
-
-fn ambient_image(resolution: Resolution, planes: &[Vec<f32>]) -> Result<Image> {
-    let samples = (0..resolution.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel]));
-    Image::new(resolution, planes.len(), samples.collect())
 }
 
 /// The upper triangle, rows one after the other, columns ascending and distinct within each.

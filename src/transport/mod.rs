@@ -55,8 +55,10 @@ impl Channels {
     }
 }
 
-/// Relative luminance of linear Rec. 709 primaries.
-pub(crate) const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+/// Relative luminance of a linear Rec. 709 colour.
+fn luminance([red, green, blue]: [f32; 3]) -> f32 {
+    red * 0.2126 + green * 0.7152 + blue * 0.0722
+}
 
 /// The planes of `pattern`, one for each of `channels`.
 fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result<Vec<Vec<f64>>> {

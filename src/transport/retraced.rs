@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::{Channels, LUMINANCE, Transport, from_planes, planes};
+use super::{Channels, Transport, from_planes, luminance, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::render::{Progress, TraceSettings, Tracer};
@@ -60,9 +60,9 @@ impl Transport for Retraced<'_> {
     }
 }
 
-fn project(channels: Channels, [r, g, b]: [f32; 3]) -> [f64; 3] {
+fn project(channels: Channels, color: [f32; 3]) -> [f64; 3] {
     match channels {
-        Channels::Luma => [f64::from(r * LUMINANCE[0] + g * LUMINANCE[1] + b * LUMINANCE[2]), 0.0, 0.0],
-        Channels::Rgb => [f64::from(r), f64::from(g), f64::from(b)],
+        Channels::Luma => [f64::from(luminance(color)), 0.0, 0.0],
+        Channels::Rgb => color.map(f64::from),
     }
 }
