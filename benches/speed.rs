@@ -34,7 +34,7 @@ fn main() -> Outcome {
 }
 
 fn settings(side: usize, samples: u32) -> TraceSettings {
-    TraceSettings { resolution: Resolution::new(side, side), samples, max_bounces: 6, seed: 0 }
+    TraceSettings::new(Resolution::new(side, side), samples)
 }
 
 fn trace(tracer: &mut Tracer, settings: &TraceSettings) -> krylux::Result<Assembled> {

@@ -2,7 +2,7 @@
 // pinhole, through projector pixel i. Each such connection is one contribution to A_ji and, mirrored, to A_ij; the weight
 // makes the sum of both unbiased (see `render`'s documentation). Nothing is added up here: a path writes to its own slots.
 #import parameters
-#import rng
+#import sampler
 #import warp
 #import pinhole
 #import surface
@@ -23,7 +23,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
     let first_slot = id.x * (parameters.max_bounces + parameters.ambient);
 
     let corner = vec2u(pixel % parameters.resolution.x, pixel / parameters.resolution.x);
-    let jitter = random4(pixel, sample, 0u, parameters.seed).xy;
+    let jitter = sample4(pixel, sample, 0u).xy;
     var origin = vec3f(0.0);
     var direction = normalize(pinhole_direction(vec2f(corner) + jitter));
     var throughput = vec3f(1.0);
@@ -71,7 +71,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
             break;
         }
 
-        let next = bsdf_sample(surface.bsdf, wo, random4(pixel, sample, k, parameters.seed).xyz);
+        let next = bsdf_sample(surface.bsdf, wo, sample4(pixel, sample, k).xyz);
         if (!(next.pdf > 0.0) || all(next.weight == vec3f(0.0))) {
             break;
         }

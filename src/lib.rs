@@ -36,7 +36,7 @@
 //! # fn main() -> krylux::Result<()> {
 //! let scene = krylux::scene::load(Path::new("assets/scenes/zigzag/scene.glb"), None)?;
 //! let mut tracer = Tracer::new(&scene, None)?;
-//! let settings = TraceSettings { resolution: Resolution::new(32, 32), samples: 64, max_bounces: 6, seed: 0 };
+//! let settings = TraceSettings::new(Resolution::new(32, 32), 64);
 //! let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
 //!
 //! let mut global = MatrixOperator { matrix: &traced.matrix, part: Part::Global, channel: 0 };

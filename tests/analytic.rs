@@ -31,7 +31,7 @@ fn a_fronto_parallel_plane_photographs_as_albedo_over_pi_d_squared() {
     for (distance, albedo) in [(0.3_f32, 1.0_f32), (1.0, 0.8), (2.7, 0.25)] {
         // A wide raster, so that rows and columns cannot be confused; one bounce is all that a plane gives.
         let settings =
-            TraceSettings { resolution: Resolution::new(24, 16), samples: 8, max_bounces: 4, seed: 1 };
+            TraceSettings { max_bounces: 4, seed: 1, ..TraceSettings::new(Resolution::new(24, 16), 8) };
         let photo = white_photo(&builtin::plane(distance, albedo), settings, Channels::Rgb);
         let error = worst(&photo, f64::from(albedo) / (PI * f64::from(distance).powi(2)));
         println!("plane at {distance} m: relative error {error:.1e}");
@@ -433,7 +433,7 @@ fn what_the_camera_projects_to_a_pixel_is_seen_there() {
         let positions = [direction(-1.0, -1.0), direction(1.0, -1.0), direction(0.0, 1.0)];
         let triangles = vec![Triangle { positions, ..template.triangles[0] }];
         let scene = Scene { triangles, camera: camera.clone(), ..template };
-        let settings = TraceSettings { resolution, samples: 256, max_bounces: 1, seed: 1 };
+        let settings = TraceSettings { max_bounces: 1, seed: 1, ..TraceSettings::new(resolution, 256) };
         let photo = white_photo(&scene, settings, Channels::Luma);
         let seen: Vec<usize> = (0..photo.len()).filter(|&pixel| photo[pixel] > 0.0).collect();
         assert_eq!(seen, [y * resolution.width + x], "pixel ({x}, {y})");

@@ -56,7 +56,7 @@ pub(super) struct TraceArgs {
 impl TraceArgs {
     pub(super) fn settings(&self) -> TraceSettings {
         let Self { spp: samples, max_bounces, seed, .. } = *self;
-        TraceSettings { resolution: self.size.resolution(), samples, max_bounces, seed }
+        TraceSettings { max_bounces, seed, ..TraceSettings::new(self.size.resolution(), samples) }
     }
 }
 

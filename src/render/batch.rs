@@ -1,13 +1,16 @@
 //! What one dispatch hands back: the records of a run of light paths.
 
-/// A path's connection from its `k`-th surface (`k ≥ 2`) to the pinhole.
+/// A path's connection from its `k`-th surface to the other end of the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Connection {
+    /// Camera pixel `j`, through which the light left.
+    pub camera: u32,
     /// Projector pixel `i`, through which the light came.
     pub projector: u32,
     /// Number of surfaces on the way, `k`.
     pub bounces: u32,
-    /// `a · F/(p_f + p_r)` per channel: contribution to `A_ji` and to `A_ij` before the division by the sample count.
+    /// `a · F/(p_f + p_r)` per channel: contribution to `A_ji`, and to `A_ij` where the rig is coaxial, before the division
+    /// by the sample count.
     pub value: [f32; 3],
 }
 
@@ -36,6 +39,18 @@ impl Batch<'_> {
         ((self.first_path + index as u64) / u64::from(self.samples)) as u32
     }
 
+    /// Whether each connection stands for its mirror image, too: `A_ji` and `A_ij`. So for a coaxial rig; one whose
+    /// projector stands apart has its paths traced from both ends instead.
+    pub fn symmetric(&self) -> bool {
+        true
+    }
+
+    /// Which of two independent halves of the samples path `index` belongs to, 0 or 1.
+    pub fn half(&self, index: usize) -> usize {
+        let sample = (self.first_path + index as u64) % u64::from(self.samples);
+        usize::from(2 * sample >= u64::from(self.samples))
+    }
+
     /// Direct light along path `index`: `f D`, its sample of `A_jj` at one bounce. Zero where the ray met nothing.
     pub fn direct(&self, index: usize) -> [f32; 3] {
         value(self.slots(index)[0])
@@ -48,12 +63,14 @@ impl Batch<'_> {
 
     /// The connections of path `index`, by increasing bounces.
     pub fn connections(&self, index: usize) -> impl Iterator<Item = Connection> + '_ {
+        let camera = self.pixel(index);
         let slots = self.slots(index);
         let surfaces = slots[0][0] & 0xff;
         (2..=surfaces).filter_map(move |bounces| {
             let slot = slots[bounces as usize - 1];
             let projector = slot[0];
             (projector != super::materials::NONE).then_some(Connection {
+                camera,
                 projector,
                 bounces,
                 value: value(slot),
@@ -119,8 +136,11 @@ mod tests {
         assert_eq!((batch.len(), batch.pixel(0), batch.pixel(1)), (2, 1, 2));
         assert_eq!((batch.direct(0), batch.ambient(0)), ([1.0, 0.0, 0.0], Some([0.0, 0.0, 1.0])));
         let connections = |path| batch.connections(path).collect::<Vec<_>>();
-        assert_eq!(connections(0), [Connection { projector: 6, bounces: 2, value: [0.0, 1.0, 0.0] }]);
-        assert_eq!(connections(1), [Connection { projector: 2, bounces: 3, value: [1.0; 3] }]);
+        assert_eq!(
+            connections(0),
+            [Connection { camera: 1, projector: 6, bounces: 2, value: [0.0, 1.0, 0.0] }]
+        );
+        assert_eq!(connections(1), [Connection { camera: 2, projector: 2, bounces: 3, value: [1.0; 3] }]);
         assert_eq!(batch.rays(0) + batch.rays(1), 9);
     }
 

@@ -27,14 +27,23 @@ const RECORD_BYTES: u64 = 64 << 20;
 /// What to trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TraceSettings {
-    /// Pixels of camera and projector.
+    /// Pixels of the camera, and of the projector where it has none of its own.
     pub resolution: Resolution,
+    /// Pixels of a projector apart from the camera; `None`: as many as the camera's.
+    pub projector: Option<Resolution>,
     /// Light paths per camera pixel, at least 1.
     pub samples: u32,
     /// Surfaces that a path meets at most: 1 is direct light only, [`MAX_BOUNCES`] the limit.
     pub max_bounces: u32,
     /// Selects the random numbers; equal seeds give equal bits.
     pub seed: u32,
+}
+
+impl TraceSettings {
+    /// `samples` light paths of up to six surfaces from each of the camera's pixels.
+    pub fn new(resolution: Resolution, samples: u32) -> Self {
+        Self { resolution, projector: None, samples, max_bounces: 6, seed: 0 }
+    }
 }
 
 /// How far a trace has come.
@@ -150,7 +159,7 @@ impl Tracer {
     /// [`Error::Device`] when the device failed.
     pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
         let kernel = Pipeline::new(&self.gpu, "primary_regions")?;
-        let settings = TraceSettings { resolution, samples: 1, max_bounces: 1, seed: 0 };
+        let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         check(&settings)?;
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);

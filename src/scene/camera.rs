@@ -1,4 +1,4 @@
-//! The geometry of the coaxial rig: one pinhole and one image plane for camera and projector.
+//! The geometry of a camera or a projector: where it stands, its image plane and its lens.
 
 use glam::Vec3;
 
@@ -25,6 +25,28 @@ pub struct Camera {
     pub tan_half_fov: f32,
     /// Width over height as the file states it, if it does.
     pub aspect: Option<f32>,
+    /// The aperture; a pinhole by default.
+    pub lens: Lens,
+}
+
+/// A thin lens in the plane of the camera's position, across the optical axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Radius of the aperture in metres; 0 is a pinhole.
+    pub radius: f32,
+    /// Distance of the plane in focus, in metres along the optical axis. Without effect on a pinhole.
+    pub focus: f32,
+}
+
+impl Lens {
+    /// No aperture: everything is in focus.
+    pub const PINHOLE: Self = Self { radius: 0.0, focus: 1.0 };
+}
+
+impl Default for Lens {
+    fn default() -> Self {
+        Self::PINHOLE
+    }
 }
 
 impl Camera {
@@ -74,6 +96,7 @@ mod tests {
             forward: Vec3::X,
             tan_half_fov: 0.5,
             aspect: None,
+            lens: Lens::PINHOLE,
         }
     }
 

@@ -6,7 +6,7 @@ pub mod camera;
 mod gltf;
 pub mod material;
 
-pub use camera::Camera;
+pub use camera::{Camera, Lens};
 pub use material::{Material, Texture, Wrap};
 
 use std::path::{Path, PathBuf};
@@ -45,8 +45,10 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Textures, indexed by [`Material::base_color_texture`].
     pub textures: Vec<Texture>,
-    /// The rig: camera and projector share this pinhole.
+    /// The rig's camera, and its projector too where that is `None` below.
     pub camera: Camera,
+    /// A projector apart from the camera, or with another lens. `None`: a coaxial rig, which makes transport symmetric.
+    pub projector: Option<Camera>,
     /// Names of the regions, indexed by [`Triangle::region`].
     pub regions: Vec<String>,
     /// Whether the regions are the author's truth (`extras.region` in the file) or merely the mesh nodes.

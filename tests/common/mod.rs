@@ -33,7 +33,7 @@ pub fn tracer(scene: &Scene) -> Tracer {
 
 /// Settings for a square image.
 pub fn settings(side: usize, samples: u32, max_bounces: u32, seed: u32) -> TraceSettings {
-    TraceSettings { resolution: Resolution::new(side, side), samples, max_bounces, seed }
+    TraceSettings { max_bounces, seed, ..TraceSettings::new(Resolution::new(side, side), samples) }
 }
 
 /// Traces without looking on.

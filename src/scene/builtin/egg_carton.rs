@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, dvec3};
 
 use super::model::{Model, Part, white_paper};
-use crate::scene::Camera;
+use crate::scene::{Camera, Lens};
 
 const COLUMNS: usize = 3;
 const ROWS: usize = 4;
@@ -55,6 +55,7 @@ fn model(name: &'static str, has_egg: impl Fn(usize) -> bool) -> Model {
         forward: Vec3::NEG_Y,
         tan_half_fov: 0.3,
         aspect: Some(1.0),
+        lens: Lens::PINHOLE,
     };
     Model { name, parts, materials: white_paper(), camera }
 }

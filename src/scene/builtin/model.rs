@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::scene::{Camera, Material, Scene, Triangle};
+use crate::scene::{Camera, Lens, Material, Scene, Triangle};
 
 /// A scene in the form in which it is written to a file.
 #[derive(Clone, Debug)]
@@ -89,6 +89,7 @@ impl Model {
             materials: self.materials.clone(),
             textures: Vec::new(),
             camera: self.camera.clone(),
+            projector: None,
             regions,
             regions_are_labels: labelled,
             hash: [0; 32],
@@ -108,7 +109,10 @@ impl Model {
 fn content_hash(scene: &Scene) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     // Debug text of floats is exact: Rust prints the shortest digits that read back as the same number.
-    hasher.update(format!("{:?} {:?} {:?}", scene.camera, scene.materials, scene.regions).as_bytes());
+    hasher.update(
+        format!("{:?} {:?} {:?} {:?}", scene.camera, scene.projector, scene.materials, scene.regions)
+            .as_bytes(),
+    );
     for triangle in &scene.triangles {
         for position in triangle.positions {
             position.to_array().iter().for_each(|value| {
@@ -131,6 +135,7 @@ pub(super) fn camera_along_z(position: Vec3, tan_half_fov: f32) -> Camera {
         forward: Vec3::NEG_Z,
         tan_half_fov,
         aspect: Some(1.0),
+        lens: Lens::PINHOLE,
     }
 }
 

@@ -7,7 +7,7 @@ use gltf::json::validation::Checked;
 use super::nodes::Placed;
 use super::{Document, called};
 use crate::error::Result;
-use crate::scene::Camera;
+use crate::scene::{Camera, Lens};
 
 /// The cosine up to which axes count as perpendicular: well above the rounding of exporters, well below a shear
 /// that one could see.
@@ -93,6 +93,7 @@ fn build(document: &Document, name: &str, camera: &json::Camera, placed: &Placed
         forward: forward.as_vec3(),
         tan_half_fov: (field / 2.0).tan() as f32,
         aspect: perspective.aspect_ratio,
+        lens: Lens::PINHOLE,
     })
 }
 

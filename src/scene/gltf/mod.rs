@@ -50,6 +50,7 @@ pub(super) fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
         materials: materials.list,
         textures: materials.textures.list,
         camera,
+        projector: None,
         regions,
         regions_are_labels,
         hash: document.hash.finish(),
