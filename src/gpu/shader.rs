@@ -25,6 +25,7 @@ shaders! {
     "shared" / "parameters",
     "shared" / "pinhole",
     "shared" / "rng",
+    "shared" / "sampler",
     "shared" / "surface",
     "shared" / "texture",
     "shared" / "warp",
