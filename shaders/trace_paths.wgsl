@@ -71,7 +71,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
             break;
         }
 
-        let next = bsdf_sample(surface.bsdf, wo, sample4(pixel, sample, k).xyz);
+        let next = bsdf_sample(surface.bsdf, wo, sample4(pixel, sample, k));
         if (!(next.pdf > 0.0) || all(next.weight == vec3f(0.0))) {
             break;
         }

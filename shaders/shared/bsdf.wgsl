@@ -10,16 +10,56 @@ struct Bsdf {
     // Dielectric reflectance at normal incidence, and at grazing incidence.
     f0: vec3f,
     f90: f32,
-    // Microfacet width, roughness².
+    // Microfacet width, roughness²; below MIN_ALPHA the surface is smooth.
     alpha: f32,
+    // KHR_materials_transmission and KHR_materials_diffuse_transmission.
+    transmission: f32,
+    diffuse_transmission: f32,
+    // Share of the light that meets the surface at all; the rest passes straight on.
+    opacity: f32,
+    diffuse_transmission_color: vec3f,
+    // Refractive index on the side of wo, and beyond the surface; both 1 at a thin wall.
+    eta_o: f32,
+    eta_t: f32,
+    // Shading normal in the local frame; (0, 0, 1) where there is none.
+    shading: vec3f,
 }
 
+// A surface whose microfacet width is below this is smooth: it mirrors and refracts in single directions.
+const MIN_ALPHA = 1e-3;
+
+// What a sample is.
+const REGULAR = 0u;
+// Delta: mirrored at the surface.
+const REFLECTED = 1u;
+// Delta: refracted into another medium.
+const REFRACTED = 2u;
+// Delta: straight on.
+const PASSED = 3u;
+
 struct BsdfSample {
+    // Below the horizon where transmitted.
     direction: vec3f,
-    // f · cosθ / pdf
+    // Regular: K n_i² |cosθ| / pdf; delta: value / pdf.
     weight: vec3f,
-    // 0 when nothing was sampled.
+    // Regular: per solid angle; delta: a probability. 0 when nothing was sampled.
     pdf: f32,
+    kind: u32,
+}
+
+// What goes straight through, and the probability with which it is sampled.
+struct Pass {
+    value: vec3f,
+    probability: f32,
+}
+
+fn bsdf_pass(bsdf: Bsdf, wo: vec3f) -> Pass {
+    return Pass(vec3f(0.0), 0.0);
+}
+
+// Whether there is anything but deltas.
+fn bsdf_regular(bsdf: Bsdf) -> bool {
+    return true;
 }
 
 // Share of the samples that go to the microfacet lobe. It depends on the material alone, so it is the same for a path and
@@ -62,7 +102,7 @@ fn bsdf_pdf(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
     return pdf;
 }
 
-fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec3f) -> BsdfSample {
+fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec4f) -> BsdfSample {
     var wi: vec3f;
     if (u.z < bsdf_specular_share(bsdf)) {
         wi = reflect(-wo, ggx_sample_visible_normal(wo, bsdf.alpha, u.xy));
@@ -71,7 +111,7 @@ fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec3f) -> BsdfSample {
     }
     let pdf = bsdf_pdf(bsdf, wo, wi);
     if (!(pdf > 0.0)) {
-        return BsdfSample(wi, vec3f(0.0), 0.0);
+        return BsdfSample(wi, vec3f(0.0), 0.0, REGULAR);
     }
-    return BsdfSample(wi, bsdf_eval(bsdf, wo, wi) * (wi.z / pdf), pdf);
+    return BsdfSample(wi, bsdf_eval(bsdf, wo, wi) * (wi.z / pdf), pdf, REGULAR);
 }

@@ -46,7 +46,10 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     surface.normal = select(outward, -outward, back);
     surface.black = back && material.double_sided == 0u;
     surface.emission = select(material.emission, vec3f(0.0), surface.black);
-    surface.bsdf = Bsdf(material.base_color, material.metallic, material.f0, material.f90, material.alpha);
+    surface.bsdf = Bsdf(
+        material.base_color, material.metallic, material.f0, material.f90, material.alpha,
+        0.0, 0.0, 1.0, vec3f(0.0), 1.0, 1.0, vec3f(0.0, 0.0, 1.0),
+    );
     if (material.texture != NONE) {
         let uv = (1.0 - hit.barycentric.x - hit.barycentric.y) * texcoords[3u * hit.triangle]
             + hit.barycentric.x * texcoords[3u * hit.triangle + 1u]
