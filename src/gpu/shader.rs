@@ -21,6 +21,7 @@ shaders! {
     "" / "trace_paths",
     "shared" / "bsdf",
     "shared" / "bvh",
+    "shared" / "corners",
     "shared" / "microfacet",
     "shared" / "parameters",
     "shared" / "pinhole",

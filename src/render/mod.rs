@@ -42,6 +42,7 @@ mod parameters;
 mod pipeline;
 #[cfg(test)]
 mod tests;
+mod textures;
 mod tracer;
 
 pub use batch::{Batch, Connection};
