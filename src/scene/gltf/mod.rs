@@ -13,15 +13,20 @@ mod checks;
 mod container;
 mod extensions;
 mod geometry;
+mod instancing;
 mod materials;
 mod nodes;
+mod pose;
 mod primitive;
 mod regions;
+mod skin;
 mod textures;
 mod through;
 mod uri;
 mod vertices;
 
+use std::cell::RefCell;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use gltf::json;
@@ -70,6 +75,8 @@ struct Document {
     chunk: Option<Vec<u8>>,
     /// The bytes of `root.buffers`, in that order.
     buffers: Vec<Vec<u8>>,
+    /// Sparse accessors whose indices were found in order.
+    checked_sparse: RefCell<HashSet<usize>>,
     hash: ContentHash,
     warnings: Warnings,
 }
@@ -95,6 +102,7 @@ impl Document {
             root,
             chunk,
             buffers: Vec::new(),
+            checked_sparse: RefCell::default(),
             hash,
             warnings: Warnings::default(),
         })
@@ -123,7 +131,7 @@ fn called(kind: &str, index: usize, name: Option<&String>) -> String {
 #[derive(Default)]
 struct Warnings {
     list: Vec<String>,
-    seen: std::collections::HashSet<String>,
+    seen: HashSet<String>,
 }
 
 impl Warnings {
