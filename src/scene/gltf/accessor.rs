@@ -108,7 +108,9 @@ pub(super) fn open<'a>(
                     format!("{what} has no data of its own: the file is compressed with {name}"),
                     extensions::advice(name),
                 ),
-                None => document.fault(format!("{what} has no data: accessor {index} has no buffer view"), HELP),
+                None => {
+                    document.fault(format!("{what} has no data: accessor {index} has no buffer view"), HELP)
+                }
             });
         }
     };

@@ -15,20 +15,13 @@ use super::skin::{Influences, Skins};
 use super::vertices::Vertices;
 use super::{Document, called, instancing};
 use crate::error::{Error, Result};
-use crate::scene::Triangle;
-
-/// More triangles would not fit the memory of the machines that we know; a small file can ask for any number of them
-/// by placing one mesh many times.
-const MAX_TRIANGLES: usize = 1 << 24;
+use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
 
 /// Primitives, counted each time that a node places them: a small file can ask for any number of empty ones.
 const MAX_PLACEMENTS: usize = 1 << 20;
 
 /// Triangles times morph targets.
 const MAX_MORPHS: usize = 1 << 28;
-
-/// Metres. Beyond it the square of an area overflows single precision.
-const MAX_COORDINATE: f32 = 1e9;
 
 /// The triangles of one primitive at one node, their region still to be filled in.
 pub(super) struct Surface {
@@ -199,7 +192,13 @@ impl Assembly {
         Ok(triangles)
     }
 
-    fn count_triangles(&mut self, document: &Document, mesh: usize, poses: usize, targets: usize) -> Result<usize> {
+    fn count_triangles(
+        &mut self,
+        document: &Document,
+        mesh: usize,
+        poses: usize,
+        targets: usize,
+    ) -> Result<usize> {
         let count = mesh.saturating_mul(poses);
         self.total = self.total.saturating_add(count);
         self.morphs = self.morphs.saturating_add(count.saturating_mul(targets));
@@ -281,9 +280,7 @@ fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool>
         }
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => Ok(true),
         Checked::Valid(_) => {
-            document
-                .warnings
-                .add(format!("{what} consists of points or lines, which have no area: ignored"));
+            document.warnings.add(format!("{what} consists of points or lines, which have no area: ignored"));
             Ok(false)
         }
     }

@@ -5,8 +5,8 @@ use gltf::json;
 use gltf::json::accessor::{ComponentType, Type};
 use serde::Deserialize;
 
-use super::accessor::{self, Array};
 use super::Document;
+use super::accessor::{self, Array};
 use crate::error::Result;
 
 /// The extension's name.
@@ -37,20 +37,19 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
     let Attributes { translation, rotation, scale } = match serde_json::from_value(extension.clone()) {
         Ok(Instancing { attributes }) => attributes,
         Err(error) => {
-            return Err(document.fault(format!("{what}: {NAME} cannot be read: {error}"), "export the scene again"));
+            return Err(
+                document.fault(format!("{what}: {NAME} cannot be read: {error}"), "export the scene again")
+            );
         }
     };
-    let open = |name: &str, accessor: Option<json::Index<json::Accessor>>, shape, components: &[ComponentType]| {
-        let what = format!("{what}: {name} of its instances");
-        accessor.map(|accessor| accessor::open(document, &what, accessor, shape, components)).transpose()
-    };
+    let open =
+        |name: &str, accessor: Option<json::Index<json::Accessor>>, shape, components: &[ComponentType]| {
+            let what = format!("{what}: {name} of its instances");
+            accessor.map(|accessor| accessor::open(document, &what, accessor, shape, components)).transpose()
+        };
     let translations = open("TRANSLATION", translation, Type::Vec3, &[ComponentType::F32])?;
-    let rotations = open(
-        "ROTATION",
-        rotation,
-        Type::Vec4,
-        &[ComponentType::F32, ComponentType::I8, ComponentType::I16],
-    )?;
+    let rotations =
+        open("ROTATION", rotation, Type::Vec4, &[ComponentType::F32, ComponentType::I8, ComponentType::I16])?;
     let scales = open("SCALE", scale, Type::Vec3, &[ComponentType::F32])?;
     let counts = [&translations, &rotations, &scales].into_iter().flatten().map(|array| array.count);
     let (Some(least), Some(most)) = (counts.clone().min(), counts.max()) else { return Ok(Some(Vec::new())) };

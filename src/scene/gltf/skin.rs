@@ -67,7 +67,10 @@ impl Skins {
             let bound = match &inverse_bind {
                 None => DAffine3::IDENTITY,
                 Some(array) => array.vector::<16>(position).and_then(affine).ok_or_else(|| {
-                    document.fault(format!("{what}: its inverse bind matrix {position} is missing or not affine"), help)
+                    document.fault(
+                        format!("{what}: its inverse bind matrix {position} is missing or not affine"),
+                        help,
+                    )
                 })?,
             };
             matrices.push(transform * bound);

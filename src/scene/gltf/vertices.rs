@@ -125,9 +125,9 @@ impl<'a> Vertices<'a> {
             None => Triangle::WHITE,
             Some((array, Type::Vec3)) => {
                 let [red, green, blue] = array.vector(index)?;
-                quantized([red, green, blue, 1.0])
+                Triangle::quantized([red, green, blue, 1.0])
             }
-            Some((array, _)) => quantized(array.vector(index)?),
+            Some((array, _)) => Triangle::quantized(array.vector(index)?),
         };
         Some(Vertex { position, normal, texcoords, color })
     }
@@ -188,9 +188,4 @@ pub(super) fn open_for<'a>(
         ));
     }
     Ok(array)
-}
-
-/// A colour in 16 bits a channel; what lies outside 0 to 1 is brought to the nearest end, and NaN to 0.
-fn quantized(color: [f32; 4]) -> [u16; 4] {
-    color.map(|channel| (channel.clamp(0.0, 1.0) * 65535.0).round() as u16)
 }
