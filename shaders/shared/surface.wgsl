@@ -29,6 +29,11 @@ struct Surface {
     emission: vec3f,
     // The back of a one-sided surface: no light comes from it.
     black: bool,
+    // The ray met the front.
+    front: bool,
+    // Of the medium behind the front, per metre; and its refractive index, 1 where there is none.
+    absorption: vec3f,
+    ior: f32,
     bsdf: Bsdf,
 }
 
@@ -44,6 +49,8 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     // From the barycentric coordinates: nearer to the plane than origin + t · direction.
     surface.position = bitcast<vec3f>(texel0.xyz) + hit.barycentric.x * edge1 + hit.barycentric.y * edge2;
     surface.normal = select(outward, -outward, back);
+    surface.front = !back;
+    surface.ior = 1.0;
     surface.black = back && material.double_sided == 0u;
     surface.emission = select(material.emission, vec3f(0.0), surface.black);
     surface.bsdf = Bsdf(

@@ -19,6 +19,10 @@ pub(super) struct GpuScene {
     pub(super) srgb_table: wgpu::Buffer,
     /// Whether any surface emits light of its own.
     pub(super) ambient: bool,
+    /// Whether any surface mirrors or refracts in single directions.
+    pub(super) specular: bool,
+    /// Whether any surface lets light straight through.
+    pub(super) passable: bool,
 }
 
 impl GpuScene {
@@ -55,6 +59,11 @@ impl GpuScene {
             texels: gpu.storage("textures", &texels)?,
             srgb_table: gpu.storage("sRGB table", &srgb_table())?,
             ambient: scene.materials.iter().any(|m| m.emission != Vec3::ZERO),
+            specular: scene.materials.iter().any(|m| {
+                m.roughness * m.roughness < super::materials::MIN_ALPHA
+                    && (m.metallic > 0.0 || m.specular > 0.0)
+            }),
+            passable: false,
         })
     }
 }
