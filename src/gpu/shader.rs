@@ -21,6 +21,8 @@ shaders! {
     "" / "trace_paths",
     "shared" / "bsdf",
     "shared" / "bvh",
+    "shared" / "fresnel",
+    "shared" / "lobes",
     "shared" / "microfacet",
     "shared" / "parameters",
     "shared" / "pinhole",
