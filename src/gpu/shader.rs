@@ -25,6 +25,8 @@ shaders! {
     "shared" / "eye",
     "shared" / "footprint",
     "shared" / "medium",
+    "shared" / "fresnel",
+    "shared" / "lobes",
     "shared" / "microfacet",
     "shared" / "parameters",
     "shared" / "photons",
