@@ -45,6 +45,7 @@ mod pipeline;
 mod rig;
 #[cfg(test)]
 mod tests;
+mod textures;
 mod tracer;
 
 pub use batch::{Batch, Connection};

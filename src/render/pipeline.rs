@@ -35,9 +35,9 @@ impl Pipeline {
                     TEXEL_ARRAY,
                     TEXEL_ARRAY,
                     storage(true),
+                    TEXEL_ARRAY,
                     storage(true),
-                    storage(true),
-                    storage(true),
+                    TEXEL_ARRAY,
                     storage(true),
                 ],
             );
@@ -83,9 +83,9 @@ impl Pipeline {
                     view(&scene.nodes),
                     view(&scene.triangles),
                     scene.materials.as_entire_binding(),
-                    scene.texcoords.as_entire_binding(),
-                    scene.texture_infos.as_entire_binding(),
-                    scene.texels.as_entire_binding(),
+                    view(&scene.corners),
+                    scene.textures.as_entire_binding(),
+                    view(&scene.texels),
                     scene.srgb_table.as_entire_binding(),
                 ],
             );
@@ -162,7 +162,7 @@ impl Output {
     }
 }
 
-const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
+pub(super) const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
     access: wgpu::StorageTextureAccess::ReadOnly,
     format: wgpu::TextureFormat::Rgba32Uint,
     view_dimension: wgpu::TextureViewDimension::D2,
