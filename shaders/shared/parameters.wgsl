@@ -17,7 +17,13 @@ struct Parameters {
     mark: u32,
     // 1 where the scene emits light of its own.
     ambient: u32,
+    // SOBOL or INDEPENDENT.
+    sampling: u32,
+    padding: u32,
 }
+
+const SOBOL = 0u;
+const INDEPENDENT = 1u;
 
 const NONE = 0xffffffffu;
 

@@ -40,12 +40,14 @@ mod geometry;
 mod materials;
 mod parameters;
 mod pipeline;
+mod sampler;
 #[cfg(test)]
 mod tests;
 mod tracer;
 
 pub use batch::{Batch, Connection};
 pub use materials::MIN_ALPHA;
+pub use sampler::Sampler;
 pub use tracer::{MAX_BOUNCES, Progress, TraceSettings, TraceSummary, Tracer};
 
 pub use crate::gpu::AdapterSummary;

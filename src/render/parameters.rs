@@ -14,6 +14,8 @@ pub(super) struct Parameters {
     pub(super) seed: u32,
     pub(super) mark: u32,
     pub(super) ambient: u32,
+    pub(super) sampling: u32,
+    pub(super) padding: u32,
 }
 
 #[cfg(test)]
@@ -45,7 +47,7 @@ pub(super) mod tests {
 
     #[test]
     fn parameters_lie_as_the_shader_reads_them() {
-        let members = offsets!(Parameters: resolution, tangent, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, ambient);
+        let members = offsets!(Parameters: resolution, tangent, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, ambient, sampling, padding);
         assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
     }
 }

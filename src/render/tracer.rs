@@ -9,6 +9,7 @@ use super::batch::Batch;
 use super::geometry::GpuScene;
 use super::parameters::Parameters;
 use super::pipeline::Pipeline;
+use super::sampler::Sampler;
 use crate::error::{Error, Result};
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
@@ -37,12 +38,14 @@ pub struct TraceSettings {
     pub max_bounces: u32,
     /// Selects the random numbers; equal seeds give equal bits.
     pub seed: u32,
+    /// How they are spread.
+    pub sampler: Sampler,
 }
 
 impl TraceSettings {
     /// `samples` light paths of up to six surfaces from each of the camera's pixels.
     pub fn new(resolution: Resolution, samples: u32) -> Self {
-        Self { resolution, projector: None, samples, max_bounces: 6, seed: 0 }
+        Self { resolution, projector: None, samples, max_bounces: 6, seed: 0, sampler: Sampler::Sobol }
     }
 }
 
@@ -192,6 +195,8 @@ impl Tracer {
             seed: settings.seed,
             mark: self.dispatched << 16,
             ambient: u32::from(self.scene.ambient),
+            sampling: settings.sampler.word(),
+            padding: 0,
         }
     }
 }
