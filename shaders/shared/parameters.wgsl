@@ -46,8 +46,13 @@ struct Parameters {
     bucket_mask: u32,
     // Slots of a path's record.
     stride: u32,
-    padding: vec2u,
+    // SOBOL or INDEPENDENT.
+    sampling: u32,
+    padding: u32,
 }
+
+const SOBOL = 0u;
+const INDEPENDENT = 1u;
 
 // The scene emits light of its own, and this dispatch sees it.
 const AMBIENT = 1u;

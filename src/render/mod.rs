@@ -43,6 +43,7 @@ mod parameters;
 mod photons;
 mod pipeline;
 mod rig;
+mod sampler;
 #[cfg(test)]
 mod tests;
 mod textures;
@@ -51,6 +52,7 @@ mod tracer;
 pub use batch::{Batch, Connection};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
+pub use sampler::Sampler;
 pub use tracer::{MAX_BOUNCES, Progress, TraceSettings, TraceSummary, Tracer};
 
 pub use crate::gpu::AdapterSummary;

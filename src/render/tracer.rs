@@ -12,6 +12,7 @@ use super::parameters::{GpuEye, Parameters, flags};
 use super::photons::{Gather, PhotonMap};
 use super::pipeline::Pipeline;
 use super::rig::Rig;
+use super::sampler::Sampler;
 use crate::error::{Error, Result};
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
@@ -33,6 +34,8 @@ pub struct TraceSettings {
     pub max_bounces: u32,
     /// Selects the random numbers; equal seeds give equal bits.
     pub seed: u32,
+    /// How they are spread.
+    pub sampler: Sampler,
     /// Ends dim paths by chance. At six bounces that costs more variance than it saves time.
     pub russian_roulette: bool,
     /// How finely the specular chains of the far end are mapped, where the scene has any.
@@ -48,6 +51,7 @@ impl TraceSettings {
             samples,
             max_bounces: 6,
             seed: 0,
+            sampler: Sampler::Sobol,
             russian_roulette: false,
             gather: Gather::default(),
         }
@@ -204,7 +208,8 @@ impl Tracer {
             inverse_cell: 0.0,
             bucket_mask: 0,
             stride: 0,
-            padding: [0; 2],
+            sampling: settings.sampler.word(),
+            padding: 0,
         };
         let chains = if self.scene.specular {
             let dispatches = &mut self.dispatches;

@@ -104,8 +104,7 @@ impl Material {
 
     /// Whether light may go straight through: past what covers the surface in part, or through a smooth thin wall.
     pub fn lets_light_straight_through(&self) -> bool {
-        self.alpha_mode != AlphaMode::Opaque
-            || (self.transmission > 0.0 && self.volume.is_none())
+        self.alpha_mode != AlphaMode::Opaque || (self.transmission > 0.0 && self.volume.is_none())
     }
 
     /// Whether the microfacet width `roughness²` may be below `alpha` somewhere; a texture may make it so anywhere.

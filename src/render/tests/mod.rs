@@ -7,5 +7,6 @@ mod kernel;
 mod material;
 mod random;
 mod reciprocity;
+mod sampler;
 mod statistics;
 mod texture;
