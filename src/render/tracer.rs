@@ -92,15 +92,15 @@ pub struct Tracer {
 }
 
 /// The paths of one end of the rig.
-struct Strategy {
+pub(super) struct Strategy {
     /// Of each dispatch, but for which paths are its own.
-    parameters: Parameters,
+    pub(super) parameters: Parameters,
     chains: PhotonMap,
     layout: Layout,
 }
 
 impl Strategy {
-    fn paths(&self) -> u64 {
+    pub(super) fn paths(&self) -> u64 {
         self.parameters.start.pixels() * u64::from(self.parameters.samples)
     }
 }
@@ -158,7 +158,7 @@ impl Tracer {
     }
 
     /// From the camera; and from the projector too, unless it is the same.
-    fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
+    pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
         let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
         if self.rig.coaxial(settings) {
             return Ok(vec![self.strategy(settings, [camera, camera], [settings.samples; 2], true)?]);
@@ -233,7 +233,7 @@ impl Tracer {
         Ok(Strategy { parameters, chains, layout })
     }
 
-    fn run(
+    pub(super) fn run(
         &mut self,
         strategy: &Strategy,
         total: u64,
