@@ -80,11 +80,8 @@ fn run<const C: usize>(
 
     let rig = RigShape { camera, projector: settings.projector.unwrap_or(camera), symmetric };
     let direct = if symmetric { direct.estimates(halves) } else { Vec::new() };
-    let bounces: &[Bounces] = if split {
-        &[Bounces::One, Bounces::Two, Bounces::Rest]
-    } else {
-        &[Bounces::One, Bounces::Global]
-    };
+    let bounces: &[Bounces] =
+        if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
     let Combined { mut layers, rows: sums } = combine(&rows.strips, rig, bounces, &direct);
     drop(rows);
     // A coaxial pinhole rig has none: its direct light is the diagonal.

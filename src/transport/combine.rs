@@ -56,9 +56,7 @@ pub(super) fn combine<const C: usize>(
     let total: usize = terms.iter().sum();
     let mut layers: Vec<Layer> = bounces
         .iter()
-        .map(|&bounces| {
-            Layer::new(bounces, rig.projector.pixels(), vec![0], Vec::new(), vec![Vec::new(); C])
-        })
+        .map(|&bounces| Layer::new(bounces, rig.projector.pixels(), vec![0], Vec::new(), vec![Vec::new(); C]))
         .collect();
     // The one layer that holds nearly everything never outgrows this; what is not used is never touched, and given back.
     if let Some(main) = layers.last_mut() {

@@ -193,8 +193,8 @@ impl<const C: usize> Rows<C> {
             let mut sums = [[0.0_f64; 2]; C];
             for entry in run {
                 let half = usize::from(entry.key.0 & Key::HALF != 0);
-                for channel in 0..C {
-                    sums[channel][half] += f64::from(entry.value[channel]);
+                for (sums, value) in sums.iter_mut().zip(entry.value) {
+                    sums[half] += f64::from(value);
                 }
             }
             (
@@ -208,7 +208,9 @@ impl<const C: usize> Rows<C> {
 }
 
 fn stray(pixel: u32) -> Error {
-    Error::Numerical(format!("a light path from pixel {pixel} ends at neither of its own pixels: this is a fault in krylux"))
+    Error::Numerical(format!(
+        "a light path from pixel {pixel} ends at neither of its own pixels: this is a fault in krylux"
+    ))
 }
 
 /// The pixels that a batch's paths start from, in order, each with its paths.
