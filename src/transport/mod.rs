@@ -5,6 +5,7 @@
 //! each photo and keeps nothing. For equal settings both are the same `Â`, to rounding.
 
 mod assemble;
+mod choice;
 mod combine;
 mod layer;
 mod matrix;
@@ -16,6 +17,7 @@ mod rows;
 mod simulated;
 
 pub use assemble::{Assembled, assemble, assemble_layers};
+pub use choice::{Prediction, predict};
 pub use layer::{Bounces, Layer};
 pub use matrix::{Part, TransportMatrix};
 pub use noise::Noise;

@@ -32,7 +32,7 @@ impl Retraced<'_> {
     pub fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Image)> {
         let lit = planes(pattern, self.pattern_resolution(), self.channels)?;
         let camera = self.settings.resolution;
-        let seen = self.trace(Direction::Forward, Part::Full, true, &lit, camera.pixels())?;
+        let seen = self.trace(Direction::Forward, Part::Full, true, (0, &lit), camera.pixels())?;
         let halves = Halves::of(self.settings.samples);
         let planes = |value: &dyn Fn([f64; 2]) -> f64| -> Vec<Vec<f64>> {
             seen.iter().map(|plane| plane.iter().map(|&sums| value(sums)).collect()).collect()
@@ -41,32 +41,33 @@ impl Retraced<'_> {
         Ok((photo, from_planes(camera, &planes(&|sums| halves.error(sums).abs()))?))
     }
 
-    /// Traces, and returns what arrives of `lit` (by channel) as sums over each half: `[channel][pixel][half]`.
+    /// Traces, and returns what arrives of `lit` (its first channel, and the light by channel from there on) as sums over each
+    /// half: `[channel][pixel][half]`.
     fn trace(
         &mut self,
         direction: Direction,
         part: Part,
         with_ambient: bool,
-        lit: &[Vec<f64>],
+        (first_channel, lit): (usize, &[Vec<f64>]),
         pixels: usize,
     ) -> Result<Vec<Vec<[f64; 2]>>> {
-        let channels = self.channels;
+        let project = |color| project(self.channels, first_channel, color);
         let mut seen = vec![vec![[0.0_f64; 2]; pixels]; lit.len()];
         self.tracer.trace(&self.settings, self.progress, &mut |batch| {
             for path in 0..batch.len() {
                 let half = batch.half(path);
                 if part.holds(1) {
-                    let direct = project(channels, batch.direct(path));
+                    let direct = project(batch.direct(path));
                     add(&mut seen, batch.pixel(path), half, &direct, lit, batch.pixel(path));
                 }
                 if let Some(ambient) = batch.ambient(path).filter(|_| with_ambient) {
-                    let ambient = project(channels, ambient);
+                    let ambient = project(ambient);
                     let pixel = batch.pixel(path) as usize;
                     seen.iter_mut().zip(ambient).for_each(|(seen, ambient)| seen[pixel][half] += ambient);
                 }
                 for connection in batch.connections(path).filter(|connection| part.holds(connection.bounces))
                 {
-                    let value = project(channels, connection.value);
+                    let value = project(connection.value);
                     let (to, from) = match direction {
                         Direction::Forward => (connection.camera, connection.projector),
                         Direction::Backward => (connection.projector, connection.camera),
@@ -119,19 +120,24 @@ impl Transport for Retraced<'_> {
     }
 }
 
-fn project(channels: Channels, color: [f32; 3]) -> [f64; 3] {
-    match channels {
+/// The channels from `first` on.
+fn project(channels: Channels, first: usize, color: [f32; 3]) -> [f64; 3] {
+    let mut values = match channels {
         Channels::Luma => [f64::from(luminance(color)), 0.0, 0.0],
         Channels::Rgb => color.map(f64::from),
-    }
+    };
+    values.rotate_left(first);
+    values
 }
 
-/// `y = P x` for one part of the light, traced anew for each product; gray. The same matrix as the replayed one, to rounding.
+/// `y = P x` for one part and channel, traced anew for each product. The same matrix as the replayed one, to rounding.
 pub struct RetracedOperator<'a> {
-    /// The scene, with luma for its channels.
+    /// The scene.
     pub retraced: Retraced<'a>,
     /// Which light.
     pub part: Part,
+    /// Which channel, below [`Channels::count`].
+    pub channel: usize,
     /// Whether the rig is coaxial.
     pub symmetric: bool,
 }
@@ -140,7 +146,7 @@ impl RetracedOperator<'_> {
     fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
         let halves = Halves::of(self.retraced.settings.samples);
         let lit = [from.to_vec()];
-        let seen = self.retraced.trace(direction, self.part, false, &lit, to.len())?;
+        let seen = self.retraced.trace(direction, self.part, false, (self.channel, &lit), to.len())?;
         for (to, &sums) in to.iter_mut().zip(&seen[0]) {
             *to = halves.mean(sums);
         }

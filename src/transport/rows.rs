@@ -193,8 +193,8 @@ impl<const C: usize> Rows<C> {
             let mut sums = [[0.0_f64; 2]; C];
             for entry in run {
                 let half = usize::from(entry.key.0 & Key::HALF != 0);
-                for channel in 0..C {
-                    sums[channel][half] += f64::from(entry.value[channel]);
+                for (sums, value) in sums.iter_mut().zip(entry.value) {
+                    sums[half] += f64::from(value);
                 }
             }
             (
