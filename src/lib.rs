@@ -11,7 +11,8 @@
 //!
 //! ```text
 //! cli → report → analysis → krylov → operator, sparse, image
-//!            ↘          ↘ transport → render → gpu, scene → image
+//!     ↘      ↘          ↘ transport → render → gpu, scene → image
+//!      cache → report, transport
 //! ```
 //!
 //! | in the paper | here |
@@ -49,6 +50,7 @@
 //! ```
 
 pub mod analysis;
+pub mod cache;
 pub mod cli;
 pub mod error;
 pub mod gpu;

@@ -230,7 +230,7 @@ fn a_replayed_photo_is_the_retraced_one() {
 fn a_photo_under_one_lit_pixel_is_that_pixels_row() {
     for (name, channels) in SCENES {
         let mut rig = Simulated { traced: traced(name, channels) };
-        let resolution = rig.resolution();
+        let resolution = rig.photo_resolution();
         let n = resolution.pixels();
         for pixel in [0, 7 * 20 + 3, n / 2 + 10, n - 1] {
             let mut pattern = Image::filled(resolution, 1, 0.0);

@@ -206,7 +206,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     surface.bsdf.metallic = look.metallic;
     surface.bsdf.f0 = min(look.f0, vec3f(1.0)) * look.specular;
     surface.bsdf.f90 = look.specular;
-    surface.bsdf.alpha = max(look.roughness * look.roughness, MIN_ALPHA);
+    surface.bsdf.alpha = look.roughness * look.roughness;
     surface.bsdf.transmission = look.transmission;
     surface.bsdf.diffuse_transmission = look.diffuse_transmission;
     surface.bsdf.opacity = opacity;

@@ -7,7 +7,9 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use super::console::Console;
+use super::light::Light;
 use super::matrix::PartArg;
+use super::operator::OperatorArgs;
 use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs, ViewArgs};
 use super::run_folder::RunFolder;
 use super::{Outcome, simulation};
@@ -17,7 +19,7 @@ use crate::operator::Operator;
 use crate::report::eigenpairs::EigenpairsRun;
 use crate::report::sparse;
 use crate::sparse::SparseOperator;
-use crate::transport::{Channels, MatrixOperator};
+use crate::transport::Channels;
 
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
 #[derive(clap::Args)]
@@ -29,6 +31,8 @@ pub(super) struct Args {
     view: ViewArgs,
     #[command(flatten)]
     trace: TraceArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
     /// Which light of a scene
     #[arg(long, value_enum, default_value = "full")]
     part: PartArg,
@@ -126,12 +130,14 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"))?;
     let settings = args.trace.settings();
     folder.describe(&scene, &tracer, &settings);
-    let traced = folder.timed("tracing and matrix", |_| {
-        simulation::assemble(&mut tracer, &args.trace, Channels::Luma, console)
+    let light = folder.timed("tracing and matrix", |_| {
+        Light::choose(&mut tracer, &scene, &args.trace, &args.operator, Channels::Luma, console)
     });
-    let outcome = traced.and_then(|traced| {
-        let mut operator = MatrixOperator { matrix: &traced.matrix, part: args.part.into(), channel: 0 };
-        answer(args, console, &mut operator, &name, Some(settings.resolution), &mut folder)
+    let outcome = light.and_then(|mut light| {
+        folder.manifest.noise = light.noise().map(Into::into);
+        light.with_operator(args.part.into(), console, |operator| {
+            answer(args, console, operator, &name, Some(settings.resolution), &mut folder)
+        })
     });
     folder.close(outcome)
 }
@@ -179,6 +185,7 @@ fn answer(
         "imaginary_parts": found.imaginary_values,
         "residuals": found.residuals,
         "bounds": found.bounds,
+        "noise": folder.manifest.noise,
         "verdicts": verdicts,
         "seconds": folder.seconds(),
     }))?;

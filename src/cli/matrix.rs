@@ -9,8 +9,9 @@ use serde_json::json;
 use super::console::Console;
 use super::options::{ChannelsArg, OutputArgs, SourceArgs, TraceArgs};
 use super::{Outcome, simulation};
-use crate::report::sparse;
-use crate::transport::{Channels, Part};
+use crate::report::{manifest, sparse};
+use crate::sparse::Csr;
+use crate::transport::{Bounces, Channels, Part, TransportMatrix};
 
 /// Write the light transport matrix, traced once, as a sparse matrix
 #[derive(clap::Args)]
@@ -22,6 +23,9 @@ pub(super) struct Args {
     /// Which light: all of it, one bounce (a diagonal), or two bounces and more
     #[arg(long, value_enum, default_value = "full")]
     part: PartArg,
+    /// Write three matrices, which add up to the whole: FILE_direct, FILE_second (bounce) and FILE_rest
+    #[arg(long, conflicts_with = "part")]
+    split_bounces: bool,
     /// One matrix weighted by luminance, or three, in files named FILE.r, FILE.g and FILE.b
     #[arg(long, value_enum, default_value = "luma")]
     channels: ChannelsArg,
@@ -54,31 +58,67 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let scene = simulation::load(&args.source, console)?;
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let channels = args.channels.into();
-    let traced = simulation::assemble(&mut tracer, &args.trace, channels, console)?;
-    let files: Vec<PathBuf> = match channels {
-        Channels::Luma => vec![args.file.clone()],
-        Channels::Rgb => ["r", "g", "b"].map(|name| with_channel(&args.file, name)).to_vec(),
+    let traced =
+        simulation::assemble_layers(&mut tracer, &scene, &args.trace, channels, args.split_bounces, console)?;
+    let names: &[&str] = match channels {
+        Channels::Luma => &[""],
+        Channels::Rgb => &[".r", ".g", ".b"],
     };
-    let mut nonzeros = Vec::new();
-    for (channel, file) in files.iter().enumerate() {
-        let csr = traced.matrix.to_csr(args.part.into(), channel)?;
-        sparse::write(file, &csr)?;
-        nonzeros.push(csr.weights().len());
-        console.say(format_args!("wrote     {}", file.display()))?;
+    let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
+    for (channel, name) in names.iter().enumerate() {
+        for (bounces, csr) in matrices(args, &traced.matrix, channel)? {
+            let file = with_suffix(&args.file, &format!("{bounces}{name}"));
+            sparse::write(&file, &csr)?;
+            nonzeros.push(csr.weights().len());
+            console.say(format_args!("wrote     {}", file.display()))?;
+            files.push(file);
+        }
     }
     console.summary(&json!({
         "verb": "matrix",
         "files": files,
         "resolution": traced.matrix.resolution(),
+        "projector_resolution": traced.matrix.projector_resolution(),
         "rows": traced.matrix.resolution().pixels(),
+        "columns": traced.matrix.projector_resolution().pixels(),
         "nonzeros": nonzeros,
         "paths": traced.summary.paths,
+        "noise": traced.noise.as_ref().map(manifest::Noise::from),
     }))?;
     Ok(Outcome::Done)
 }
 
-/// `a/matrix.npz` as `a/matrix.r.npz`.
-fn with_channel(file: &Path, channel: &str) -> PathBuf {
+/// What is to be written of a channel, each with what its file's name gets.
+fn matrices(args: &Args, matrix: &TransportMatrix, channel: usize) -> Result<Vec<(&'static str, Csr)>> {
+    if !args.split_bounces {
+        return Ok(vec![("", matrix.to_csr(args.part.into(), channel)?)]);
+    }
+    let mut matrices = vec![("_direct", matrix.to_csr(Part::Direct, channel)?)];
+    for layer in matrix.layers() {
+        match layer.bounces() {
+            // It is in the direct part already.
+            Bounces::One => {}
+            Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
+            Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),
+        }
+    }
+    Ok(matrices)
+}
+
+/// `a/matrix.npz` as `a/matrix_direct.r.npz`.
+fn with_suffix(file: &Path, suffix: &str) -> PathBuf {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
     let extension = file.extension().unwrap_or_default().to_string_lossy();
-    file.with_extension(format!("{channel}.{extension}"))
+    file.with_file_name(format!("{stem}{suffix}.{extension}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn suffixes_stand_before_the_extension() {
+        let name = |suffix| with_suffix(Path::new("a/b.c.npz"), suffix).display().to_string();
+        assert_eq!([name(""), name("_rest.g")], ["a/b.c.npz", "a/b.c_rest.g.npz"]);
+    }
 }

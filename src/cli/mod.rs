@@ -2,11 +2,14 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod cache;
 mod console;
 mod eigs;
 mod info;
 mod labels;
+mod light;
 mod matrix;
+mod operator;
 mod options;
 mod pattern;
 mod photo;
@@ -40,6 +43,7 @@ enum Verb {
     Matrix(matrix::Args),
     Labels(labels::Args),
     Info(info::Args),
+    Cache(cache::Args),
 }
 
 /// How a verb ended when it ended well.
@@ -61,6 +65,7 @@ pub fn main() -> ExitCode {
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
         Verb::Info(args) => info::run(args, &console.with(&args.output)),
+        Verb::Cache(args) => cache::run(args, &console.with(args.output())),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

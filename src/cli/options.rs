@@ -5,8 +5,9 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
+use super::operator::CacheArgs;
 use crate::image::Resolution;
-use crate::render::TraceSettings;
+use crate::render::{Sampler, TraceSettings};
 use crate::transport::Channels;
 
 /// Which scene.
@@ -33,7 +34,7 @@ pub(super) struct ViewArgs {
 /// Pixels of camera and projector.
 #[derive(Args)]
 pub(super) struct SizeArgs {
-    /// Pixels of camera and projector: 128, or 128x96
+    /// Pixels of the camera, and of the projector where that has no --projector-size: 128, or 128x96
     #[arg(long, value_name = "N|WxH", default_value = "128")]
     size: Size,
 }
@@ -58,15 +59,44 @@ pub(super) struct TraceArgs {
     /// Selects the random numbers; equal seeds give equal results
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u32,
+    /// How the random numbers are spread
+    #[arg(long, value_enum, default_value = "sobol")]
+    sampler: SamplerArg,
+    /// Pixels of a projector that stands apart from the camera [default: as many as the camera's]
+    #[arg(long, value_name = "N|WxH")]
+    projector_size: Option<Size>,
     /// The graphics adapter whose name contains this; `krylux info` lists them
     #[arg(long, value_name = "NAME")]
     pub(super) adapter: Option<String>,
+    #[command(flatten)]
+    pub(super) cache: CacheArgs,
 }
 
 impl TraceArgs {
     pub(super) fn settings(&self) -> TraceSettings {
         let Self { spp: samples, max_bounces, seed, .. } = *self;
-        TraceSettings { max_bounces, seed, ..TraceSettings::new(self.size.resolution(), samples) }
+        let projector = self.projector_size.map(|Size(resolution)| resolution);
+        let sampler = self.sampler.into();
+        let size = self.size.resolution();
+        TraceSettings { max_bounces, seed, projector, sampler, ..TraceSettings::new(size, samples) }
+    }
+}
+
+/// `--sampler`.
+#[derive(Clone, Copy, ValueEnum)]
+enum SamplerArg {
+    /// Scrambled Sobol points: less noise for the same number of paths
+    Sobol,
+    /// Each number independent of all others
+    Independent,
+}
+
+impl From<SamplerArg> for Sampler {
+    fn from(argument: SamplerArg) -> Self {
+        match argument {
+            SamplerArg::Sobol => Self::Sobol,
+            SamplerArg::Independent => Self::Independent,
+        }
     }
 }
 

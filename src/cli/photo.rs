@@ -3,13 +3,15 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use clap::ValueEnum;
 use serde_json::json;
 
 use super::console::Console;
+use super::light::percent;
+use super::operator::OperatorArg;
 use super::options::{ChannelsArg, OutputArgs, SourceArgs, TraceArgs};
 use super::pattern::Pattern;
 use super::{Outcome, simulation};
+use crate::cache::Key;
 use crate::image::Image;
 use crate::report::picture;
 use crate::transport::{Retraced, Simulated, Transport};
@@ -27,8 +29,9 @@ pub(super) struct Args {
     /// Gray or coloured
     #[arg(long, value_enum, default_value = "rgb")]
     channels: ChannelsArg,
-    /// Trace for this one photo, or build the matrix and multiply (the same photo to rounding)
-    #[arg(long, value_enum, default_value = "retrace")]
+    /// Trace for this one photo, or build the matrix and multiply (the same photo, to rounding); auto multiplies if the
+    /// matrix is in the cache
+    #[arg(long, value_enum, default_value = "auto")]
     operator: OperatorArg,
     /// Where the photo goes, by extension: .exr and .npy keep the radiance, .png is for people; may be given several times
     #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "photo.png")]
@@ -37,29 +40,37 @@ pub(super) struct Args {
     pub(super) output: OutputArgs,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum OperatorArg {
-    Retrace,
-    Replay,
-}
-
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let settings = args.trace.settings();
     args.files.iter().try_for_each(|file| picture::check_writable(file))?;
     let scene = simulation::load(&args.source, console)?;
-    let pattern = args.pattern.image(settings.resolution)?;
+    let pattern = args.pattern.image(settings.projector.unwrap_or(settings.resolution))?;
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let channels = args.channels.into();
-    let photo = match args.operator {
-        OperatorArg::Retrace => {
+    let replayed = match args.operator {
+        OperatorArg::Retrace => None,
+        OperatorArg::Replay => {
+            Some(simulation::assemble(&mut tracer, &scene, &args.trace, channels, console)?)
+        }
+        // A single photo is never worth a matrix that is not there yet.
+        OperatorArg::Auto => {
+            let key = Key::new(&scene, tracer.adapter(), &settings, channels, false);
+            simulation::look_up(args.trace.cache.open().as_ref(), &key, console)
+        }
+    };
+    let is_replayed = replayed.is_some();
+    let (photo, noise) = match replayed {
+        Some(traced) => {
+            let noise = traced.noise.as_ref().map(|noise| noise.white_relative);
+            (Simulated { traced }.photograph(&pattern)?, noise)
+        }
+        None => {
             let bar = console.bar("tracing");
             let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
-            Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress }
-                .photograph(&pattern)?
-        }
-        OperatorArg::Replay => {
-            let traced = simulation::assemble(&mut tracer, &args.trace, channels, console)?;
-            Simulated { traced }.photograph(&pattern)?
+            let mut rig = Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress };
+            let (photo, error) = rig.photograph_with_error(&pattern)?;
+            let noise = (settings.samples > 1).then(|| norm(&error) / norm(&photo));
+            (photo, noise.filter(|noise| noise.is_finite()))
         }
     };
     for file in &args.files {
@@ -68,14 +79,23 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let (mean, low, high) = statistics(&photo);
     console.say(format_args!("radiance  mean {mean:.5}, from {low:.5} to {high:.5} W/(m² sr)"))?;
+    if let Some(noise) = noise {
+        let of = if is_replayed { "the white photo" } else { "the photo" };
+        console.say(format_args!("noise     {} % of {of}", percent(noise)))?;
+    }
     console.summary(&json!({
         "verb": "photo",
         "files": args.files,
         "resolution": settings.resolution,
         "samples_per_pixel": settings.samples,
+        "noise": noise,
         "radiance": { "mean": mean, "min": low, "max": high },
     }))?;
     Ok(Outcome::Done)
+}
+
+fn norm(image: &Image) -> f64 {
+    image.samples().iter().map(|&sample| f64::from(sample).powi(2)).sum::<f64>().sqrt()
 }
 
 /// Mean, least and greatest sample.

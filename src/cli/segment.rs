@@ -5,6 +5,8 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use super::console::Console;
+use super::light::Light;
+use super::operator::OperatorArgs;
 use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs};
 use super::run_folder::RunFolder;
 use super::{Outcome, labels, simulation};
@@ -13,7 +15,7 @@ use crate::image::Image;
 use crate::render::Tracer;
 use crate::report::segmentation::{SegmentationRun, Truth};
 use crate::scene::Scene;
-use crate::transport::{Channels, MatrixOperator, Part, Simulated, Transport};
+use crate::transport::{Channels, Part};
 
 /// Segment a scene by how light travels in it: pixels that exchange light form a group
 #[derive(clap::Args)]
@@ -22,6 +24,8 @@ pub(super) struct Args {
     source: SourceArgs,
     #[command(flatten)]
     trace: TraceArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
     /// Photos to take at most
     #[arg(long, value_name = "N", default_value_t = 50)]
     photos: usize,
@@ -99,15 +103,17 @@ fn segment(
 ) -> Result<(Outcome, String)> {
     let resolution = args.trace.settings().resolution;
     let truth = folder.timed("true labels", |_| truth(tracer, scene, args))?;
-    let traced = folder.timed("tracing and matrix", |_| {
-        simulation::assemble(tracer, &args.trace, Channels::Luma, console)
+    let mut light = folder.timed("tracing and matrix", |_| {
+        Light::choose(tracer, scene, &args.trace, &args.operator, Channels::Luma, console)
     })?;
+    folder.manifest.noise = light.noise().map(Into::into);
 
     let part = if args.keep_direct { Part::Full } else { Part::Global };
     let bar = console.bar("photos");
     folder.timed("photos", |_| {
-        let mut operator = MatrixOperator { matrix: &traced.matrix, part, channel: 0 };
-        capture.run(&mut operator, &mut |step| bar.at(step.products as u64, step.budget as u64))
+        light.with_operator(part, console, |operator| {
+            capture.run(operator, &mut |step| bar.at(step.products as u64, step.budget as u64))
+        })
     })?;
     drop(bar);
     if console.check().is_break() {
@@ -123,7 +129,7 @@ fn segment(
             "groups    {groups:>3}: adjusted Rand index {score:.4} against the true labels"
         ))?;
     }
-    let white = Simulated { traced }.photograph(&Image::filled(resolution, 1, 1.0))?;
+    let white = light.photograph(&Image::filled(resolution, 1, 1.0), console)?;
     let run = SegmentationRun {
         title: format!("{} · light transport segmentation", simulation::short_name(scene)),
         segmentation: &segmentation,
@@ -147,6 +153,7 @@ fn segment(
         "status": segmentation.status,
         "eigenvalues": segmentation.eigenvalues,
         "residuals": segmentation.residuals,
+        "noise": folder.manifest.noise,
         "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),
         "adjusted_rand_index": scores.iter().map(|(k, s)| (k.to_string(), json!(s))).collect::<serde_json::Map<_, _>>(),
         "seconds": folder.seconds(),

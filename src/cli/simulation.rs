@@ -5,7 +5,9 @@ use std::time::Instant;
 use anyhow::Result;
 
 use super::console::Console;
+use super::light;
 use super::options::{SourceArgs, TraceArgs};
+use crate::cache::{Cache, Found, Key};
 use crate::render::{TraceSummary, Tracer};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::transport::{self, Assembled, Channels};
@@ -35,27 +37,77 @@ pub(super) fn open(scene: &Scene, trace: &TraceArgs, console: &Console) -> Resul
     Ok(tracer)
 }
 
-/// Traces the light transport matrix, and says what that took.
+/// Finds the light transport matrix in the cache or traces it, and says what that took.
 pub(super) fn assemble(
     tracer: &mut Tracer,
+    scene: &Scene,
     trace: &TraceArgs,
     channels: Channels,
     console: &Console,
 ) -> Result<Assembled> {
+    assemble_layers(tracer, scene, trace, channels, false, console)
+}
+
+/// As [`assemble`]; if `split`, the second bounce is a layer of its own.
+pub(super) fn assemble_layers(
+    tracer: &mut Tracer,
+    scene: &Scene,
+    trace: &TraceArgs,
+    channels: Channels,
+    split: bool,
+    console: &Console,
+) -> Result<Assembled> {
     let start = Instant::now();
-    let bar = console.bar("tracing");
-    let traced = transport::assemble(tracer, &trace.settings(), channels, &mut |progress| {
-        bar.at(progress.done, progress.total)
-    })?;
-    drop(bar);
-    say_traced(&traced.summary, console)?;
+    let settings = trace.settings();
+    let cache = trace.cache.open();
+    let key = Key::new(scene, tracer.adapter(), &settings, channels, split);
+    let cached = look_up(cache.as_ref(), &key, console);
+    let is_new = cached.is_none();
+    let traced = match cached {
+        Some(cached) => cached,
+        None => {
+            let bar = console.bar("tracing");
+            transport::assemble_layers(tracer, &settings, channels, split, &mut |progress| {
+                bar.at(progress.done, progress.total)
+            })?
+        }
+    };
+    if is_new {
+        say_traced(&traced.summary, console)?;
+    } else {
+        console
+            .say(format_args!("traced    {} light paths, from the cache", grouped(traced.summary.paths)))?;
+    }
     console.say(format_args!(
-        "matrix    {} entries, {:.1} MiB, {:.2} s with the tracing",
+        "matrix    {} entries, {:.1} MiB, {:.2} s in all",
         grouped(traced.matrix.nonzeros() as u64),
         traced.matrix.bytes() as f64 / f64::from(1 << 20),
         start.elapsed().as_secs_f64()
     ))?;
+    light::say_noise(traced.noise.as_ref(), console)?;
+    // What cannot be kept is no reason to fail: the next run traces again.
+    if let Some(cache) = cache.filter(|_| is_new) {
+        match cache.store(&key, &traced) {
+            Ok(true) => {
+                console.detail(format_args!("cache     {} in {}", key.hex(), cache.folder().display()));
+            }
+            Ok(false) => console.detail("cache     not kept: larger than the cache"),
+            Err(error) => console.note(format_args!("note: the matrix is not kept for later runs: {error}")),
+        }
+    }
     Ok(traced)
+}
+
+/// The matrix from the cache, if it is there and whole.
+pub(super) fn look_up(cache: Option<&Cache>, key: &Key, console: &Console) -> Option<Assembled> {
+    match cache?.load(key) {
+        Found::Whole(traced) => Some(*traced),
+        Found::Missing => None,
+        Found::Damaged(why) => {
+            console.note(format_args!("note: the cached matrix is damaged and made anew: {why}"));
+            None
+        }
+    }
 }
 
 /// The line about a finished trace.

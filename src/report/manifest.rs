@@ -47,6 +47,9 @@ pub struct Manifest {
     /// `luma` or `rgb`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub channels: Option<String>,
+    /// How far the matrix is from the true one.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub noise: Option<Noise>,
     /// Photos taken.
     pub photos: u64,
     /// What took how long, in the order in which it happened.
@@ -67,6 +70,23 @@ pub enum Status {
     Interrupted,
     /// Stopped by an error, which is the message.
     Failed,
+}
+
+/// The matrix's relative errors, told from two independent halves of the samples.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Noise {
+    /// Of the whole matrix, in the Frobenius norm.
+    pub operator: f64,
+    /// The same, of the light of two bounces and more.
+    pub global: f64,
+    /// Of the photo under an all-ones pattern, as a root mean square.
+    pub white: f64,
+}
+
+impl From<&crate::transport::Noise> for Noise {
+    fn from(noise: &crate::transport::Noise) -> Self {
+        Self { operator: noise.operator, global: noise.global, white: noise.white_relative }
+    }
 }
 
 /// The graphics adapter.
@@ -115,6 +135,7 @@ impl Manifest {
             samples_per_pixel: None,
             max_bounces: None,
             channels: None,
+            noise: None,
             photos: 0,
             timings: Vec::new(),
             outputs: Vec::new(),

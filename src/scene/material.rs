@@ -102,6 +102,16 @@ impl Material {
             || matches!(self.alpha_mode, AlphaMode::Blend)
     }
 
+    /// Whether light may go straight through: past what covers the surface in part, or through a smooth thin wall.
+    pub fn lets_light_straight_through(&self) -> bool {
+        self.alpha_mode != AlphaMode::Opaque || (self.transmission > 0.0 && self.volume.is_none())
+    }
+
+    /// Whether the microfacet width `roughness²` may be below `alpha` somewhere; a texture may make it so anywhere.
+    pub fn may_be_smoother_than(&self, alpha: f32) -> bool {
+        self.metallic_roughness_texture.is_some() || self.roughness * self.roughness < alpha
+    }
+
     /// The textures with what each one is for, in glTF's words.
     pub fn textures(&self) -> impl Iterator<Item = (&'static str, &TextureRef)> {
         [

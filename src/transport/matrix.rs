@@ -1,12 +1,12 @@
-//! The frozen light transport matrix: a sparse symmetric global part, and the direct part as its diagonal.
+//! The frozen light transport matrix: a diagonal, and sparse layers by number of bounces.
 
 use rayon::prelude::*;
 
+use super::layer::{Bounces, Layer};
+use super::{Channels, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::sparse::Csr;
-
-use super::Channels;
 
 /// Rows that one task of a product takes.
 const ROWS_PER_TASK: usize = 256;
@@ -22,27 +22,48 @@ pub enum Part {
     Global,
 }
 
-/// `A = diag(direct) + global`, `n × n`, one set of weights per channel on a common sparsity pattern.
+impl Part {
+    /// Whether paths of so many bounces belong to it.
+    pub(super) fn holds(self, bounces: u32) -> bool {
+        match self {
+            Self::Full => true,
+            Self::Direct => bounces == 1,
+            Self::Global => bounces > 1,
+        }
+    }
+
+    fn has(self, layer: &Layer) -> bool {
+        self.holds(if layer.bounces == Bounces::One { 1 } else { 2 })
+    }
+}
+
+/// `A = diag(direct) + Σ layers`: a row for each camera pixel, a column for each projector pixel.
 ///
-/// The global part is in compressed sparse rows with ascending columns. It is symmetric to the last bit; products
-/// accumulate in `f64`, in a fixed order.
+/// Of a coaxial rig it is symmetric to the last bit, in each of its parts. Products accumulate in `f64`, in a fixed order,
+/// whatever the number of threads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransportMatrix {
-    pub(super) resolution: Resolution,
-    pub(super) channels: Channels,
-    /// `n + 1` offsets into `columns`.
-    pub(super) row_start: Vec<usize>,
-    pub(super) columns: Vec<u32>,
-    /// `[channel][entry]`
-    pub(super) weights: Vec<Vec<f32>>,
-    /// `[channel][pixel]`
-    pub(super) direct: Vec<Vec<f32>>,
+    pub(crate) rig: RigShape,
+    pub(crate) channels: Channels,
+    /// `[channel][pixel]`; no pixels where the rig is not coaxial.
+    pub(crate) direct: Vec<Vec<f32>>,
+    pub(crate) layers: Vec<Layer>,
 }
 
 impl TransportMatrix {
-    /// Pixels of camera and projector; the matrix has as many rows and columns.
+    /// Pixels of the camera: the matrix has as many rows.
     pub fn resolution(&self) -> Resolution {
-        self.resolution
+        self.rig.camera
+    }
+
+    /// Pixels of the projector: the matrix has as many columns.
+    pub fn projector_resolution(&self) -> Resolution {
+        self.rig.projector
+    }
+
+    /// Whether the rig is coaxial, so that `A = Aᵀ`.
+    pub fn is_symmetric(&self) -> bool {
+        self.rig.symmetric
     }
 
     /// One or three systems.
@@ -50,85 +71,87 @@ impl TransportMatrix {
         self.channels
     }
 
-    /// Stored entries of the global part.
+    /// Stored entries, the diagonal not counted.
     pub fn nonzeros(&self) -> usize {
-        self.columns.len()
+        self.layers.iter().map(Layer::nonzeros).sum()
     }
 
     /// Bytes that the matrix takes in memory.
     pub fn bytes(&self) -> usize {
-        let weights = self.weights.iter().chain(&self.direct).map(|plane| 4 * plane.len()).sum::<usize>();
-        size_of::<usize>() * self.row_start.len() + 4 * self.columns.len() + weights
+        let direct = self.direct.iter().map(|plane| 4 * plane.len()).sum::<usize>();
+        self.layers.iter().map(Layer::bytes).sum::<usize>() + direct
     }
 
-    /// The direct part of `channel`: its diagonal, `n` values.
+    /// The direct light of `channel` that comes back to its own pixel by a pinhole: `n` values, or none where the rig is not
+    /// coaxial.
     pub fn direct(&self, channel: usize) -> &[f32] {
         &self.direct[channel]
     }
 
-    /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. Both have `n` entries.
+    /// The sparse layers by number of bounces: one bounce where that is more than the diagonal; then two, and the rest, or
+    /// both together.
+    pub fn layers(&self) -> &[Layer] {
+        &self.layers
+    }
+
+    /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector pixel, `y` one for
+    /// each of the camera's.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
-        let pixels = self.resolution.pixels();
-        assert_eq!((x.len(), y.len()), (pixels, pixels), "a product needs vectors of n entries");
-        let direct = &self.direct[channel];
-        let weights = &self.weights[channel];
-        y.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, rows)| {
+        let layers: Vec<&Layer> = self.layers.iter().filter(|layer| part.has(layer)).collect();
+        let pixels = (self.rig.projector.pixels(), self.rig.camera.pixels());
+        assert_eq!((x.len(), y.len()), pixels, "x has the projector's pixels, and y the camera's");
+        self.multiply(part, &layers, channel, x, y);
+    }
+
+    /// `x ← Pᵀ y`: the photo of the dual rig, whose camera is this one's projector. `y` has an entry for each camera pixel,
+    /// `x` one for each of the projector's.
+    pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
+        let layers = self.layers.iter().filter(|layer| part.has(layer));
+        let layers: Vec<&Layer> =
+            layers.map(|layer| if self.rig.symmetric { layer } else { layer.transpose() }).collect();
+        let pixels = (self.rig.projector.pixels(), self.rig.camera.pixels());
+        assert_eq!((x.len(), y.len()), pixels, "x has the projector's pixels, and y the camera's");
+        self.multiply(part, &layers, channel, y, x);
+    }
+
+    fn multiply(&self, part: Part, layers: &[&Layer], channel: usize, from: &[f64], to: &mut [f64]) {
+        let direct = if part.holds(1) { self.direct[channel].as_slice() } else { &[] };
+        to.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, rows)| {
             for (row, value) in (task * ROWS_PER_TASK..).zip(rows) {
-                let entries = self.row_start[row]..self.row_start[row + 1];
-                *value = match part {
-                    Part::Direct => f64::from(direct[row]) * x[row],
-                    Part::Global => gather(&self.columns[entries.clone()], &weights[entries], x),
-                    Part::Full => {
-                        f64::from(direct[row]) * x[row]
-                            + gather(&self.columns[entries.clone()], &weights[entries], x)
-                    }
-                };
+                let diagonal = direct.get(row).map_or(0.0, |&direct| f64::from(direct) * from[row]);
+                *value = layers.iter().fold(diagonal, |sum, layer| sum + layer.gather(channel, row, from));
             }
         });
     }
 
-    /// The `part` of one channel as a matrix of its own, e.g. to be written to a file. The diagonal of the full matrix
-    /// is the rounded sum of both parts'.
+    /// The `part` of one channel as a matrix of its own, e.g. to be written to a file. Where parts meet on one entry, it is
+    /// the rounded sum of them.
     ///
     /// # Errors
     /// None that this matrix can cause; the constructor of [`Csr`] checks its arrays.
     pub fn to_csr(&self, part: Part, channel: usize) -> Result<Csr> {
-        let pixels = self.resolution.pixels();
-        let (direct, weights) = (&self.direct[channel], &self.weights[channel]);
+        let layers: Vec<&Layer> = self.layers.iter().filter(|layer| part.has(layer)).collect();
         let mut row_start = vec![0];
+        let (mut columns, mut weights) = (Vec::new(), Vec::new());
         let mut entries: Vec<(u32, f32)> = Vec::new();
-        for (row, &diagonal) in direct.iter().enumerate() {
-            if part != Part::Direct {
-                let global = self.row_start[row]..self.row_start[row + 1];
-                entries.extend(
-                    self.columns[global.clone()].iter().copied().zip(weights[global].iter().copied()),
-                );
+        for row in 0..self.rig.camera.pixels() {
+            entries.clear();
+            for layer in &layers {
+                let (columns, weights) = layer.row(channel, row);
+                entries.extend(columns.iter().copied().zip(weights.iter().copied()));
             }
-            if part != Part::Global && diagonal != 0.0 {
-                let own = *row_start.last().unwrap_or(&0);
-                // The global part may have an entry there as well: light that comes back to where it was sent.
-                match entries[own..].binary_search_by_key(&(row as u32), |entry| entry.0) {
-                    Ok(at) => entries[own + at].1 += diagonal,
-                    Err(at) => entries.insert(own + at, (row as u32, diagonal)),
-                }
+            if part.holds(1) {
+                let diagonal = self.direct[channel].get(row).copied().filter(|&direct| direct != 0.0);
+                entries.extend(diagonal.map(|diagonal| (row as u32, diagonal)));
             }
-            row_start.push(entries.len());
+            entries.sort_by_key(|entry| entry.0);
+            for run in entries.chunk_by(|a, b| a.0 == b.0) {
+                columns.push(run[0].0);
+                let sum: f64 = run.iter().map(|entry| f64::from(entry.1)).sum();
+                weights.push(f64::from(sum as f32));
+            }
+            row_start.push(columns.len());
         }
-        let columns = entries.iter().map(|entry| entry.0).collect();
-        Csr::new(pixels, row_start, columns, entries.iter().map(|entry| f64::from(entry.1)).collect())
+        Csr::new(self.rig.projector.pixels(), row_start, columns, weights)
     }
-}
-
-/// `Σ weight · x[column]`. Four accumulators, added in a fixed order, hide the latency of the additions.
-fn gather(columns: &[u32], weights: &[f32], x: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let (column_blocks, weight_blocks) = (columns.chunks_exact(4), weights.chunks_exact(4));
-    let rest = column_blocks.remainder().iter().zip(weight_blocks.remainder());
-    for (columns, weights) in column_blocks.zip(weight_blocks) {
-        for lane in 0..4 {
-            sums[lane] += f64::from(weights[lane]) * x[columns[lane] as usize];
-        }
-    }
-    let tail: f64 = rest.map(|(&column, &weight)| f64::from(weight) * x[column as usize]).sum();
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + tail
 }

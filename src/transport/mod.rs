@@ -5,15 +5,24 @@
 //! each photo and keeps nothing. For equal settings both are the same `Â`, to rounding.
 
 mod assemble;
+mod choice;
+mod combine;
+mod layer;
 mod matrix;
+mod noise;
 mod operator;
+mod pixel_sums;
 mod retraced;
+mod rows;
 mod simulated;
 
-pub use assemble::{Assembled, assemble};
+pub use assemble::{Assembled, assemble, assemble_layers};
+pub use choice::{Prediction, predict};
+pub use layer::{Bounces, Layer};
 pub use matrix::{Part, TransportMatrix};
+pub use noise::Noise;
 pub use operator::MatrixOperator;
-pub use retraced::Retraced;
+pub use retraced::{Retraced, RetracedOperator};
 pub use simulated::Simulated;
 
 use crate::error::{Error, Result};
@@ -21,8 +30,11 @@ use crate::image::{Image, Resolution};
 
 /// A scene as a rig sees it: project a pattern, take the photo.
 pub trait Transport {
-    /// Pixels of camera and projector.
-    fn resolution(&self) -> Resolution;
+    /// Pixels of the projector, and so of a pattern.
+    fn pattern_resolution(&self) -> Resolution;
+
+    /// Pixels of the camera, and so of a photo.
+    fn photo_resolution(&self) -> Resolution;
 
     /// Whether photos are gray or coloured.
     fn channels(&self) -> Channels;
@@ -35,8 +47,19 @@ pub trait Transport {
     fn photograph(&mut self, pattern: &Image) -> Result<Image>;
 }
 
+/// The shape of a rig's matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct RigShape {
+    /// Pixels of the camera, one row each.
+    pub camera: Resolution,
+    /// Pixels of the projector, one column each.
+    pub projector: Resolution,
+    /// Whether camera and projector are one, so that `A = Aᵀ`.
+    pub symmetric: bool,
+}
+
 /// Which light transport is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channels {
     /// One gray pattern, one photo weighted by luminance (Rec. 709).

@@ -2,7 +2,7 @@
 
 use super::{Part, TransportMatrix};
 use crate::error::Result;
-use crate::operator::{Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Symmetry};
 
 /// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo.
 #[derive(Clone, Copy, Debug)]
@@ -21,15 +21,22 @@ impl Operator for MatrixOperator<'_> {
     }
 
     fn cols(&self) -> usize {
-        self.rows()
+        self.matrix.projector_resolution().pixels()
     }
 
     fn symmetry(&self) -> Symmetry {
-        Symmetry::Symmetric
+        if self.matrix.is_symmetric() { Symmetry::Symmetric } else { Symmetry::General }
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.matrix.apply(self.part, self.channel, x, y);
+        Ok(())
+    }
+}
+
+impl Adjoint for MatrixOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.matrix.apply_transpose(self.part, self.channel, y, x);
         Ok(())
     }
 }

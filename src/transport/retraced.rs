@@ -2,9 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use super::{Channels, Transport, from_planes, luminance, planes};
+use super::noise::Halves;
+use super::{Channels, Part, Transport, from_planes, luminance, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::render::{Progress, TraceSettings, Tracer};
 
 /// A scene that is traced once per photo, always with the same light paths.
@@ -21,8 +23,91 @@ pub struct Retraced<'a> {
     pub progress: &'a mut dyn FnMut(Progress) -> ControlFlow<()>,
 }
 
+impl Retraced<'_> {
+    /// The photo of `pattern`, and its standard error pixel by pixel: the halves' difference, as in [`super::Noise`], of
+    /// this very photo with its ambient light. Zeros with one sample per pixel, which cannot tell.
+    ///
+    /// # Errors
+    /// As [`Transport::photograph`].
+    pub fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Image)> {
+        let lit = planes(pattern, self.pattern_resolution(), self.channels)?;
+        let camera = self.settings.resolution;
+        let seen = self.trace(Direction::Forward, Part::Full, true, (0, &lit), camera.pixels())?;
+        let halves = Halves::of(self.settings.samples);
+        let planes = |value: &dyn Fn([f64; 2]) -> f64| -> Vec<Vec<f64>> {
+            seen.iter().map(|plane| plane.iter().map(|&sums| value(sums)).collect()).collect()
+        };
+        let photo = from_planes(camera, &planes(&|sums| halves.mean(sums)))?;
+        Ok((photo, from_planes(camera, &planes(&|sums| halves.error(sums).abs()))?))
+    }
+
+    /// Traces, and returns what arrives of `lit` (its first channel, and the light by channel from there on) as sums over each
+    /// half: `[channel][pixel][half]`.
+    fn trace(
+        &mut self,
+        direction: Direction,
+        part: Part,
+        with_ambient: bool,
+        (first_channel, lit): (usize, &[Vec<f64>]),
+        pixels: usize,
+    ) -> Result<Vec<Vec<[f64; 2]>>> {
+        let project = |color| project(self.channels, first_channel, color);
+        let mut seen = vec![vec![[0.0_f64; 2]; pixels]; lit.len()];
+        self.tracer.trace(&self.settings, self.progress, &mut |batch| {
+            for path in 0..batch.len() {
+                let half = batch.half(path);
+                if part.holds(1) {
+                    let direct = project(batch.direct(path));
+                    add(&mut seen, batch.pixel(path), half, &direct, lit, batch.pixel(path));
+                }
+                if let Some(ambient) = batch.ambient(path).filter(|_| with_ambient) {
+                    let ambient = project(ambient);
+                    let pixel = batch.pixel(path) as usize;
+                    seen.iter_mut().zip(ambient).for_each(|(seen, ambient)| seen[pixel][half] += ambient);
+                }
+                for connection in batch.connections(path).filter(|connection| part.holds(connection.bounces))
+                {
+                    let value = project(connection.value);
+                    let (to, from) = match direction {
+                        Direction::Forward => (connection.camera, connection.projector),
+                        Direction::Backward => (connection.projector, connection.camera),
+                    };
+                    add(&mut seen, to, half, &value, lit, from);
+                    if batch.symmetric() {
+                        // The path's reverse, as in the matrix.
+                        add(&mut seen, from, half, &value, lit, to);
+                    }
+                }
+            }
+            Ok(())
+        })?;
+        Ok(seen)
+    }
+}
+
+/// From the projector to the camera, or as if each were the other.
+#[derive(Clone, Copy)]
+enum Direction {
+    Forward,
+    Backward,
+}
+
+/// `seen[to] += value · lit[from]`, channel by channel.
+fn add(seen: &mut [Vec<[f64; 2]>], to: u32, half: usize, value: &[f64; 3], lit: &[Vec<f64>], from: u32) {
+    if *value == [0.0; 3] {
+        return;
+    }
+    for (channel, seen) in seen.iter_mut().enumerate() {
+        seen[to as usize][half] += value[channel] * lit[channel][from as usize];
+    }
+}
+
 impl Transport for Retraced<'_> {
-    fn resolution(&self) -> Resolution {
+    fn pattern_resolution(&self) -> Resolution {
+        self.settings.projector.unwrap_or(self.settings.resolution)
+    }
+
+    fn photo_resolution(&self) -> Resolution {
         self.settings.resolution
     }
 
@@ -31,38 +116,64 @@ impl Transport for Retraced<'_> {
     }
 
     fn photograph(&mut self, pattern: &Image) -> Result<Image> {
-        let lit = planes(pattern, self.resolution(), self.channels)?;
-        let mut seen = vec![vec![0.0_f64; self.resolution().pixels()]; lit.len()];
-        let channels = self.channels;
-        self.tracer.trace(&self.settings, self.progress, &mut |batch| {
-            for index in 0..batch.len() {
-                let camera = batch.pixel(index) as usize;
-                let direct = project(channels, batch.direct(index));
-                let ambient = project(channels, batch.ambient(index).unwrap_or_default());
-                for (channel, seen) in seen.iter_mut().enumerate() {
-                    seen[camera] += direct[channel] * lit[channel][camera] + ambient[channel];
-                }
-                for connection in batch.connections(index) {
-                    let value = project(channels, connection.value);
-                    let projector = connection.projector as usize;
-                    for (channel, seen) in seen.iter_mut().enumerate() {
-                        // The path and its reverse, as in the matrix.
-                        seen[camera] += value[channel] * lit[channel][projector];
-                        seen[projector] += value[channel] * lit[channel][camera];
-                    }
-                }
-            }
-            Ok(())
-        })?;
-        let samples = f64::from(self.settings.samples);
-        seen.iter_mut().flatten().for_each(|value| *value /= samples);
-        from_planes(self.resolution(), &seen)
+        Ok(self.photograph_with_error(pattern)?.0)
     }
 }
 
-fn project(channels: Channels, color: [f32; 3]) -> [f64; 3] {
-    match channels {
+/// The channels from `first` on.
+fn project(channels: Channels, first: usize, color: [f32; 3]) -> [f64; 3] {
+    let mut values = match channels {
         Channels::Luma => [f64::from(luminance(color)), 0.0, 0.0],
         Channels::Rgb => color.map(f64::from),
+    };
+    values.rotate_left(first);
+    values
+}
+
+/// `y = P x` for one part and channel, traced anew for each product. The same matrix as the replayed one, to rounding.
+pub struct RetracedOperator<'a> {
+    /// The scene.
+    pub retraced: Retraced<'a>,
+    /// Which light.
+    pub part: Part,
+    /// Which channel, below [`Channels::count`].
+    pub channel: usize,
+    /// Whether the rig is coaxial.
+    pub symmetric: bool,
+}
+
+impl RetracedOperator<'_> {
+    fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
+        let halves = Halves::of(self.retraced.settings.samples);
+        let lit = [from.to_vec()];
+        let seen = self.retraced.trace(direction, self.part, false, (self.channel, &lit), to.len())?;
+        for (to, &sums) in to.iter_mut().zip(&seen[0]) {
+            *to = halves.mean(sums);
+        }
+        Ok(())
+    }
+}
+
+impl Operator for RetracedOperator<'_> {
+    fn rows(&self) -> usize {
+        self.retraced.photo_resolution().pixels()
+    }
+
+    fn cols(&self) -> usize {
+        self.retraced.pattern_resolution().pixels()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.product(Direction::Forward, x, y)
+    }
+}
+
+impl Adjoint for RetracedOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.product(Direction::Backward, y, x)
     }
 }

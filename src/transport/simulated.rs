@@ -12,7 +12,11 @@ pub struct Simulated {
 }
 
 impl Transport for Simulated {
-    fn resolution(&self) -> Resolution {
+    fn pattern_resolution(&self) -> Resolution {
+        self.traced.matrix.projector_resolution()
+    }
+
+    fn photo_resolution(&self) -> Resolution {
         self.traced.matrix.resolution()
     }
 
@@ -21,14 +25,14 @@ impl Transport for Simulated {
     }
 
     fn photograph(&mut self, pattern: &Image) -> Result<Image> {
-        let mut photo = planes(pattern, self.resolution(), self.channels())?;
-        for (channel, plane) in photo.iter_mut().enumerate() {
-            let pattern = std::mem::replace(plane, vec![0.0; self.traced.matrix.resolution().pixels()]);
-            self.traced.matrix.apply(Part::Full, channel, &pattern, plane);
+        let lit = planes(pattern, self.pattern_resolution(), self.channels())?;
+        let mut photo = vec![vec![0.0; self.photo_resolution().pixels()]; lit.len()];
+        for (channel, (pattern, plane)) in lit.iter().zip(&mut photo).enumerate() {
+            self.traced.matrix.apply(Part::Full, channel, pattern, plane);
             for (value, ambient) in plane.iter_mut().zip(self.traced.ambient.plane(channel)) {
                 *value += ambient;
             }
         }
-        from_planes(self.resolution(), &photo)
+        from_planes(self.photo_resolution(), &photo)
     }
 }

@@ -25,7 +25,7 @@ const COSINE: Sampler = Sampler {
 };
 const VISIBLE_NORMALS: Sampler = Sampler {
     sample: "let wi = reflect(-wo, ggx_sample_visible_normal(wo, bsdf.alpha, u.xy)); return vec4f(wi, f32(wi.z > 0.0));",
-    density: "return ggx_reflected_pdf(wo.z, normalize(wo + wi), bsdf.alpha);",
+    density: "return 0.25 * ggx_distribution(normalize(wo + wi), bsdf.alpha) * ggx_masking(wo.z, bsdf.alpha);",
 };
 const BSDF: Sampler = Sampler {
     sample: "let next = bsdf_sample(bsdf, wo, u); return vec4f(next.direction, next.pdf);",

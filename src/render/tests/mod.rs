@@ -7,5 +7,7 @@ mod kernel;
 mod material;
 mod random;
 mod reciprocity;
+mod sampler;
 mod statistics;
 mod texture;
+mod weights;

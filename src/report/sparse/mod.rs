@@ -6,6 +6,7 @@ mod npz;
 use std::path::Path;
 
 pub use mtx::{read_mtx, write_mtx};
+pub(crate) use npz::{add as add_to_npz, add_format as add_format_to_npz, options as npz_options};
 pub use npz::{read_npz, write_npz};
 
 use super::{atomic, npy};

@@ -47,7 +47,7 @@ pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
 }
 
 /// Appends a one-dimensional array of `count` values as `NAME.npy`.
-fn add<T: npyz::AutoSerialize>(
+pub(crate) fn add<T: npyz::AutoSerialize>(
     archive: &mut ZipWriter<impl Write + io::Seek>,
     name: &str,
     count: usize,
@@ -67,7 +67,7 @@ fn add<T: npyz::AutoSerialize>(
 }
 
 /// The matrix's kind, as SciPy stores it: a scalar byte string.
-fn add_format(archive: &mut ZipWriter<impl Write + io::Seek>) -> io::Result<()> {
+pub(crate) fn add_format(archive: &mut ZipWriter<impl Write + io::Seek>) -> io::Result<()> {
     archive.start_file("format.npy", options(0))?;
     let bytes: DType = DType::Plain("|S3".parse().map_err(io::Error::other)?);
     let mut array =
@@ -76,7 +76,7 @@ fn add_format(archive: &mut ZipWriter<impl Write + io::Seek>) -> io::Result<()> 
     array.finish()
 }
 
-fn options(bytes: u64) -> SimpleFileOptions {
+pub(crate) fn options(bytes: u64) -> SimpleFileOptions {
     SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(zip::DateTime::DEFAULT)

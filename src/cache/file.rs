@@ -1,0 +1,309 @@
+//! A cached matrix as files, one for each channel.
+//!
+//! `indices`, `indptr`, `data`, `shape` and `format` are SciPy's, and hold the last layer: the light of two bounces and more
+//! (or of three, where the second bounce is apart). Other layers have their name before these words. `direct` is the diagonal,
+//! `ambient` the photo without projector, `white_error` and `noise` what is known of the noise. `krylux.json` says the rest.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use zip::{ZipArchive, ZipWriter};
+
+use super::Key;
+use crate::error::Result;
+use crate::image::Image;
+use crate::render::TraceSummary;
+use crate::report::{atomic, sparse};
+use crate::transport::{Assembled, Bounces, Channels, Layer, Noise, RigShape, TransportMatrix};
+
+const RECORD: &str = "krylux.json";
+
+/// Arrays beyond this many bytes are refused, so that a small archive cannot fill the memory.
+const LARGEST: u64 = 1 << 36;
+
+/// What the arrays do not say.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Record {
+    key: String,
+    label: String,
+    channel: usize,
+    channels: Channels,
+    rig: RigShape,
+    layers: Vec<Bounces>,
+    has_noise: bool,
+    paths: u64,
+    rays: u64,
+    dispatches: u32,
+    longest_ns: u64,
+    tracing_ns: u64,
+    /// BLAKE3 of all of the above, and of the arrays; empty while that is computed.
+    checksum: String,
+}
+
+/// The arrays of one file.
+#[derive(Debug, Default)]
+struct Arrays {
+    /// By layer: row starts, columns, weights.
+    layers: Vec<(Vec<u64>, Vec<u32>, Vec<f32>)>,
+    direct: Vec<f32>,
+    ambient: Vec<f32>,
+    white_error: Vec<f32>,
+    noise: Vec<f64>,
+}
+
+impl Record {
+    fn checksum(&self, arrays: &Arrays) -> io::Result<String> {
+        let record = Self { checksum: String::new(), ..self.clone() };
+        let mut hasher = blake3::Hasher::new();
+        let mut part = |bytes: &[u8]| {
+            hasher.update(&(bytes.len() as u64).to_le_bytes());
+            hasher.update(bytes);
+        };
+        part(&serde_json::to_vec(&record)?);
+        for (starts, columns, weights) in &arrays.layers {
+            part(bytemuck::cast_slice(starts));
+            part(bytemuck::cast_slice(columns));
+            part(bytemuck::cast_slice(weights));
+        }
+        part(bytemuck::cast_slice(&arrays.direct));
+        part(bytemuck::cast_slice(&arrays.ambient));
+        part(bytemuck::cast_slice(&arrays.white_error));
+        part(bytemuck::cast_slice(&arrays.noise));
+        Ok(hasher.finalize().to_hex().to_string())
+    }
+}
+
+/// The name of an array of layer `index` of `count`.
+fn member(bounces: Bounces, last: bool, array: &str) -> String {
+    let layer = match bounces {
+        _ if last => return array.into(),
+        Bounces::One => "one",
+        Bounces::Two => "two",
+        Bounces::Rest | Bounces::Global => "rest",
+    };
+    format!("{layer}_{array}")
+}
+
+/// Writes one file for each channel.
+pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> Result<()> {
+    for (channel, path) in files.iter().enumerate() {
+        let (record, arrays) = take_apart(key, traced, channel);
+        atomic::write_with(path, |file| write_channel(file, record, &arrays))?;
+    }
+    Ok(())
+}
+
+fn take_apart(key: &Key, traced: &Assembled, channel: usize) -> (Record, Arrays) {
+    let Assembled { matrix, ambient, noise, summary } = traced;
+    let plane =
+        |image: &Image| image.samples().iter().skip(channel).step_by(image.channels()).copied().collect();
+    let arrays = Arrays {
+        layers: matrix
+            .layers
+            .iter()
+            .map(|layer| {
+                let starts = layer.row_start.iter().map(|&start| start as u64).collect();
+                (starts, layer.columns.clone(), layer.weights[channel].clone())
+            })
+            .collect(),
+        direct: matrix.direct[channel].clone(),
+        ambient: plane(ambient),
+        white_error: noise.as_ref().map_or(Vec::new(), |noise| plane(&noise.white)),
+        noise: noise
+            .as_ref()
+            .map_or(Vec::new(), |noise| vec![noise.white_relative, noise.operator, noise.global]),
+    };
+    let record = Record {
+        key: key.hex().into(),
+        label: key.label().into(),
+        channel,
+        channels: matrix.channels,
+        rig: matrix.rig,
+        layers: matrix.layers.iter().map(Layer::bounces).collect(),
+        has_noise: noise.is_some(),
+        paths: summary.paths,
+        rays: summary.rays,
+        dispatches: summary.dispatches,
+        longest_ns: summary.longest.as_nanos() as u64,
+        tracing_ns: summary.tracing.as_nanos() as u64,
+        checksum: String::new(),
+    };
+    (record, arrays)
+}
+
+fn write_channel(file: &mut (impl Write + io::Seek), mut record: Record, arrays: &Arrays) -> io::Result<()> {
+    record.checksum = record.checksum(arrays)?;
+    let mut archive = ZipWriter::new(file);
+    archive.start_file(RECORD, sparse::npz_options(0))?;
+    archive.write_all(&serde_json::to_vec_pretty(&record)?)?;
+    let last = arrays.layers.len().saturating_sub(1);
+    for (index, ((starts, columns, weights), &bounces)) in
+        arrays.layers.iter().zip(&record.layers).enumerate()
+    {
+        let name = |array| member(bounces, index == last, array);
+        // SciPy wants both index arrays of one kind, 32 bits where they suffice.
+        if i32::try_from(columns.len()).is_ok() {
+            sparse::add_to_npz(
+                &mut archive,
+                &name("indices"),
+                columns.len(),
+                columns.iter().map(|&v| v as i32),
+            )?;
+            sparse::add_to_npz(
+                &mut archive,
+                &name("indptr"),
+                starts.len(),
+                starts.iter().map(|&v| v as i32),
+            )?;
+        } else {
+            sparse::add_to_npz(
+                &mut archive,
+                &name("indices"),
+                columns.len(),
+                columns.iter().map(|&v| i64::from(v)),
+            )?;
+            sparse::add_to_npz(
+                &mut archive,
+                &name("indptr"),
+                starts.len(),
+                starts.iter().map(|&v| v as i64),
+            )?;
+        }
+        sparse::add_to_npz(&mut archive, &name("data"), weights.len(), weights.iter().copied())?;
+    }
+    sparse::add_format_to_npz(&mut archive)?;
+    let shape = [record.rig.camera.pixels() as i64, record.rig.projector.pixels() as i64];
+    sparse::add_to_npz(&mut archive, "shape", 2, shape.into_iter())?;
+    for (name, plane) in
+        [("direct", &arrays.direct), ("ambient", &arrays.ambient), ("white_error", &arrays.white_error)]
+    {
+        sparse::add_to_npz(&mut archive, name, plane.len(), plane.iter().copied())?;
+    }
+    sparse::add_to_npz(&mut archive, "noise", arrays.noise.len(), arrays.noise.iter().copied())?;
+    archive.finish()?;
+    Ok(())
+}
+
+/// What a file says that it is; `None` if it cannot be read.
+pub(super) fn label(path: &Path) -> Option<String> {
+    let mut archive = ZipArchive::new(BufReader::new(File::open(path).ok()?)).ok()?;
+    Some(read_record(&mut archive).ok()?.label)
+}
+
+type Archive = ZipArchive<BufReader<File>>;
+
+/// Puts the channels' files together again, or says what is wrong with them.
+pub(super) fn read(key: &Key, files: &[PathBuf]) -> std::result::Result<Assembled, String> {
+    let channels = files.iter().enumerate().map(|(channel, path)| {
+        let (record, arrays) = read_channel(path).map_err(|why| format!("{}: {why}", path.display()))?;
+        let expected = (key.hex(), channel, files.len());
+        if (record.key.as_str(), record.channel, record.channels.count()) != expected {
+            return Err(format!("{}: it is not what its name says", path.display()));
+        }
+        Ok((record, arrays))
+    });
+    let channels = channels.collect::<std::result::Result<Vec<_>, String>>()?;
+    put_together(channels).ok_or_else(|| "its channels do not belong together".into())
+}
+
+fn read_channel(path: &Path) -> std::result::Result<(Record, Arrays), String> {
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
+    let record = read_record(&mut archive)?;
+    let mut arrays = Arrays::default();
+    for (index, &bounces) in record.layers.iter().enumerate() {
+        let name = |array| member(bounces, index + 1 == record.layers.len(), array);
+        let starts = read_indices(&mut archive, &name("indptr"))?;
+        let columns = read_indices(&mut archive, &name("indices"))?;
+        let columns = columns.into_iter().map(|column| column as u32).collect();
+        arrays.layers.push((starts, columns, read_array(&mut archive, &name("data"))?));
+    }
+    arrays.direct = read_array(&mut archive, "direct")?;
+    arrays.ambient = read_array(&mut archive, "ambient")?;
+    arrays.white_error = read_array(&mut archive, "white_error")?;
+    arrays.noise = read_array(&mut archive, "noise")?;
+    let checksum = record.checksum(&arrays).map_err(|error| error.to_string())?;
+    if checksum != record.checksum {
+        return Err("its checksum is not that of its content".into());
+    }
+    Ok((record, arrays))
+}
+
+fn read_record(archive: &mut Archive) -> std::result::Result<Record, String> {
+    serde_json::from_slice(&read_member(archive, RECORD)?).map_err(|error| format!("{RECORD}: {error}"))
+}
+
+fn read_member(archive: &mut Archive, name: &str) -> std::result::Result<Vec<u8>, String> {
+    let member = archive.by_name(name).map_err(|error| format!("{name}: {error}"))?;
+    let mut bytes = Vec::new();
+    member.take(LARGEST).read_to_end(&mut bytes).map_err(|error| format!("{name}: {error}"))?;
+    Ok(bytes)
+}
+
+fn read_array<T: npyz::Deserialize>(
+    archive: &mut Archive,
+    name: &str,
+) -> std::result::Result<Vec<T>, String> {
+    let bytes = read_member(archive, &format!("{name}.npy"))?;
+    let values = npyz::NpyFile::new(bytes.as_slice()).and_then(npyz::NpyFile::into_vec);
+    values.map_err(|error| format!("{name}: {error}"))
+}
+
+/// An array of 32 or 64 bits.
+fn read_indices(archive: &mut Archive, name: &str) -> std::result::Result<Vec<u64>, String> {
+    match read_array::<i32>(archive, name) {
+        Ok(values) => Ok(values.into_iter().map(|value| value as u64).collect()),
+        Err(_) => Ok(read_array::<i64>(archive, name)?.into_iter().map(|value| value as u64).collect()),
+    }
+}
+
+fn put_together(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
+    let (first, shared) = channels.first()?;
+    let (rig, kind, bounces) = (first.rig, first.channels, first.layers.clone());
+    let fits = |(record, arrays): &(Record, Arrays)| {
+        (record.rig, record.channels, record.has_noise) == (rig, kind, first.has_noise)
+            && record.layers == bounces
+            && arrays.layers.iter().zip(&shared.layers).all(|(a, b)| a.0 == b.0 && a.1 == b.1)
+    };
+    if !channels.iter().all(fits) {
+        return None;
+    }
+    let image = |plane: fn(&Arrays) -> &[f32]| {
+        let samples = (0..rig.camera.pixels())
+            .flat_map(|pixel| channels.iter().map(move |(_, arrays)| plane(arrays).get(pixel).copied()));
+        Image::new(rig.camera, channels.len(), samples.collect::<Option<Vec<f32>>>()?).ok()
+    };
+    let noise = match (first.has_noise, shared.noise.as_slice()) {
+        (false, _) => None,
+        (true, &[white_relative, operator, global]) => {
+            Some(Noise { white: image(|arrays| &arrays.white_error)?, white_relative, operator, global })
+        }
+        (true, _) => return None,
+    };
+    let summary = TraceSummary {
+        paths: first.paths,
+        rays: first.rays,
+        dispatches: first.dispatches,
+        longest: Duration::from_nanos(first.longest_ns),
+        tracing: Duration::from_nanos(first.tracing_ns),
+    };
+    let ambient = image(|arrays| &arrays.ambient)?;
+    let (_, mut arrays): (Vec<Record>, Vec<Arrays>) = channels.into_iter().unzip();
+    let direct = arrays.iter_mut().map(|arrays| std::mem::take(&mut arrays.direct)).collect();
+    let layers = bounces.into_iter().enumerate().map(|(index, bounces)| {
+        let weights = arrays.iter_mut().map(|arrays| std::mem::take(&mut arrays.layers[index].2)).collect();
+        let (starts, columns, _) = std::mem::take(&mut arrays[0].layers[index]);
+        let starts = starts.into_iter().map(|start| start as usize).collect();
+        Layer::new(bounces, rig.projector.pixels(), starts, columns, weights)
+    });
+    let layers = layers.collect();
+    Some(Assembled {
+        matrix: TransportMatrix { rig, channels: kind, direct, layers },
+        ambient,
+        noise,
+        summary,
+    })
+}

@@ -1,0 +1,105 @@
+//! `krylux cache`: the matrices that earlier runs left on disk.
+
+use std::time::SystemTime;
+
+use anyhow::Result;
+use clap::Subcommand;
+use serde_json::json;
+
+use super::Outcome;
+use super::console::Console;
+use super::operator::{CacheArgs, in_words};
+use super::options::OutputArgs;
+use crate::cache::Cache;
+use crate::error::Error;
+
+/// Show or empty the cache of traced matrices
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// List the matrices, those used last first
+    List(ActionArgs),
+    /// Remove all of them
+    Clear(ActionArgs),
+}
+
+#[derive(clap::Args)]
+struct ActionArgs {
+    #[command(flatten)]
+    cache: CacheArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+impl Args {
+    fn action(&self) -> &ActionArgs {
+        match &self.action {
+            Action::List(args) | Action::Clear(args) => args,
+        }
+    }
+
+    pub(super) fn output(&self) -> &OutputArgs {
+        &self.action().output
+    }
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    let cache = args.action().cache.open().ok_or_else(|| Error::Option {
+        option: "--cache".into(),
+        fault: "there is no cache to look at".into(),
+        help: "name its folder by --cache DIR or KRYLUX_CACHE".into(),
+    })?;
+    match args.action {
+        Action::List(_) => list(&cache, console),
+        Action::Clear(_) => clear(&cache, console),
+    }
+}
+
+fn list(cache: &Cache, console: &Console) -> Result<Outcome> {
+    let mut entries = cache.entries()?;
+    entries.sort_by_key(|entry| std::cmp::Reverse(entry.used));
+    let bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
+    for entry in &entries {
+        let label = entry.label.as_deref().unwrap_or("damaged; a run that needs it will make it anew");
+        console.say(format_args!("{}  {:>10}  {label}", &entry.key[..12], in_words(entry.bytes)))?;
+    }
+    console.say(format_args!(
+        "cache     {}: {} matrices, {}",
+        cache.folder().display(),
+        entries.len(),
+        in_words(bytes)
+    ))?;
+    let seconds =
+        |used: SystemTime| used.duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let listed = entries.iter().map(|entry| {
+        json!({ "key": entry.key, "label": entry.label, "bytes": entry.bytes, "used": seconds(entry.used) })
+    });
+    console.summary(&json!({
+        "verb": "cache list",
+        "folder": cache.folder(),
+        "bytes": bytes,
+        "matrices": listed.collect::<Vec<_>>(),
+    }))?;
+    Ok(Outcome::Done)
+}
+
+fn clear(cache: &Cache, console: &Console) -> Result<Outcome> {
+    let (count, bytes) = cache.clear()?;
+    console.say(format_args!(
+        "cache     {}: removed {count} matrices, {}",
+        cache.folder().display(),
+        in_words(bytes)
+    ))?;
+    console.summary(&json!({
+        "verb": "cache clear",
+        "folder": cache.folder(),
+        "removed": count,
+        "bytes": bytes,
+    }))?;
+    Ok(Outcome::Done)
+}

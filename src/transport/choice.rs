@@ -1,0 +1,74 @@
+//! How much memory a matrix will need, before it is traced.
+
+use std::ops::ControlFlow;
+
+use super::Channels;
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::render::{TraceSettings, Tracer};
+
+/// Pixels on a side of the pilot that counts connections.
+const PILOT: usize = 64;
+
+/// What assembling the matrix will need at its peak, in bytes, as far as the pilot's count goes; more than that never.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    /// Connections in all.
+    pub connections: f64,
+    /// Bytes of memory at the peak.
+    pub bytes: f64,
+}
+
+/// Predicts the memory for [`super::assemble()`]. Only where it could exceed `limit` bytes does it trace: one path from each
+/// of at most 64×64 pixels.
+///
+/// # Errors
+/// As [`Tracer::trace`].
+pub fn predict(
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    channels: Channels,
+    limit: u64,
+) -> Result<Prediction> {
+    let most = prediction(f64::from(settings.max_bounces), settings, channels);
+    if most.bytes <= limit as f64 {
+        return Ok(most);
+    }
+    let Resolution { width, height } = settings.resolution;
+    let resolution = Resolution::new(width.min(PILOT), height.min(PILOT));
+    let pilot = TraceSettings { resolution, samples: 1, ..*settings };
+    let mut connections = 0_usize;
+    tracer.trace(&pilot, &mut |_| ControlFlow::Continue(()), &mut |batch| {
+        connections += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
+        Ok(())
+    })?;
+    // A few thousand paths tell the mean to some per cent.
+    Ok(prediction(1.05 * connections as f64 / resolution.pixels() as f64, settings, channels))
+}
+
+fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels) -> Prediction {
+    let pixels = settings.resolution.pixels() as f64;
+    let projector = settings.projector.unwrap_or(settings.resolution).pixels() as f64;
+    let connections = per_path * pixels * f64::from(settings.samples);
+    let channels = channels.count() as f64;
+    // Added up pixel by pixel they have a key, a mean and an error each; in the matrix, where each may have a mirror image, a
+    // column and a weight. Neither can have more entries than there are pairs of pixels.
+    let pairs = pixels * projector;
+    let bytes = connections.min(pairs) * (4.0 + 8.0 * channels)
+        + (2.0 * connections).min(pairs) * (4.0 + 4.0 * channels);
+    Prediction { connections, bytes }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_grows_with_paths_until_the_matrix_is_full() {
+        let settings = |side, samples| TraceSettings::new(Resolution::new(side, side), samples);
+        let bytes = |side, samples| prediction(2.5, &settings(side, samples), Channels::Luma).bytes;
+        assert_eq!(bytes(512, 64), 2.5 * 512.0 * 512.0 * 64.0 * (12.0 + 2.0 * 8.0));
+        assert_eq!(bytes(512, 64), 4.0 * bytes(256, 64));
+        assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 8.0), "no more than every pair of pixels");
+    }
+}

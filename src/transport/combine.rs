@@ -1,0 +1,270 @@
+//! From what each pixel's paths contribute to the matrix: rows and mirrored rows meet, block by block.
+//!
+//! With `F` the contributions by start pixel, a coaxial rig has `A = F + Fᵀ`; of one whose projector stands apart, paths
+//! from the camera make rows and paths from the projector columns. Since a row's entries ascend, a cursor in each row
+//! yields the transpose one block at a time, so that no second copy of `F` is ever needed.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::RigShape;
+use super::layer::{Bounces, Layer};
+use super::rows::{Key, Strip};
+
+/// Contributions that one block holds, about.
+const BLOCK: usize = 1 << 21;
+
+/// Rows that one task merges.
+const ROWS_PER_TASK: usize = 64;
+
+/// The sparse part of the matrix, with what its noise is made from.
+pub(super) struct Combined<const C: usize> {
+    /// By class: one bounce, then the others.
+    pub(super) layers: Vec<Layer>,
+    /// Row by row.
+    pub(super) rows: Vec<RowSums<C>>,
+}
+
+/// Sums over one row of the whole matrix, the diagonal included: values, errors, and their squares.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RowSums<const C: usize> {
+    pub(super) mean: [f64; C],
+    pub(super) error: [f64; C],
+    pub(super) mean_squares: f64,
+    pub(super) error_squares: f64,
+    /// The squares of the light of two bounces and more.
+    pub(super) global: [f64; 2],
+}
+
+#[derive(Clone, Copy)]
+struct Term<const C: usize> {
+    key: Key,
+    mean: [f32; C],
+    error: [f32; C],
+}
+
+/// Merges the strips into layers, one for each of `bounces`. `direct` is the diagonal, as (mean, error) for each row, or empty.
+pub(super) fn combine<const C: usize>(
+    strips: &[Strip<C>],
+    rig: RigShape,
+    bounces: &[Bounces],
+    direct: &[[[f64; 2]; C]],
+) -> Combined<C> {
+    let rows = rig.camera.pixels();
+    let terms = count_terms(strips, rig, rows);
+    let total: usize = terms.iter().sum();
+    let mut layers: Vec<Layer> = bounces
+        .iter()
+        .map(|&bounces| Layer::new(bounces, rig.projector.pixels(), vec![0], Vec::new(), vec![Vec::new(); C]))
+        .collect();
+    // The one layer that holds nearly everything never outgrows this; what is not used is never touched, and given back.
+    if let Some(main) = layers.last_mut() {
+        main.columns.reserve_exact(total);
+        main.weights.iter_mut().for_each(|plane| plane.reserve_exact(total));
+    }
+    let mut cursors: Vec<Vec<usize>> =
+        strips.iter().map(|strip| strip.spans().map(|(_, span)| span.start).collect()).collect();
+    let mut sums = Vec::with_capacity(rows);
+    let mut first = 0;
+    while first < rows {
+        let mut last = first + 1;
+        let mut held = terms[first];
+        while last < rows && held + terms[last] <= BLOCK {
+            held += terms[last];
+            last += 1;
+        }
+        let mut block = gather(strips, rig, first..last, &terms[first..last], &mut cursors);
+        merge(&mut block, first, &terms[first..last], direct, &mut layers, &mut sums);
+        first = last;
+    }
+    for layer in &mut layers {
+        layer.columns.shrink_to_fit();
+        layer.weights.iter_mut().for_each(Vec::shrink_to_fit);
+    }
+    Combined { layers, rows: sums }
+}
+
+/// How many terms each row of the matrix gets.
+fn count_terms<const C: usize>(strips: &[Strip<C>], rig: RigShape, rows: usize) -> Vec<usize> {
+    let mut terms = vec![0_usize; rows];
+    for strip in strips {
+        for (row, span) in strip.spans() {
+            if rig.symmetric || row.from_camera {
+                terms[row.pixel as usize] += span.len();
+            }
+            if rig.symmetric || !row.from_camera {
+                strip.keys[span].iter().for_each(|key| terms[key.other() as usize] += 1);
+            }
+        }
+    }
+    terms
+}
+
+/// The terms of the matrix rows `block`, row after row. Those of one row come by start pixel: the same order for an entry and
+/// its mirror image, so that their sums agree to the last bit.
+fn gather<const C: usize>(
+    strips: &[Strip<C>],
+    rig: RigShape,
+    block: Range<usize>,
+    terms: &[usize],
+    cursors: &mut [Vec<usize>],
+) -> Vec<Term<C>> {
+    let mut next = Vec::with_capacity(terms.len());
+    let mut count = 0;
+    for terms in terms {
+        next.push(count);
+        count += terms;
+    }
+    let nothing = Term { key: Key::new(0, 0), mean: [0.0; C], error: [0.0; C] };
+    let mut gathered = vec![nothing; count];
+    let mut put = |row: usize, term: Term<C>| {
+        let at = &mut next[row - block.start];
+        gathered[*at] = term;
+        *at += 1;
+    };
+    for (strip, cursors) in strips.iter().zip(cursors) {
+        for ((row, span), cursor) in strip.spans().zip(cursors) {
+            let term = |at: usize, key: Key| Term { key, mean: strip.means[at], error: strip.errors[at] };
+            if (rig.symmetric || row.from_camera) && block.contains(&(row.pixel as usize)) {
+                span.clone().for_each(|at| put(row.pixel as usize, term(at, strip.keys[at])));
+            }
+            if rig.symmetric || !row.from_camera {
+                while *cursor < span.end && (strip.keys[*cursor].other() as usize) < block.end {
+                    let key = strip.keys[*cursor];
+                    let mirrored = Key::new(row.pixel, key.class() as u32);
+                    put(key.other() as usize, term(*cursor, mirrored));
+                    *cursor += 1;
+                }
+            }
+        }
+    }
+    gathered
+}
+
+/// Sorts each row's terms, adds up those that meet, and appends the rows to the layers.
+fn merge<const C: usize>(
+    terms: &mut [Term<C>],
+    first: usize,
+    counts: &[usize],
+    direct: &[[[f64; 2]; C]],
+    layers: &mut [Layer],
+    sums: &mut Vec<RowSums<C>>,
+) {
+    let mut tasks = Vec::new();
+    let mut rest = terms;
+    for (task, counts) in counts.chunks(ROWS_PER_TASK).enumerate() {
+        let (mine, tail) = rest.split_at_mut(counts.iter().sum());
+        tasks.push((first + task * ROWS_PER_TASK, counts, mine));
+        rest = tail;
+    }
+    let merged: Vec<Merged<C>> = tasks
+        .into_par_iter()
+        .map(|(first, counts, terms)| {
+            let mut merged = Merged { layers: vec![Default::default(); layers.len()], sums: Vec::new() };
+            let mut rest = terms;
+            for (row, &count) in (first..).zip(counts) {
+                let (mine, tail) = rest.split_at_mut(count);
+                merged.row(row as u32, mine, direct.get(row));
+                rest = tail;
+            }
+            merged
+        })
+        .collect();
+    for task in merged {
+        sums.extend(task.sums);
+        for (layer, part) in layers.iter_mut().zip(task.layers) {
+            let before = layer.columns.len();
+            layer.row_start.extend(part.ends.iter().map(|end| before + end));
+            layer.columns.extend(part.columns);
+            for (channel, plane) in layer.weights.iter_mut().enumerate() {
+                plane.extend(part.weights.iter().map(|weight| weight[channel]));
+            }
+        }
+    }
+}
+
+struct Merged<const C: usize> {
+    layers: Vec<LayerRows<C>>,
+    sums: Vec<RowSums<C>>,
+}
+
+#[derive(Clone)]
+struct LayerRows<const C: usize> {
+    ends: Vec<usize>,
+    columns: Vec<u32>,
+    weights: Vec<[f32; C]>,
+}
+
+impl<const C: usize> Default for LayerRows<C> {
+    fn default() -> Self {
+        Self { ends: Vec::new(), columns: Vec::new(), weights: Vec::new() }
+    }
+}
+
+impl<const C: usize> Merged<C> {
+    fn row(&mut self, row: u32, terms: &mut [Term<C>], direct: Option<&[[f64; 2]; C]>) {
+        terms.sort_by_key(|term| term.key);
+        let mut sums = RowSums {
+            mean: [0.0; C],
+            error: [0.0; C],
+            mean_squares: 0.0,
+            error_squares: 0.0,
+            global: [0.0; 2],
+        };
+        let none = [[0.0; 2]; C];
+        let mut direct = direct;
+        for column in terms.chunk_by(|a, b| a.key.other() == b.key.other()) {
+            let at = column[0].key.other();
+            let diagonal = if at == row { direct.take().unwrap_or(&none) } else { &none };
+            let mut whole = *diagonal;
+            let mut global = none;
+            for run in column.chunk_by(|a, b| a.key == b.key) {
+                let mut sum = none;
+                for term in run {
+                    for (channel, sum) in sum.iter_mut().enumerate() {
+                        sum[0] += f64::from(term.mean[channel]);
+                        sum[1] += f64::from(term.error[channel]);
+                    }
+                }
+                let class = run[0].key.class();
+                add(&mut whole, &sum);
+                if class > 0 {
+                    add(&mut global, &sum);
+                }
+                let layer = &mut self.layers[class];
+                layer.columns.push(at);
+                layer.weights.push(sum.map(|[mean, _]| mean as f32));
+            }
+            sums.add(&whole, &global);
+        }
+        // Nothing but direct light on the diagonal.
+        if let Some(direct) = direct {
+            sums.add(direct, &none);
+        }
+        self.sums.push(sums);
+        for layer in &mut self.layers {
+            layer.ends.push(layer.columns.len());
+        }
+    }
+}
+
+fn add<const C: usize>(to: &mut [[f64; 2]; C], more: &[[f64; 2]; C]) {
+    for (to, more) in to.iter_mut().flatten().zip(more.iter().flatten()) {
+        *to += more;
+    }
+}
+
+impl<const C: usize> RowSums<C> {
+    fn add(&mut self, whole: &[[f64; 2]; C], global: &[[f64; 2]; C]) {
+        for channel in 0..C {
+            let [mean, error] = whole[channel];
+            self.mean[channel] += mean;
+            self.error[channel] += error;
+            self.mean_squares += mean * mean;
+            self.error_squares += error * error;
+            self.global[0] += global[channel][0].powi(2);
+            self.global[1] += global[channel][1].powi(2);
+        }
+    }
+}

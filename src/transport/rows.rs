@@ -1,0 +1,227 @@
+//! What the light paths from each pixel contribute, added up pixel by pixel as the paths come in.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::noise::Halves;
+use crate::error::{Error, Result};
+use crate::render::{Batch, Connection};
+
+/// Where a contribution lies within a row: pixel at the other end of the paths, and class of bounces below it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Key(u32);
+
+impl Key {
+    const CLASS_BITS: u32 = 2;
+    /// Set while single contributions wait to be added: from the second half of the samples.
+    const HALF: u32 = 1 << 31;
+
+    pub(super) fn new(other: u32, class: u32) -> Self {
+        debug_assert!(other < 1 << 28 && class < 1 << Self::CLASS_BITS);
+        Self(other << Self::CLASS_BITS | class)
+    }
+
+    pub(super) fn other(self) -> u32 {
+        self.0 >> Self::CLASS_BITS
+    }
+
+    pub(super) fn class(self) -> usize {
+        (self.0 & ((1 << Self::CLASS_BITS) - 1)) as usize
+    }
+}
+
+/// Which class a connection belongs to: 0 for one bounce, then 1, or 1 and 2 where the second bounce is told apart.
+pub(super) fn class(bounces: u32, split: bool) -> u32 {
+    match bounces {
+        1 => 0,
+        2 => 1,
+        _ if split => 2,
+        _ => 1,
+    }
+}
+
+/// The paths from one pixel, which is the camera's (a row of the matrix) or the projector's (a column).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    pub(super) pixel: u32,
+    pub(super) from_camera: bool,
+    /// One past its last entry in the strip.
+    pub(super) end: usize,
+}
+
+/// Finished pixels, ascending, each with its entries by ascending key.
+#[derive(Debug)]
+pub(super) struct Strip<const C: usize> {
+    pub(super) rows: Vec<Row>,
+    pub(super) keys: Vec<Key>,
+    /// Means over the samples, and their errors (`e` of [`super::Noise`]).
+    pub(super) means: Vec<[f32; C]>,
+    pub(super) errors: Vec<[f32; C]>,
+}
+
+impl<const C: usize> Strip<C> {
+    /// Each row with its place among the entries.
+    pub(super) fn spans(&self) -> impl Iterator<Item = (Row, Range<usize>)> + '_ {
+        let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
+        self.rows.iter().zip(starts).map(|(&row, start)| (row, start..row.end))
+    }
+
+    fn join(rows: Vec<Finished<C>>) -> Self {
+        let count = rows.iter().map(|row| row.entries.len()).sum();
+        let mut strip = Self {
+            rows: Vec::with_capacity(rows.len()),
+            keys: Vec::with_capacity(count),
+            means: Vec::with_capacity(count),
+            errors: Vec::with_capacity(count),
+        };
+        for row in rows {
+            for (key, mean, error) in row.entries {
+                strip.keys.push(key);
+                strip.means.push(mean);
+                strip.errors.push(error);
+            }
+            strip.rows.push(Row { pixel: row.pixel, from_camera: row.from_camera, end: strip.keys.len() });
+        }
+        strip
+    }
+}
+
+/// All that was traced. Strips follow one another in the order of the paths.
+#[derive(Debug)]
+pub(super) struct Rows<const C: usize> {
+    halves: Halves,
+    split: bool,
+    pub(super) strips: Vec<Strip<C>>,
+    /// A pixel whose paths may not all have come yet.
+    open: Option<Open<C>>,
+}
+
+#[derive(Debug)]
+struct Open<const C: usize> {
+    pixel: u32,
+    entries: Vec<Entry<C>>,
+}
+
+/// One connection. Its end is told by where it lies: `from_camera` says of which kind the pixel that it started from is;
+/// `None` where both kinds of pixel have one number, so that it does not matter.
+#[derive(Clone, Copy, Debug)]
+struct Entry<const C: usize> {
+    key: Key,
+    from_camera: Option<bool>,
+    value: [f32; C],
+}
+
+struct Finished<const C: usize> {
+    pixel: u32,
+    from_camera: bool,
+    entries: Vec<(Key, [f32; C], [f32; C])>,
+}
+
+impl<const C: usize> Rows<C> {
+    pub(super) fn new(samples: u32, split: bool) -> Self {
+        Self { halves: Halves::of(samples), split, strips: Vec::new(), open: None }
+    }
+
+    /// Adds a batch's connections. Sums are taken in path order, whatever the batches' limits are.
+    pub(super) fn add(
+        &mut self,
+        batch: &Batch<'_>,
+        project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
+    ) -> Result<()> {
+        let pixels = pixels(batch);
+        let Some(((last, last_paths), whole)) = pixels.split_last() else { return Ok(()) };
+        let mut finished = Vec::new();
+        let mut open = self.open.take();
+        if open.as_ref().is_some_and(|open| open.pixel != pixels[0].0) {
+            finished.extend(open.take().map(|open| self.finish(open.pixel, open.entries)));
+        }
+        let entries = |pixel: u32, paths: &Range<usize>| -> Result<Vec<Entry<C>>> {
+            let mut entries = match &open {
+                Some(open) if open.pixel == pixel => open.entries.clone(),
+                _ => Vec::new(),
+            };
+            for path in paths.clone() {
+                let half = batch.half(path) as u32 * Key::HALF;
+                for connection in batch.connections(path) {
+                    let value = project(connection.value);
+                    if value.iter().any(|&value| value != 0.0) {
+                        entries.push(self.entry(pixel, half, &connection, value)?);
+                    }
+                }
+            }
+            Ok(entries)
+        };
+        let done = whole.par_iter().map(|(pixel, paths)| self.finish(*pixel, entries(*pixel, paths)?));
+        finished.extend(done.collect::<Vec<_>>());
+        let last = Open { pixel: *last, entries: entries(*last, last_paths)? };
+        self.strips.push(Strip::join(finished.into_iter().collect::<Result<_>>()?));
+        self.open = Some(last);
+        Ok(())
+    }
+
+    /// No more paths will come.
+    pub(super) fn close(&mut self) -> Result<()> {
+        if let Some(open) = self.open.take() {
+            let row = self.finish(open.pixel, open.entries)?;
+            self.strips.push(Strip::join(vec![row]));
+        }
+        Ok(())
+    }
+
+    fn entry(&self, pixel: u32, half: u32, connection: &Connection, value: [f32; C]) -> Result<Entry<C>> {
+        let Connection { camera, projector, bounces, .. } = *connection;
+        let (other, from_camera) = match (camera == pixel, projector == pixel) {
+            (true, true) => (pixel, None),
+            (true, false) => (projector, Some(true)),
+            (false, true) => (camera, Some(false)),
+            (false, false) => return Err(stray(pixel)),
+        };
+        let key = Key(Key::new(other, class(bounces, self.split)).0 | half);
+        Ok(Entry { key, from_camera, value })
+    }
+
+    fn finish(&self, pixel: u32, mut entries: Vec<Entry<C>>) -> Result<Finished<C>> {
+        let from_camera = entries.iter().find_map(|entry| entry.from_camera).unwrap_or(true);
+        if entries.iter().any(|entry| entry.from_camera.is_some_and(|camera| camera != from_camera)) {
+            return Err(stray(pixel));
+        }
+        let place = |entry: &Entry<C>| Key(entry.key.0 & !Key::HALF);
+        // Stable: what meets on one place stays in path order.
+        entries.sort_by_key(place);
+        let merged = entries.chunk_by(|a, b| place(a) == place(b)).map(|run| {
+            let mut sums = [[0.0_f64; 2]; C];
+            for entry in run {
+                let half = usize::from(entry.key.0 & Key::HALF != 0);
+                for (sums, value) in sums.iter_mut().zip(entry.value) {
+                    sums[half] += f64::from(value);
+                }
+            }
+            (
+                place(&run[0]),
+                sums.map(|sums| self.halves.mean(sums) as f32),
+                sums.map(|sums| self.halves.error(sums) as f32),
+            )
+        });
+        Ok(Finished { pixel, from_camera, entries: merged.collect() })
+    }
+}
+
+fn stray(pixel: u32) -> Error {
+    Error::Numerical(format!(
+        "a light path from pixel {pixel} ends at neither of its own pixels: this is a fault in krylux"
+    ))
+}
+
+/// The pixels that a batch's paths start from, in order, each with its paths.
+pub(super) fn pixels(batch: &Batch<'_>) -> Vec<(u32, Range<usize>)> {
+    let mut pixels: Vec<(u32, Range<usize>)> = Vec::new();
+    for path in 0..batch.len() {
+        let pixel = batch.pixel(path);
+        match pixels.last_mut() {
+            Some((last, paths)) if *last == pixel => paths.end = path + 1,
+            _ => pixels.push((pixel, path..path + 1)),
+        }
+    }
+    pixels
+}
