@@ -44,6 +44,13 @@ pub(super) struct Warnings {
 }
 
 impl Warnings {
+    /// Adds `warning` unless there was one about `subject`.
+    pub(super) fn add_once(&mut self, subject: &str, warning: impl Into<String>) {
+        if self.seen.insert(subject.into()) {
+            self.list.push(warning.into());
+        }
+    }
+
     pub(super) fn add(&mut self, warning: impl Into<String>) {
         let warning = warning.into();
         if self.seen.insert(warning.clone()) {

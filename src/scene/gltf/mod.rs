@@ -92,16 +92,7 @@ impl Document {
         let mut hash = ContentHash::default();
         hash.add(bytes);
         let (text, chunk) = container::split(path, bytes)?;
-        let root: json::Root = json::deserialize::from_slice(text).map_err(|error| {
-            fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0")
-        })?;
-        if !root.asset.version.starts_with("2.") {
-            return Err(fault(
-                path,
-                format!("glTF version `{}` is not supported", root.asset.version),
-                "export the scene as glTF 2.0",
-            ));
-        }
+        let root = read_root(path, text)?;
         let chunk = chunk.map(<[u8]>::to_vec);
         Ok(Self {
             path: path.to_path_buf(),
@@ -117,6 +108,31 @@ impl Document {
     /// An error about this file.
     fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
         super::source::fault(&self.path, fault, help)
+    }
+}
+
+/// Parses the JSON of a glTF 2.0 file.
+fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
+    let version = |version: &str| {
+        fault(path, format!("glTF version `{version}` is not supported"), "export the scene as glTF 2.0")
+    };
+    let error = match json::deserialize::from_slice::<json::Root>(text) {
+        Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
+        Ok(root) => return Err(version(&root.asset.version)),
+        Err(error) => error,
+    };
+    let broken =
+        fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0");
+    // Another version has another structure; and extensions give animations, which nothing here reads, another one.
+    let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
+    if let Some(other) = value.pointer("/asset/version").and_then(json::Value::as_str)
+        && !other.starts_with("2.")
+    {
+        return Err(version(other));
+    }
+    match value.as_object_mut().and_then(|members| members.remove("animations")) {
+        Some(_) => serde_json::from_value(value).map_err(|_| broken),
+        None => Err(broken),
     }
 }
 
