@@ -9,5 +9,6 @@ mod random;
 mod reciprocity;
 mod sampler;
 mod statistics;
+mod surface;
 mod texture;
 mod weights;
