@@ -126,7 +126,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let name = simulation::short_name(&scene);
     let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"))?;
     let settings = args.trace.settings();
-    folder.describe(&scene, &tracer, &settings);
+    folder.describe(&scene, &tracer, &settings, Channels::Luma);
     let traced = folder.timed("tracing and matrix", |_| {
         simulation::assemble(&mut tracer, &args.trace, Channels::Luma, console)
     });

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::render::{TraceSettings, Tracer};
 use crate::report::manifest::{self, Manifest, Status};
 use crate::scene::Scene;
+use crate::transport::Channels;
 
 const RECORD: &str = "run.json";
 
@@ -42,7 +43,13 @@ impl RunFolder {
     }
 
     /// Notes what a run on a traced scene depends on.
-    pub(super) fn describe(&mut self, scene: &Scene, tracer: &Tracer, settings: &TraceSettings) {
+    pub(super) fn describe(
+        &mut self,
+        scene: &Scene,
+        tracer: &Tracer,
+        settings: &TraceSettings,
+        channels: Channels,
+    ) {
         let adapter = tracer.adapter();
         self.manifest.seed = Some(u64::from(settings.seed));
         self.manifest.adapter = Some(manifest::Adapter {
@@ -57,7 +64,10 @@ impl RunFolder {
         self.manifest.resolution = Some(settings.resolution);
         self.manifest.samples_per_pixel = Some(settings.samples);
         self.manifest.max_bounces = Some(settings.max_bounces);
-        self.manifest.channels = Some("luma".into());
+        self.manifest.channels = Some(match channels {
+            Channels::Luma => "luma".into(),
+            Channels::Rgb => "rgb".into(),
+        });
     }
 
     /// Seconds since the run started.

@@ -8,8 +8,8 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::options::OutputArgs;
-use crate::krylov::{METHODS, Method, Solution, SolveOptions, Status, solve_adjoint};
+use super::options::{OutputArgs, method};
+use crate::krylov::{Method, Solution, SolveOptions, Status, solve_adjoint};
 use crate::report::{atomic, npy, sparse};
 use crate::sparse::SparseOperator;
 
@@ -46,13 +46,6 @@ pub(super) struct Args {
     history: Option<PathBuf>,
     #[command(flatten)]
     pub(super) output: OutputArgs,
-}
-
-fn method(name: &str) -> Result<Method, String> {
-    Method::from_name(name).map_err(|_| {
-        let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
-        format!("expected one of {}", names.join(", "))
-    })
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

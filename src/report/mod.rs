@@ -8,7 +8,7 @@
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `report.html` | [`html`], with plots by [`plot`] |
 //! | `run.json` | [`manifest`] |
-//! | everything of one verb | [`segmentation`], [`eigenpairs`] |
+//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
@@ -17,6 +17,7 @@ pub mod atomic;
 mod axis;
 pub mod clock;
 pub mod colormap;
+pub mod compensation;
 pub mod eigenpairs;
 pub mod exr;
 pub mod html;
