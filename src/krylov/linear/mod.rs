@@ -48,18 +48,6 @@ pub(super) fn precondition(
     }
 }
 
-/// Options that a method would have to ignore are refused instead.
-fn refuse_preconditioner(method: &str, options: &SolveOptions) -> Result<()> {
-    if options.preconditioner.is_none() {
-        return Ok(());
-    }
-    Err(Error::Option {
-        option: "--precondition".into(),
-        fault: format!("{method} takes no preconditioner"),
-        help: "leave it out, or use gmres".into(),
-    })
-}
-
 fn refuse_left(method: &str, options: &SolveOptions) -> Result<()> {
     if options.preconditioner.is_none() || options.side == Side::Right {
         return Ok(());
