@@ -245,42 +245,33 @@ fn pairs_that_are_not_resolved_are_exit_status_1() {
 #[test]
 fn a_system_from_files_is_solved() {
     let folder = folder();
-    let [matrix, rhs, x, history] =
-        ["A.npy", "b.npy", "x.npy", "history.csv"].map(|name| inside(&folder, name));
+    let [matrix, rhs] = ["A.npy", "b.npy"].map(|name| inside(&folder, name));
     npy::write_npy(Path::new(&matrix), &[2, 2], &[4.0, 1.0, 1.0, 3.0]).expect("the folder is writable");
     npy::write_npy(Path::new(&rhs), &[2], &[1.0, 2.0]).expect("the folder is writable");
     for method in ["minres", "gmres", "cg", "bicgstab", "lsqr", "lsmr", "krylov-box"] {
-        let output = run(&[
-            "solve",
-            &matrix,
-            &rhs,
-            "--method",
-            method,
-            "--rtol",
-            "1e-9",
-            "-o",
-            &x,
-            "--history",
-            &history,
-        ]);
-        assert_eq!(
-            output.status.code(),
-            Some(0),
-            "{method}: {}{}",
-            text(&output.stdout),
-            text(&output.stderr)
-        );
-        let found = npy::read_npy(Path::new(&x)).expect("it is written").values;
+        let out = inside(&folder, method);
+        let output = run(&["solve", &matrix, &rhs, "--method", method, "--rtol", "1e-9", "-o", &out]);
+        let (said, noted) = (text(&output.stdout), text(&output.stderr));
+        assert_eq!(output.status.code(), Some(0), "{method}: {said}{noted}");
+        let out = Path::new(&out);
+        let found = npy::read_npy(&out.join("solution.npy")).expect("it is written").values;
         // x = (1, 7)/11; the residual is at most 1e-9 |b|, and |A⁻¹| < 0.5.
         for (found, exact) in found.iter().zip([1.0 / 11.0, 7.0 / 11.0]) {
             assert!((found - exact).abs() < 1.2e-9, "{method}: {found} for {exact}");
         }
-        let history = std::fs::read_to_string(&history).expect("it is written");
-        assert!(
-            history.starts_with("products,relative_residual\n") && history.lines().count() > 1,
-            "{history}"
-        );
+        let history = std::fs::read_to_string(out.join("residuals.csv")).expect("it is written");
+        assert!(history.starts_with("products,relative_residual\n1,"), "{history}");
+        let record = std::fs::read(out.join("run.json")).expect("a run has a record");
+        let record: serde_json::Value = serde_json::from_slice(&record).expect("it is JSON");
+        assert_eq!(record["status"], "done");
+        let rows = history.lines().count() as u64 - 1;
+        assert_eq!(record["photos"].as_u64(), Some(rows), "{method}: a row for each product");
+        assert!(record["scene"]["path"].as_str().expect("the matrix is named").ends_with("A.npy"));
+        assert!(out.join("report.html").exists());
     }
+    let out = inside(&folder, "short");
+    let output = run(&["solve", &matrix, &rhs, "--method", "cg", "--photos", "1", "-o", &out]);
+    assert_eq!(output.status.code(), Some(1), "one product is not enough for two eigenvalues");
     npy::write_npy(Path::new(&rhs), &[3], &[1.0; 3]).expect("the folder is writable");
     assert_error(&["solve", &matrix, &rhs], &["b.npy", "3 numbers", "2 rows"]);
     assert_error(&["solve", &matrix, &rhs, "--method", "magic"], &["--method", "minres"]);
@@ -304,8 +295,7 @@ fn compensate_leaves_everything_a_reader_needs() {
     let out = inside(&folder, "run");
     let corner = scene_path("corner").display().to_string();
     let target = write_target(&folder, 24);
-    let output =
-        run(&["compensate", &corner, "--target", &target, "--size", "24", "--json", "-o", &out]);
+    let output = run(&["compensate", &corner, "--target", &target, "--size", "24", "--json", "-o", &out]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let summary: serde_json::Value =
         serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON");

@@ -144,9 +144,10 @@ fn without_a_box_three_photos_are_enough_and_clipping_spoils_them() {
     assert_eq!((found.photos, found.preparation), (3, 1));
     assert!(found.unclipped_residual <= 0.004, "{}", found.unclipped_residual);
     assert!(found.unclipped.is_some(), "bright parts of the target need more than the projector has");
-    // Clipped, it is worse than what is best inside the box.
-    let boxed = in_focus(&options(Method::KrylovBox, 6));
-    assert!(found.residual > 1.05 * boxed.residual, "{} {}", found.residual, boxed.residual);
+    // Clipped, it is worse by far, and worse than what has been best inside the box from the second photo on.
+    let boxed = in_focus(&options(Method::KrylovBox, 3));
+    assert!(found.residual > 10.0 * found.unclipped_residual, "{}", found.residual);
+    assert!(found.residual > boxed.residual, "{} {}", found.residual, boxed.residual);
     assert!(!found.good, "the residual that counts is that of what is projected");
 }
 
@@ -253,9 +254,8 @@ fn floor_of_the_box_is_kept_by_every_method() {
 #[test]
 fn three_colours_are_three_systems_seen_in_one_photo() {
     let side = 24;
-    let mut simulated = Simulated {
-        traced: trace(&mut tracer(&load("cornell")), settings(side, 256, 6, 3), Channels::Rgb),
-    };
+    let mut simulated =
+        Simulated { traced: trace(&mut tracer(&load("cornell")), settings(side, 256, 6, 3), Channels::Rgb) };
     let resolution = Resolution::new(side, side);
     let samples = (0..side * side).flat_map(|pixel| {
         let x = (pixel % side) as f32 / side as f32;
@@ -311,7 +311,8 @@ fn ambient_light_is_taken_out_of_the_wish_and_its_excess_is_not_hidden() {
     let bright = Wish::new(&target, &Image::filled(resolution, 1, 0.2)).unwrap();
     let found = compensate(&mut channels, &bright, &options, &mut keep_solving).unwrap();
     assert!(found.pattern.samples().iter().all(|&value| value == 0.0), "{:?}", found.status);
-    assert!((found.residual - 1.0).abs() < 1e-6 && !found.good, "no light can be taken away");
+    assert!((found.residual - 1.0).abs() < 1e-6, "no light can be taken away: {}", found.residual);
+    assert_eq!(found.status, Status::ConstrainedOptimum);
 }
 
 #[test]

@@ -93,8 +93,11 @@ fn residual_histories_lie_on_scipys() {
                     compared += 1;
                 }
             }
-            println!("{scene}, {name}: {compared} residuals, down to {:.1e}, within {worst:.1e}", expected[compared - 1]);
-            assert!(compared >= 20, "{scene}, {name}: {compared}");
+            println!(
+                "{scene}, {name}: {compared} residuals, down to {:.1e}, within {worst:.1e}",
+                expected[compared - 1]
+            );
+            assert!(compared >= 15, "{scene}, {name}: {compared}");
             // A line in a plot of six decades, 500 pixels high, is as thick as 2.8 %. Rounding at 1e-12 is 1e-4 of a residual.
             assert!(worst < 1e-3, "{scene}, {name}: {worst:e}");
         }

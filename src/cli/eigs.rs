@@ -117,7 +117,10 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         let stem = args.source.file_stem().unwrap_or_default().to_string_lossy();
         let mut folder = RunFolder::create(&args.run, &format!("{stem}-eigs"))?;
         folder.manifest.seed = Some(u64::from(args.trace.seed));
-        let outcome = answer(args, console, &mut operator, &stem, None, &mut folder);
+        let outcome = folder
+            .describe_file(&args.source)
+            .map_err(Into::into)
+            .and_then(|()| answer(args, console, &mut operator, &stem, None, &mut folder));
         return folder.close(outcome);
     }
     let source = SourceArgs { source: args.source.clone(), camera: args.camera.clone() };

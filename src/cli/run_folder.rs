@@ -1,6 +1,6 @@
 //! The folder that a run leaves behind, with its record.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::options::RunArgs;
@@ -68,6 +68,17 @@ impl RunFolder {
             Channels::Luma => "luma".into(),
             Channels::Rgb => "rgb".into(),
         });
+    }
+
+    /// Notes the file that a run depends on where there is no scene: a matrix.
+    ///
+    /// # Errors
+    /// [`Error::Read`].
+    pub(super) fn describe_file(&mut self, path: &Path) -> Result<()> {
+        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        let hash = blake3::hash(&bytes).to_hex().to_string();
+        self.manifest.scene = Some(manifest::Scene { path: path.display().to_string(), hash });
+        Ok(())
     }
 
     /// Seconds since the run started.

@@ -6,10 +6,9 @@ use std::path::Path;
 use super::colormap::{paint_signed, robust_range};
 use super::html::{Block, Figure, Legend, Outcome, Report, Section, Verdict};
 use super::manifest::Manifest;
-use super::plot::{LinePlot, Series};
 use super::run::{self, Files};
 use super::tone::{develop, exposure};
-use super::{atomic, picture};
+use super::{atomic, picture, residuals};
 use crate::analysis::{Compensation, CompensationRow};
 use crate::error::Result;
 use crate::image::Image;
@@ -55,7 +54,10 @@ impl CompensationRun<'_> {
         for (name, figure) in &pictures {
             atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
         }
-        atomic::write_bytes(&files.path("residuals.csv"), residuals(&found.history).as_bytes())?;
+        atomic::write_bytes(
+            &files.path("residuals.csv"),
+            residuals::csv("photo", &rows(&found.history)).as_bytes(),
+        )?;
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
         self.page(figures, manifest, seconds).write(&files.path("report.html"))?;
         Ok(files.names)
@@ -145,42 +147,27 @@ impl CompensationRun<'_> {
 
     fn convergence(&self) -> Block {
         let found = self.found;
-        let series = |name: &str, history: &[CompensationRow]| Series {
-            name: name.into(),
-            points: history.iter().map(|row| (row.photo as f64, row.residual)).collect(),
-        };
-        let mut lines = vec![series(self.method, &found.history)];
+        let (ours, theirs) = (rows(&found.history), rows(&found.baseline));
+        let mut lines: Vec<(&str, &[residuals::Row])> = vec![(self.method, &ours)];
         if self.method != "jacobi" {
-            lines.push(series("projected Jacobi", &found.baseline));
+            lines.push(("projected Jacobi", &theirs));
         }
         let mut marks = vec![(found.uncompensated_residual, "uncompensated".to_owned())];
         if found.unclipped.is_some() {
             marks.push((found.residual, "after clipping".to_owned()));
         }
-        let plot = LinePlot {
-            x_label: "photos".into(),
-            y_label: "relative residual".into(),
-            logarithmic: true,
-            series: lines,
-            marks,
-        };
         let caption = match found.unclipped {
             Some(_) => {
                 "The least residual so far, of answers that are not clipped: what can be projected is worse, as marked."
             }
             None => "The least residual so far: what would be seen, had the photos ended there.",
         };
-        Block::Plot { svg: plot.render(), caption: caption.into() }
+        residuals::plot("photos", &lines, marks, caption)
     }
 }
 
-fn residuals(history: &[CompensationRow]) -> String {
-    let mut text = String::from("photo,relative_residual\n");
-    for row in history {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{},{:e}", row.photo, row.residual);
-    }
-    text
+fn rows(history: &[CompensationRow]) -> Vec<residuals::Row> {
+    history.iter().map(|row| (row.photo, row.residual)).collect()
 }
 
 /// Pixel by pixel, the mean over the channels of `a − b`.

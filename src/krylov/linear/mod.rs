@@ -14,6 +14,7 @@ mod lsqr;
 mod minres;
 mod options;
 mod rotation;
+mod shadow;
 mod solve;
 pub(super) mod system;
 
