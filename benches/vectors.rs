@@ -30,11 +30,10 @@ fn main() -> Outcome {
     );
     for (name, scene) in [
         ("corner, 4 triangles", builtin::corner().to_scene()),
-        ("box, 100,000 triangles", builtin::tessellated_box(100_000)?),
+        ("box, 100,000 triangles", builtin::tessellated_box(100_000)),
     ] {
         let mut tracer = Tracer::new(&scene, None)?;
-        let settings =
-            TraceSettings { resolution: Resolution::new(SIDE, SIDE), samples: 64, max_bounces: 6, seed: 0 };
+        let settings = TraceSettings::new(Resolution::new(SIDE, SIDE), 64);
         let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
         println!("{name}: {:.1} million entries", traced.matrix.nonzeros() as f64 / 1e6);
         let matrix = MatrixOperator { matrix: &traced.matrix, part: Part::Full, channel: 0 };
