@@ -2,10 +2,12 @@
 
 mod chi_square;
 mod directions;
+mod fresnel;
 mod furnace;
 mod kernel;
 mod material;
 mod random;
 mod reciprocity;
+mod samples;
 mod statistics;
 mod texture;
