@@ -129,14 +129,36 @@ fn accessors_of_the_wrong_type_are_refused() {
         &[("/accessors/1/componentType", json!(5126))],
         "mesh 0 \"triangle\", primitive 0: its index list has components of type F32; expected one of [U8, U16, U32]",
     );
-    let sparse = json!({
-        "count": 1,
-        "indices": { "bufferView": 1, "componentType": 5123 },
-        "values": { "bufferView": 0 },
-    });
-    refuses(
-        &[("/accessors/0/sparse", sparse)],
-        &format!("{position} is a sparse accessor (accessor 0), which is not supported"),
+}
+
+#[test]
+fn sparse_accessors_that_make_no_sense_are_refused() {
+    let sparse = |indices: Value, values: Value, count: u64| {
+        let sparse = json!({ "count": count, "indices": indices, "values": values });
+        with(&[("/accessors/0/sparse", sparse)])
+    };
+    let indices = json!({ "bufferView": 1, "componentType": 5123 });
+    let values = json!({ "bufferView": 0 });
+    let refused = |document: Value, expected: &str| assert_eq!(fault(&document, None).0, expected);
+    let disorder = "accessor 0: its sparse indices do not increase below 3";
+    // The three indices are 0, 1, 2; read as bytes they are 0, 0, 1.
+    scene_support::load(&sparse(indices.clone(), values.clone(), 3));
+    refused(sparse(json!({ "bufferView": 1, "componentType": 5121 }), values.clone(), 3), disorder);
+    refused(
+        sparse(json!({ "bufferView": 0, "byteOffset": 12, "componentType": 5125 }), values.clone(), 1),
+        disorder,
+    );
+    refused(
+        sparse(indices.clone(), values, 4),
+        "accessor 0, sparse indices (4 elements of 2 bytes, stride 2, at 0) ends outside its buffer view (6 bytes)",
+    );
+    refused(
+        sparse(indices.clone(), json!({ "bufferView": 2 }), 3),
+        "accessor 0, sparse values (3 elements of 12 bytes, stride 12, at 0) ends outside its buffer view (24 bytes)",
+    );
+    refused(
+        sparse(indices, json!({ "bufferView": 9 }), 3),
+        "accessor 0, sparse values refers to buffer view 9, which does not exist",
     );
 }
 
@@ -240,8 +262,8 @@ fn required_extensions_that_are_not_followed_are_refused_with_advice() {
         ("EXT_meshopt_compression", "export the scene without mesh compression"),
         ("KHR_texture_basisu", "export the scene with PNG or JPEG pictures"),
         (
-            "KHR_materials_transmission",
-            "export the scene with plain metallic-roughness materials, opaque ones",
+            "KHR_materials_clearcoat",
+            "export the scene with materials that have metallic-roughness, specular, transmission and volume only",
         ),
         ("VENDOR_unheard_of", "export the scene without this extension"),
     ] {
@@ -297,12 +319,63 @@ fn material_factors_out_of_range_are_refused() {
         ),
         (format!("{extensions}/KHR_materials_ior/ior"), json!(0.5), "ior is 0.5"),
         ("/materials/0/emissiveFactor".into(), json!([1e39, 0, 0]), "emissiveFactor is inf"),
+        (format!("{pbr}/baseColorFactor"), json!([1, 1, 1, 2]), "alpha in baseColorFactor is 2"),
+        (
+            format!("{extensions}/KHR_materials_transmission/transmissionFactor"),
+            json!(1.5),
+            "transmissionFactor is 1.5",
+        ),
+        (
+            format!("{extensions}/KHR_materials_diffuse_transmission/diffuseTransmissionFactor"),
+            json!(-1),
+            "diffuseTransmissionFactor is -1",
+        ),
+        (
+            format!("{extensions}/KHR_materials_volume/attenuationDistance"),
+            json!(0),
+            "attenuationDistance is 0",
+        ),
+        (
+            format!("{extensions}/KHR_materials_volume/attenuationColor"),
+            json!([2, 1, 1]),
+            "attenuationColor is 2",
+        ),
+        (format!("{extensions}/KHR_materials_volume/thicknessFactor"), json!(-1), "thicknessFactor is -1"),
     ] {
         refuses(&[(&pointer, value)], &format!("material 0 \"paint\": its {expected}"));
     }
     refuses(
         &[(&format!("{extensions}/KHR_materials_unlit"), json!({}))],
         "material 0 \"paint\" is unlit (KHR_materials_unlit): such a surface transports no light",
+    );
+}
+
+#[test]
+fn materials_that_cannot_be_read_are_refused() {
+    refuses(&[("/materials/0/alphaMode", json!("FADE"))], "material 0 \"paint\" has an unknown alphaMode");
+    let (what, _) = fault(
+        &with(&[(
+            "/materials/0/extensions/KHR_materials_transmission",
+            json!({ "transmissionFactor": "all" }),
+        )]),
+        None,
+    );
+    assert!(
+        what.starts_with("material 0 \"paint\": KHR_materials_transmission cannot be read: invalid type"),
+        "{what}"
+    );
+    refuses(
+        &[("/materials/0/emissiveTexture", json!({ "index": 0, "texCoord": 2 }))],
+        "material 0 \"paint\": its emissive texture reads TEXCOORD_2; only 0 and 1 are supported",
+    );
+    let transform = |value: Value| json!({ "index": 0, "extensions": { "KHR_texture_transform": value } });
+    refuses(
+        &[("/materials/0/normalTexture", transform(json!({ "scale": "big" })))],
+        "material 0 \"paint\": the KHR_texture_transform of its normal texture cannot be read",
+    );
+    refuses(
+        &[("/materials/0/normalTexture", transform(json!({ "scale": [1e39, 1] })))],
+        "material 0 \"paint\": the KHR_texture_transform of its normal texture is not finite",
     );
 }
 

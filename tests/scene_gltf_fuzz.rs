@@ -1,6 +1,6 @@
 //! Whatever the bytes, loading ends with a scene or an error: no panic, no endless loop, no runaway memory.
 //!
-//! `PROPTEST_CASES=100000 cargo test --test scene_gltf_fuzz` looks further.
+//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene_gltf_fuzz` looks further.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -8,22 +8,14 @@ mod scene_support;
 
 use krylux::scene::{self, builtin};
 use proptest::prelude::*;
+use scene_support::fuzz;
 use serde_json::{Value, json};
 
-/// Loads the bytes; whatever loads must hold what its type promises.
 fn check(bytes: &[u8]) {
     let written = scene_support::write_bytes("scene.glb", bytes);
-    let Ok(scene) = scene::load(&written.path, None) else { return };
-    assert!(!scene.triangles.is_empty());
-    for triangle in &scene.triangles {
-        assert!(triangle.positions.iter().all(|position| position.is_finite()));
-        assert!((triangle.material as usize) < scene.materials.len());
-        assert!((triangle.region as usize) < scene.regions.len());
+    if let Ok(scene) = scene::load(&written.path, None) {
+        fuzz::check(&scene);
     }
-    for material in &scene.materials {
-        assert!(material.textures().all(|(_, texture)| (texture.texture as usize) < scene.textures.len()));
-    }
-    assert!((scene.camera.right.cross(scene.camera.up) + scene.camera.forward).length() < 1e-5);
 }
 
 /// The small shipped scenes, and a document that uses what they do not.
@@ -31,6 +23,7 @@ fn seed(choice: usize) -> (Value, Vec<u8>) {
     let models = [builtin::zigzag(), builtin::cornell(), builtin::corner()];
     match models.get(choice) {
         Some(model) => split(&model.to_glb()),
+        None if choice == models.len() => rich(),
         None => {
             let picture = scene_support::png(2, 1, &[[1, 2, 3, 255], [4, 5, 6, 255]]);
             let mut binary = scene_support::buffer();
@@ -60,7 +53,96 @@ fn seed(choice: usize) -> (Value, Vec<u8>) {
     }
 }
 
-const SEEDS: usize = 4;
+/// A document with all that a mesh and a material can have: sparse positions, normals, colours, morph targets, a skin,
+/// instances, every extension that is followed, a projector and a lens.
+fn rich() -> (Value, Vec<u8>) {
+    let mut document = scene_support::document();
+    let mut binary = scene_support::buffer();
+    let mut accessor = |shape: &str, component: u32, count: usize, bytes: Vec<u8>| {
+        binary.resize(binary.len().next_multiple_of(4), 0);
+        let lists = ["accessors", "bufferViews"].map(|list| document[list].as_array().map_or(0, Vec::len));
+        let view = json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len() });
+        scene_support::set(&mut document, &format!("/bufferViews/{}", lists[1]), view);
+        let value =
+            json!({ "bufferView": lists[1], "componentType": component, "type": shape, "count": count });
+        scene_support::set(&mut document, &format!("/accessors/{}", lists[0]), value);
+        binary.extend(bytes);
+        lists[0]
+    };
+    let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let up = floats(&[0.0, 0.0, 1.0].repeat(3));
+    let normals = accessor("VEC3", 5126, 3, up.clone());
+    let shift = accessor("VEC3", 5126, 3, up);
+    let colors = accessor("VEC4", 5121, 3, vec![200; 12]);
+    let joints = accessor("VEC4", 5121, 3, [0, 1, 0, 0].repeat(3));
+    let weights = accessor("VEC4", 5126, 3, floats(&[0.5, 0.5, 0.0, 0.0].repeat(3)));
+    let places = accessor("VEC3", 5126, 2, floats(&[0.0, 0.0, 0.0, 3.0, 0.0, 0.0]));
+    let turns = accessor("VEC4", 5126, 2, floats(&[0.0, 0.0, 0.0, 1.0].repeat(2)));
+    let picture = scene_support::png(2, 1, &[[1, 2, 3, 255], [4, 5, 6, 255]]);
+    let image = accessor("SCALAR", 5121, picture.len(), picture);
+    let texture = json!({ "index": 0, "extensions": { "KHR_texture_transform": { "offset": [0.5, 0], "rotation": 1 } } });
+    let primitive = "/meshes/0/primitives/0";
+    let sparse = json!({
+        "count": 2,
+        "indices": { "bufferView": 1, "byteOffset": 2, "componentType": 5123 },
+        "values": { "bufferView": 0, "byteOffset": 12 },
+    });
+    for (pointer, value) in [
+        ("/accessors/0/sparse", sparse),
+        (&format!("{primitive}/attributes/NORMAL"), json!(normals)),
+        (&format!("{primitive}/attributes/COLOR_0"), json!(colors)),
+        (&format!("{primitive}/attributes/JOINTS_0"), json!(joints)),
+        (&format!("{primitive}/attributes/WEIGHTS_0"), json!(weights)),
+        (&format!("{primitive}/targets"), json!([{ "POSITION": shift, "NORMAL": shift }])),
+        ("/meshes/0/weights", json!([0.5])),
+        ("/skins", json!([{ "joints": [2, 3] }])),
+        ("/scenes/0/nodes", json!([0, 1, 2, 4, 5])),
+        ("/nodes/0/skin", json!(0)),
+        ("/nodes/1/extras", json!({ "aperture_radius": 0.01, "focus_distance": 2 })),
+        ("/nodes/2", json!({ "children": [3] })),
+        ("/nodes/3", json!({ "translation": [1, 0, 0] })),
+        (
+            "/nodes/4",
+            json!({ "camera": 0, "extras": { "krylux": "projector", "resolution": [8, 6] }, "translation": [1, 0, 0] }),
+        ),
+        (
+            "/nodes/5",
+            json!({
+                "mesh": 0,
+                "extensions": {
+                    "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": places, "ROTATION": turns } },
+                },
+            }),
+        ),
+        ("/textures", json!([{ "source": 0 }])),
+        ("/images", json!([{ "bufferView": image, "mimeType": "image/png" }])),
+        (
+            "/materials/0",
+            json!({
+                "pbrMetallicRoughness": { "baseColorTexture": texture, "metallicRoughnessTexture": texture },
+                "normalTexture": texture,
+                "emissiveTexture": texture,
+                "alphaMode": "MASK",
+                "extensions": {
+                    "KHR_materials_specular": { "specularFactor": 0.5, "specularColorTexture": texture },
+                    "KHR_materials_transmission": { "transmissionFactor": 0.5, "transmissionTexture": texture },
+                    "KHR_materials_volume": { "thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0] },
+                    "KHR_materials_diffuse_transmission": {
+                        "diffuseTransmissionFactor": 0.5,
+                        "diffuseTransmissionColorTexture": texture,
+                    },
+                },
+            }),
+        ),
+    ] {
+        scene_support::set(&mut document, pointer, value);
+    }
+    document["buffers"][0].as_object_mut().expect("a buffer").remove("uri");
+    document["buffers"][0]["byteLength"] = json!(binary.len());
+    (document, binary)
+}
+
+const SEEDS: usize = 5;
 
 fn split(file: &[u8]) -> (Value, Vec<u8>) {
     let length = u32::from_le_bytes(file[12..16].try_into().expect("four bytes")) as usize;
@@ -90,6 +172,9 @@ fn hostile() -> impl Strategy<Value = Value> {
             "%",
             "orthographic",
             "KHR_materials_unlit",
+            "projector",
+            "MASK",
+            "VEC4",
             "é"
         ])
         .prop_map(Value::from),
@@ -146,16 +231,6 @@ fn count(value: &Value) -> usize {
     }
 }
 
-/// Repeatable in the test suite; `PROPTEST_CASES` overrides the number.
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        cases: std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(2000),
-        rng_seed: proptest::test_runner::RngSeed::Fixed(1),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    }
-}
-
 #[test]
 fn every_seed_loads_unchanged() {
     for choice in 0..SEEDS {
@@ -166,7 +241,7 @@ fn every_seed_loads_unchanged() {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(fuzz::config())]
 
     #[test]
     fn changed_bytes_never_crash_the_loader(

@@ -10,7 +10,7 @@ use super::console::Console;
 use super::light::Light;
 use super::matrix::PartArg;
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs, ViewArgs};
 use super::run_folder::RunFolder;
 use super::{Outcome, simulation};
 use crate::image::Resolution;
@@ -24,12 +24,11 @@ use crate::transport::Channels;
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The scene (.glb, .gltf), or a matrix (.npz of SciPy, .mtx, or a dense .npy)
+    /// The scene (.glb, .gltf, .obj), or a matrix (.npz of SciPy, .mtx, or a dense .npy)
     #[arg(value_name = "SCENE|MATRIX")]
     source: PathBuf,
-    /// The camera to use, where the scene has several
-    #[arg(long, value_name = "NAME")]
-    camera: Option<String>,
+    #[command(flatten)]
+    view: ViewArgs,
     #[command(flatten)]
     trace: TraceArgs,
     #[command(flatten)]
@@ -127,7 +126,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             .and_then(|()| answer(args, console, &mut operator, &stem, None, &mut folder));
         return folder.close(outcome);
     }
-    let source = SourceArgs { source: args.source.clone(), camera: args.camera.clone() };
+    let source = SourceArgs { source: args.source.clone(), view: args.view.clone() };
     let scene = simulation::load(&source, console)?;
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = simulation::short_name(&scene);

@@ -5,7 +5,7 @@ use glam::Vec3;
 use serde_json::json;
 
 use super::console::Console;
-use super::options::{OutputArgs, SourceArgs};
+use super::options::{OutputArgs, SourceArgs, ViewArgs};
 use super::{Outcome, simulation};
 use crate::render;
 use crate::scene::Scene;
@@ -16,15 +16,14 @@ pub(super) struct Args {
     /// A scene to describe as well
     #[arg(value_name = "SCENE")]
     source: Option<std::path::PathBuf>,
-    /// The camera to use, where the scene has several
-    #[arg(long, value_name = "NAME")]
-    camera: Option<String>,
+    #[command(flatten)]
+    view: ViewArgs,
     #[command(flatten)]
     pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let source = args.source.clone().map(|source| SourceArgs { source, camera: args.camera.clone() });
+    let source = args.source.clone().map(|source| SourceArgs { source, view: args.view.clone() });
     let scene = source.map(|source| simulation::load(&source, console)).transpose()?;
     if let Some(scene) = &scene {
         say_scene(scene, console)?;
@@ -65,6 +64,13 @@ fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
         (high - low).z
     ))?;
     console.say(format_args!("  camera  `{}`, {field:.1}° field of view from top to bottom", camera.name))?;
+    if let Some(projector) = &scene.projector {
+        console.say(format_args!(
+            "  light   projector `{}`, {:.3} m from the camera",
+            projector.name,
+            projector.position.distance(camera.position)
+        ))?;
+    }
     console.say(format_args!(
         "  look    {} materials, {} textures",
         scene.materials.len(),
@@ -82,6 +88,7 @@ fn describe(scene: &Scene) -> serde_json::Value {
         "materials": scene.materials.iter().map(|material| &material.name).collect::<Vec<_>>(),
         "textures": scene.textures.len(),
         "camera": scene.camera.name,
+        "projector": scene.projector.as_ref().map(|projector| &projector.name),
         "regions": scene.regions,
         "regions_are_labels": scene.regions_are_labels,
         "bounds": [low.to_array(), high.to_array()],

@@ -14,12 +14,22 @@ use crate::transport::Channels;
 /// Which scene.
 #[derive(Args)]
 pub(super) struct SourceArgs {
-    /// The scene: a .glb or .gltf file with a camera, which is also where the projector stands
+    /// The scene: a .glb or .gltf file with a camera, or an .obj file with a rig file
     #[arg(value_name = "SCENE")]
     pub(super) source: PathBuf,
+    #[command(flatten)]
+    pub(super) view: ViewArgs,
+}
+
+/// Where camera and projector stand.
+#[derive(Args, Clone)]
+pub(super) struct ViewArgs {
     /// The camera to use, where the scene has several
     #[arg(long, value_name = "NAME")]
     pub(super) camera: Option<String>,
+    /// Where camera and projector stand, in TOML, instead of the scene's own [default: NAME.rig.toml next to the scene]
+    #[arg(long, value_name = "RIG")]
+    pub(super) camera_file: Option<PathBuf>,
 }
 
 /// Pixels of camera and projector.

@@ -9,12 +9,14 @@ use super::light;
 use super::options::{SourceArgs, TraceArgs};
 use crate::cache::{Cache, Found, Key};
 use crate::render::{TraceSummary, Tracer};
-use crate::scene::{self, Scene};
+use crate::scene::{self, LoadOptions, Scene};
 use crate::transport::{self, Assembled, Channels};
 
 /// Loads the scene and says what was ignored in it.
 pub(super) fn load(source: &SourceArgs, console: &Console) -> Result<Scene> {
-    let scene = scene::load(&source.source, source.camera.as_deref())?;
+    let view = &source.view;
+    let options = LoadOptions { camera: view.camera.as_deref(), rig: view.camera_file.as_deref() };
+    let scene = scene::load_with(&source.source, &options)?;
     for warning in &scene.warnings {
         console.note(format_args!("warning: {}: {warning}", scene.path.display()));
     }

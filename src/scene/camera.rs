@@ -41,6 +41,28 @@ pub struct Lens {
 impl Lens {
     /// No aperture: everything is in focus.
     pub const PINHOLE: Self = Self { radius: 0.0, focus: 1.0 };
+
+    /// What to do about a lens that is not one.
+    pub(super) const HELP: &str =
+        "an open aperture needs its radius and the distance of the plane in focus, in metres";
+
+    /// A lens of this radius and focus as a file gives them; without either, a pinhole. `Err` is the rest of a sentence
+    /// about who has it.
+    pub(super) fn checked(radius: Option<f64>, focus: Option<f64>) -> Result<Self, String> {
+        let radius = radius.unwrap_or(0.0);
+        if !(radius.is_finite() && radius >= 0.0) {
+            return Err(format!("has an aperture_radius of {radius}"));
+        }
+        match focus {
+            _ if radius as f32 == 0.0 => Ok(Self::PINHOLE),
+            // In single precision, so that no distance becomes zero or infinite there.
+            Some(focus) if (focus as f32).is_finite() && focus as f32 > 0.0 => {
+                Ok(Self { radius: radius as f32, focus: focus as f32 })
+            }
+            Some(focus) => Err(format!("has a focus_distance of {focus}")),
+            None => Err("has an aperture_radius, but no focus_distance".into()),
+        }
+    }
 }
 
 impl Default for Lens {
@@ -50,6 +72,18 @@ impl Default for Lens {
 }
 
 impl Camera {
+    /// Whether `other` stands in the same place, looks the same way at the same field, through the same lens: but for
+    /// the last digits, which transforms round.
+    pub fn coincides(&self, other: &Self) -> bool {
+        let close = |a: Vec3, b: Vec3| a.distance(b) <= 1e-6 * (1.0 + a.length());
+        close(self.position, other.position)
+            && close(self.right, other.right)
+            && close(self.up, other.up)
+            && close(self.forward, other.forward)
+            && (self.tan_half_fov - other.tan_half_fov).abs() <= 1e-6 * self.tan_half_fov
+            && self.lens == other.lens
+    }
+
     /// The direction, not normalized, in which the raster point `(u, v)` looks; its component along `forward` is 1.
     pub fn ray_direction(&self, u: f32, v: f32, resolution: Resolution) -> Vec3 {
         let [horizontal, vertical] = self.half_extents(resolution);

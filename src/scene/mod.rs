@@ -5,6 +5,10 @@ pub mod bvh;
 pub mod camera;
 mod gltf;
 pub mod material;
+mod obj;
+mod picture;
+mod rig;
+mod source;
 mod texture;
 mod triangle;
 
@@ -18,21 +22,43 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// Loads a scene, in the format that the file's extension says: `.glb` or `.gltf`.
+/// What a scene is loaded with.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LoadOptions<'a> {
+    /// The name of the camera to stand the rig at; it may be left out when the file has only one.
+    pub camera: Option<&'a str>,
+    /// A rig file: a camera and a projector to see the scene by, instead of those of the file (see
+    /// [`load_with`]).
+    pub rig: Option<&'a Path>,
+}
+
+/// Loads a scene with the camera called `camera`; see [`load_with`].
 ///
-/// `camera` names the camera to stand the rig at; it may be left out when the file has only one.
+/// # Errors
+/// As [`load_with`].
+pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
+    load_with(path, &LoadOptions { camera, rig: None })
+}
+
+/// Loads a scene, in the format that the file's extension says: `.glb`, `.gltf` or `.obj`.
+///
+/// Without a rig file in the options, `NAME.rig.toml` next to the scene `NAME.EXT` is used if it exists and no camera is
+/// asked for by name. A rig file has `[camera]`, `[projector]` or both, each with `position`, `look_at` or `forward`, `up`,
+/// `vertical_fov_degrees`, `aperture_radius` and `focus_distance`; lengths are metres. The projector may have a
+/// `resolution = [width, height]`.
 ///
 /// # Errors
 /// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used: both name the file,
 /// the second also what to do.
-pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
+pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {
-        "glb" | "gltf" => gltf::load(path, camera),
+        "glb" | "gltf" => gltf::load(path, options),
+        "obj" => obj::load(path, options),
         _ => Err(Error::Scene {
             path: path.to_path_buf(),
             fault: "not a known scene format".into(),
-            help: "give a .glb or .gltf file".into(),
+            help: "give a .glb, .gltf or .obj file".into(),
         }),
     }
 }

@@ -20,6 +20,13 @@ pub struct Triangle {
     pub region: u32,
 }
 
+/// More triangles would not fit the memory of the machines that we know; a small file can ask for any number of them
+/// by placing one mesh many times.
+pub(super) const MAX_TRIANGLES: usize = 1 << 24;
+
+/// Metres. Beyond it the square of an area overflows single precision.
+pub(super) const MAX_COORDINATE: f32 = 1e9;
+
 /// A triangle whose height is a smaller part of its longest edge has no area that single precision can tell.
 const MIN_HEIGHT_TO_EDGE: f64 = 1e-7;
 
@@ -37,6 +44,12 @@ impl Triangle {
             material,
             region,
         }
+    }
+
+    /// A linear colour with its opacity, in 16 bits a channel; what lies outside 0 to 1 is brought to the nearest end, and
+    /// NaN to 0.
+    pub fn quantized(color: [f32; 4]) -> [u16; 4] {
+        color.map(|channel| (channel.clamp(0.0, 1.0) * 65535.0).round() as u16)
     }
 
     /// The same surface with its front on the other side.

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test file uses a part of this module")]
 
+pub mod fuzz;
+
 use std::path::PathBuf;
 
 use base64::Engine;
@@ -95,6 +97,16 @@ pub struct Written {
 
 pub fn write(document: &Value) -> Written {
     write_bytes("scene.gltf", document.to_string().as_bytes())
+}
+
+/// Files of these names in one folder; the path is the first one's.
+pub fn write_files(files: &[(&str, &[u8])]) -> Written {
+    let (first, bytes) = files[0];
+    let written = write_bytes(first, bytes);
+    for (name, bytes) in &files[1..] {
+        std::fs::write(written.folder.path().join(name), bytes).expect("the folder is ours");
+    }
+    written
 }
 
 pub fn write_bytes(name: &str, bytes: &[u8]) -> Written {

@@ -7,16 +7,64 @@ use gltf::json::validation::Checked;
 use super::{Document, buffers, extensions};
 use crate::error::Result;
 
-/// A checked accessor: every element up to `count` lies inside `bytes`.
+/// A checked accessor: every element up to `count` lies inside its bytes.
 #[derive(Clone, Copy)]
 pub(super) struct Array<'a> {
-    bytes: &'a [u8],
-    stride: usize,
+    /// `None`: all zeros.
+    base: Option<Elements<'a>>,
+    /// Elements that differ from the base.
+    sparse: Option<Sparse<'a>>,
     component: ComponentType,
     normalized: bool,
     /// Number of elements.
     pub count: usize,
 }
+
+/// Elements at a fixed distance from each other.
+#[derive(Clone, Copy)]
+struct Elements<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+}
+
+impl<'a> Elements<'a> {
+    /// The bytes from element `index` on.
+    fn at(&self, index: usize) -> Option<&'a [u8]> {
+        self.bytes.get(index.checked_mul(self.stride)?..)
+    }
+}
+
+/// Replaced elements: their indices, strictly increasing, and their values.
+#[derive(Clone, Copy)]
+struct Sparse<'a> {
+    indices: Elements<'a>,
+    component: ComponentType,
+    values: Elements<'a>,
+    count: usize,
+}
+
+impl Sparse<'_> {
+    fn index(&self, position: usize) -> Option<u32> {
+        integer(self.indices.at(position)?, self.component)
+    }
+
+    /// Where among the replaced elements element `index` is, if it is. By halving: a file must not make us hold, or walk
+    /// through, more than it has.
+    fn find(&self, index: usize) -> Option<usize> {
+        let (mut low, mut high) = (0, self.count);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            match (self.index(middle)? as usize).cmp(&index) {
+                std::cmp::Ordering::Less => low = middle + 1,
+                std::cmp::Ordering::Equal => return Some(middle),
+                std::cmp::Ordering::Greater => high = middle,
+            }
+        }
+        None
+    }
+}
+
+const HELP: &str = "the file is damaged or not glTF 2.0: export it again";
 
 /// Opens an accessor of shape `shape` whose components are among `components`. `what` names its user, as in
 /// `mesh 0, primitive 1: POSITION`.
@@ -27,52 +75,110 @@ pub(super) fn open<'a>(
     shape: Type,
     components: &[ComponentType],
 ) -> Result<Array<'a>> {
-    let help = "the file is damaged or not glTF 2.0: export it again";
     let index = accessor.value();
     let Some(accessor) = document.root.accessors.get(index) else {
-        return Err(document.fault(format!("{what} refers to accessor {index}, which does not exist"), help));
+        return Err(document.fault(format!("{what} refers to accessor {index}, which does not exist"), HELP));
     };
-    if accessor.sparse.is_some() {
-        return Err(document.fault(
-            format!("{what} is a sparse accessor (accessor {index}), which is not supported"),
-            "export the scene without sparse accessors",
-        ));
-    }
     let component = match accessor.component_type {
         Checked::Valid(component) if components.contains(&component.0) => component.0,
         Checked::Valid(component) => {
             return Err(document.fault(
                 format!("{what} has components of type {:?}; expected one of {components:?}", component.0),
-                help,
+                HELP,
             ));
         }
         Checked::Invalid => {
-            return Err(document.fault(format!("accessor {index} has an unknown component type"), help));
+            return Err(document.fault(format!("accessor {index} has an unknown component type"), HELP));
         }
     };
     if accessor.type_ != Checked::Valid(shape) {
-        return Err(document.fault(format!("{what} (accessor {index}) is not of type {shape:?}"), help));
+        return Err(document.fault(format!("{what} (accessor {index}) is not of type {shape:?}"), HELP));
     }
-    let Some(view_index) = accessor.buffer_view else {
-        return Err(match extensions::compression(document) {
-            Some(name) => document.fault(
-                format!("{what} has no data of its own: the file is compressed with {name}"),
-                extensions::advice(name),
-            ),
-            None => document.fault(format!("{what} has no data: accessor {index} has no buffer view"), help),
-        });
-    };
-    let (view, stride) = buffers::view(document, &format!("accessor {index}"), view_index)?;
     let element = component.size() * shape.multiplicity();
+    let count = accessor.count.0;
+    let base = match accessor.buffer_view {
+        Some(view) => {
+            let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
+            Some(elements(document, &format!("accessor {index}"), view, offset, element, count)?)
+        }
+        None if accessor.sparse.is_some() => None,
+        None => {
+            return Err(match extensions::compression(document) {
+                Some(name) => document.fault(
+                    format!("{what} has no data of its own: the file is compressed with {name}"),
+                    extensions::advice(name),
+                ),
+                None => {
+                    document.fault(format!("{what} has no data: accessor {index} has no buffer view"), HELP)
+                }
+            });
+        }
+    };
+    let Ok(count) = usize::try_from(count) else {
+        return Err(document.fault(format!("accessor {index} has {count} elements"), HELP));
+    };
+    let sparse = accessor.sparse.as_ref().map(|sparse| open_sparse(document, index, sparse, element, count));
+    Ok(Array { base, sparse: sparse.transpose()?, component, normalized: accessor.normalized, count })
+}
+
+fn open_sparse<'a>(
+    document: &'a Document,
+    accessor: usize,
+    source: &json::accessor::sparse::Sparse,
+    element: usize,
+    base_count: usize,
+) -> Result<Sparse<'a>> {
+    let component = match source.indices.component_type {
+        Checked::Valid(component) => component.0,
+        Checked::Invalid => {
+            let fault = format!("accessor {accessor}: its sparse indices have an unknown component type");
+            return Err(document.fault(fault, HELP));
+        }
+    };
+    let (indices, values) = (&source.indices, &source.values);
+    let what = format!("accessor {accessor}, sparse indices");
+    let offset = indices.byte_offset.0;
+    let count = source.count.0;
+    let indices = elements(document, &what, indices.buffer_view, offset, component.size(), count)?;
+    let what = format!("accessor {accessor}, sparse values");
+    let values = elements(document, &what, values.buffer_view, values.byte_offset.0, element, count)?;
+    // It fits: the views' lengths bound it.
+    let sparse = Sparse { indices, component, values, count: count as usize };
+    // Once each: a mesh that is placed a million times is opened as often.
+    if !document.checked_sparse.borrow_mut().insert(accessor) {
+        return Ok(sparse);
+    }
+    let mut last = None;
+    for position in 0..sparse.count {
+        let index = sparse.index(position);
+        if index <= last || index.is_none_or(|index| index as usize >= base_count) {
+            return Err(document.fault(
+                format!("accessor {accessor}: its sparse indices do not increase below {base_count}"),
+                HELP,
+            ));
+        }
+        last = index;
+    }
+    Ok(sparse)
+}
+
+/// `count` elements of `element` bytes in a buffer view, all of them there. `what` names them.
+fn elements<'a>(
+    document: &'a Document,
+    what: &str,
+    view: json::Index<json::buffer::View>,
+    offset: u64,
+    element: usize,
+    count: u64,
+) -> Result<Elements<'a>> {
+    let (view, stride) = buffers::view(document, what, view)?;
     let stride = stride.unwrap_or(element);
     if stride < element {
         return Err(document.fault(
-            format!("accessor {index} has elements of {element} bytes in a buffer view of stride {stride}"),
-            help,
+            format!("{what} has elements of {element} bytes in a buffer view of stride {stride}"),
+            HELP,
         ));
     }
-    let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
-    let count = accessor.count.0;
     // All in u64 with checks: a hostile count or offset must not wrap around.
     let end = match count.checked_sub(1) {
         None => Some(offset),
@@ -85,53 +191,75 @@ pub(super) fn open<'a>(
         .filter(|&end| end <= view.len() as u64)
         .and_then(|_| usize::try_from(offset).ok())
         .and_then(|offset| view.get(offset..));
-    let Some(bytes) = bytes else {
-        return Err(document.fault(
+    match bytes {
+        Some(bytes) => Ok(Elements { bytes, stride }),
+        None => Err(document.fault(
             format!(
-                "accessor {index} ({count} elements of {element} bytes, stride {stride}, at {offset}) ends outside \
-                 its buffer view ({} bytes)",
+                "{what} ({count} elements of {element} bytes, stride {stride}, at {offset}) ends outside its buffer \
+                 view ({} bytes)",
                 view.len()
             ),
-            help,
-        ));
-    };
-    // It fits: the view's length bounds it.
-    let count = count as usize;
-    Ok(Array { bytes, stride, component, normalized: accessor.normalized, count })
+            HELP,
+        )),
+    }
+}
+
+fn integer(bytes: &[u8], component: ComponentType) -> Option<u32> {
+    match component {
+        ComponentType::U8 => bytes.first().map(|&byte| u32::from(byte)),
+        ComponentType::U16 => bytes.first_chunk().map(|&word| u32::from(u16::from_le_bytes(word))),
+        ComponentType::U32 => bytes.first_chunk().map(|&word| u32::from_le_bytes(word)),
+        _ => None,
+    }
 }
 
 impl Array<'_> {
-    /// Element `index` of a float or quantized vector, as `KHR_mesh_quantization` defines its value. `None` past the
-    /// end.
-    pub(super) fn vector<const N: usize>(&self, index: usize) -> Option<[f32; N]> {
+    /// The bytes from element `index` on; `Some(None)` where it is zero.
+    fn bytes(&self, index: usize) -> Option<Option<&[u8]>> {
         if index >= self.count {
             return None;
         }
-        let size = self.component.size();
-        let start = index * self.stride;
+        if let Some(sparse) = &self.sparse
+            && let Some(position) = sparse.find(index)
+        {
+            return sparse.values.at(position).map(Some);
+        }
+        match &self.base {
+            None => Some(None),
+            Some(base) => base.at(index).map(Some),
+        }
+    }
+
+    /// Element `index` of a float or quantized vector, as `KHR_mesh_quantization` defines its value. `None` past the
+    /// end.
+    pub(super) fn vector<const N: usize>(&self, index: usize) -> Option<[f32; N]> {
         let mut vector = [0.0; N];
+        let Some(bytes) = self.bytes(index)? else { return Some(vector) };
+        let size = self.component.size();
         for (component, value) in vector.iter_mut().enumerate() {
-            *value = self.component_at(start + component * size)?;
+            *value = self.value(bytes.get(component * size..)?)?;
         }
         Some(vector)
     }
 
     /// Element `index` of an array of unsigned integers. `None` past the end.
     pub(super) fn integer(&self, index: usize) -> Option<u32> {
-        if index >= self.count {
-            return None;
-        }
-        let bytes = self.bytes.get(index * self.stride..)?;
-        match self.component {
-            ComponentType::U8 => bytes.first().map(|&byte| u32::from(byte)),
-            ComponentType::U16 => bytes.first_chunk().map(|&word| u32::from(u16::from_le_bytes(word))),
-            ComponentType::U32 => bytes.first_chunk().map(|&word| u32::from_le_bytes(word)),
-            _ => None,
-        }
+        self.integers::<1>(index).map(|[integer]| integer)
     }
 
-    fn component_at(&self, at: usize) -> Option<f32> {
-        let bytes = self.bytes.get(at..)?;
+    /// Element `index` of an array of vectors of unsigned integers. `None` past the end.
+    pub(super) fn integers<const N: usize>(&self, index: usize) -> Option<[u32; N]> {
+        let mut integers = [0; N];
+        let Some(bytes) = self.bytes(index)? else { return Some(integers) };
+        let size = self.component.size();
+        for (component, value) in integers.iter_mut().enumerate() {
+            *value = integer(bytes.get(component * size..)?, self.component)?;
+        }
+        Some(integers)
+    }
+
+    /// The first component of these bytes.
+    fn value(&self, bytes: &[u8]) -> Option<f32> {
         // Unsigned types have no negative values for the lower bound to act on.
         let (value, maximum) = match self.component {
             ComponentType::F32 => return bytes.first_chunk().map(|&word| f32::from_le_bytes(word)),

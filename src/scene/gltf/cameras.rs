@@ -1,44 +1,114 @@
-//! The rig's pinhole from one of the file's camera nodes.
+//! The rig's camera and projector from the file's camera nodes.
 
 use glam::DVec3;
 use gltf::json;
 use gltf::json::validation::Checked;
 
+use super::extras::Extras;
 use super::nodes::Placed;
 use super::{Document, called};
 use crate::error::Result;
-use crate::scene::{Camera, Lens};
+use crate::scene::Camera;
+use crate::scene::rig::{Rig, RigFile};
 
 /// The cosine up to which axes count as perpendicular: well above the rounding of exporters, well below a shear
 /// that one could see.
 const MAX_SHEAR: f64 = 1e-4;
 
-/// The camera called `wanted`, or the only one.
-pub(super) fn choose(document: &Document, placed: &[Placed], wanted: Option<&str>) -> Result<Camera> {
-    let mut candidates = Vec::new();
+/// A camera node.
+struct Candidate<'a> {
+    name: String,
+    camera: &'a json::Camera,
+    placed: &'a Placed,
+    extras: Extras,
+}
+
+/// The rig: what the rig file gives, and the rest from the file's camera nodes. The camera is the one called `wanted`, or
+/// the only one; the projector the one whose node has `"krylux": "projector"` in its extras.
+pub(super) fn rig(
+    document: &Document,
+    placed: &[Placed],
+    wanted: Option<&str>,
+    given: Option<RigFile>,
+) -> Result<Rig> {
+    let (camera, projector, mut resolution) = match given {
+        None => (None, None, None),
+        Some(given) => (given.camera, given.projector, given.projector_resolution),
+    };
+    let (cameras, projectors) = candidates(document, placed)?;
+    let camera = match camera {
+        Some(camera) => camera,
+        None => build(document, choose(document, &cameras, wanted)?)?,
+    };
+    let projector = match (projector, projectors.as_slice()) {
+        (Some(projector), _) => Some(projector),
+        (None, []) => None,
+        (None, [projector]) => {
+            resolution = projector.extras.resolution(document, &projector.name)?;
+            Some(build(document, projector)?)
+        }
+        (None, [first, second, ..]) => {
+            return Err(document.fault(
+                format!("two projectors, `{}` and `{}`", first.name, second.name),
+                "leave \"krylux\": \"projector\" in the extras of one",
+            ));
+        }
+    };
+    Ok(Rig::of(camera, projector, resolution))
+}
+
+/// The file's cameras and projectors.
+fn candidates<'a>(
+    document: &'a Document,
+    placed: &'a [Placed],
+) -> Result<(Vec<Candidate<'a>>, Vec<Candidate<'a>>)> {
+    let mut cameras = Vec::new();
+    let mut projectors = Vec::new();
     for placed in placed {
         let node = &document.root.nodes[placed.node];
-        let Some(index) = node.camera.map(|camera| camera.value()) else { continue };
+        let extras = Extras::of(&node.extras);
+        let what = || called("node", placed.node, node.name.as_ref());
+        let is_projector = extras.is_projector(document, &what)?;
+        let Some(index) = node.camera.map(|camera| camera.value()) else {
+            if is_projector {
+                return Err(document.fault(
+                    format!("{} is marked as the projector, but is no camera", what()),
+                    "put \"krylux\": \"projector\" into the extras of a camera's node",
+                ));
+            }
+            continue;
+        };
         let Some(camera) = document.root.cameras.get(index) else {
             return Err(document.fault(
-                format!(
-                    "{} refers to camera {index}, which does not exist",
-                    called("node", placed.node, node.name.as_ref())
-                ),
+                format!("{} refers to camera {index}, which does not exist", what()),
                 "the file is damaged: export it again",
             ));
         };
         let name = [&node.name, &camera.name].into_iter().flatten().find(|name| !name.is_empty());
-        candidates.push((name.cloned().unwrap_or_else(|| format!("camera {index}")), camera, placed));
+        let name = name.cloned().unwrap_or_else(|| format!("camera {index}"));
+        let extras = extras.or(Extras::of(&camera.extras));
+        let list = if is_projector { &mut projectors } else { &mut cameras };
+        list.push(Candidate { name, camera, placed, extras });
     }
-    let names = || candidates.iter().map(|(name, ..)| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    Ok((cameras, projectors))
+}
+
+/// The camera called `wanted`, or the only one.
+fn choose<'a>(
+    document: &Document,
+    candidates: &'a [Candidate<'a>],
+    wanted: Option<&str>,
+) -> Result<&'a Candidate<'a>> {
+    let names =
+        || candidates.iter().map(|candidate| format!("`{}`", candidate.name)).collect::<Vec<_>>().join(", ");
     let matching: Vec<_> =
-        candidates.iter().filter(|(name, ..)| wanted.is_none_or(|wanted| wanted == name)).collect();
+        candidates.iter().filter(|candidate| wanted.is_none_or(|wanted| wanted == candidate.name)).collect();
     match (matching.as_slice(), wanted) {
-        ([(name, camera, placed)], _) => build(document, name, camera, placed),
+        ([candidate], _) => Ok(candidate),
         _ if candidates.is_empty() => Err(document.fault(
             "no camera in the scene",
-            "add a perspective camera where the rig stands, and export the scene with cameras",
+            "add a perspective camera where the rig stands, and export the scene with cameras, or give a rig file by \
+             --camera-file",
         )),
         ([], Some(wanted)) => Err(document.fault(
             format!("no camera is called `{wanted}`; there are {}", names()),
@@ -53,7 +123,8 @@ pub(super) fn choose(document: &Document, placed: &[Placed], wanted: Option<&str
     }
 }
 
-fn build(document: &Document, name: &str, camera: &json::Camera, placed: &Placed) -> Result<Camera> {
+fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Camera> {
+    let Candidate { name, camera, placed, extras } = candidate;
     let Some(perspective) = &camera.perspective else {
         let fault = match camera.type_ {
             Checked::Valid(json::camera::Type::Orthographic) => "is orthographic",
@@ -86,14 +157,14 @@ fn build(document: &Document, name: &str, camera: &json::Camera, placed: &Placed
         ));
     }
     Ok(Camera {
-        name: name.to_string(),
+        name: name.clone(),
         position,
         right: right.as_vec3(),
         up: up.as_vec3(),
         forward: forward.as_vec3(),
         tan_half_fov: (field / 2.0).tan() as f32,
         aspect: perspective.aspect_ratio,
-        lens: Lens::PINHOLE,
+        lens: extras.lens(document, name)?,
     })
 }
 

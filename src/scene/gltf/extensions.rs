@@ -13,7 +13,8 @@
 use super::Document;
 use crate::error::Result;
 
-const FOLLOWED: [&str; 8] = [
+const FOLLOWED: [&str; 9] = [
+    super::instancing::NAME,
     "KHR_materials_transmission",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_volume",

@@ -1,24 +1,27 @@
 //! From placed meshes to triangles in world space.
 
-use glam::{DAffine3, DMat3, Vec3};
-use gltf::json;
+use std::rc::Rc;
+
+use glam::{DAffine3, Vec3};
+use gltf::json::mesh::Mode;
 use gltf::json::validation::Checked;
 
 use super::materials::Materials;
 use super::nodes::Placed;
+use super::pose::{Pose, Transform};
 use super::primitive::Corners;
 use super::regions::{self, Label};
+use super::skin::{Influences, Skins};
 use super::vertices::Vertices;
-use super::{Document, called};
+use super::{Document, called, instancing};
 use crate::error::{Error, Result};
-use crate::scene::Triangle;
+use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
 
-/// More triangles would not fit the memory of the machines that we know; a small file can ask for any number of them
-/// by placing one mesh many times.
-const MAX_TRIANGLES: usize = 1 << 24;
+/// Primitives, counted each time that a node places them: a small file can ask for any number of empty ones.
+const MAX_PLACEMENTS: usize = 1 << 20;
 
-/// Metres. Beyond it the square of an area overflows single precision.
-const MAX_COORDINATE: f32 = 1e9;
+/// Triangles times morph targets.
+const MAX_MORPHS: usize = 1 << 28;
 
 /// The triangles of one primitive at one node, their region still to be filled in.
 pub(super) struct Surface {
@@ -36,33 +39,40 @@ pub(super) fn assemble(
     placed: &[Placed],
     materials: &mut Materials,
 ) -> Result<Vec<Surface>> {
-    let mut assembly = Assembly::default();
+    let mut assembly = Assembly {
+        surfaces: Vec::new(),
+        skins: Skins::new(document, placed),
+        placements: 0,
+        total: 0,
+        morphs: 0,
+        degenerate: 0,
+    };
     for (position, node) in placed.iter().enumerate() {
         let source = &document.root.nodes[node.node];
         let Some(index) = source.mesh.map(|mesh| mesh.value()) else { continue };
+        let node_name = called("node", node.node, source.name.as_ref());
         let Some(mesh) = document.root.meshes.get(index) else {
             return Err(document.fault(
-                format!(
-                    "{} refers to mesh {index}, which does not exist",
-                    called("node", node.node, source.name.as_ref())
-                ),
+                format!("{node_name} refers to mesh {index}, which does not exist"),
                 "the file is damaged: export it again",
             ));
         };
         let mesh_name = called("mesh", index, mesh.name.as_ref());
         let mesh_label = regions::label(document, &mesh_name, &mesh.extras)?;
+        assembly.count_placements(document, mesh.primitives.len())?;
+        let poses = assembly.poses(document, &node_name, node)?;
         for primitive in 0..mesh.primitives.len() {
             let placement = Placement {
                 what: format!("{mesh_name}, primitive {primitive}"),
+                node: node.node,
                 mesh: index,
                 primitive,
-                transform: &node.transform,
             };
             let extras = &document.root.meshes[index].primitives[primitive].extras;
             let label = regions::label(document, &placement.what, extras)?
                 .or_else(|| mesh_label.clone())
                 .or_else(|| node.label.clone());
-            let triangles = assembly.place(document, &placement, materials)?;
+            let triangles = assembly.place(document, &placement, &poses, materials)?;
             if !triangles.is_empty() {
                 assembly.surfaces.push(Surface { placed: position, label, triangles });
             }
@@ -81,107 +91,169 @@ pub(super) fn assemble(
 }
 
 /// One primitive of one mesh, at one node.
-struct Placement<'a> {
+struct Placement {
     what: String,
+    node: usize,
     mesh: usize,
     primitive: usize,
-    transform: &'a DAffine3,
 }
 
-#[derive(Default)]
+/// Where a mesh stands.
+enum Poses {
+    Rigid(Vec<Transform>),
+    Skinned(Rc<[DAffine3]>),
+}
+
 struct Assembly {
     surfaces: Vec<Surface>,
+    skins: Skins,
+    /// Primitives placed.
+    placements: usize,
     /// Triangles met, the dropped ones included.
     total: usize,
+    /// Triangles met, once for each morph target.
+    morphs: usize,
     degenerate: usize,
 }
 
 impl Assembly {
+    fn count_placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
+        self.placements = self.placements.saturating_add(primitives);
+        if self.placements > MAX_PLACEMENTS {
+            return Err(document.fault(
+                format!("more than {MAX_PLACEMENTS} primitives, all instances counted"),
+                "join the meshes, or place fewer of them",
+            ));
+        }
+        Ok(())
+    }
+
+    fn poses(&mut self, document: &Document, node_name: &str, node: &Placed) -> Result<Poses> {
+        let source = &document.root.nodes[node.node];
+        if let Some(skin) = source.skin {
+            return self.skins.matrices(document, node_name, skin.value()).map(Poses::Skinned);
+        }
+        let instances = instancing::instances(document, node_name, source)?;
+        Ok(Poses::Rigid(match instances {
+            None => vec![Transform::new(&node.transform)],
+            Some(instances) => {
+                instances.iter().map(|instance| Transform::new(&(node.transform * *instance))).collect()
+            }
+        }))
+    }
+
     fn place(
         &mut self,
         document: &mut Document,
         placement: &Placement,
+        poses: &Poses,
         materials: &mut Materials,
     ) -> Result<Vec<Triangle>> {
         let what = &placement.what;
         let primitive = &document.root.meshes[placement.mesh].primitives[placement.primitive];
         let material_index = primitive.material.map(|material| material.value());
-        if !warn_of_ignored(document, placement)? {
+        if !has_triangles(document, placement)? {
             return Ok(Vec::new());
         }
         let material = materials.index_of(document, what, material_index)?;
-        let primitive = &document.root.meshes[placement.mesh].primitives[placement.primitive];
-        let vertices = Vertices::open(document, what, primitive, &materials.list[material as usize])?;
+        let document = &*document;
+        let mesh = &document.root.meshes[placement.mesh];
+        let primitive = &mesh.primitives[placement.primitive];
+        let weights = document.root.nodes[placement.node].weights.as_ref().or(mesh.weights.as_ref());
+        let vertices = Vertices::open(
+            document,
+            what,
+            primitive,
+            &materials.list[material as usize],
+            weights.map_or(&[], Vec::as_slice),
+        )?;
         let corners = Corners::open(document, what, primitive, vertices.count)?;
-        self.total = self.total.saturating_add(corners.triangles);
+        let poses: Vec<Pose<'_>> = match poses {
+            Poses::Rigid(transforms) => transforms.iter().map(|transform| Pose::Rigid(*transform)).collect(),
+            Poses::Skinned(joints) => {
+                let influences = Influences::open(document, what, primitive, vertices.count)?;
+                vec![Pose::Skinned { joints: Rc::clone(joints), influences }]
+            }
+        };
+        let count = self.count_triangles(document, corners.triangles, poses.len(), vertices.targets())?;
+        let mut triangles = Vec::with_capacity(count);
+        for pose in &poses {
+            let placer = Placer { document, what, vertices: &vertices, pose, material };
+            for index in 0..corners.triangles {
+                let indices = corners.vertices(index).ok_or_else(|| cut_short(document, what))?;
+                let triangle = placer.triangle(indices)?;
+                if triangle.has_area() {
+                    triangles.push(triangle.with_normals_in_front());
+                } else {
+                    self.degenerate += 1;
+                }
+            }
+        }
+        Ok(triangles)
+    }
+
+    fn count_triangles(
+        &mut self,
+        document: &Document,
+        mesh: usize,
+        poses: usize,
+        targets: usize,
+    ) -> Result<usize> {
+        let count = mesh.saturating_mul(poses);
+        self.total = self.total.saturating_add(count);
+        self.morphs = self.morphs.saturating_add(count.saturating_mul(targets));
         if self.total > MAX_TRIANGLES {
             return Err(document.fault(
                 format!("more than {MAX_TRIANGLES} triangles, all instances counted"),
                 "simplify the meshes, or place fewer of them",
             ));
         }
-        let placer = Placer { document, what, transform: Transform::new(placement.transform) };
-        let mut triangles = Vec::with_capacity(corners.triangles);
-        for index in 0..corners.triangles {
-            let mut triangle = Triangle::flat([Vec3::ZERO; 3], material, 0);
-            let indices = corners.vertices(index).ok_or_else(|| cut_short(document, what))?;
-            for (corner, vertex) in indices.into_iter().enumerate() {
-                placer.place(&vertices, vertex, corner, &mut triangle)?;
-            }
-            // A mirroring transform turns the order of the corners round; swapping two keeps the front where it was.
-            if placer.transform.mirrors {
-                triangle = triangle.turned();
-            }
-            if triangle.has_area() {
-                triangles.push(triangle.with_normals_in_front());
-            } else {
-                self.degenerate += 1;
-            }
+        if self.morphs > MAX_MORPHS {
+            return Err(document.fault(
+                format!("more than {MAX_MORPHS} triangles, counted once for each morph target of theirs"),
+                "apply the morph targets before the export",
+            ));
         }
-        Ok(triangles)
+        Ok(count)
     }
 }
 
-/// A map of points, with the one of normals that belongs to it.
-struct Transform {
-    points: DAffine3,
-    normals: DMat3,
-    mirrors: bool,
-}
-
-impl Transform {
-    fn new(points: &DAffine3) -> Self {
-        let DMat3 { x_axis, y_axis, z_axis } = points.matrix3;
-        // The inverse transposed but for its length, which exists for a map that flattens, too.
-        let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
-        let mirrors = points.matrix3.determinant() < 0.0;
-        Self { points: *points, normals: if mirrors { -cofactors } else { cofactors }, mirrors }
-    }
-}
-
-/// Brings vertices of a primitive into the world.
+/// Brings triangles of a primitive into the world.
 struct Placer<'a> {
     document: &'a Document,
     what: &'a str,
-    transform: Transform,
+    vertices: &'a Vertices<'a>,
+    pose: &'a Pose<'a>,
+    material: u32,
 }
 
 impl Placer<'_> {
-    fn place(
-        &self,
-        vertices: &Vertices<'_>,
-        index: u32,
-        corner: usize,
-        triangle: &mut Triangle,
-    ) -> Result<()> {
-        let Self { document, what, transform } = self;
+    fn triangle(&self, indices: [u32; 3]) -> Result<Triangle> {
+        let mut triangle = Triangle::flat([Vec3::ZERO; 3], self.material, 0);
+        let mut mirrors = false;
+        for (corner, index) in indices.into_iter().enumerate() {
+            mirrors = self.place(index, corner, &mut triangle)?;
+        }
+        // A mirroring map turns the order of the corners round; swapping two keeps the front where it was.
+        Ok(if mirrors { triangle.turned() } else { triangle })
+    }
+
+    /// Sets a corner; whether the map of its vertex mirrors.
+    fn place(&self, index: u32, corner: usize, triangle: &mut Triangle) -> Result<bool> {
+        let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {
             document.fault(
                 format!("{what}: an index asks for vertex {index}, but there are {}", vertices.count),
                 "the mesh is damaged: export it again",
             )
         })?;
-        let world = transform.points.transform_point3(vertex.position.as_dvec3()).as_vec3();
+        let transform = self.pose.of(index as usize).ok_or_else(|| {
+            document.fault(
+                format!("{what}: vertex {index} hangs on no joint, or on one that the skin does not have"),
+                "the mesh is damaged: export it again",
+            )
+        })?;
+        let world = transform.point(vertex.position);
         if !world.is_finite() || world.abs().max_element() > MAX_COORDINATE {
             return Err(bad_position(document, what, index, vertex.position));
         }
@@ -192,40 +264,26 @@ impl Placer<'_> {
             ));
         }
         triangle.positions[corner] = world;
-        triangle.normals[corner] =
-            (transform.normals * vertex.normal.as_dvec3()).normalize_or_zero().as_vec3();
+        triangle.normals[corner] = transform.normal(vertex.normal);
         triangle.texcoords[corner] = vertex.texcoords;
         triangle.colors[corner] = vertex.color;
-        Ok(())
+        Ok(transform.mirrors)
     }
 }
 
-/// Warns of what a primitive has beside its triangles; whether it has triangles at all.
-fn warn_of_ignored(document: &mut Document, placement: &Placement) -> Result<bool> {
+/// Whether a primitive has triangles; a warning where it has not.
+fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool> {
     let what = &placement.what;
-    let primitive = &document.root.meshes[placement.mesh].primitives[placement.primitive];
-    let mut warnings = Vec::new();
-    let drawn = match &primitive.mode {
+    match &document.root.meshes[placement.mesh].primitives[placement.primitive].mode {
         Checked::Invalid => {
-            return Err(
-                document.fault(format!("{what} has an unknown mode"), "the file is damaged: export it again")
-            );
+            Err(document.fault(format!("{what} has an unknown mode"), "the file is damaged: export it again"))
         }
-        Checked::Valid(
-            json::mesh::Mode::Triangles | json::mesh::Mode::TriangleStrip | json::mesh::Mode::TriangleFan,
-        ) => true,
+        Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => Ok(true),
         Checked::Valid(_) => {
-            warnings.push(format!("{what} consists of points or lines, which have no area: ignored"));
-            false
-        }
-    };
-    if drawn {
-        if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
-            warnings.push(format!("{what}: its morph targets are ignored; the mesh is taken at rest"));
+            document.warnings.add(format!("{what} consists of points or lines, which have no area: ignored"));
+            Ok(false)
         }
     }
-    warnings.into_iter().for_each(|warning| document.warnings.add(warning));
-    Ok(drawn)
 }
 
 fn cut_short(document: &Document, what: &str) -> Error {

@@ -166,7 +166,8 @@ fn warn_of_ignored(document: &mut Document, what: &str, source: &json::Material)
         ));
     }
     for name in others.keys().filter(|name| !super::through::FOLLOWED.contains(&name.as_str())) {
-        document.warnings.add(format!("{what}: {name} is not supported and ignored"));
+        let warning = format!("{name} is not supported and ignored; {what} uses it first");
+        document.warnings.add_once(name, warning);
     }
     Ok(())
 }

@@ -12,49 +12,60 @@ mod cameras;
 mod checks;
 mod container;
 mod extensions;
+mod extras;
 mod geometry;
+mod instancing;
 mod materials;
 mod nodes;
+mod pose;
 mod primitive;
 mod regions;
+mod skin;
 mod textures;
 mod through;
 mod uri;
 mod vertices;
 
+use std::cell::RefCell;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use gltf::json;
 
-use super::Scene;
+use super::source::{ContentHash, Warnings, fault};
+use super::{LoadOptions, Scene, rig};
 use crate::error::{Error, Result};
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
 ///
 /// # Errors
 /// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used.
-pub(super) fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
+pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let mut document = Document::parse(path, &bytes)?;
+    let given = rig::find(path, options)?;
+    if let Some(given) = &given {
+        document.hash.add(&given.bytes);
+    }
     extensions::check(&mut document)?;
     buffers::load(&mut document)?;
 
     let placed = nodes::walk(&mut document)?;
-    let camera = cameras::choose(&document, &placed, camera)?;
+    let rig = cameras::rig(&document, &placed, options.camera, given)?;
     let mut materials = materials::Materials::default();
     let surfaces = geometry::assemble(&mut document, &placed, &mut materials)?;
     let (triangles, regions, regions_are_labels) = regions::name(&mut document, &placed, surfaces)?;
 
     // Two cameras of one file are two rigs: a cache keyed by the hash must tell them apart.
-    document.hash.add(camera.name.as_bytes());
+    document.hash.add(rig.camera.name.as_bytes());
     Ok(Scene {
         path: path.to_path_buf(),
         triangles,
         materials: materials.list,
         textures: materials.textures.list,
-        camera,
-        projector: None,
-        projector_resolution: None,
+        camera: rig.camera,
+        projector: rig.projector,
+        projector_resolution: rig.projector_resolution,
         regions,
         regions_are_labels,
         hash: document.hash.finish(),
@@ -70,6 +81,8 @@ struct Document {
     chunk: Option<Vec<u8>>,
     /// The bytes of `root.buffers`, in that order.
     buffers: Vec<Vec<u8>>,
+    /// Sparse accessors whose indices were found in order.
+    checked_sparse: RefCell<HashSet<usize>>,
     hash: ContentHash,
     warnings: Warnings,
 }
@@ -79,22 +92,14 @@ impl Document {
         let mut hash = ContentHash::default();
         hash.add(bytes);
         let (text, chunk) = container::split(path, bytes)?;
-        let root: json::Root = json::deserialize::from_slice(text).map_err(|error| {
-            fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0")
-        })?;
-        if !root.asset.version.starts_with("2.") {
-            return Err(fault(
-                path,
-                format!("glTF version `{}` is not supported", root.asset.version),
-                "export the scene as glTF 2.0",
-            ));
-        }
+        let root = read_root(path, text)?;
         let chunk = chunk.map(<[u8]>::to_vec);
         Ok(Self {
             path: path.to_path_buf(),
             root,
             chunk,
             buffers: Vec::new(),
+            checked_sparse: RefCell::default(),
             hash,
             warnings: Warnings::default(),
         })
@@ -102,13 +107,33 @@ impl Document {
 
     /// An error about this file.
     fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
-        self::fault(&self.path, fault, help)
+        super::source::fault(&self.path, fault, help)
     }
 }
 
-/// An error about the file at `path`.
-fn fault(path: &Path, fault: impl Into<String>, help: impl Into<String>) -> Error {
-    Error::Scene { path: path.to_path_buf(), fault: fault.into(), help: help.into() }
+/// Parses the JSON of a glTF 2.0 file.
+fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
+    let version = |version: &str| {
+        fault(path, format!("glTF version `{version}` is not supported"), "export the scene as glTF 2.0")
+    };
+    let error = match json::deserialize::from_slice::<json::Root>(text) {
+        Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
+        Ok(root) => return Err(version(&root.asset.version)),
+        Err(error) => error,
+    };
+    let broken =
+        fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0");
+    // Another version has another structure; and extensions give animations, which nothing here reads, another one.
+    let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
+    if let Some(other) = value.pointer("/asset/version").and_then(json::Value::as_str)
+        && !other.starts_with("2.")
+    {
+        return Err(version(other));
+    }
+    match value.as_object_mut().and_then(|members| members.remove("animations")) {
+        Some(_) => serde_json::from_value(value).map_err(|_| broken),
+        None => Err(broken),
+    }
 }
 
 /// `mesh 3 "lamp"`: how messages call an object of the file.
@@ -116,37 +141,5 @@ fn called(kind: &str, index: usize, name: Option<&String>) -> String {
     match name {
         Some(name) if !name.is_empty() => format!("{kind} {index} \"{name}\""),
         _ => format!("{kind} {index}"),
-    }
-}
-
-/// What was ignored, once each, in the order met.
-#[derive(Default)]
-struct Warnings {
-    list: Vec<String>,
-    seen: std::collections::HashSet<String>,
-}
-
-impl Warnings {
-    fn add(&mut self, warning: impl Into<String>) {
-        let warning = warning.into();
-        if self.seen.insert(warning.clone()) {
-            self.list.push(warning);
-        }
-    }
-}
-
-/// BLAKE3 over a sequence of byte strings; each is preceded by its length, so that no two sequences collide by
-/// moving a boundary.
-#[derive(Default)]
-struct ContentHash(blake3::Hasher);
-
-impl ContentHash {
-    fn add(&mut self, bytes: &[u8]) {
-        self.0.update(&(bytes.len() as u64).to_le_bytes());
-        self.0.update(bytes);
-    }
-
-    fn finish(&self) -> [u8; 32] {
-        *self.0.finalize().as_bytes()
     }
 }

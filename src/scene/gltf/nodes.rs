@@ -37,10 +37,6 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
         }
         let what = called("node", index, node.name.as_ref());
         let label = regions::label(document, &what, &node.extras)?.or(inherited);
-        if node.skin.is_some() {
-            let warning = format!("{what}: its skin is ignored; the mesh is taken as it stands in the file");
-            document.warnings.add(warning);
-        }
         let children = document.root.nodes[index].children.as_deref().unwrap_or_default();
         stack.extend(children.iter().rev().map(|child| (child.value(), transform, label.clone())));
         placed.push(Placed { node: index, transform, label });

@@ -1,24 +1,17 @@
 //! Textures: pictures decoded once per sampler, and how texture coordinates are read.
 
 use std::collections::HashMap;
-use std::io::Cursor;
 
 use glam::{Affine2, Mat2, Vec2};
 use gltf::json;
 use gltf::json::extensions::texture::TextureTransform;
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
-use image::{ImageFormat, ImageReader, Limits};
 
 use super::{Document, buffers, called, uri};
 use crate::error::Result;
+use crate::scene::picture::{Fault, Picture, Pictures};
 use crate::scene::{Texture, TextureRef, Wrap};
-
-/// Pixels a side.
-const MAX_SIDE: u32 = 16384;
-
-/// All pictures together. A few kilobytes of PNG can stand for any number of pixels.
-const MAX_TEXELS: u64 = 1 << 27;
 
 /// The textures that materials use, in the order met.
 #[derive(Default)]
@@ -27,7 +20,7 @@ pub(super) struct Textures {
     pub list: Vec<Texture>,
     /// By the file's image and how it is sampled.
     index_of: HashMap<(usize, [Wrap; 2], bool), u32>,
-    texels: u64,
+    pictures: Pictures,
 }
 
 /// Where a material of the file refers to a texture.
@@ -111,20 +104,20 @@ impl Textures {
                 }
             });
         };
-        let (name, width, height, texels) = self.picture(document, source, &image)?;
+        let (name, Picture { width, height, texels }) = self.picture(document, source, &image)?;
         let position = self.list.len() as u32;
         self.list.push(Texture { name, width, height, texels, wrap, linear });
         self.index_of.insert((source, wrap, linear), position);
         Ok(position)
     }
 
-    /// Decodes an image of the file: its name, width, height and texels.
+    /// Decodes an image of the file: its name and texels.
     fn picture(
         &mut self,
         document: &mut Document,
         index: usize,
         image: &json::Image,
-    ) -> Result<(String, u32, u32, Vec<[u8; 4]>)> {
+    ) -> Result<(String, Picture)> {
         let file_name = image.uri.as_ref().filter(|uri| !uri.starts_with("data:"));
         let what = called("image", index, image.name.as_ref().or(file_name));
         let bytes = match (&image.uri, image.buffer_view) {
@@ -136,41 +129,11 @@ impl Textures {
                 );
             }
         };
-        let format = match image::guess_format(&bytes) {
-            Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-            _ => {
-                return Err(document.fault(
-                    format!("{what} is neither PNG nor JPEG"),
-                    "export the scene with PNG or JPEG pictures",
-                ));
-            }
-        };
-        let broken = |document: &Document, error: image::ImageError| {
-            document
-                .fault(format!("{what} cannot be decoded: {error}"), "save the picture again as PNG or JPEG")
-        };
-        let (width, height) = ImageReader::with_format(Cursor::new(&bytes), format)
-            .into_dimensions()
-            .map_err(|error| broken(document, error))?;
-        self.texels = self.texels.saturating_add(u64::from(width) * u64::from(height));
-        if width > MAX_SIDE || height > MAX_SIDE || width == 0 || height == 0 || self.texels > MAX_TEXELS {
-            return Err(document.fault(
-                format!("{what} is {width}x{height} pixels"),
-                format!(
-                    "make it smaller: at most {MAX_SIDE} pixels a side, and {MAX_TEXELS} in all pictures together"
-                ),
-            ));
-        }
-        let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
-        // 16-bit RGBA is the widest that PNG has.
-        limits.max_alloc = Some(8 * MAX_TEXELS);
-        reader.limits(limits);
-        let decoded = reader.decode().map_err(|error| broken(document, error))?.into_rgba8();
-        let texels = decoded.pixels().map(|pixel| pixel.0).collect();
-        Ok((what, decoded.width(), decoded.height(), texels))
+        let picture = self
+            .pictures
+            .decode(&bytes)
+            .map_err(|Fault { fault, help }| document.fault(format!("{what} {fault}"), help))?;
+        Ok((what, picture))
     }
 }
 

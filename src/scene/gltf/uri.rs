@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
-use super::{Document, fault};
-use crate::error::{Error, Result};
+use super::Document;
+use crate::error::Result;
+use crate::scene::source;
 
 /// Exporters disagree about padding; its absence loses nothing.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -22,16 +23,7 @@ pub(super) fn read(document: &mut Document, what: &str, uri: &str) -> Result<Vec
         return decode_data(document, what, &uri[5..]);
     }
     let path = resolve(document, what, uri)?;
-    // A scene from elsewhere may name a device or a pipe, and reading that would never end.
-    let metadata = std::fs::metadata(&path).map_err(Error::reading(&path))?;
-    if !metadata.is_file() {
-        return Err(fault(
-            &path,
-            format!("not a file, but {what} of {} refers to it", document.path.display()),
-            "correct the URI in the scene, or export it as .glb, which holds everything in one file",
-        ));
-    }
-    let bytes = std::fs::read(&path).map_err(Error::reading(&path))?;
+    let bytes = source::read(&document.path, what, &path)?;
     document.hash.add(&bytes);
     Ok(bytes)
 }
@@ -58,23 +50,15 @@ fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     if uri.is_empty() {
         return Err(document.fault(format!("{what}: its URI is empty"), help));
     }
-    let before_colon = uri.split(['/', '\\']).next().unwrap_or_default();
-    if before_colon.contains(':') {
-        return Err(document.fault(
-            format!("{what}: `{uri}` is not a relative path; only files next to the scene are read"),
-            help,
-        ));
-    }
     let decoded = percent_decode(uri).ok_or_else(|| {
         document.fault(format!("{what}: `{uri}` is not a valid URI (percent-encoding or UTF-8)"), help)
     })?;
-    if decoded.starts_with(['/', '\\']) {
-        return Err(document.fault(
-            format!("{what}: `{uri}` is an absolute path; only files next to the scene are read"),
-            help,
-        ));
-    }
-    Ok(document.path.parent().map(|folder| folder.join(&decoded)).unwrap_or_else(|| decoded.into()))
+    // The scheme ends before any percent-encoding.
+    source::next_to(&document.path, uri).and_then(|_| source::next_to(&document.path, &decoded)).map_err(
+        |fault| {
+            document.fault(format!("{what}: `{uri}` is {fault}; only files next to the scene are read"), help)
+        },
+    )
 }
 
 /// `None` when a `%` is not followed by two hexadecimal digits, or the result is not UTF-8 without NUL.

@@ -1,4 +1,4 @@
-//! A primitive's vertices: positions, normals, texture coordinates and colours.
+//! A primitive's vertices: positions, normals, texture coordinates and colours, morphed as at rest.
 
 use glam::{Vec2, Vec3};
 use gltf::json;
@@ -33,17 +33,26 @@ pub(super) struct Vertices<'a> {
     normals: Option<Array<'a>>,
     texcoords: [Option<Array<'a>>; 2],
     colors: Option<(Array<'a>, Type)>,
+    targets: Vec<Target<'a>>,
     /// Number of vertices that an index may ask for.
     pub count: usize,
 }
 
+/// A morph target with its weight at rest.
+struct Target<'a> {
+    weight: f32,
+    positions: Option<Array<'a>>,
+    normals: Option<Array<'a>>,
+}
+
 impl<'a> Vertices<'a> {
-    /// Opens what `material` needs of the primitive's attributes.
+    /// Opens what `material` needs of the primitive's attributes, morphed by `weights`.
     pub(super) fn open(
         document: &'a Document,
         what: &str,
         primitive: &json::mesh::Primitive,
         material: &Material,
+        weights: &[f32],
     ) -> Result<Self> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let Some(positions) = attribute(Semantic::Positions) else {
@@ -82,16 +91,30 @@ impl<'a> Vertices<'a> {
                 open("COLOR_0", Semantic::Colors(0), shape, &COLORS)?.map(|array| (array, shape))
             }
         };
-        Ok(Self { positions, normals, texcoords, colors, count })
+        let targets = open_targets(document, what, primitive, weights, count)?;
+        Ok(Self { positions, normals, texcoords, colors, targets, count })
+    }
+
+    /// Number of morph targets that count.
+    pub(super) fn targets(&self) -> usize {
+        self.targets.len()
     }
 
     /// `None` when there is no such vertex.
     pub(super) fn vertex(&self, index: usize) -> Option<Vertex> {
-        let position = Vec3::from_array(self.positions.vector(index)?);
-        let normal = match &self.normals {
+        let mut position = Vec3::from_array(self.positions.vector(index)?);
+        let mut normal = match &self.normals {
             Some(normals) => Vec3::from_array(normals.vector(index)?),
             None => Vec3::ZERO,
         };
+        for target in &self.targets {
+            if let Some(positions) = &target.positions {
+                position += target.weight * Vec3::from_array(positions.vector(index)?);
+            }
+            if let (Some(normals), Some(_)) = (&target.normals, &self.normals) {
+                normal += target.weight * Vec3::from_array(normals.vector(index)?);
+            }
+        }
         let mut texcoords = [Vec2::ZERO; 2];
         for (coordinates, array) in texcoords.iter_mut().zip(&self.texcoords) {
             if let Some(array) = array {
@@ -102,16 +125,54 @@ impl<'a> Vertices<'a> {
             None => Triangle::WHITE,
             Some((array, Type::Vec3)) => {
                 let [red, green, blue] = array.vector(index)?;
-                quantized([red, green, blue, 1.0])
+                Triangle::quantized([red, green, blue, 1.0])
             }
-            Some((array, _)) => quantized(array.vector(index)?),
+            Some((array, _)) => Triangle::quantized(array.vector(index)?),
         };
         Some(Vertex { position, normal, texcoords, color })
     }
 }
 
+/// The targets whose weight is not zero.
+fn open_targets<'a>(
+    document: &'a Document,
+    what: &str,
+    primitive: &json::mesh::Primitive,
+    weights: &[f32],
+    count: usize,
+) -> Result<Vec<Target<'a>>> {
+    let mut targets = Vec::new();
+    for (index, (target, &weight)) in primitive.targets.iter().flatten().zip(weights).enumerate() {
+        if weight == 0.0 {
+            continue;
+        }
+        if !weight.is_finite() {
+            return Err(document.fault(
+                format!("{what}: the weight of its morph target {index} is {weight}"),
+                "correct the weights of the mesh or the node",
+            ));
+        }
+        let open = |name: &str, accessor: Option<json::Index<json::Accessor>>| {
+            let Some(accessor) = accessor else { return Ok(None) };
+            let source = document.root.accessors.get(accessor.value());
+            // No data at all stands for zeros, which move nothing.
+            if source.is_some_and(|source| source.buffer_view.is_none() && source.sparse.is_none()) {
+                return Ok(None);
+            }
+            let what = format!("{what}: {name} of its morph target {index}");
+            open_for(document, &what, accessor, Type::Vec3, &COORDINATES, count).map(Some)
+        };
+        let positions = open("POSITION", target.positions)?;
+        let normals = open("NORMAL", target.normals)?;
+        if positions.is_some() || normals.is_some() {
+            targets.push(Target { weight, positions, normals });
+        }
+    }
+    Ok(targets)
+}
+
 /// Opens an attribute that must have an element for each of `count` vertices.
-fn open_for<'a>(
+pub(super) fn open_for<'a>(
     document: &'a Document,
     what: &str,
     accessor: json::Index<json::Accessor>,
@@ -127,9 +188,4 @@ fn open_for<'a>(
         ));
     }
     Ok(array)
-}
-
-/// A colour in 16 bits a channel; what lies outside 0 to 1 is brought to the nearest end, and NaN to 0.
-fn quantized(color: [f32; 4]) -> [u16; 4] {
-    color.map(|channel| (channel.clamp(0.0, 1.0) * 65535.0).round() as u16)
 }

@@ -1,0 +1,204 @@
+//! Pictures of `.mtl` materials: their options, and the opacity map that goes into the base colour's alpha.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use glam::{Affine2, Mat2, Vec2};
+
+use crate::error::Result;
+use crate::scene::picture::{Picture, Pictures};
+use crate::scene::source::{self, ContentHash, fault};
+use crate::scene::{Texture, TextureRef, Wrap};
+
+/// The textures of the materials so far.
+pub(super) struct Maps<'a> {
+    scene: &'a Path,
+    pub textures: Vec<Texture>,
+    index_of: HashMap<(Option<PathBuf>, Option<PathBuf>, bool), u32>,
+    pictures: Pictures,
+}
+
+/// A map as its statement gives it.
+#[derive(Clone, PartialEq)]
+struct Map {
+    file: PathBuf,
+    offset: Vec2,
+    scale: Vec2,
+    clamp: bool,
+}
+
+impl<'a> Maps<'a> {
+    pub(super) fn new(scene: &'a Path) -> Self {
+        Self { scene, textures: Vec::new(), index_of: HashMap::new(), pictures: Pictures::default() }
+    }
+
+    /// A map that stands for itself.
+    pub(super) fn single(
+        &mut self,
+        material: &str,
+        map: Option<&str>,
+        hash: &mut ContentHash,
+    ) -> Result<Option<TextureRef>> {
+        self.base(material, map, None, hash)
+    }
+
+    /// The base colour's texture: `map_Kd` with `map_d` in its alpha.
+    pub(super) fn base(
+        &mut self,
+        material: &str,
+        color: Option<&str>,
+        opacity: Option<&str>,
+        hash: &mut ContentHash,
+    ) -> Result<Option<TextureRef>> {
+        let color = color.map(|text| self.parse(material, text)).transpose()?;
+        let opacity = opacity.map(|text| self.parse(material, text)).transpose()?;
+        let placed = match (&color, &opacity) {
+            (None, None) => return Ok(None),
+            (Some(color), Some(opacity)) => {
+                let same = Map { file: color.file.clone(), ..opacity.clone() } == *color;
+                if !same {
+                    return Err(fault(
+                        self.scene,
+                        format!("material `{material}`: map_Kd and map_d have different options"),
+                        "give both the same -o, -s and -clamp",
+                    ));
+                }
+                color.clone()
+            }
+            (Some(map), None) | (None, Some(map)) => map.clone(),
+        };
+        let key = (color.map(|color| color.file), opacity.map(|opacity| opacity.file), placed.clamp);
+        let texture = match self.index_of.get(&key) {
+            Some(&texture) => texture,
+            None => {
+                let (color, opacity, _) = &key;
+                let picture = self.combined(material, color.as_deref(), opacity.as_deref(), hash)?;
+                let Picture { width, height, texels } = picture;
+                let name = placed.file.display().to_string();
+                let wrap = [if placed.clamp { Wrap::ClampToEdge } else { Wrap::Repeat }; 2];
+                self.textures.push(Texture { name, width, height, texels, wrap, linear: true });
+                let texture = self.textures.len() as u32 - 1;
+                self.index_of.insert(key, texture);
+                texture
+            }
+        };
+        // The format's v runs upwards: v′ = 1 − (scale · (1 − v) + offset).
+        let Vec2 { x: scale_u, y: scale_v } = placed.scale;
+        let offset = Vec2::new(placed.offset.x, 1.0 - scale_v - placed.offset.y);
+        let transform =
+            Affine2::from_mat2_translation(Mat2::from_diagonal(Vec2::new(scale_u, scale_v)), offset);
+        Ok(Some(TextureRef { transform, ..TextureRef::new(texture) }))
+    }
+
+    fn combined(
+        &mut self,
+        material: &str,
+        color: Option<&Path>,
+        opacity: Option<&Path>,
+        hash: &mut ContentHash,
+    ) -> Result<Picture> {
+        let same = color == opacity;
+        let opacity = opacity.filter(|_| !same);
+        let color = color.map(|file| self.read(material, file, hash)).transpose()?;
+        let opacity = opacity.map(|file| self.read(material, file, hash)).transpose()?;
+        Ok(match (color, opacity) {
+            // A picture that is its own opacity map has it in its alpha.
+            (Some(color), None) if same => color,
+            (Some(mut color), None) => {
+                // Alpha counts only where a map_d says so.
+                color.texels.iter_mut().for_each(|texel| texel[3] = 255);
+                color
+            }
+            (None, Some(mut opacity)) => {
+                let alpha = opacity_channel(&opacity);
+                opacity.texels.iter_mut().for_each(|texel| *texel = [255, 255, 255, alpha(*texel)]);
+                opacity
+            }
+            (Some(color), Some(opacity)) => with_opacity(color, &opacity),
+            (None, None) => Picture { width: 1, height: 1, texels: vec![[255; 4]] },
+        })
+    }
+
+    fn read(&mut self, material: &str, file: &Path, hash: &mut ContentHash) -> Result<Picture> {
+        let bytes = source::read(self.scene, &format!("material `{material}`"), file)?;
+        hash.add(&bytes);
+        self.pictures
+            .decode(&bytes)
+            .map_err(|what| fault(file, format!("the picture {}", what.fault), what.help))
+    }
+
+    /// `-o u v w -s u v w … FILE`.
+    fn parse(&self, material: &str, text: &str) -> Result<Map> {
+        let bad = |what: &str| {
+            fault(
+                self.scene,
+                format!("material `{material}`: `{}` {what}", super::line::shortened(text)),
+                "give the options -o, -s and -clamp, and a file next to the scene",
+            )
+        };
+        let mut map = Map { file: PathBuf::new(), offset: Vec2::ZERO, scale: Vec2::ONE, clamp: false };
+        let mut rest = text.trim();
+        while let Some(option) = rest.strip_prefix('-') {
+            let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));
+            rest = arguments.trim_start();
+            // A turbulence option moves the picture at random, and a channel or a type make another picture of it.
+            let most = match name {
+                "o" | "s" => 3,
+                "clamp" | "blendu" | "blendv" | "cc" | "bm" | "boost" | "texres" => 1,
+                _ => return Err(bad("has an option that is not supported")),
+            };
+            let mut values = Vec::new();
+            while values.len() < most {
+                let (word, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+                let is_switch = matches!(word, "on" | "off");
+                if word.parse::<f32>().is_err() && !is_switch {
+                    break;
+                }
+                values.push(word);
+                rest = after.trim_start();
+            }
+            let number = |index: usize, default: f32| match values.get(index) {
+                None => Ok(default),
+                Some(word) => {
+                    let number = word.parse::<f32>().ok().filter(|number: &f32| number.is_finite());
+                    number.ok_or_else(|| bad("has an option that is no number"))
+                }
+            };
+            match name {
+                "o" => map.offset = Vec2::new(number(0, 0.0)?, number(1, 0.0)?),
+                "s" => map.scale = Vec2::new(number(0, 1.0)?, number(1, 1.0)?),
+                "clamp" => map.clamp = values.first() == Some(&"on"),
+                _ => {}
+            }
+        }
+        if rest.is_empty() {
+            return Err(bad("names no picture"));
+        }
+        let name = rest.replace('\\', "/");
+        map.file = source::next_to(self.scene, &name)
+            .map_err(|what| bad(&format!("is {what}; only files next to the scene are read")))?;
+        Ok(map)
+    }
+}
+
+/// The nearest texel's opacity for each texel, where the pictures differ in size.
+fn with_opacity(mut color: Picture, opacity: &Picture) -> Picture {
+    let alpha = opacity_channel(opacity);
+    let [width, height] = [color.width as usize, color.height as usize];
+    let [from_width, from_height] = [opacity.width as usize, opacity.height as usize];
+    for (index, texel) in color.texels.iter_mut().enumerate() {
+        let column = (2 * (index % width) + 1) * from_width / (2 * width);
+        let row = (2 * (index / width) + 1) * from_height / (2 * height);
+        texel[3] = alpha(opacity.texels[row * from_width + column]);
+    }
+    color
+}
+
+/// Where a picture has its opacity: in its alpha if it has any, in its brightness otherwise.
+fn opacity_channel(picture: &Picture) -> fn([u8; 4]) -> u8 {
+    if picture.texels.iter().any(|texel| texel[3] != 255) {
+        |texel| texel[3]
+    } else {
+        |[red, green, blue, _]| ((u16::from(red) + u16::from(green) + u16::from(blue)) / 3) as u8
+    }
+}

@@ -1,0 +1,166 @@
+//! From `.mtl` entries to materials.
+//!
+//! The format has no physical meaning of its own; it is read like this. Colours are linear, pictures sRGB.
+//!
+//! | `.mtl` | material |
+//! |---|---|
+//! | none, or one that no library has | matte, 0.8 |
+//! | `Kd`, `map_Kd` | base colour |
+//! | `Ks` with `illum` 2 or more (or no `illum`) | coat whose reflectance at normal incidence is `2 Ks ((n−1)/(n+1))²`: 0.5 is the plastic of `n` = 1.5, as exporters write it |
+//! | `Ks` with `Kd` 0 | metal of base colour `Ks` |
+//! | `Ns` | microfacet width `α = √(2/(Ns+2))` |
+//! | `Pr`, `Pm` | roughness and metallic, instead of the above |
+//! | `Ni` above 1 | index of refraction; 1.5 otherwise |
+//! | `d`, `Tr`, `map_d` | coverage |
+//! | `illum` 4, 6, 7, 9 with `Tf`, or with `d` 1 | solid smooth glass (an object's surface is closed), tinted by `Tf` at each crossing |
+//! | `Ke`, `map_Ke` | emission |
+//! | `norm` | normal map |
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+
+use super::maps::Maps;
+use super::mesh::{Mesh, NONE};
+use super::mtl::{self, Entry};
+use crate::error::Result;
+use crate::scene::source::{self, ContentHash, Warnings, fault};
+use crate::scene::{AlphaMode, Material, Texture, Volume};
+
+/// The materials that faces ask for.
+pub(super) struct Materials {
+    pub list: Vec<Material>,
+    pub textures: Vec<Texture>,
+    /// By index into [`Mesh::materials`].
+    index_of: Vec<u32>,
+    /// Of faces without a material, and of those whose material no library has.
+    matte: u32,
+}
+
+impl Materials {
+    /// Index of the material of a face.
+    pub(super) fn of(&self, face: u32) -> u32 {
+        if face == NONE {
+            self.matte
+        } else {
+            self.index_of.get(face as usize).copied().unwrap_or(self.matte)
+        }
+    }
+}
+
+/// Reads the libraries of `mesh`, and makes of their entries what its faces ask for.
+pub(super) fn load(
+    path: &Path,
+    mesh: &Mesh,
+    hash: &mut ContentHash,
+    warnings: &mut Warnings,
+) -> Result<Materials> {
+    let mut entries: HashMap<String, Entry> = HashMap::new();
+    for file in libraries(path, &mesh.libraries)? {
+        let bytes = source::read(path, "mtllib", &file)?;
+        hash.add(&bytes);
+        for entry in mtl::parse(&file, &String::from_utf8_lossy(&bytes), warnings)? {
+            entries.insert(entry.name.clone(), entry);
+        }
+    }
+    let mut maps = Maps::new(path);
+    let mut list = Vec::new();
+    let mut index_of = Vec::new();
+    for name in &mesh.materials {
+        let Some(entry) = entries.get(name) else {
+            warnings.add(format!("material `{name}` is in no library; its faces are matte"));
+            index_of.push(NONE);
+            continue;
+        };
+        index_of.push(list.len() as u32);
+        list.push(convert(entry, &mut maps, hash)?);
+    }
+    let matte = list.len() as u32;
+    index_of.iter_mut().filter(|index| **index == NONE).for_each(|index| *index = matte);
+    list.push(Material { name: "matte".into(), base_color: Vec3::splat(0.8), ..Material::default() });
+    Ok(Materials { list, textures: maps.textures, index_of, matte })
+}
+
+/// The library files. A name may have spaces, and a line several names.
+fn libraries(path: &Path, lines: &[String]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for line in lines {
+        let resolve = |name: &str| {
+            let name = name.replace('\\', "/");
+            source::next_to(path, &name).map_err(|what| {
+                fault(
+                    path,
+                    format!("mtllib: `{name}` is {what}; only files next to the scene are read"),
+                    "put the library next to the scene and refer to it by a relative path",
+                )
+            })
+        };
+        let whole = resolve(line)?;
+        if whole.is_file() || !line.contains(char::is_whitespace) {
+            files.push(whole);
+        } else {
+            for name in line.split_whitespace() {
+                files.push(resolve(name)?);
+            }
+        }
+    }
+    files.dedup();
+    Ok(files)
+}
+
+fn convert(entry: &Entry, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result<Material> {
+    let clamped = |color: Option<Vec3>| color.map(|color| color.min(Vec3::ONE));
+    let diffuse = clamped(entry.diffuse).unwrap_or(Vec3::splat(0.8));
+    let shiny = entry.model.is_none_or(|model| model >= 2);
+    let specular = clamped(entry.specular).filter(|_| shiny).unwrap_or(Vec3::ZERO);
+    let opacity = entry.dissolve.unwrap_or(1.0);
+    let glass = matches!(entry.model, Some(4 | 6 | 7 | 9))
+        && (entry.filter.is_some() || (opacity == 1.0 && entry.dissolve_map.is_none()));
+    let metal = !glass
+        && entry.metallic.is_none()
+        && diffuse.max_element() < 0.01
+        && specular.max_element() > 0.1
+        && entry.diffuse_map.is_none();
+    let roughness = match (entry.roughness, entry.exponent) {
+        (Some(roughness), _) => roughness,
+        _ if glass => 0.0,
+        // The square root of the microfacet width.
+        (None, Some(exponent)) => (2.0 / (exponent + 2.0)).sqrt().sqrt(),
+        // Models from 3 on trace reflections.
+        (None, None) => f32::from(u8::from(entry.model.is_none_or(|model| model < 3))),
+    };
+    let mut material = Material {
+        name: entry.name.clone(),
+        base_color: diffuse,
+        roughness,
+        metallic: entry.metallic.unwrap_or(0.0),
+        // An index of 1 is what exporters write when they know none.
+        ior: entry.ior.filter(|ior| *ior > 1.0).unwrap_or(1.5),
+        emission: entry.emission.unwrap_or(Vec3::ZERO),
+        ..Material::default()
+    };
+    if glass {
+        material.base_color = clamped(entry.filter).unwrap_or(Vec3::ONE);
+        material.specular = 1.0;
+        material.transmission = 1.0;
+        material.ior = entry.ior.filter(|ior| *ior >= 1.0).unwrap_or(1.5);
+        material.volume = Some(Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY });
+    } else if metal {
+        material.base_color = specular;
+        material.metallic = 1.0;
+    } else if specular != Vec3::ZERO || entry.metallic.is_some() {
+        material.specular = 1.0;
+        material.specular_color = if entry.metallic.is_some() { Vec3::ONE } else { 2.0 * specular };
+    }
+    if !glass && (opacity < 1.0 || entry.dissolve_map.is_some()) {
+        material.opacity = opacity;
+        material.alpha_mode = AlphaMode::Blend;
+    }
+    let dissolve = entry.dissolve_map.as_deref().filter(|_| !glass);
+    let base = entry.diffuse_map.as_deref().filter(|_| !glass);
+    material.base_color_texture = maps.base(&entry.name, base, dissolve, hash)?;
+    material.emission_texture = maps.single(&entry.name, entry.emission_map.as_deref(), hash)?;
+    material.normal_texture = maps.single(&entry.name, entry.normal_map.as_deref(), hash)?;
+    Ok(material)
+}

@@ -1,0 +1,67 @@
+//! Decoding PNG and JPEG, within bounds.
+
+use std::io::Cursor;
+
+use image::{ImageFormat, ImageReader, Limits};
+
+/// Pixels a side.
+const MAX_SIDE: u32 = 16384;
+
+/// All pictures together. A few kilobytes of PNG can stand for any number of pixels.
+const MAX_TEXELS: u64 = 1 << 27;
+
+/// A decoded picture.
+pub(super) struct Picture {
+    pub width: u32,
+    pub height: u32,
+    /// RGBA, row 0 at the top.
+    pub texels: Vec<[u8; 4]>,
+}
+
+/// What is wrong with a picture: the rest of a sentence that begins with its name.
+pub(super) struct Fault {
+    pub fault: String,
+    pub help: String,
+}
+
+/// The pictures of one scene, counted together.
+#[derive(Default)]
+pub(super) struct Pictures {
+    texels: u64,
+}
+
+impl Pictures {
+    pub(super) fn decode(&mut self, bytes: &[u8]) -> Result<Picture, Fault> {
+        let Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = image::guess_format(bytes) else {
+            return Err(Fault {
+                fault: "is neither PNG nor JPEG".into(),
+                help: "export the scene with PNG or JPEG pictures".into(),
+            });
+        };
+        let broken = |error: image::ImageError| Fault {
+            fault: format!("cannot be decoded: {error}"),
+            help: "save the picture again as PNG or JPEG".into(),
+        };
+        let (width, height) =
+            ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(broken)?;
+        self.texels = self.texels.saturating_add(u64::from(width) * u64::from(height));
+        if width > MAX_SIDE || height > MAX_SIDE || width == 0 || height == 0 || self.texels > MAX_TEXELS {
+            return Err(Fault {
+                fault: format!("is {width}x{height} pixels"),
+                help: format!(
+                    "make it smaller: at most {MAX_SIDE} pixels a side, and {MAX_TEXELS} in all pictures together"
+                ),
+            });
+        }
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_SIDE);
+        limits.max_image_height = Some(MAX_SIDE);
+        // 16-bit RGBA is the widest that PNG has.
+        limits.max_alloc = Some(8 * MAX_TEXELS);
+        reader.limits(limits);
+        let decoded = reader.decode().map_err(broken)?.into_rgba8();
+        let texels = decoded.pixels().map(|pixel| pixel.0).collect();
+        Ok(Picture { width: decoded.width(), height: decoded.height(), texels })
+    }
+}
