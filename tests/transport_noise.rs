@@ -31,8 +31,7 @@ fn mean_and_error(values: &[f64]) -> (f64, f64) {
     (mean, (variance / count).sqrt())
 }
 
-/// z of the predicted squared error, run by run, against the squared distance of independent results from their mean. With a
-/// `tolerance` so wide that the comparison could not fail, it does.
+/// z of the predicted squared error, run by run, against the squared distance of independent results from their mean.
 fn z(predicted: &[f64], results: &[Vec<f64>]) -> f64 {
     let count = results.len() as f64;
     let mean: Vec<f64> =
