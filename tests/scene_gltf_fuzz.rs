@@ -21,7 +21,7 @@ fn check(bytes: &[u8]) {
         assert!((triangle.region as usize) < scene.regions.len());
     }
     for material in &scene.materials {
-        assert!(material.base_color_texture.is_none_or(|texture| (texture as usize) < scene.textures.len()));
+        assert!(material.textures().all(|(_, texture)| (texture.texture as usize) < scene.textures.len()));
     }
     assert!((scene.camera.right.cross(scene.camera.up) + scene.camera.forward).length() < 1e-5);
 }

@@ -1,77 +1,210 @@
-// The surface's BSDF: glTF 2.0 metallic–roughness with KHR_materials_specular and KHR_materials_ior, as
-// sample / eval / pdf. Directions are local (normal +z, on the side of wo) and point away from the surface; densities are
-// per solid angle; nobody but the caller carries a cosine. Reciprocal: eval(wo, wi) = eval(wi, wo).
+// The surface's BSDF as sample / eval / pdf. Directions are local to the geometric normal (+z, on the side of wo) and point
+// away from the surface; wi.z < 0 is light from beyond it. Densities are per solid angle.
+//
+// Values are in basic radiance L* = L/n², which refraction leaves as it is: eval returns the K of
+// L*_o = ∫ K L*_i n_i² |cosθ_i| dω_i, and K(wo, wi) = K(wi, wo), the latter seen from wi's side.
 #import warp
 #import microfacet
+#import lobes
 
-struct Bsdf {
-    base_color: vec3f,
-    metallic: f32,
-    // Dielectric reflectance at normal incidence, and at grazing incidence.
-    f0: vec3f,
-    f90: f32,
-    // Microfacet width, roughness².
-    alpha: f32,
-}
+// What a sample is: drawn from the density, or one of the deltas: mirrored, refracted into another medium, or straight on.
+const REGULAR = 0u;
+const REFLECTED = 1u;
+const REFRACTED = 2u;
+const PASSED = 3u;
 
 struct BsdfSample {
     direction: vec3f,
-    // f · cosθ / pdf
+    // Regular: K n_i² |cosθ_i| / pdf; delta: value / probability.
     weight: vec3f,
-    // 0 when nothing was sampled.
+    // Regular: per solid angle; delta: the probability, which the reversed path has too. 0 when nothing was sampled.
+    pdf: f32,
+    kind: u32,
+}
+
+// What goes straight on, and the probability with which it is sampled.
+struct Pass {
+    value: vec3f,
+    probability: f32,
+}
+
+// K and pdf of the regular lobes.
+struct Response {
+    value: vec3f,
     pdf: f32,
 }
 
-// Share of the samples that go to the microfacet lobe. It depends on the material alone, so it is the same for a path and
-// its reverse.
-fn bsdf_specular_share(bsdf: Bsdf) -> f32 {
-    let tint = mix(bsdf.f0, bsdf.base_color, bsdf.metallic);
-    let specular = max(max(tint.x, tint.y), tint.z) + 0.05 * mix(bsdf.f90, 1.0, bsdf.metallic);
-    let diffuse = max(max(bsdf.base_color.x, bsdf.base_color.y), bsdf.base_color.z) * (1.0 - bsdf.metallic);
-    return select(specular / (specular + diffuse), 0.0, specular <= 0.0);
+// The cosine beyond a smooth surface.
+fn bsdf_cosine_beyond(bsdf: Bsdf, cosine: f32) -> f32 {
+    return refracted_cosine(cosine, bsdf.eta_o / bsdf.eta_t);
+}
+
+fn bsdf_pass(bsdf: Bsdf, wo: vec3f) -> Pass {
+    if (bsdf.opacity == 1.0 && (bsdf.transmission == 0.0 || bsdf.alpha >= MIN_ALPHA)) {
+        return Pass(vec3f(0.0), 0.0);
+    }
+    return bsdf_straight(bsdf, bsdf_deltas(bsdf, wo.z, wo.z));
+}
+
+fn bsdf_straight(bsdf: Bsdf, deltas: Deltas) -> Pass {
+    // What solid glass lets through is bent.
+    let met = select(0.0, bsdf.opacity, bsdf.eta_o == bsdf.eta_t);
+    let missed = 1.0 - bsdf.opacity;
+    return Pass(vec3f(missed) + met * deltas.transmitted, missed + met * deltas.transmit);
+}
+
+// Whether there is anything but deltas.
+fn bsdf_regular(bsdf: Bsdf) -> bool {
+    return bsdf.opacity > 0.0 && (bsdf.alpha >= MIN_ALPHA || bsdf_base_weight(bsdf) > 0.0);
+}
+
+fn bsdf_response(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> Response {
+    let beyond = wi.z < 0.0;
+    if (bsdf_plain(bsdf)) {
+        let lit = wo.z > 0.0 && wi.z > 0.0;
+        return Response(select(vec3f(0.0), bsdf.base_color * INV_PI, lit), select(0.0, wi.z * INV_PI, lit));
+    }
+    // The lobes live in the frame of the shading normal, and only there: cosines outside of them are geometric.
+    let frame = frame_around(bsdf.shading);
+    let o = to_local(frame, wo);
+    var i = to_local(frame, wi);
+    if (!(wo.z > 0.0 && o.z > 0.0 && wi.z * i.z > 0.0)) {
+        return Response(vec3f(0.0), 0.0);
+    }
+    let solid = bsdf.eta_o != bsdf.eta_t;
+    let bent = beyond && solid;
+    let n_i = select(bsdf.eta_o, bsdf.eta_t, beyond);
+    let smooth_surface = bsdf.alpha < MIN_ALPHA;
+
+    // The base; under a smooth coat with the cosines of the deltas, which are geometric.
+    let coat_o = select(o.z, wo.z, smooth_surface);
+    let coat_i = abs(select(i.z, wi.z, smooth_surface));
+    let n = max(bsdf.eta_o, n_i);
+    var value = bsdf_base(bsdf, beyond) * (bsdf_coupling(bsdf, coat_o, coat_i) * INV_PI / (n * n));
+    let through = bsdf_through_share(bsdf);
+    var pdf = select(1.0 - through, through, beyond) * abs(wi.z) * INV_PI;
+
+    if (smooth_surface) {
+        pdf *= bsdf_base_share(bsdf, wo.z);
+    } else {
+        let facets = bsdf_facets(bsdf, o, i, bent, beyond);
+        value += facets.value;
+        pdf = mix(pdf, facets.pdf, bsdf_facet_share(bsdf));
+    }
+    // So that no shading normal makes a surface give back more than it receives: ∫ f |cosθ| ≤ ∫ f |cosθ_s|.
+    let visible = min(1.0, o.z / wo.z) * min(1.0, i.z / wi.z);
+    return Response(value * (visible * bsdf.opacity), pdf * bsdf.opacity);
+}
+
+// The microfacets of a rough surface, in the frame of the shading normal.
+fn bsdf_facets(bsdf: Bsdf, o: vec3f, i: vec3f, bent: bool, beyond: bool) -> Response {
+    // A thin wall sends on what it would mirror, on the other side.
+    let out = select(i, vec3f(i.xy, -i.z), beyond && !bent);
+    let n_i = select(bsdf.eta_o, bsdf.eta_t, bent);
+    // Half vector of reflection, or of refraction: normal to the facet.
+    let sum = bsdf.eta_o * o + n_i * out;
+    let squared = dot(sum, sum);
+    let h = sum * (select(1.0, -1.0, sum.z < 0.0) / sqrt(squared));
+    var cos_o = 0.5 * sqrt(squared) / bsdf.eta_o;
+    var cos_t = bsdf_cosine_beyond(bsdf, cos_o);
+    if (bent) {
+        cos_o = dot(o, h);
+        cos_t = -dot(out, h);
+        if (!(cos_o > 0.0 && cos_t > 0.0)) {
+            return Response(vec3f(0.0), 0.0);
+        }
+    }
+    let facet = bsdf_facet(bsdf, cos_o, cos_t);
+    let mirror_share = bsdf_mirror_share(bsdf, facet);
+    let color = select(facet.reflected, bsdf_glass(bsdf) * facet.clear, beyond);
+    let share = select(mirror_share, 1.0 - mirror_share, beyond);
+    let distribution = ggx_distribution(h, bsdf.alpha);
+    let masking = ggx_masking(o.z, bsdf.alpha);
+    if (bent) {
+        // Walter et al. 2007, equation 21, without its η_o².
+        let shape = distribution * (cos_o * cos_t) / squared;
+        return Response(color * (shape * (masking * ggx_masking(-out.z, bsdf.alpha))), share * shape * masking * n_i * n_i);
+    }
+    let visibility = ggx_visibility(o.z, out.z, bsdf.alpha) / (bsdf.eta_o * bsdf.eta_o);
+    return Response(color * (distribution * visibility), share * 0.25 * distribution * masking);
 }
 
 fn bsdf_eval(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> vec3f {
-    if (wo.z <= 0.0 || wi.z <= 0.0) {
-        return vec3f(0.0);
-    }
-    if (bsdf.f90 == 0.0 && bsdf.metallic == 0.0) {
-        return bsdf.base_color * INV_PI;
-    }
-    let h = normalize(wo + wi);
-    // Schlick's fifth power, multiplied out: `pow` differs from device to device.
-    let away = clamp(1.0 - dot(wo, h), 0.0, 1.0);
-    let grazing = away * away * (away * away) * away;
-    let dielectric = bsdf.f0 + (vec3f(bsdf.f90) - bsdf.f0) * grazing;
-    let metal = bsdf.base_color + (vec3f(1.0) - bsdf.base_color) * grazing;
-    let passed = 1.0 - max(max(dielectric.x, dielectric.y), dielectric.z);
-    let diffuse = bsdf.base_color * ((1.0 - bsdf.metallic) * passed * INV_PI);
-    let facets = ggx_distribution(h, bsdf.alpha) * ggx_visibility(wo.z, wi.z, bsdf.alpha);
-    return diffuse + mix(dielectric, metal, bsdf.metallic) * facets;
+    return bsdf_response(bsdf, wo, wi).value;
 }
 
 fn bsdf_pdf(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
-    if (wo.z <= 0.0 || wi.z <= 0.0) {
-        return 0.0;
-    }
-    let share = bsdf_specular_share(bsdf);
-    var pdf = (1.0 - share) * wi.z * INV_PI;
-    if (share > 0.0) {
-        pdf += share * ggx_reflected_pdf(wo.z, normalize(wo + wi), bsdf.alpha);
-    }
-    return pdf;
+    return bsdf_response(bsdf, wo, wi).pdf;
 }
 
-fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec3f) -> BsdfSample {
-    var wi: vec3f;
-    if (u.z < bsdf_specular_share(bsdf)) {
-        wi = reflect(-wo, ggx_sample_visible_normal(wo, bsdf.alpha, u.xy));
-    } else {
-        wi = square_to_cosine_hemisphere(u.xy);
+// The surface seen from beyond, where a direction is `bsdf_mirrored`.
+fn bsdf_beyond(bsdf: Bsdf) -> Bsdf {
+    var other = bsdf;
+    other.eta_o = bsdf.eta_t;
+    other.eta_t = bsdf.eta_o;
+    other.shading = vec3f(-bsdf.shading.xy, bsdf.shading.z);
+    return other;
+}
+
+fn bsdf_mirrored(direction: vec3f) -> vec3f {
+    return vec3f(direction.xy, -direction.z);
+}
+
+// The density with which the reversed path would have gone on from wi to wo.
+fn bsdf_reverse_pdf(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
+    if (wi.z > 0.0) {
+        return bsdf_pdf(bsdf, wi, wo);
     }
-    let pdf = bsdf_pdf(bsdf, wo, wi);
-    if (!(pdf > 0.0)) {
-        return BsdfSample(wi, vec3f(0.0), 0.0);
+    return bsdf_pdf(bsdf_beyond(bsdf), bsdf_mirrored(wi), bsdf_mirrored(wo));
+}
+
+// u.w chooses among the deltas and the regular lobes, u.z among these; u.xy become the direction.
+fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec4f) -> BsdfSample {
+    var wi = square_to_cosine_hemisphere(u.xy);
+    if (!bsdf_plain(bsdf)) {
+        let ratio = bsdf.eta_o / bsdf.eta_t;
+        let cos_t = bsdf_cosine_beyond(bsdf, wo.z);
+        let deltas = bsdf_deltas(bsdf, wo.z, cos_t);
+        let straight = bsdf_straight(bsdf, deltas);
+        if (u.w < straight.probability) {
+            return BsdfSample(-wo, straight.value / straight.probability, straight.probability, PASSED);
+        }
+        let reflect = bsdf.opacity * deltas.reflect;
+        if (u.w < straight.probability + reflect) {
+            return BsdfSample(vec3f(-wo.xy, wo.z), deltas.reflected / deltas.reflect, reflect, REFLECTED);
+        }
+        let refract = bsdf.opacity * deltas.transmit;
+        if (bsdf.eta_o != bsdf.eta_t && u.w < straight.probability + reflect + refract) {
+            let direction = vec3f(-ratio * wo.xy, -cos_t);
+            return BsdfSample(direction, deltas.transmitted / deltas.transmit, refract, REFRACTED);
+        }
+        wi = bsdf_sample_regular(bsdf, wo, wi, u.xyz);
     }
-    return BsdfSample(wi, bsdf_eval(bsdf, wo, wi) * (wi.z / pdf), pdf);
+    let response = bsdf_response(bsdf, wo, wi);
+    if (!(response.pdf > 0.0)) {
+        return BsdfSample(wi, vec3f(0.0), 0.0, REGULAR);
+    }
+    let n_i = select(bsdf.eta_o, bsdf.eta_t, wi.z < 0.0);
+    return BsdfSample(wi, response.value * (n_i * n_i * (abs(wi.z) / response.pdf)), response.pdf, REGULAR);
+}
+
+// A direction from the regular lobes, or 0 where a facet sends light to the wrong side. `diffuse` is one from the cosine
+// hemisphere.
+fn bsdf_sample_regular(bsdf: Bsdf, wo: vec3f, diffuse: vec3f, u: vec3f) -> vec3f {
+    let share = select(bsdf_facet_share(bsdf), 0.0, bsdf.alpha < MIN_ALPHA);
+    if (u.z >= share) {
+        return select(diffuse, bsdf_mirrored(diffuse), u.z - share < bsdf_through_share(bsdf) * (1.0 - share));
+    }
+    let frame = frame_around(bsdf.shading);
+    let o = to_local(frame, wo);
+    let h = ggx_sample_visible_normal(o, bsdf.alpha, u.xy);
+    let cos_o = dot(o, h);
+    let cos_t = bsdf_cosine_beyond(bsdf, cos_o);
+    let mirrored = u.z < share * bsdf_mirror_share(bsdf, bsdf_facet(bsdf, cos_o, cos_t));
+    var i = reflect(-o, h);
+    if (!mirrored) {
+        let ratio = bsdf.eta_o / bsdf.eta_t;
+        i = select(vec3f(i.xy, -i.z), (ratio * cos_o - cos_t) * h - ratio * o, bsdf.eta_o != bsdf.eta_t);
+    }
+    return select(vec3f(0.0), to_world(frame, i), (i.z > 0.0) == mirrored);
 }

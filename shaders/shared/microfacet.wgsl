@@ -17,8 +17,14 @@ fn ggx_visibility(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
     return 0.5 / (lambda_o + lambda_i);
 }
 
+// Smith's masking in one direction, divided by its cosine: G₁/cosθ.
+fn ggx_masking(cosine: f32, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    return 2.0 / (cosine + sqrt(a2 + (1.0 - a2) * cosine * cosine));
+}
+
 // A microfacet normal from those visible along wo: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical
-// Caps", 2023.
+// Caps", 2023. Their density per solid angle is G₁(wo)/cosθ_o · D(h) · wo·h.
 fn ggx_sample_visible_normal(wo: vec3f, alpha: f32, u: vec2f) -> vec3f {
     let stretched = normalize(vec3f(wo.xy * alpha, wo.z));
     let angle = 2.0 * PI * u.x;
@@ -26,10 +32,4 @@ fn ggx_sample_visible_normal(wo: vec3f, alpha: f32, u: vec2f) -> vec3f {
     let radius = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
     let h = vec3f(radius * cos(angle), radius * sin(angle), z) + stretched;
     return normalize(vec3f(h.xy * alpha, max(h.z, 1e-7)));
-}
-
-// Density per solid angle of the direction mirrored about such a normal: G₁(wo) D(h) / (4 cosθ_o).
-fn ggx_reflected_pdf(cos_o: f32, h: vec3f, alpha: f32) -> f32 {
-    let a2 = alpha * alpha;
-    return 0.5 * ggx_distribution(h, alpha) / (cos_o + sqrt(a2 + (1.0 - a2) * cos_o * cos_o));
 }

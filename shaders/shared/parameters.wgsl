@@ -1,9 +1,27 @@
 // What one dispatch works on. Laid out as `render::parameters::Parameters`; a test compares the two.
 
-struct Parameters {
-    resolution: vec2u,
+// One end of the rig: the camera, or the projector. The camera's own frame is the frame of all geometry.
+struct Eye {
+    // Its axes: right, up, and backwards along the optical axis.
+    right: vec3f,
+    // Radius of the aperture; 0 is a pinhole.
+    radius: f32,
+    up: vec3f,
+    // Distance of the plane in focus along the optical axis.
+    focus: f32,
+    back: vec3f,
+    padding: f32,
+    position: vec3f,
+    padding2: f32,
     // Half the extent of the image plane at distance 1, in x and y.
     tangent: vec2f,
+    resolution: vec2u,
+}
+
+struct Parameters {
+    // Where the paths of this dispatch begin, and where their connections end.
+    start: Eye,
+    end: Eye,
     // The first path of this dispatch, as pixel and sample.
     first_pixel: u32,
     first_sample: u32,
@@ -15,8 +33,19 @@ struct Parameters {
     seed: u32,
     // Marks the records of this dispatch, so that those of an earlier one cannot be taken for them.
     mark: u32,
-    // 1 where the scene emits light of its own.
-    ambient: u32,
+    // Bits, see the constants below.
+    flags: u32,
+    // Samples per image-plane area from `end`, over those from `start`.
+    end_to_start: f32,
+    // Turns the estimate of a path from the projector into one per camera sample; 1 for paths from the camera.
+    scale: f32,
+    // Radius within which photons of the specular chains are gathered, and 1 / (2 radius).
+    gather_radius: f32,
+    inverse_cell: f32,
+    // Buckets of the photons' hash grid (a power of two) minus 1; 0 where there are no photons.
+    bucket_mask: u32,
+    // Slots of a path's record.
+    stride: u32,
     // SOBOL or INDEPENDENT.
     sampling: u32,
     padding: u32,
@@ -24,6 +53,15 @@ struct Parameters {
 
 const SOBOL = 0u;
 const INDEPENDENT = 1u;
+
+// The scene emits light of its own, and this dispatch sees it.
+const AMBIENT = 1u;
+// Both ends are one pinhole: light finds back the way it came, and direct light is a diagonal.
+const COAXIAL_PINHOLE = 2u;
+// Some surface lets light straight through: shadow rays must look at what they meet.
+const PASSABLE = 4u;
+// Paths may end by Russian roulette.
+const ROULETTE = 8u;
 
 const NONE = 0xffffffffu;
 

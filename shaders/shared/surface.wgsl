@@ -1,58 +1,218 @@
-// What a ray finds where it hits: position, normal and BSDF.
+// What a ray finds where it hits: position, normal, medium and BSDF.
 #import parameters
 #import bvh
 #import bsdf
+#import corners
 #import texture
+#import warp
 
 // Laid out as `render::materials::GpuMaterial`; a test compares the two.
 struct Material {
     base_color: vec3f,
     metallic: f32,
+    // ((n − 1)/(n + 1))² · specular colour.
     f0: vec3f,
-    f90: f32,
+    specular: f32,
     emission: vec3f,
-    alpha: f32,
-    // Index of the base colour texture, or NONE.
-    texture: u32,
-    double_sided: u32,
-    padding: vec2u,
+    roughness: f32,
+    diffuse_transmission_color: vec3f,
+    diffuse_transmission: f32,
+    absorption: vec3f,
+    transmission: f32,
+    opacity: f32,
+    cutoff: f32,
+    ior: f32,
+    normal_scale: f32,
+    flags: u32,
+    // Its textures in the list.
+    textures_begin: u32,
+    textures_end: u32,
+    padding: u32,
 }
 
+const MATERIAL_DOUBLE_SIDED = 1u;
+const MATERIAL_LETS_LIGHT_THROUGH = 2u;
+const MATERIAL_BLEND = 4u;
+const MATERIAL_MASK = 8u;
+
 @group(0) @binding(3) var<storage, read> materials: array<Material>;
-// Three corners' (u, v) a triangle, in leaf order.
-@group(0) @binding(4) var<storage, read> texcoords: array<vec2f>;
 
 struct Surface {
     position: vec3f,
     // Geometric, on the side that the ray came from.
     normal: vec3f,
     emission: vec3f,
-    // The back of a one-sided surface: no light comes from it.
+    // The back of a one-sided opaque surface: no light comes from it, and none gets through.
     black: bool,
+    // The ray met the front.
+    front: bool,
+    // Per metre, of the medium behind the front; 0 unless there is one.
+    absorption: vec3f,
+    // Refractive index of that medium; 1 for thin walls and opaque surfaces.
+    ior: f32,
     bsdf: Bsdf,
+}
+
+// The material's factors at one point, after the textures.
+struct Look {
+    // Opacity in w.
+    base_color: vec4f,
+    metallic: f32,
+    roughness: f32,
+    f0: vec3f,
+    specular: f32,
+    emission: vec3f,
+    transmission: f32,
+    diffuse_transmission: f32,
+    diffuse_transmission_color: vec3f,
+    // Unit, on the front's side of the smooth surface.
+    shading: vec3f,
+}
+
+// The shading normal that a normal map's texel makes of the smooth one, in the frame of the texture coordinates: +x along
+// u, +y against v, which runs downwards. The triangle's own gradients of the mapped coordinates span the frame (TANGENT
+// attributes are not used), so mirrored pictures come out right, too.
+fn surface_bump(texture: Texture, at: Texcoords, edge1: vec3f, edge2: vec3f, normal: vec3f, texel: vec3f, scale: f32) -> vec3f {
+    let second = (texture.flags & 64u) != 0u;
+    let along1 = select(at.edge1.xy, at.edge1.zw, second);
+    let along2 = select(at.edge2.xy, at.edge2.zw, second);
+    let uv1 = vec2f(dot(texture.u.xy, along1), dot(texture.v.xy, along1));
+    let uv2 = vec2f(dot(texture.u.xy, along2), dot(texture.v.xy, along2));
+    let turn = select(-1.0, 1.0, uv1.x * uv2.y >= uv1.y * uv2.x);
+    let along_u = turn * (uv2.y * edge1 - uv1.y * edge2);
+    let along_v = turn * (uv1.x * edge2 - uv2.x * edge1);
+    let tangent = along_u - dot(along_u, normal) * normal;
+    let across = cross(normal, tangent);
+    let bitangent = select(across, -across, dot(across, along_v) > 0.0);
+    let length2 = dot(tangent, tangent);
+    let bump = (2.0 * texel - 1.0) * vec3f(scale, scale, 1.0);
+    let bumped = (bump.x * tangent + bump.y * bitangent) * inverseSqrt(length2) + bump.z * normal;
+    let usable = length2 > 0.0 && dot(bumped, bumped) > 0.0;
+    return select(normal, normalize(bumped), usable);
+}
+
+// Applies what the corners carry, and the textures.
+fn surface_texture(
+    look: ptr<function, Look>, material: u32, first: u32, weights: vec3f, edge1: vec3f, edge2: vec3f,
+) {
+    let blend = corner_blend(first, weights);
+    (*look).base_color *= blend.color;
+    let length2 = dot(blend.normal, blend.normal);
+    if (length2 > 0.0) {
+        (*look).shading = blend.normal * inverseSqrt(length2);
+    }
+    let end = materials[material].textures_end;
+    var index = materials[material].textures_begin;
+    if (index == end) {
+        return;
+    }
+    let coordinates = corner_texcoords(first);
+    let uv = coordinates.origin + weights.y * coordinates.edge1 + weights.z * coordinates.edge2;
+    for (; index < end; index += 1u) {
+        let texture = textures[index];
+        let value = texture_value(texture, select(uv.xy, uv.zw, (texture.flags & 64u) != 0u));
+        switch (texture.flags >> 8u) {
+            case ROLE_BASE_COLOR: {
+                (*look).base_color *= value;
+            }
+            case ROLE_METALLIC_ROUGHNESS: {
+                (*look).roughness *= value.y;
+                (*look).metallic *= value.z;
+            }
+            case ROLE_NORMAL: {
+                let scale = materials[material].normal_scale;
+                (*look).shading = surface_bump(texture, coordinates, edge1, edge2, (*look).shading, value.xyz, scale);
+            }
+            case ROLE_SPECULAR: {
+                (*look).specular *= value.w;
+            }
+            case ROLE_SPECULAR_COLOR: {
+                (*look).f0 *= value.xyz;
+            }
+            case ROLE_EMISSION: {
+                (*look).emission *= value.xyz;
+            }
+            case ROLE_TRANSMISSION: {
+                (*look).transmission *= value.x;
+            }
+            case ROLE_DIFFUSE_TRANSMISSION: {
+                (*look).diffuse_transmission *= value.w;
+            }
+            default: {
+                (*look).diffuse_transmission_color *= value.xyz;
+            }
+        }
+    }
+}
+
+// The shading normal in the frame of the geometric one, on the same side. At the silhouettes of coarse meshes it may lie
+// below the horizon, and is lifted above.
+fn surface_shading(normal: vec3f, shading: vec3f) -> vec3f {
+    let local = to_local(frame_around(normal), shading);
+    return normalize(vec3f(local.xy, max(local.z, 0.01)));
 }
 
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     let texel0 = bvh_triangle_texel(3u * hit.triangle);
-    let edge1 = bitcast<vec3f>(bvh_triangle_texel(3u * hit.triangle + 1u).xyz);
-    let edge2 = bitcast<vec3f>(bvh_triangle_texel(3u * hit.triangle + 2u).xyz);
+    let texel1 = bvh_triangle_texel(3u * hit.triangle + 1u);
+    let texel2 = bvh_triangle_texel(3u * hit.triangle + 2u);
+    let edge1 = bitcast<vec3f>(texel1.xyz);
+    let edge2 = bitcast<vec3f>(texel2.xyz);
     let outward = normalize(cross(edge1, edge2));
     let back = dot(outward, direction) > 0.0;
-    let material = materials[texel0.w];
+    let index = texel0.w;
+    let flags = materials[index].flags;
+
+    var look: Look;
+    look.base_color = vec4f(materials[index].base_color, materials[index].opacity);
+    look.metallic = materials[index].metallic;
+    look.roughness = materials[index].roughness;
+    look.f0 = materials[index].f0;
+    look.specular = materials[index].specular;
+    look.emission = materials[index].emission;
+    look.shading = outward;
 
     var surface: Surface;
+    surface.ior = 1.0;
+    if ((flags & MATERIAL_LETS_LIGHT_THROUGH) != 0u) {
+        look.transmission = materials[index].transmission;
+        look.diffuse_transmission = materials[index].diffuse_transmission;
+        look.diffuse_transmission_color = materials[index].diffuse_transmission_color;
+        surface.absorption = materials[index].absorption;
+        surface.ior = materials[index].ior;
+    }
     // From the barycentric coordinates: nearer to the plane than origin + t · direction.
     surface.position = bitcast<vec3f>(texel0.xyz) + hit.barycentric.x * edge1 + hit.barycentric.y * edge2;
     surface.normal = select(outward, -outward, back);
-    surface.black = back && material.double_sided == 0u;
-    surface.emission = select(material.emission, vec3f(0.0), surface.black);
-    surface.bsdf = Bsdf(material.base_color, material.metallic, material.f0, material.f90, material.alpha);
-    if (material.texture != NONE) {
-        let uv = (1.0 - hit.barycentric.x - hit.barycentric.y) * texcoords[3u * hit.triangle]
-            + hit.barycentric.x * texcoords[3u * hit.triangle + 1u]
-            + hit.barycentric.y * texcoords[3u * hit.triangle + 2u];
-        surface.bsdf.base_color *= texture_color(material.texture, uv);
+    surface.front = !back;
+    surface.bsdf.shading = vec3f(0.0, 0.0, 1.0);
+    if (texel2.w != NONE) {
+        let weights = vec3f(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
+        surface_texture(&look, index, texel2.w, weights, edge1, edge2);
+        surface.bsdf.shading = surface_shading(surface.normal, select(look.shading, -look.shading, back));
     }
+    var opacity = 1.0;
+    if ((flags & MATERIAL_BLEND) != 0u) {
+        opacity = look.base_color.w;
+    } else if ((flags & MATERIAL_MASK) != 0u) {
+        opacity = select(0.0, 1.0, look.base_color.w >= materials[index].cutoff);
+    }
+
+    let one_sided_back = back && (flags & MATERIAL_DOUBLE_SIDED) == 0u;
+    surface.black = one_sided_back && (flags & MATERIAL_LETS_LIGHT_THROUGH) == 0u && opacity > 0.0;
+    surface.emission = select(look.emission, vec3f(0.0), one_sided_back);
+
+    surface.bsdf.base_color = look.base_color.xyz;
+    surface.bsdf.metallic = look.metallic;
+    surface.bsdf.f0 = min(look.f0, vec3f(1.0)) * look.specular;
+    surface.bsdf.f90 = look.specular;
+    surface.bsdf.alpha = look.roughness * look.roughness;
+    surface.bsdf.transmission = look.transmission;
+    surface.bsdf.diffuse_transmission = look.diffuse_transmission;
+    surface.bsdf.opacity = opacity;
+    surface.bsdf.diffuse_transmission_color = look.diffuse_transmission_color;
+    surface.bsdf.eta_o = select(1.0, surface.ior, back);
+    surface.bsdf.eta_t = select(surface.ior, 1.0, back);
     return surface;
 }
 

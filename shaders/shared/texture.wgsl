@@ -1,19 +1,34 @@
-// Base colour textures: all in one buffer of RGBA8 texels, sRGB-encoded, decoded through a table (a `pow` would differ from
+// Textures: the texels of all in one array, RGBA, 8 bits each. sRGB is decoded through a table (a `pow` would differ from
 // device to device).
 #import parameters
 
-// Laid out as `render::materials::GpuTexture`; a test compares the two.
-struct TextureInfo {
-    // Index of the first texel.
-    offset: u32,
+// A material's use of a texture. Laid out as `render::textures::GpuTexture`; a test compares the two.
+struct Texture {
+    // Rows of the map from the surface's texture coordinates to the picture's, which `v` = 0 begins at the top.
+    u: vec3f,
+    first_texel: u32,
+    v: vec3f,
     width: u32,
     height: u32,
-    // Bits 0–1: wrap of u, bits 2–3: wrap of v (0 repeat, 1 mirrored, 2 clamp); bit 4: bilinear.
+    // Bits 0–1: wrap of u, bits 2–3: wrap of v (0 repeat, 1 mirrored, 2 clamp); bit 4: bilinear; bit 5: RGB is sRGB-encoded;
+    // bit 6: set of texture coordinates; from bit 8: its role.
     flags: u32,
+    padding: vec2u,
 }
 
-@group(0) @binding(5) var<storage, read> texture_infos: array<TextureInfo>;
-@group(0) @binding(6) var<storage, read> texels: array<u32>;
+const ROLE_BASE_COLOR = 0u;
+const ROLE_METALLIC_ROUGHNESS = 1u;
+const ROLE_NORMAL = 2u;
+const ROLE_SPECULAR = 3u;
+const ROLE_SPECULAR_COLOR = 4u;
+const ROLE_EMISSION = 5u;
+const ROLE_TRANSMISSION = 6u;
+const ROLE_DIFFUSE_TRANSMISSION = 7u;
+const ROLE_DIFFUSE_TRANSMISSION_COLOR = 8u;
+
+@group(0) @binding(5) var<storage, read> textures: array<Texture>;
+// Four texels to an element.
+@group(0) @binding(6) var texels: texture_storage_2d<rgba32uint, read>;
 // Linear value of each sRGB byte, four to a vector.
 @group(0) @binding(7) var<storage, read> srgb_table: array<vec4f, 64>;
 
@@ -26,28 +41,41 @@ fn texture_wrap(coordinate: i32, size: i32, mode: u32) -> u32 {
     return u32(select(within, period - 1 - within, within >= size));
 }
 
-fn texture_texel(info: TextureInfo, x: i32, y: i32) -> vec3f {
-    let column = texture_wrap(x, i32(info.width), info.flags & 3u);
-    let row = texture_wrap(y, i32(info.height), (info.flags >> 2u) & 3u);
-    let c = unpack4xU8(texels[info.offset + row * info.width + column]);
-    return vec3f(srgb_table[c.x >> 2u][c.x & 3u], srgb_table[c.y >> 2u][c.y & 3u], srgb_table[c.z >> 2u][c.z & 3u]);
+fn texture_texel(texture: Texture, x: i32, y: i32) -> vec4f {
+    let column = texture_wrap(x, i32(texture.width), texture.flags & 3u);
+    let row = texture_wrap(y, i32(texture.height), (texture.flags >> 2u) & 3u);
+    let index = texture.first_texel + row * texture.width + column;
+    let texel = textureLoad(texels, vec2u((index >> 2u) & 4095u, index >> 14u))[index & 3u];
+    let linear = unpack4x8unorm(texel);
+    if ((texture.flags & 32u) == 0u) {
+        return linear;
+    }
+    let c = unpack4xU8(texel);
+    return vec4f(
+        srgb_table[c.x >> 2u][c.x & 3u], srgb_table[c.y >> 2u][c.y & 3u], srgb_table[c.z >> 2u][c.z & 3u], linear.w,
+    );
 }
 
-// Linear colour at (u, v), v = 0 at the top row.
-fn texture_color(index: u32, uv: vec2f) -> vec3f {
-    let info = texture_infos[index];
+// The picture's coordinates of the surface's `uv`.
+fn texture_map(texture: Texture, uv: vec2f) -> vec2f {
+    return vec2f(dot(texture.u, vec3f(uv, 1.0)), dot(texture.v, vec3f(uv, 1.0)));
+}
+
+// Linear RGBA at the surface's coordinates `uv`.
+fn texture_value(texture: Texture, uv: vec2f) -> vec4f {
     // Far coordinates carry no fraction any more, and must not overflow the integers.
-    let position = clamp(uv, vec2f(-1e4), vec2f(1e4)) * vec2f(f32(info.width), f32(info.height));
-    if ((info.flags & 16u) == 0u) {
+    let mapped = clamp(texture_map(texture, uv), vec2f(-1e4), vec2f(1e4));
+    let position = mapped * vec2f(f32(texture.width), f32(texture.height));
+    if ((texture.flags & 16u) == 0u) {
         let nearest = vec2i(floor(position));
-        return texture_texel(info, nearest.x, nearest.y);
+        return texture_texel(texture, nearest.x, nearest.y);
     }
     let corner = floor(position - 0.5);
     let t = position - 0.5 - corner;
     let i = vec2i(corner);
     return mix(
-        mix(texture_texel(info, i.x, i.y), texture_texel(info, i.x + 1, i.y), t.x),
-        mix(texture_texel(info, i.x, i.y + 1), texture_texel(info, i.x + 1, i.y + 1), t.x),
+        mix(texture_texel(texture, i.x, i.y), texture_texel(texture, i.x + 1, i.y), t.x),
+        mix(texture_texel(texture, i.x, i.y + 1), texture_texel(texture, i.x + 1, i.y + 1), t.x),
         t.y,
     );
 }

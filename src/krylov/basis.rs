@@ -49,6 +49,11 @@ impl Basis {
         self.columns.push(column);
     }
 
+    /// Drops all columns; their memory is kept for columns to come.
+    pub(super) fn clear(&mut self) {
+        self.spare.append(&mut self.columns);
+    }
+
     /// Sets memory aside until `total` columns fit. Untouched pages cost nothing on common systems.
     pub(super) fn reserve(&mut self, total: usize) {
         self.columns.reserve(total.saturating_sub(self.columns.len()));

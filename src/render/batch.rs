@@ -14,19 +14,56 @@ pub struct Connection {
     pub value: [f32; 3],
 }
 
-/// Records of consecutive paths. Paths are numbered `pixel · samples + sample`; batches come in that order, without gaps.
+/// What the records of a path hold.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layout {
+    /// Paths per pixel.
+    pub(super) samples: u32,
+    /// Surfaces of a path at most.
+    pub(super) max_bounces: u32,
+    /// The first surface's connection is the direct light, which is kept apart.
+    pub(super) direct: bool,
+    /// There are connections through specular chains.
+    pub(super) gathers: bool,
+    /// There is ambient light.
+    pub(super) ambient: bool,
+    /// Camera and projector are one.
+    pub(super) symmetric: bool,
+    /// The paths start at the camera.
+    pub(super) from_camera: bool,
+}
+
+impl Layout {
+    /// Slots of a path: head, connections, connections through chains, ambient light.
+    pub(super) fn stride(&self) -> usize {
+        self.gathered(2)
+            + if self.gathers { self.max_bounces as usize - 1 } else { 0 }
+            + usize::from(self.ambient)
+    }
+
+    /// The slot of the connection from the `k`-th surface.
+    fn connected(&self, k: u32) -> usize {
+        k as usize - usize::from(self.direct)
+    }
+
+    /// The slot of the connection through a chain from the `k`-th surface, `k ≥ 2`.
+    fn gathered(&self, k: u32) -> usize {
+        self.connected(self.max_bounces + 1) + k as usize - 2
+    }
+}
+
+/// Records of consecutive paths from one end of the rig. Paths are numbered `pixel · samples + sample`; batches come in that
+/// order, without gaps; those of the projector, where it stands apart, after those of the camera.
 pub struct Batch<'a> {
     pub(super) first_path: u64,
-    pub(super) samples: u32,
-    pub(super) max_bounces: u32,
-    pub(super) ambient: bool,
+    pub(super) layout: Layout,
     pub(super) records: &'a [[u32; 4]],
 }
 
 impl Batch<'_> {
     /// Number of paths.
     pub fn len(&self) -> usize {
-        self.records.len() / self.stride()
+        self.records.len() / self.layout.stride()
     }
 
     /// Whether there are no paths.
@@ -34,48 +71,53 @@ impl Batch<'_> {
         self.records.is_empty()
     }
 
-    /// Camera pixel `j` of the batch's path `index`.
+    /// Pixel of the batch's path `index`, in the camera or the projector: where the path starts.
     pub fn pixel(&self, index: usize) -> u32 {
-        ((self.first_path + index as u64) / u64::from(self.samples)) as u32
+        ((self.first_path + index as u64) / u64::from(self.layout.samples)) as u32
     }
 
     /// Whether each connection stands for its mirror image, too: `A_ji` and `A_ij`. So for a coaxial rig; one whose
     /// projector stands apart has its paths traced from both ends instead.
     pub fn symmetric(&self) -> bool {
-        true
+        self.layout.symmetric
     }
 
     /// Which of two independent halves of the samples path `index` belongs to, 0 or 1.
     pub fn half(&self, index: usize) -> usize {
-        let sample = (self.first_path + index as u64) % u64::from(self.samples);
-        usize::from(2 * sample >= u64::from(self.samples))
+        let samples = u64::from(self.layout.samples);
+        let sample = (self.first_path + index as u64) % samples;
+        usize::from(2 * sample >= samples)
     }
 
-    /// Direct light along path `index`: `f D`, its sample of `A_jj` at one bounce. Zero where the ray met nothing.
+    /// Light of path `index` that came back the way it went, its sample of `A_jj`: direct light, in mirrors and through
+    /// glass as well. Zero where the ray met nothing, and in rigs with lenses or a projector apart.
     pub fn direct(&self, index: usize) -> [f32; 3] {
         value(self.slots(index)[0])
     }
 
-    /// Light of the scene's own that path `index` saw, in W/(m² sr); `None` where nothing emits.
+    /// Light of the scene's own that path `index` saw, in W/(m² sr); `None` where nothing emits, and for paths from the
+    /// projector.
     pub fn ambient(&self, index: usize) -> Option<[f32; 3]> {
-        self.ambient.then(|| value(self.slots(index)[self.max_bounces as usize]))
+        self.layout.ambient.then(|| value(self.slots(index)[self.layout.stride() - 1]))
     }
 
     /// The connections of path `index`, by increasing bounces.
     pub fn connections(&self, index: usize) -> impl Iterator<Item = Connection> + '_ {
-        let camera = self.pixel(index);
+        let layout = self.layout;
+        let start = self.pixel(index);
         let slots = self.slots(index);
         let surfaces = slots[0][0] & 0xff;
-        (2..=surfaces).filter_map(move |bounces| {
-            let slot = slots[bounces as usize - 1];
-            let projector = slot[0];
-            (projector != super::materials::NONE).then_some(Connection {
-                camera,
-                projector,
-                bounces,
-                value: value(slot),
-            })
-        })
+        let connected =
+            (1 + u32::from(layout.direct)..=surfaces).map(move |k| (k, slots[layout.connected(k)]));
+        let last_gathered = if layout.gathers { surfaces } else { 1 };
+        let gathered = (2..=last_gathered).map(move |k| (k, slots[layout.gathered(k)]));
+        connected.chain(gathered).filter(|(_, slot)| slot[0] != super::materials::NONE).map(
+            move |(k, slot)| {
+                let end = slot[0] & PIXEL;
+                let (camera, projector) = if layout.from_camera { (start, end) } else { (end, start) };
+                Connection { camera, projector, bounces: k + (slot[0] >> PIXEL_BITS), value: value(slot) }
+            },
+        )
     }
 
     /// Rays traced along path `index`.
@@ -88,14 +130,15 @@ impl Batch<'_> {
         (0..self.len()).filter(|&index| self.slots(index)[0][0] >> 16 != mark >> 16).count() as u64
     }
 
-    fn stride(&self) -> usize {
-        self.max_bounces as usize + usize::from(self.ambient)
-    }
-
     fn slots(&self, index: usize) -> &[[u32; 4]] {
-        &self.records[index * self.stride()..(index + 1) * self.stride()]
+        let stride = self.layout.stride();
+        &self.records[index * stride..(index + 1) * stride]
     }
 }
+
+/// A connection's pixel, below the number of its chain's surfaces.
+const PIXEL_BITS: u32 = 28;
+const PIXEL: u32 = (1 << PIXEL_BITS) - 1;
 
 fn value(slot: [u32; 4]) -> [f32; 3] {
     [f32::from_bits(slot[1]), f32::from_bits(slot[2]), f32::from_bits(slot[3])]
@@ -107,7 +150,16 @@ mod tests {
 
     /// Two paths of at most three surfaces, with ambient light.
     fn batch(records: &[[u32; 4]]) -> Batch<'_> {
-        Batch { first_path: 7, samples: 4, max_bounces: 3, ambient: true, records }
+        let layout = Layout {
+            samples: 4,
+            max_bounces: 3,
+            direct: true,
+            gathers: false,
+            ambient: true,
+            symmetric: true,
+            from_camera: true,
+        };
+        Batch { first_path: 7, layout, records }
     }
 
     const MARK: u32 = 5 << 16;

@@ -1,70 +1,128 @@
 //! A scene on the device: geometry in the pinhole's frame, materials, textures.
 
-use glam::{DMat3, DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
-use super::materials::{GpuMaterial, pack_textures, srgb_table};
+use super::materials::{MIN_ALPHA, NONE, pack_materials};
+use super::textures::{pack_normal, pack_texels, srgb_table};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::scene::bvh::Bvh;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Material, Scene, Triangle};
 
 /// Bindings 1 to 7 of group 0, in that order.
 pub(super) struct GpuScene {
     pub(super) nodes: wgpu::TextureView,
     pub(super) triangles: wgpu::TextureView,
     pub(super) materials: wgpu::Buffer,
-    pub(super) texcoords: wgpu::Buffer,
-    pub(super) texture_infos: wgpu::Buffer,
-    pub(super) texels: wgpu::Buffer,
+    pub(super) corners: wgpu::TextureView,
+    pub(super) textures: wgpu::Buffer,
+    pub(super) texels: wgpu::TextureView,
     pub(super) srgb_table: wgpu::Buffer,
     /// Whether any surface emits light of its own.
     pub(super) ambient: bool,
+    /// Whether any surface mirrors or refracts in single directions.
+    pub(super) specular: bool,
+    /// Whether any surface lets light straight through.
+    pub(super) passable: bool,
 }
 
 impl GpuScene {
     pub(super) fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
-        let corners: Vec<[Vec3; 3]> = in_pinhole_frame(scene);
-        let bvh = Bvh::build(&corners).ok_or_else(|| Error::Scene {
+        let frame = PinholeFrame::of(&scene.camera);
+        let positions: Vec<[Vec3; 3]> =
+            scene.triangles.iter().map(|t| t.positions.map(|p| frame.point(p))).collect();
+        let bvh = Bvh::build(&positions).ok_or_else(|| Error::Scene {
             path: scene.path.clone(),
             fault: "its triangles lie so close together that no search tree of bounded depth holds them"
                 .into(),
             help: "remove duplicate geometry (merge by distance) and export again".into(),
         })?;
 
+        let textured: Vec<bool> =
+            scene.materials.iter().map(|material| material.textures().next().is_some()).collect();
         let mut triangles = Vec::with_capacity(3 * bvh.order.len());
-        let mut texcoords: Vec<Vec2> = Vec::new();
-        let textured = scene.materials.iter().any(|m| m.base_color_texture.is_some());
+        let mut corners = Vec::new();
         for &index in &bvh.order {
             let triangle = &scene.triangles[index as usize];
-            let [a, b, c] = corners[index as usize];
-            let texel = |v: Vec3, word: u32| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), word];
-            triangles.extend([texel(a, triangle.material), texel(b - a, triangle.region), texel(c - a, 0)]);
-            if textured {
-                texcoords.extend(triangle.texcoords);
+            let [a, b, c] = positions[index as usize];
+            let needs_corners = textured[triangle.material as usize] || !is_plain(triangle);
+            // Six texels a triangle; the array's size limit is far below u32::MAX, and is checked when it is made.
+            let first_corner = if needs_corners { corners.len() as u32 } else { NONE };
+            if needs_corners {
+                corners.extend(pack_corners(triangle, &frame).as_flattened());
             }
+            let texel = |v: Vec3, word: u32| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), word];
+            triangles.extend([
+                texel(a, triangle.material),
+                texel(b - a, triangle.region),
+                texel(c - a, first_corner),
+            ]);
         }
-        let materials: Vec<GpuMaterial> = scene.materials.iter().map(GpuMaterial::from).collect();
-        let (infos, texels) = pack_textures(scene);
+        let (materials, textures) = pack_materials(scene);
 
         Ok(Self {
             nodes: gpu.texel_array("search tree's nodes", &bvh.nodes)?,
             triangles: gpu.texel_array("triangles", &triangles)?,
             materials: gpu.storage("materials", &materials)?,
-            texcoords: gpu.storage("texture coordinates", &texcoords)?,
-            texture_infos: gpu.storage("texture descriptions", &infos)?,
-            texels: gpu.storage("textures", &texels)?,
+            corners: gpu.texel_array("normals, texture coordinates and colours", &corners)?,
+            textures: gpu.storage("texture descriptions", &textures)?,
+            texels: gpu.texel_array("textures", &pack_texels(scene))?,
             srgb_table: gpu.storage("sRGB table", &srgb_table())?,
             ambient: scene.materials.iter().any(|m| m.emission != Vec3::ZERO),
+            specular: scene.materials.iter().any(|m| {
+                (m.metallic > 0.0 || m.specular > 0.0 || m.transmission > 0.0)
+                    && m.may_be_smoother_than(MIN_ALPHA)
+            }),
+            passable: scene.materials.iter().any(Material::lets_light_straight_through),
         })
     }
 }
 
-/// Corners of all triangles with the pinhole at the origin, looking along −z: precision is best near it, and a scene far
-/// from its origin loses none. Through f64, so that the shift itself costs nothing.
-fn in_pinhole_frame(scene: &Scene) -> Vec<[Vec3; 3]> {
-    let Camera { position, right, up, forward, .. } = &scene.camera;
-    let to_pinhole = DMat3::from_cols(right.as_dvec3(), up.as_dvec3(), -forward.as_dvec3()).transpose();
-    let pinhole: DVec3 = position.as_dvec3();
-    let corner = |p: Vec3| (to_pinhole * (p.as_dvec3() - pinhole)).as_vec3();
-    scene.triangles.iter().map(|t| t.positions.map(corner)).collect()
+/// The pinhole at the origin, looking along −z: precision is best near it, and a scene far from its origin loses none.
+/// Through f64, so that the shift itself costs nothing.
+struct PinholeFrame {
+    rotation: DMat3,
+    origin: DVec3,
+}
+
+impl PinholeFrame {
+    fn of(camera: &Camera) -> Self {
+        let Camera { position, right, up, forward, .. } = camera;
+        let rotation = DMat3::from_cols(right.as_dvec3(), up.as_dvec3(), -forward.as_dvec3()).transpose();
+        Self { rotation, origin: position.as_dvec3() }
+    }
+
+    fn point(&self, point: Vec3) -> Vec3 {
+        (self.rotation * (point.as_dvec3() - self.origin)).as_vec3()
+    }
+
+    fn direction(&self, direction: Vec3) -> Vec3 {
+        (self.rotation * direction.as_dvec3()).as_vec3()
+    }
+}
+
+/// Whether a triangle's corners say nothing that its material and its plane do not say: white, and as flat as 16-bit
+/// normals can tell.
+fn is_plain(triangle: &Triangle) -> bool {
+    let [a, b, c] = triangle.positions;
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let flat = |n: &Vec3| *n == Vec3::ZERO || n.distance_squared(normal) < 1e-9;
+    triangle.colors == [Triangle::WHITE; 3] && triangle.normals.iter().all(flat)
+}
+
+/// Two texels a corner: both sets of texture coordinates; normal and colour.
+fn pack_corners(triangle: &Triangle, frame: &PinholeFrame) -> [[[u32; 4]; 2]; 3] {
+    [0, 1, 2].map(|corner| {
+        let [first, second] = triangle.texcoords[corner];
+        let [red, green, blue, alpha] = triangle.colors[corner].map(u32::from);
+        [
+            [first.x, first.y, second.x, second.y].map(f32::to_bits),
+            [
+                pack_normal(frame.direction(triangle.normals[corner])),
+                red | green << 16,
+                blue | alpha << 16,
+                0,
+            ],
+        ]
+    })
 }

@@ -1,13 +1,19 @@
-//! Materials and textures as the shaders read them.
+//! Materials as the shaders read them.
 
 use glam::Vec3;
 
-use crate::scene::{Material, Scene, Wrap};
+use super::textures::GpuTexture;
+use crate::scene::{AlphaMode, Material, Scene};
 
-/// The smallest microfacet width `α` that is traced; a smaller one is raised to it.
+/// A surface whose microfacet width `α` is smaller counts as smooth.
 pub const MIN_ALPHA: f32 = 1e-3;
 
 pub(super) const NONE: u32 = u32::MAX;
+
+const DOUBLE_SIDED: u32 = 1;
+const LETS_LIGHT_THROUGH: u32 = 2;
+const BLEND: u32 = 4;
+const MASK: u32 = 8;
 
 /// Laid out as `Material` in `shaders/shared/surface.wgsl`.
 #[repr(C)]
@@ -16,95 +22,103 @@ pub(super) struct GpuMaterial {
     base_color: Vec3,
     metallic: f32,
     f0: Vec3,
-    f90: f32,
+    specular: f32,
     emission: Vec3,
-    alpha: f32,
-    texture: u32,
-    double_sided: u32,
-    padding: [u32; 2],
+    roughness: f32,
+    diffuse_transmission_color: Vec3,
+    diffuse_transmission: f32,
+    absorption: Vec3,
+    transmission: f32,
+    opacity: f32,
+    cutoff: f32,
+    ior: f32,
+    normal_scale: f32,
+    flags: u32,
+    textures_begin: u32,
+    textures_end: u32,
+    padding: u32,
 }
 
-impl From<&Material> for GpuMaterial {
-    fn from(material: &Material) -> Self {
-        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ = factor.
+impl GpuMaterial {
+    /// A material whose textures are `begin..end` of the list.
+    fn new(material: &Material, [begin, end]: [u32; 2]) -> Self {
+        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ = factor. The
+        // shader takes the minimum and the factor, since both may have a texture.
         let normal_incidence = ((material.ior - 1.0) / (material.ior + 1.0)).powi(2);
-        let f0 = (normal_incidence * material.specular_color).min(Vec3::ONE) * material.specular;
+        let through = material.lets_light_through();
+        // An opaque surface has no other side for a medium to be on.
+        let volume = material.volume.filter(|_| through);
+        let (mode, cutoff) = match material.alpha_mode {
+            AlphaMode::Opaque => (0, 0.0),
+            AlphaMode::Mask { cutoff } => (MASK, cutoff),
+            AlphaMode::Blend => (BLEND, 0.0),
+        };
+        let flag = |set, flag| if set { flag } else { 0 };
         Self {
             base_color: material.base_color,
             metallic: material.metallic,
-            f0,
-            f90: material.specular,
+            f0: normal_incidence * material.specular_color,
+            specular: material.specular,
             emission: material.emission,
-            alpha: (material.roughness * material.roughness).max(MIN_ALPHA),
-            texture: material.base_color_texture.unwrap_or(NONE),
-            double_sided: u32::from(material.double_sided),
-            padding: [0; 2],
+            roughness: material.roughness,
+            diffuse_transmission_color: material.diffuse_transmission_color,
+            diffuse_transmission: material.diffuse_transmission,
+            absorption: volume.map_or(Vec3::ZERO, |volume| volume.absorption()),
+            transmission: material.transmission,
+            opacity: material.opacity,
+            cutoff,
+            // An index of 0 stands for a Fresnel term of 1: no light enters to be bent.
+            ior: if volume.is_some() && material.ior > 0.0 { material.ior } else { 1.0 },
+            normal_scale: material.normal_scale,
+            flags: mode | flag(material.double_sided, DOUBLE_SIDED) | flag(through, LETS_LIGHT_THROUGH),
+            textures_begin: begin,
+            textures_end: end,
+            padding: 0,
         }
     }
 }
 
-/// Laid out as `TextureInfo` in `shaders/shared/texture.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-pub(super) struct GpuTexture {
-    offset: u32,
-    width: u32,
-    height: u32,
-    flags: u32,
-}
-
-/// All textures of a scene: their descriptions, and their texels one after the other.
-pub(super) fn pack_textures(scene: &Scene) -> (Vec<GpuTexture>, Vec<[u8; 4]>) {
-    let mut infos = Vec::with_capacity(scene.textures.len());
-    let mut texels = Vec::new();
-    for texture in &scene.textures {
-        let wrap = texture.wrap.map(|wrap| match wrap {
-            Wrap::Repeat => 0,
-            Wrap::MirroredRepeat => 1,
-            Wrap::ClampToEdge => 2,
-        });
-        infos.push(GpuTexture {
-            // The buffer's size limit is far below u32::MAX texels, and is checked when it is made.
-            offset: texels.len() as u32,
-            width: texture.width,
-            height: texture.height,
-            flags: wrap[0] | wrap[1] << 2 | u32::from(texture.linear) << 4,
-        });
-        texels.extend_from_slice(&texture.texels);
-    }
-    (infos, texels)
-}
-
-/// The linear value of each sRGB byte (IEC 61966-2-1).
-pub(super) fn srgb_table() -> Vec<f32> {
-    let decode = |byte: u32| {
-        let c = f64::from(byte) / 255.0;
-        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
-    };
-    (0..256).map(|byte| decode(byte) as f32).collect()
+/// All materials of a scene, and the list of their textures, material by material.
+pub(super) fn pack_materials(scene: &Scene) -> (Vec<GpuMaterial>, Vec<GpuTexture>) {
+    let mut textures = Vec::new();
+    let materials = scene
+        .materials
+        .iter()
+        .map(|material| {
+            let begin = textures.len() as u32;
+            textures.extend(GpuTexture::of(scene, material));
+            GpuMaterial::new(material, [begin, textures.len() as u32])
+        })
+        .collect();
+    (materials, textures)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::render::parameters::tests::{assert_layout, offsets};
+    use crate::scene::Volume;
     use std::mem::{offset_of, size_of};
 
     #[test]
     fn materials_lie_as_the_shader_reads_them() {
-        let members = offsets!(GpuMaterial: base_color, metallic, f0, f90, emission, alpha, texture, double_sided, padding);
+        let members = offsets!(GpuMaterial: base_color, metallic, f0, specular, emission, roughness,
+            diffuse_transmission_color, diffuse_transmission, absorption, transmission, opacity, cutoff, ior, normal_scale,
+            flags, textures_begin, textures_end, padding);
         assert_layout("trace_paths", "Material", members, size_of::<GpuMaterial>());
     }
 
     #[test]
-    fn textures_lie_as_the_shader_reads_them() {
-        let members = offsets!(GpuTexture: offset, width, height, flags);
-        assert_layout("trace_paths", "TextureInfo", members, size_of::<GpuTexture>());
-    }
-
-    #[test]
-    fn a_lambertian_has_no_specular_lobe() {
-        let material = GpuMaterial::from(&Material { specular: 0.0, ..Material::default() });
-        assert_eq!((material.f0, material.f90), (Vec3::ZERO, 0.0));
+    fn only_a_volume_that_light_enters_has_an_index_and_absorbs() {
+        let volume = Volume { attenuation_color: Vec3::splat(0.5), attenuation_distance: 1.0 };
+        let solid = Material { volume: Some(volume), transmission: 1.0, ..Material::default() };
+        let packed = GpuMaterial::new(&solid, [0; 2]);
+        assert_eq!((packed.ior, packed.absorption), (1.5, volume.absorption()));
+        for other in
+            [Material { volume: None, ..solid.clone() }, Material { transmission: 0.0, ..solid.clone() }]
+        {
+            let packed = GpuMaterial::new(&other, [0; 2]);
+            assert_eq!((packed.ior, packed.absorption), (1.0, Vec3::ZERO));
+        }
     }
 }

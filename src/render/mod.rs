@@ -36,17 +36,22 @@
 //! * Emission is seen along the camera's paths only, and makes the ambient photo.
 
 mod batch;
+mod dispatch;
 mod geometry;
 mod materials;
 mod parameters;
+mod photons;
 mod pipeline;
+mod rig;
 mod sampler;
 #[cfg(test)]
 mod tests;
+mod textures;
 mod tracer;
 
 pub use batch::{Batch, Connection};
 pub use materials::MIN_ALPHA;
+pub use photons::Gather;
 pub use sampler::Sampler;
 pub use tracer::{MAX_BOUNCES, Progress, TraceSettings, TraceSummary, Tracer};
 

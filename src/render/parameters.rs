@@ -1,11 +1,29 @@
 //! The uniform block of a dispatch.
 
+use glam::Vec3;
+
+/// Laid out as `Eye` in `shaders/shared/parameters.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub(super) struct GpuEye {
+    pub(super) right: Vec3,
+    pub(super) radius: f32,
+    pub(super) up: Vec3,
+    pub(super) focus: f32,
+    pub(super) back: Vec3,
+    pub(super) padding: f32,
+    pub(super) position: Vec3,
+    pub(super) padding2: f32,
+    pub(super) tangent: [f32; 2],
+    pub(super) resolution: [u32; 2],
+}
+
 /// Laid out as `Parameters` in `shaders/shared/parameters.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Parameters {
-    pub(super) resolution: [u32; 2],
-    pub(super) tangent: [f32; 2],
+    pub(super) start: GpuEye,
+    pub(super) end: GpuEye,
     pub(super) first_pixel: u32,
     pub(super) first_sample: u32,
     pub(super) paths: u32,
@@ -13,9 +31,23 @@ pub(super) struct Parameters {
     pub(super) max_bounces: u32,
     pub(super) seed: u32,
     pub(super) mark: u32,
-    pub(super) ambient: u32,
+    pub(super) flags: u32,
+    pub(super) end_to_start: f32,
+    pub(super) scale: f32,
+    pub(super) gather_radius: f32,
+    pub(super) inverse_cell: f32,
+    pub(super) bucket_mask: u32,
+    pub(super) stride: u32,
     pub(super) sampling: u32,
     pub(super) padding: u32,
+}
+
+/// Bits of [`Parameters::flags`], as in the shader.
+pub(super) mod flags {
+    pub(in crate::render) const AMBIENT: u32 = 1;
+    pub(in crate::render) const COAXIAL_PINHOLE: u32 = 2;
+    pub(in crate::render) const PASSABLE: u32 = 4;
+    pub(in crate::render) const ROULETTE: u32 = 8;
 }
 
 #[cfg(test)]
@@ -41,13 +73,20 @@ pub(super) mod tests {
     }
 
     macro_rules! offsets {
-        ($ty:ty: $($member:ident),*) => { &[$((stringify!($member), offset_of!($ty, $member))),*] };
+        ($ty:ty: $($member:ident),* $(,)?) => { &[$((stringify!($member), offset_of!($ty, $member))),*] };
     }
     pub(in crate::render) use offsets;
 
     #[test]
     fn parameters_lie_as_the_shader_reads_them() {
-        let members = offsets!(Parameters: resolution, tangent, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, ambient, sampling, padding);
+        let members = offsets!(
+            Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, flags, end_to_start,
+            scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, padding
+        );
         assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
+        let members = offsets!(
+            GpuEye: right, radius, up, focus, back, padding, position, padding2, tangent, resolution
+        );
+        assert_layout("trace_paths", "Eye", members, size_of::<GpuEye>());
     }
 }

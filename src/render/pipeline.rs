@@ -7,7 +7,7 @@ use super::parameters::Parameters;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, shader};
 
-/// A kernel whose group 0 is the scene and whose group 1 is its output.
+/// A kernel whose group 0 is the scene and whose group 1 is its output, with the chains that it gathers from.
 pub(super) struct Pipeline {
     pipeline: wgpu::ComputePipeline,
     scene_layout: wgpu::BindGroupLayout,
@@ -35,13 +35,14 @@ impl Pipeline {
                     TEXEL_ARRAY,
                     TEXEL_ARRAY,
                     storage(true),
+                    TEXEL_ARRAY,
                     storage(true),
-                    storage(true),
-                    storage(true),
+                    TEXEL_ARRAY,
                     storage(true),
                 ],
             );
-            let output_layout = bind_group_layout(gpu, "output", &[storage(false)]);
+            let output_layout =
+                bind_group_layout(gpu, "output", &[storage(false), storage(true), storage(true)]);
             let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(name),
                 bind_group_layouts: &[Some(&scene_layout), Some(&output_layout)],
@@ -59,8 +60,14 @@ impl Pipeline {
         })
     }
 
-    /// Buffers for `bytes` of results of this kernel over `scene`.
-    pub(super) fn output(&self, gpu: &Gpu, scene: &GpuScene, bytes: u64) -> Result<Output> {
+    /// Buffers for `bytes` of results of this kernel over `scene`, with these chains to gather from.
+    pub(super) fn output(
+        &self,
+        gpu: &Gpu,
+        scene: &GpuScene,
+        chains: &PhotonBuffers,
+        bytes: u64,
+    ) -> Result<Output> {
         let results = gpu.buffer("path records", bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
         let readback = gpu.buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
         let uniform_bytes = size_of::<Parameters>() as u64;
@@ -76,16 +83,30 @@ impl Pipeline {
                     view(&scene.nodes),
                     view(&scene.triangles),
                     scene.materials.as_entire_binding(),
-                    scene.texcoords.as_entire_binding(),
-                    scene.texture_infos.as_entire_binding(),
-                    scene.texels.as_entire_binding(),
+                    view(&scene.corners),
+                    scene.textures.as_entire_binding(),
+                    view(&scene.texels),
                     scene.srgb_table.as_entire_binding(),
                 ],
             );
-            let output_group = bind_group(gpu, &self.output_layout, [results.as_entire_binding()]);
+            let output_group = bind_group(
+                gpu,
+                &self.output_layout,
+                [
+                    results.as_entire_binding(),
+                    chains.photons.as_entire_binding(),
+                    chains.buckets.as_entire_binding(),
+                ],
+            );
             Output { parameters, results, readback, scene_group, output_group }
         })
     }
+}
+
+/// The specular chains of an eye as the shaders read them.
+pub(super) struct PhotonBuffers {
+    pub(super) photons: wgpu::Buffer,
+    pub(super) buckets: wgpu::Buffer,
 }
 
 /// Where a kernel's results land and are read from.
@@ -141,7 +162,7 @@ impl Output {
     }
 }
 
-const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
+pub(super) const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
     access: wgpu::StorageTextureAccess::ReadOnly,
     format: wgpu::TextureFormat::Rgba32Uint,
     view_dimension: wgpu::TextureViewDimension::D2,

@@ -1,32 +1,28 @@
-//! Driving the kernels: dispatches sized by measured time, read back in path order, checked by the canary.
+//! Tracing a scene: the light paths of either end of the rig, batch by batch.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::batch::Batch;
+use super::batch::{Batch, Layout};
+use super::dispatch::{BatchSize, Dispatches, MAX_PATHS};
 use super::geometry::GpuScene;
-use super::parameters::Parameters;
+use super::parameters::{GpuEye, Parameters, flags};
+use super::photons::{Gather, PhotonMap};
 use super::pipeline::Pipeline;
+use super::rig::Rig;
 use super::sampler::Sampler;
 use crate::error::{Error, Result};
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
-use crate::scene::{Camera, Scene};
+use crate::scene::Scene;
 
 /// The most surfaces that a path may meet: ray and surface counts share a word with the canary.
 pub const MAX_BOUNCES: u32 = 64;
 
-/// A dispatch aims at this time: short enough for progress, cancellation and a GPU's watchdog, long enough that its
-/// overhead does not show.
-const TARGET: Duration = Duration::from_millis(100);
-
-/// Bytes of records read back at a time, at most.
-const RECORD_BYTES: u64 = 64 << 20;
-
 /// What to trace.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSettings {
     /// Pixels of the camera, and of the projector where it has none of its own.
     pub resolution: Resolution,
@@ -40,12 +36,25 @@ pub struct TraceSettings {
     pub seed: u32,
     /// How they are spread.
     pub sampler: Sampler,
+    /// Ends dim paths by chance. At six bounces that costs more variance than it saves time.
+    pub russian_roulette: bool,
+    /// How finely the specular chains of the far end are mapped, where the scene has any.
+    pub gather: Gather,
 }
 
 impl TraceSettings {
     /// `samples` light paths of up to six surfaces from each of the camera's pixels.
     pub fn new(resolution: Resolution, samples: u32) -> Self {
-        Self { resolution, projector: None, samples, max_bounces: 6, seed: 0, sampler: Sampler::Sobol }
+        Self {
+            resolution,
+            projector: None,
+            samples,
+            max_bounces: 6,
+            seed: 0,
+            sampler: Sampler::Sobol,
+            russian_roulette: false,
+            gather: Gather::default(),
+        }
     }
 }
 
@@ -77,9 +86,23 @@ pub struct TraceSummary {
 pub struct Tracer {
     gpu: Gpu,
     scene: GpuScene,
-    camera: Camera,
+    rig: Rig,
     paths: Pipeline,
-    dispatched: u32,
+    dispatches: Dispatches,
+}
+
+/// The paths of one end of the rig.
+pub(super) struct Strategy {
+    /// Of each dispatch, but for which paths are its own.
+    pub(super) parameters: Parameters,
+    chains: PhotonMap,
+    layout: Layout,
+}
+
+impl Strategy {
+    pub(super) fn paths(&self) -> u64 {
+        self.parameters.start.pixels() * u64::from(self.parameters.samples)
+    }
 }
 
 impl Tracer {
@@ -91,7 +114,7 @@ impl Tracer {
         let gpu = Gpu::open(adapter)?;
         let uploaded = GpuScene::upload(&gpu, scene)?;
         let paths = Pipeline::new(&gpu, "trace_paths")?;
-        Ok(Self { gpu, scene: uploaded, camera: scene.camera.clone(), paths, dispatched: 0 })
+        Ok(Self { gpu, scene: uploaded, rig: Rig::new(scene), paths, dispatches: Dispatches::default() })
     }
 
     /// The adapter in use.
@@ -99,8 +122,19 @@ impl Tracer {
         &self.gpu.summary
     }
 
-    /// Traces `settings.samples` paths per pixel and hands them to `visit` in path order, batch by batch. The batches'
-    /// limits depend on the machine's speed; nothing that is summed up in path order does.
+    /// Whether camera and projector are one, so that the matrix is square and symmetric.
+    pub fn symmetric(&self, settings: &TraceSettings) -> bool {
+        self.rig.coaxial(settings)
+    }
+
+    /// Pixels of the projector.
+    pub fn projector_resolution(&self, settings: &TraceSettings) -> Resolution {
+        settings.projector.unwrap_or(settings.resolution)
+    }
+
+    /// Traces `settings.samples` paths per camera pixel, and about as many in all from a projector that stands apart,
+    /// and hands them to `visit` in path order, batch by batch. The batches' limits depend on the machine's speed; nothing
+    /// that is summed up in path order does.
     ///
     /// # Errors
     /// [`Error::Interrupted`] when `progress` breaks, within one dispatch; [`Error::UnfinishedPaths`] when the driver
@@ -112,38 +146,134 @@ impl Tracer {
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<TraceSummary> {
         check(settings)?;
-        let total = settings.resolution.pixels() as u64 * u64::from(settings.samples);
-        let stride = u64::from(settings.max_bounces) + u64::from(self.scene.ambient);
-        let room = RECORD_BYTES.min(self.gpu.summary.max_storage_binding).min(self.gpu.summary.max_buffer);
-        let capacity = (room / (16 * stride)).min(u64::from(MAX_PATHS)).min(total.max(64)) as u32;
-        let slots = self.paths.output(&self.gpu, &self.scene, u64::from(capacity) * stride * 16)?;
-
+        let strategies = self.strategies(settings)?;
+        let total = strategies.iter().map(Strategy::paths).sum();
         let mut summary = TraceSummary::default();
-        let mut size = BatchSize { paths: 64, most: capacity, warm: false };
-        while summary.paths < total {
+        for strategy in &strategies {
+            self.run(strategy, total, &mut summary, progress, visit)?;
+        }
+        // A break at the very end changes nothing any more: everything has been traced.
+        let _ = progress(Progress { done: total, total });
+        Ok(summary)
+    }
+
+    /// From the camera; and from the projector too, unless it is the same.
+    pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
+        let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
+        if self.rig.coaxial(settings) {
+            return Ok(vec![self.strategy(settings, [camera, camera], [settings.samples; 2], true)?]);
+        }
+        let share = camera.pixels() as f64 / projector.pixels() as f64;
+        let samples = [settings.samples, (f64::from(settings.samples) * share).round().max(1.0) as u32];
+        Ok(vec![
+            self.strategy(settings, [camera, projector], samples, true)?,
+            self.strategy(settings, [projector, camera], [samples[1], samples[0]], false)?,
+        ])
+    }
+
+    /// The paths from the first of two ends to the second, which have these samples per pixel.
+    fn strategy(
+        &mut self,
+        settings: &TraceSettings,
+        [start, end]: [GpuEye; 2],
+        [samples, end_samples]: [u32; 2],
+        from_camera: bool,
+    ) -> Result<Strategy> {
+        let coaxial = self.rig.coaxial(settings);
+        let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
+        let ambient = self.scene.ambient && from_camera;
+        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
+        let end_to_start =
+            if coaxial { 1.0 } else { starts(&end, end_samples) / starts(&start, samples) } as f32;
+        let mut parameters = Parameters {
+            start,
+            end,
+            first_pixel: 0,
+            first_sample: 0,
+            paths: 0,
+            samples,
+            max_bounces: settings.max_bounces,
+            // The two ends' paths share no numbers.
+            seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
+            mark: 0,
+            flags: flag(ambient, flags::AMBIENT)
+                | flag(coaxial_pinhole, flags::COAXIAL_PINHOLE)
+                | flag(self.scene.passable, flags::PASSABLE)
+                | flag(settings.russian_roulette, flags::ROULETTE),
+            end_to_start,
+            // A path from the projector estimates per projector sample what one from the camera does per camera sample.
+            scale: if from_camera { 1.0 } else { end_to_start },
+            gather_radius: 0.0,
+            inverse_cell: 0.0,
+            bucket_mask: 0,
+            stride: 0,
+            sampling: settings.sampler.word(),
+            padding: 0,
+        };
+        let chains = if self.scene.specular {
+            let dispatches = &mut self.dispatches;
+            PhotonMap::trace(&self.gpu, &self.scene, end, settings.gather, &parameters, dispatches)?
+        } else {
+            PhotonMap::empty(&self.gpu)?
+        };
+        let layout = Layout {
+            samples,
+            max_bounces: settings.max_bounces,
+            direct: coaxial_pinhole,
+            gathers: chains.bucket_mask != 0,
+            ambient,
+            symmetric: coaxial,
+            from_camera,
+        };
+        parameters.stride = layout.stride() as u32;
+        parameters.bucket_mask = chains.bucket_mask;
+        parameters.gather_radius = chains.radius;
+        parameters.inverse_cell = chains.inverse_cell();
+        Ok(Strategy { parameters, chains, layout })
+    }
+
+    pub(super) fn run(
+        &mut self,
+        strategy: &Strategy,
+        total: u64,
+        summary: &mut TraceSummary,
+        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+        visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
+    ) -> Result<()> {
+        let stride = u64::from(strategy.parameters.stride);
+        let samples = u64::from(strategy.parameters.samples);
+        let paths = strategy.paths();
+        let capacity = self.dispatches.capacity(&self.gpu, stride, paths);
+        let bytes = u64::from(capacity) * stride * 16;
+        let slots = self.paths.output(&self.gpu, &self.scene, &strategy.chains.buffers, bytes)?;
+        let mut size = BatchSize::new(capacity);
+        let mut done = 0;
+        while done < paths {
             if progress(Progress { done: summary.paths, total }).is_break() {
                 return Err(Error::Interrupted);
             }
             let start = Instant::now();
-            let paths = u64::from(size.paths).min(total - summary.paths) as u32;
-            let parameters = self.parameters(settings, summary.paths, paths);
-            let bytes = u64::from(paths) * stride * 16;
-            let view = slots.run(&self.gpu, &self.paths, &parameters, bytes)?;
-            let elapsed = start.elapsed();
-            let batch = Batch {
-                first_path: summary.paths,
-                samples: settings.samples,
-                max_bounces: settings.max_bounces,
-                ambient: self.scene.ambient,
-                records: bytemuck::cast_slice(&view),
+            let count = u64::from(size.paths()).min(paths - done) as u32;
+            let parameters = Parameters {
+                first_pixel: (done / samples) as u32,
+                first_sample: (done % samples) as u32,
+                paths: count,
+                mark: self.dispatches.mark(),
+                ..strategy.parameters
             };
+            let view = slots.run(&self.gpu, &self.paths, &parameters, u64::from(count) * stride * 16)?;
+            let elapsed = start.elapsed();
+            let batch =
+                Batch { first_path: done, layout: strategy.layout, records: bytemuck::cast_slice(&view) };
             let unfinished = batch.unfinished(parameters.mark);
             if unfinished > 0 {
-                return Err(Error::UnfinishedPaths { unfinished, total: u64::from(paths) });
+                return Err(Error::UnfinishedPaths { unfinished, total: u64::from(count) });
             }
             visit(&batch)?;
             summary.rays += (0..batch.len()).into_par_iter().map(|index| batch.rays(index)).sum::<u64>();
-            summary.paths += u64::from(paths);
+            done += u64::from(count);
+            summary.paths += u64::from(count);
             summary.dispatches += 1;
             summary.longest = summary.longest.max(elapsed);
             summary.tracing += elapsed;
@@ -151,12 +281,10 @@ impl Tracer {
             slots.release();
             size.adapt(elapsed);
         }
-        // A break at the very end changes nothing any more: everything has been traced.
-        let _ = progress(Progress { done: total, total });
-        Ok(summary)
+        Ok(())
     }
 
-    /// The region (index into [`Scene::regions`]) that each pixel's centre sees; `None` where it sees nothing.
+    /// The region (index into [`Scene::regions`]) that each camera pixel's centre sees; `None` where it sees nothing.
     ///
     /// # Errors
     /// [`Error::Device`] when the device failed.
@@ -164,13 +292,16 @@ impl Tracer {
         let kernel = Pipeline::new(&self.gpu, "primary_regions")?;
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         check(&settings)?;
+        let camera = self.rig.camera(&settings);
+        let template = self.strategy(&settings, [camera; 2], [1; 2], true)?;
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);
-        let slots = kernel.output(&self.gpu, &self.scene, capacity * 4)?;
+        let slots = kernel.output(&self.gpu, &self.scene, &template.chains.buffers, capacity * 4)?;
         let mut regions = Vec::with_capacity(resolution.pixels());
         while (regions.len() as u64) < total {
-            let pixels = capacity.min(total - regions.len() as u64);
-            let parameters = self.parameters(&settings, regions.len() as u64, pixels as u32);
+            let first_pixel = regions.len() as u32;
+            let pixels = capacity.min(total - u64::from(first_pixel));
+            let parameters = Parameters { first_pixel, paths: pixels as u32, ..template.parameters };
             let view = slots.run(&self.gpu, &kernel, &parameters, pixels * 4)?;
             let seen: &[u32] = bytemuck::cast_slice(&view);
             regions.extend(seen.iter().map(|&region| (region != super::materials::NONE).then_some(region)));
@@ -178,51 +309,6 @@ impl Tracer {
             slots.release();
         }
         Ok(regions)
-    }
-
-    fn parameters(&mut self, settings: &TraceSettings, first_path: u64, paths: u32) -> Parameters {
-        let Resolution { width, height } = settings.resolution;
-        let vertical = self.camera.tan_half_fov;
-        self.dispatched = self.dispatched % 0xffff + 1;
-        Parameters {
-            resolution: [width as u32, height as u32],
-            tangent: [vertical * width as f32 / height as f32, vertical],
-            first_pixel: (first_path / u64::from(settings.samples)) as u32,
-            first_sample: (first_path % u64::from(settings.samples)) as u32,
-            paths,
-            samples: settings.samples,
-            max_bounces: settings.max_bounces,
-            seed: settings.seed,
-            mark: self.dispatched << 16,
-            ambient: u32::from(self.scene.ambient),
-            sampling: settings.sampler.word(),
-            padding: 0,
-        }
-    }
-}
-
-/// Paths in one dispatch at most: 65,535 workgroups of 64.
-const MAX_PATHS: u32 = 65_535 * 64;
-
-/// How many paths the next dispatch takes.
-struct BatchSize {
-    paths: u32,
-    most: u32,
-    /// The first dispatch of a pipeline compiles it, so its time says nothing.
-    warm: bool,
-}
-
-impl BatchSize {
-    fn adapt(&mut self, elapsed: Duration) {
-        let wish = if self.warm {
-            // Grow at most fourfold: a short dispatch is mostly overhead and would mislead.
-            f64::from(self.paths) * (TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6)).min(4.0)
-        } else {
-            4096.0
-        };
-        self.warm = true;
-        self.paths = (wish as u32).next_multiple_of(64).clamp(64, self.most.max(64));
-        self.paths = self.paths.min(self.most);
     }
 }
 

@@ -5,15 +5,18 @@ pub mod bvh;
 pub mod camera;
 mod gltf;
 pub mod material;
+mod texture;
+mod triangle;
 
 pub use camera::{Camera, Lens};
-pub use material::{Material, Texture, Wrap};
+pub use material::{AlphaMode, Material, Volume};
+pub use texture::{Texture, TextureRef, Wrap};
+pub use triangle::Triangle;
 
 use std::path::{Path, PathBuf};
 
-use glam::{Vec2, Vec3};
-
 use crate::error::{Error, Result};
+use crate::image::Resolution;
 
 /// Loads a scene, in the format that the file's extension says: `.glb` or `.gltf`.
 ///
@@ -43,12 +46,14 @@ pub struct Scene {
     pub triangles: Vec<Triangle>,
     /// Materials, indexed by [`Triangle::material`].
     pub materials: Vec<Material>,
-    /// Textures, indexed by [`Material::base_color_texture`].
+    /// Textures, indexed by [`TextureRef::texture`].
     pub textures: Vec<Texture>,
     /// The rig's camera, and its projector too where that is `None` below.
     pub camera: Camera,
     /// A projector apart from the camera, or with another lens. `None`: a coaxial rig, which makes transport symmetric.
     pub projector: Option<Camera>,
+    /// Pixels of the projector, where the scene or its rig file says.
+    pub projector_resolution: Option<Resolution>,
     /// Names of the regions, indexed by [`Triangle::region`].
     pub regions: Vec<String>,
     /// Whether the regions are the author's truth (`extras.region` in the file) or merely the mesh nodes.
@@ -57,17 +62,4 @@ pub struct Scene {
     pub hash: [u8; 32],
     /// What was ignored, once each, in plain words.
     pub warnings: Vec<String>,
-}
-
-/// One triangle. Its front is the side from which the corners run counter-clockwise.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Triangle {
-    /// Corners in metres.
-    pub positions: [Vec3; 3],
-    /// Texture coordinates at the corners, already transformed for the base colour texture; zero without a texture.
-    pub texcoords: [Vec2; 3],
-    /// Index into [`Scene::materials`].
-    pub material: u32,
-    /// Index into [`Scene::regions`].
-    pub region: u32,
 }

@@ -37,7 +37,7 @@ pub struct Gmres {
     restart: usize,
     basis: Basis,
     /// Flexible: `M⁻¹ v_j`. From the left: `A v_j`.
-    kept: Vec<Vec<f64>>,
+    kept: Basis,
     /// The columns of `R`, upper triangular.
     triangle: Vec<Vec<f64>>,
     rotations: Vec<(f64, f64)>,
@@ -62,21 +62,7 @@ impl Gmres {
     /// # Errors
     /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        Ok(Self {
-            system: System::new(b.len(), b, options)?,
-            preconditioner: options.preconditioner.clone(),
-            side: if options.preconditioner.is_some() { options.side } else { Side::Right },
-            flexible: false,
-            restart: options.restart.unwrap_or(usize::MAX),
-            basis: Basis::new(b.len()),
-            kept: Vec::new(),
-            triangle: Vec::new(),
-            rotations: Vec::new(),
-            rotated: Vec::new(),
-            hat: vec![0.0; b.len()],
-            scale: 0.0,
-            started: false,
-        })
+        Self::build(b, options, false)
     }
 
     /// FGMRES, preconditioned from the right by an `M` that may change.
@@ -85,7 +71,35 @@ impl Gmres {
     /// As [`Gmres::new`]; a preconditioner on the left is refused.
     pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Self> {
         refuse_left("FGMRES", options)?;
-        Ok(Self { flexible: options.preconditioner.is_some(), ..Self::new(b, options)? })
+        Self::build(b, options, options.preconditioner.is_some())
+    }
+
+    fn build(b: &[f64], options: &SolveOptions, flexible: bool) -> Result<Self> {
+        let system = System::new(b.len(), b, options)?;
+        let side = if options.preconditioner.is_some() { options.side } else { Side::Right };
+        let restart = options.restart.unwrap_or(usize::MAX);
+        let (mut basis, mut kept) = (Basis::new(b.len()), Basis::new(b.len()));
+        // Memory for all steps, so that none asks for it.
+        let steps = options.products.min(restart).min(b.len());
+        basis.reserve(steps + 1);
+        if flexible || side == Side::Left {
+            kept.reserve(steps);
+        }
+        Ok(Self {
+            system,
+            preconditioner: options.preconditioner.clone(),
+            side,
+            flexible,
+            restart,
+            basis,
+            kept,
+            triangle: Vec::new(),
+            rotations: Vec::new(),
+            rotated: Vec::new(),
+            hat: vec![0.0; b.len()],
+            scale: 0.0,
+            started: false,
+        })
     }
 
     /// Basis vectors and kept ones at this moment, of length `n` each.
@@ -101,7 +115,7 @@ impl Gmres {
             self.hat.copy_from_slice(&self.system.r);
         }
         let length = norm(&self.hat);
-        self.basis = Basis::new(self.hat.len());
+        self.basis.clear();
         self.kept.clear();
         self.triangle.clear();
         self.rotations.clear();
@@ -132,36 +146,26 @@ impl Gmres {
         y
     }
 
-    /// The correction of this cycle added to `x`.
-    fn add_correction(&self, x: &mut [f64]) -> Result<()> {
-        let y = self.coefficients();
-        if self.flexible {
-            for (factor, column) in y.iter().zip(&self.kept) {
-                axpy(*factor, column, x);
-            }
-            return Ok(());
-        }
-        let mut sum = vec![0.0; x.len()];
-        for (factor, column) in y.iter().zip(self.basis.columns()) {
-            axpy(*factor, column, &mut sum);
-        }
-        if self.side == Side::Right && self.preconditioner.is_some() {
-            let mut hat = vec![0.0; x.len()];
-            precondition(self.preconditioner.as_ref(), &sum, &mut hat)?;
-            sum = hat;
-        }
-        axpy(1.0, &sum, x);
-        Ok(())
+    /// This cycle's `V y` added to `sum`; flexible, `Σ y_j M⁻¹ v_j`.
+    fn combine(&self, sum: &mut [f64]) {
+        let mut y = self.coefficients();
+        let columns = if self.flexible { &self.kept } else { &self.basis };
+        // The last basis vector has no coefficient yet.
+        y.resize(columns.len(), 0.0);
+        columns.accumulate(0, &y, 1.0, sum);
     }
 
-    /// The true residual of this cycle's iterate, from what is stored.
-    fn residual(&self, r: &mut Vec<f64>) {
-        r.clear();
+    /// Whether `V y` has to be preconditioned to be a correction of `x`.
+    fn is_hatted(&self) -> bool {
+        !self.flexible && self.side == Side::Right && self.preconditioner.is_some()
+    }
+
+    /// The true residual of this cycle's iterate, from what is stored, in the place of the cycle's first residual.
+    fn residual(&self, r: &mut [f64]) {
         if self.side == Side::Left {
-            r.extend_from_slice(&self.system.r);
-            for (factor, product) in self.coefficients().iter().zip(&self.kept) {
-                axpy(-factor, product, r);
-            }
+            let mut y = self.coefficients();
+            y.resize(self.kept.len(), 0.0);
+            self.kept.accumulate(0, &y, -1.0, r);
             return;
         }
         // r = V Qᵀ (0 … 0, ρ): the rotations undone, last to first.
@@ -173,23 +177,32 @@ impl Gmres {
             coordinates[k] = -s * below;
             coordinates[k + 1] = c * below;
         }
-        r.resize(self.system.r.len(), 0.0);
-        for (factor, column) in coordinates.iter().zip(self.basis.columns()) {
-            axpy(*factor, column, r);
-        }
+        // An invariant space has no last vector, and leaves no residual along it.
+        coordinates.truncate(self.basis.len());
+        r.fill(0.0);
+        self.basis.accumulate(0, &coordinates, 1.0, r);
     }
 
     /// Ends the cycle: `x` and `r` are brought up to date, at no product.
     fn close(&mut self) -> Result<()> {
-        let mut x = self.system.x.clone();
-        self.add_correction(&mut x)?;
-        let mut r = Vec::new();
-        self.residual(&mut r);
-        self.system.x = x;
-        self.system.r = r;
-        self.started = false;
-        self.triangle.clear();
-        Ok(())
+        let mut sum = std::mem::take(&mut self.hat);
+        sum.fill(0.0);
+        self.combine(&mut sum);
+        let hatted = self.is_hatted();
+        let mut made = Ok(());
+        if hatted {
+            made = precondition(self.preconditioner.as_ref(), &sum, &mut self.system.work);
+        }
+        if made.is_ok() {
+            axpy(1.0, if hatted { &self.system.work } else { &sum }, &mut self.system.x);
+            let mut r = std::mem::take(&mut self.system.r);
+            self.residual(&mut r);
+            self.system.r = r;
+            self.started = false;
+            self.triangle.clear();
+        }
+        self.hat = sum;
+        made
     }
 }
 
@@ -217,12 +230,15 @@ impl Solver for Gmres {
             self.hat.copy_from_slice(v);
         }
         self.system.tally.product(operator, &self.hat, &mut self.system.work)?;
-        let mut w = self.system.work.clone();
-        if !right {
-            precondition(self.preconditioner.as_ref(), &self.system.work, &mut w)?;
-        }
-        let length = norm(&w);
-        let removed = orthogonalize(&self.basis, &mut w, 0);
+        // The new direction takes the product's place; from the left that of the basis vector, as the product is kept.
+        let w = if right {
+            &mut self.system.work
+        } else {
+            precondition(self.preconditioner.as_ref(), &self.system.work, &mut self.hat)?;
+            &mut self.hat
+        };
+        let length = norm(w);
+        let removed = orthogonalize(&self.basis, w, 0);
         let mut column = removed.coefficients;
         for (k, (c, s)) in self.rotations.iter().enumerate() {
             let (a, b) = (column[k], column[k + 1]);
@@ -253,19 +269,21 @@ impl Solver for Gmres {
             return Ok(Advance::Ended(SINGULAR));
         }
         if self.flexible {
-            self.kept.push(self.hat.clone());
+            self.kept.push_scaled(&self.hat, 1.0);
         } else if !right {
-            self.kept.push(self.system.work.clone());
+            self.kept.push_scaled(&self.system.work, 1.0);
         }
         if !invariant {
-            self.basis.push_scaled(&w, removed.norm);
+            self.basis.push_scaled(if right { &self.system.work } else { &self.hat }, removed.norm);
         }
         let residual = if right {
             (s * top).abs()
         } else {
-            let mut r = std::mem::take(&mut w);
+            let mut r = std::mem::take(&mut self.hat);
+            r.copy_from_slice(&self.system.r);
             self.residual(&mut r);
-            norm(&r)
+            self.hat = r;
+            norm(&self.hat)
         };
         self.system.tally.residual = residual;
         self.system.tally.best = residual;
@@ -278,9 +296,18 @@ impl Solver for Gmres {
 
     fn solution(&self) -> Vec<f64> {
         let mut x = self.system.x.clone();
-        if self.started && self.add_correction(&mut x).is_err() {
-            // Only a preconditioner that fails: the iterate of the last restart is what there is.
-            return self.system.x.clone();
+        if !self.started {
+            return x;
+        }
+        if !self.is_hatted() {
+            self.combine(&mut x);
+            return x;
+        }
+        let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        self.combine(&mut sum);
+        // Should the preconditioner fail, the iterate of the last restart is what there is.
+        if precondition(self.preconditioner.as_ref(), &sum, &mut hat).is_ok() {
+            axpy(1.0, &hat, &mut x);
         }
         x
     }

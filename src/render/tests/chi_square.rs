@@ -25,7 +25,7 @@ const COSINE: Sampler = Sampler {
 };
 const VISIBLE_NORMALS: Sampler = Sampler {
     sample: "let wi = reflect(-wo, ggx_sample_visible_normal(wo, bsdf.alpha, u.xy)); return vec4f(wi, f32(wi.z > 0.0));",
-    density: "return ggx_reflected_pdf(wo.z, normalize(wo + wi), bsdf.alpha);",
+    density: "return 0.25 * ggx_distribution(normalize(wo + wi), bsdf.alpha) * ggx_masking(wo.z, bsdf.alpha);",
 };
 const BSDF: Sampler = Sampler {
     sample: "let next = bsdf_sample(bsdf, wo, u); return vec4f(next.direction, next.pdf);",
@@ -41,9 +41,9 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
     // Numbered as in the tracer: 1024 samples of each pixel, at their first surface.
     let source = format!(
         "{head}
-        fn draw(bsdf: Bsdf, wo: vec3f, u: vec3f) -> vec4f {{ {sample} }}
+        fn draw(bsdf: Bsdf, wo: vec3f, u: vec4f) -> vec4f {{ {sample} }}
         fn work(index: u32) -> vec4f {{
-            return draw(bsdf_at(0u), input[3].xyz, random4(index / 1024u, index % 1024u, 1u, {seed}u).xyz);
+            return draw(bsdf_at(0u), input[3].xyz, random4(index / 1024u, index % 1024u, 1u, {seed}u));
         }}"
     );
     let mut observed = vec![0.0; BINS.bins() + 1];
@@ -116,7 +116,7 @@ fn samples_carry_their_own_density_and_weight() {
         fn work(index: u32) -> vec4f {{
             let bsdf = bsdf_at(0u);
             let wo = normalize(square_to_cosine_hemisphere(random4(index, 0u, 0u, 1u).xy));
-            let next = bsdf_sample(bsdf, wo, random4(index, 0u, 1u, 1u).xyz);
+            let next = bsdf_sample(bsdf, wo, random4(index, 0u, 1u, 1u));
             let pdf = bsdf_pdf(bsdf, wo, next.direction);
             if (next.pdf == 0.0) {{
                 // Nothing was sampled: below the horizon, and without weight.

@@ -25,7 +25,7 @@ fn albedo(gpu: &Gpu, bsdf: &Bsdf, cos_o: f64) -> Albedo {
     let sampled = format!(
         "#import rng\n#import bsdf\n{READ_BSDF}
         fn work(index: u32) -> vec4f {{
-            let next = bsdf_sample(bsdf_at(0u), input[3].xyz, random4(index, 0u, 1u, {seed}u).xyz);
+            let next = bsdf_sample(bsdf_at(0u), input[3].xyz, random4(index, 0u, 1u, {seed}u));
             return vec4f(next.weight, next.pdf);
         }}"
     );

@@ -3,6 +3,7 @@
 use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
 
 use crate::gpu::{Gpu, shader};
+use crate::render::pipeline::TEXEL_ARRAY;
 
 /// What stands around the function under test. Group 1 is its own, since group 0 belongs to the shared shaders.
 const FRAME: &str = "
@@ -23,11 +24,11 @@ pub(super) fn gpu() -> Gpu {
 }
 
 /// `work(0), …, work(count − 1)` of the WGSL in `source`, which defines `fn work(index: u32) -> vec4f` and may import
-/// shared shaders and read `input`. `shared` are the read-only buffers of group 0 that these shaders use, by binding.
+/// shared shaders and read `input`. `shared` are the resources of group 0 that these shaders read, by binding.
 pub(super) fn run(
     gpu: &Gpu,
     source: &str,
-    shared: &[(u32, &wgpu::Buffer)],
+    shared: &[(u32, wgpu::BindingResource<'_>)],
     input: &[[f32; 4]],
     count: usize,
 ) -> Vec<[f32; 4]> {
@@ -41,8 +42,9 @@ pub(super) fn run(
         .buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
         .expect("the read-back fits");
 
-    let shared: Vec<_> = shared.iter().map(|&(binding, buffer)| (binding, buffer, true)).collect();
-    let groups = [shared, vec![(0, &input, true), (1, &output, false)]];
+    let shared: Vec<_> =
+        shared.iter().map(|(binding, resource)| (*binding, resource.clone(), true)).collect();
+    let groups = [shared, vec![(0, input.as_entire_binding(), true), (1, output.as_entire_binding(), false)]];
     gpu.guarded("test", || {
         let layouts = groups.each_ref().map(|group| layout(gpu, group));
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -80,17 +82,20 @@ pub(super) fn run(
     bytemuck::cast_slice(&view).to_vec()
 }
 
-/// Binding, buffer, and whether it is read only.
-type Entry<'a> = (u32, &'a wgpu::Buffer, bool);
+/// Binding, buffer or storage texture, and whether it is read only.
+type Entry<'a> = (u32, wgpu::BindingResource<'a>, bool);
 
 fn layout(gpu: &Gpu, group: &[Entry<'_>]) -> wgpu::BindGroupLayout {
-    let entry = |&(binding, _, read_only): &Entry<'_>| wgpu::BindGroupLayoutEntry {
-        binding,
+    let entry = |(binding, resource, read_only): &Entry<'_>| wgpu::BindGroupLayoutEntry {
+        binding: *binding,
         visibility: ShaderStages::COMPUTE,
-        ty: BindingType::Buffer {
-            ty: BufferBindingType::Storage { read_only },
-            has_dynamic_offset: false,
-            min_binding_size: None,
+        ty: match resource {
+            wgpu::BindingResource::TextureView(_) => TEXEL_ARRAY,
+            _ => BindingType::Buffer {
+                ty: BufferBindingType::Storage { read_only: *read_only },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
         },
         count: None,
     };
@@ -103,7 +108,7 @@ fn layout(gpu: &Gpu, group: &[Entry<'_>]) -> wgpu::BindGroupLayout {
 fn bind_group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, group: &[Entry<'_>]) -> wgpu::BindGroup {
     let entries = group
         .iter()
-        .map(|&(binding, buffer, _)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
+        .map(|(binding, resource, _)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() });
     gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout,

@@ -17,7 +17,8 @@ pub(super) const READ_BSDF: &str = "
 fn bsdf_at(first: u32) -> Bsdf {
     let base = input[first];
     let reflectance = input[first + 1u];
-    return Bsdf(base.xyz, base.w, reflectance.xyz, reflectance.w, input[first + 2u].x);
+    return Bsdf(base.xyz, base.w, reflectance.xyz, reflectance.w, input[first + 2u].x,
+        0.0, 0.0, 1.0, vec3f(0.0), 1.0, 1.0, vec3f(0.0, 0.0, 1.0));
 }
 ";
 

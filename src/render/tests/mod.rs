@@ -10,3 +10,4 @@ mod reciprocity;
 mod sampler;
 mod statistics;
 mod texture;
+mod weights;

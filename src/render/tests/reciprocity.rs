@@ -18,7 +18,8 @@ fn work(index: u32) -> vec4f {
     let kind = random4(index, 0u, 3u, 3u);
     // A third each: dielectric, metal, and between.
     let metallic = select(select(kind.y, 1.0, kind.x < 0.667), 0.0, kind.x < 0.333);
-    let bsdf = Bsdf(color.xyz, metallic, reflectance.xyz * reflectance.w, reflectance.w, mix(0.02, 1.0, kind.z));
+    let bsdf = Bsdf(color.xyz, metallic, reflectance.xyz * reflectance.w, reflectance.w, mix(0.02, 1.0, kind.z),
+        0.0, 0.0, 1.0, vec3f(0.0), 1.0, 1.0, vec3f(0.0, 0.0, 1.0));
     let forward = bsdf_eval(bsdf, wo, wi);
     let backward = bsdf_eval(bsdf, wi, wo);
     // Where Fresnel's F comes near 1 the diffuse part, with its 1 − F, cancels: measured against what it is without F.

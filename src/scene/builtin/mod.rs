@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `zigzag` | two folded sheets that exchange no light |
 //! | `corner` | two planes at a right angle |
+//! | `mirror` | a wall and a mirror at a right angle |
 //! | `cornell` | a coloured box with two blocks |
 //! | `two-sheets` | two curved sheets of paper that exchange no light |
 //! | `carton` | an egg carton of twelve cups that exchange no light |
@@ -16,6 +17,7 @@ mod cornell;
 mod corner;
 mod egg_carton;
 mod glb;
+mod mirror;
 mod model;
 mod tessellated_box;
 mod two_sheets;
@@ -25,6 +27,7 @@ pub use analytic::{inside_sphere, parallel_plates, plane};
 pub use cornell::cornell;
 pub use corner::corner;
 pub use egg_carton::{carton, carton_eggs};
+pub use mirror::mirror;
 pub use model::{Model, Part};
 pub use tessellated_box::tessellated_box;
 pub use two_sheets::two_sheets;
@@ -32,5 +35,5 @@ pub use zigzag::zigzag;
 
 /// Every shipped scene; the file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
 pub fn shipped() -> Vec<Model> {
-    vec![zigzag(), corner(), cornell(), two_sheets(), carton(), carton_eggs()]
+    vec![zigzag(), corner(), mirror(), cornell(), two_sheets(), carton(), carton_eggs()]
 }

@@ -1,6 +1,6 @@
 //! Indexed meshes with a camera: what every built-in scene is made of.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use crate::scene::{Camera, Lens, Material, Scene, Triangle};
 
@@ -76,11 +76,9 @@ impl Model {
         let mut triangles = Vec::with_capacity(self.parts.iter().map(|part| part.triangles.len()).sum());
         for (index, part) in self.parts.iter().enumerate() {
             let region = part.label.unwrap_or(index as u32);
-            triangles.extend(part.triangles.iter().map(|corners| Triangle {
-                positions: corners.map(|corner| part.positions[corner as usize]),
-                texcoords: [Vec2::ZERO; 3],
-                material: part.material,
-                region,
+            triangles.extend(part.triangles.iter().map(|corners| {
+                let positions = corners.map(|corner| part.positions[corner as usize]);
+                Triangle::flat(positions, part.material, region)
             }));
         }
         let mut scene = Scene {
@@ -90,6 +88,7 @@ impl Model {
             textures: Vec::new(),
             camera: self.camera.clone(),
             projector: None,
+            projector_resolution: None,
             regions,
             regions_are_labels: labelled,
             hash: [0; 32],
@@ -110,15 +109,17 @@ fn content_hash(scene: &Scene) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     // Debug text of floats is exact: Rust prints the shortest digits that read back as the same number.
     hasher.update(
-        format!("{:?} {:?} {:?} {:?}", scene.camera, scene.projector, scene.materials, scene.regions)
-            .as_bytes(),
+        format!(
+            "{:?} {:?} {:?} {:?} {:?}",
+            scene.camera, scene.projector, scene.projector_resolution, scene.materials, scene.regions
+        )
+        .as_bytes(),
     );
     for triangle in &scene.triangles {
-        for position in triangle.positions {
-            position.to_array().iter().for_each(|value| {
-                hasher.update(&value.to_le_bytes());
-            });
-        }
+        hasher.update(bytemuck::bytes_of(&triangle.positions));
+        hasher.update(bytemuck::bytes_of(&triangle.normals));
+        hasher.update(bytemuck::bytes_of(&triangle.texcoords));
+        hasher.update(bytemuck::bytes_of(&triangle.colors));
         hasher.update(&triangle.material.to_le_bytes());
         hasher.update(&triangle.region.to_le_bytes());
     }

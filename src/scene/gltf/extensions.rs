@@ -13,7 +13,10 @@
 use super::Document;
 use crate::error::Result;
 
-const FOLLOWED: [&str; 5] = [
+const FOLLOWED: [&str; 8] = [
+    "KHR_materials_transmission",
+    "KHR_materials_diffuse_transmission",
+    "KHR_materials_volume",
     "KHR_materials_specular",
     "KHR_materials_ior",
     "KHR_materials_emissive_strength",
@@ -87,7 +90,7 @@ pub(super) fn advice(name: &str) -> &'static str {
             "give the surfaces a metallic-roughness material: unlit ones transport no light"
         }
         _ if name.starts_with("KHR_materials_") => {
-            "export the scene with plain metallic-roughness materials, opaque ones"
+            "export the scene with materials that have metallic-roughness, specular, transmission and volume only"
         }
         _ => "export the scene without this extension",
     }

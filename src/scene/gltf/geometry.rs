@@ -1,6 +1,6 @@
 //! From placed meshes to triangles in world space.
 
-use glam::{DAffine3, Vec2, Vec3};
+use glam::{DAffine3, DMat3, Vec3};
 use gltf::json;
 use gltf::json::validation::Checked;
 
@@ -8,6 +8,7 @@ use super::materials::Materials;
 use super::nodes::Placed;
 use super::primitive::Corners;
 use super::regions::{self, Label};
+use super::vertices::Vertices;
 use super::{Document, called};
 use crate::error::{Error, Result};
 use crate::scene::Triangle;
@@ -18,9 +19,6 @@ const MAX_TRIANGLES: usize = 1 << 24;
 
 /// Metres. Beyond it the square of an area overflows single precision.
 const MAX_COORDINATE: f32 = 1e9;
-
-/// A triangle whose height is a smaller part of its longest edge has no area that single precision can tell.
-const MIN_HEIGHT_TO_EDGE: f64 = 1e-7;
 
 /// The triangles of one primitive at one node, their region still to be filled in.
 pub(super) struct Surface {
@@ -111,9 +109,10 @@ impl Assembly {
         if !warn_of_ignored(document, placement)? {
             return Ok(Vec::new());
         }
-        let (material, texture_coordinates) = materials.index_of(document, what, material_index)?;
+        let material = materials.index_of(document, what, material_index)?;
         let primitive = &document.root.meshes[placement.mesh].primitives[placement.primitive];
-        let corners = Corners::open(document, what, primitive, texture_coordinates.as_ref())?;
+        let vertices = Vertices::open(document, what, primitive, &materials.list[material as usize])?;
+        let corners = Corners::open(document, what, primitive, vertices.count)?;
         self.total = self.total.saturating_add(corners.triangles);
         if self.total > MAX_TRIANGLES {
             return Err(document.fault(
@@ -121,47 +120,83 @@ impl Assembly {
                 "simplify the meshes, or place fewer of them",
             ));
         }
-        // A mirroring transform turns the order of the corners round; swapping two keeps the front where it was.
-        let mirrored = placement.transform.matrix3.determinant() < 0.0;
+        let placer = Placer { document, what, transform: Transform::new(placement.transform) };
         let mut triangles = Vec::with_capacity(corners.triangles);
         for index in 0..corners.triangles {
-            let mut positions = [Vec3::ZERO; 3];
-            let mut texcoords = [Vec2::ZERO; 3];
-            let vertices = corners.vertices(index).ok_or_else(|| cut_short(document, what))?;
-            for (corner, vertex) in vertices.into_iter().enumerate() {
-                let local = corners.position(vertex).ok_or_else(|| {
-                    document.fault(
-                        format!(
-                            "{what}: an index asks for vertex {vertex}, but there are {}",
-                            corners.vertex_count
-                        ),
-                        "the mesh is damaged: export it again",
-                    )
-                })?;
-                let world = placement.transform.transform_point3(local.as_dvec3()).as_vec3();
-                if !world.is_finite() || world.abs().max_element() > MAX_COORDINATE {
-                    return Err(bad_position(document, what, vertex, local));
-                }
-                positions[corner] = world;
-                texcoords[corner] = corners.texcoord(vertex).ok_or_else(|| cut_short(document, what))?;
-                if !texcoords[corner].is_finite() {
-                    return Err(document.fault(
-                        format!("{what}: texture coordinate of vertex {vertex} is not finite"),
-                        "correct the mesh's texture coordinates",
-                    ));
-                }
+            let mut triangle = Triangle::flat([Vec3::ZERO; 3], material, 0);
+            let indices = corners.vertices(index).ok_or_else(|| cut_short(document, what))?;
+            for (corner, vertex) in indices.into_iter().enumerate() {
+                placer.place(&vertices, vertex, corner, &mut triangle)?;
             }
-            if mirrored {
-                positions.swap(1, 2);
-                texcoords.swap(1, 2);
+            // A mirroring transform turns the order of the corners round; swapping two keeps the front where it was.
+            if placer.transform.mirrors {
+                triangle = triangle.turned();
             }
-            if has_area(&positions) {
-                triangles.push(Triangle { positions, texcoords, material, region: 0 });
+            if triangle.has_area() {
+                triangles.push(triangle.with_normals_in_front());
             } else {
                 self.degenerate += 1;
             }
         }
         Ok(triangles)
+    }
+}
+
+/// A map of points, with the one of normals that belongs to it.
+struct Transform {
+    points: DAffine3,
+    normals: DMat3,
+    mirrors: bool,
+}
+
+impl Transform {
+    fn new(points: &DAffine3) -> Self {
+        let DMat3 { x_axis, y_axis, z_axis } = points.matrix3;
+        // The inverse transposed but for its length, which exists for a map that flattens, too.
+        let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
+        let mirrors = points.matrix3.determinant() < 0.0;
+        Self { points: *points, normals: if mirrors { -cofactors } else { cofactors }, mirrors }
+    }
+}
+
+/// Brings vertices of a primitive into the world.
+struct Placer<'a> {
+    document: &'a Document,
+    what: &'a str,
+    transform: Transform,
+}
+
+impl Placer<'_> {
+    fn place(
+        &self,
+        vertices: &Vertices<'_>,
+        index: u32,
+        corner: usize,
+        triangle: &mut Triangle,
+    ) -> Result<()> {
+        let Self { document, what, transform } = self;
+        let vertex = vertices.vertex(index as usize).ok_or_else(|| {
+            document.fault(
+                format!("{what}: an index asks for vertex {index}, but there are {}", vertices.count),
+                "the mesh is damaged: export it again",
+            )
+        })?;
+        let world = transform.points.transform_point3(vertex.position.as_dvec3()).as_vec3();
+        if !world.is_finite() || world.abs().max_element() > MAX_COORDINATE {
+            return Err(bad_position(document, what, index, vertex.position));
+        }
+        if !vertex.texcoords.iter().all(|coordinates| coordinates.is_finite()) {
+            return Err(document.fault(
+                format!("{what}: texture coordinate of vertex {index} is not finite"),
+                "correct the mesh's texture coordinates",
+            ));
+        }
+        triangle.positions[corner] = world;
+        triangle.normals[corner] =
+            (transform.normals * vertex.normal.as_dvec3()).normalize_or_zero().as_vec3();
+        triangle.texcoords[corner] = vertex.texcoords;
+        triangle.colors[corner] = vertex.color;
+        Ok(())
     }
 }
 
@@ -188,23 +223,9 @@ fn warn_of_ignored(document: &mut Document, placement: &Placement) -> Result<boo
         if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
             warnings.push(format!("{what}: its morph targets are ignored; the mesh is taken at rest"));
         }
-        if primitive
-            .attributes
-            .keys()
-            .any(|attribute| matches!(attribute, Checked::Valid(json::mesh::Semantic::Colors(_))))
-        {
-            warnings.push(format!("{what}: its vertex colours are ignored"));
-        }
     }
     warnings.into_iter().for_each(|warning| document.warnings.add(warning));
     Ok(drawn)
-}
-
-fn has_area(positions: &[Vec3; 3]) -> bool {
-    let [a, b, c] = positions.map(|position| position.as_dvec3());
-    let longest = [b - a, c - b, a - c].map(|edge| edge.length_squared()).into_iter().fold(0.0, f64::max);
-    // Twice the area is the longest edge times the height on it.
-    (b - a).cross(c - a).length() > MIN_HEIGHT_TO_EDGE * longest
 }
 
 fn cut_short(document: &Document, what: &str) -> Error {
@@ -222,24 +243,5 @@ fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Er
             format!("{what}: vertex {vertex} has a position that is not finite: {local}"),
             "correct the mesh: look for a division by zero where it was made",
         )
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::vec3;
-
-    use super::has_area;
-
-    #[test]
-    fn only_what_single_precision_can_tell_from_a_line_has_area() {
-        let small = [vec3(0.0, 0.0, 0.0), vec3(1e-12, 0.0, 0.0), vec3(0.0, 1e-12, 0.0)];
-        assert!(has_area(&small), "size alone does not make a triangle degenerate");
-        let point = [vec3(1.0, 2.0, 3.0); 3];
-        assert!(!has_area(&point));
-        let collinear = [vec3(0.1, 0.1, 0.1), vec3(0.2, 0.2, 0.2), vec3(0.7, 0.7, 0.7)];
-        assert!(!has_area(&collinear));
-        let sliver = [vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(0.5, 1e-6, 0.0)];
-        assert!(has_area(&sliver));
     }
 }

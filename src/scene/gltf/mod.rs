@@ -9,6 +9,7 @@
 mod accessor;
 mod buffers;
 mod cameras;
+mod checks;
 mod container;
 mod extensions;
 mod geometry;
@@ -17,7 +18,9 @@ mod nodes;
 mod primitive;
 mod regions;
 mod textures;
+mod through;
 mod uri;
+mod vertices;
 
 use std::path::{Path, PathBuf};
 
@@ -51,6 +54,7 @@ pub(super) fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
         textures: materials.textures.list,
         camera,
         projector: None,
+        projector_resolution: None,
         regions,
         regions_are_labels,
         hash: document.hash.finish(),

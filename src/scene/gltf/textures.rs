@@ -3,15 +3,16 @@
 use std::collections::HashMap;
 use std::io::Cursor;
 
-use glam::Vec2;
+use glam::{Affine2, Mat2, Vec2};
 use gltf::json;
+use gltf::json::extensions::texture::TextureTransform;
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
 use image::{ImageFormat, ImageReader, Limits};
 
 use super::{Document, buffers, called, uri};
 use crate::error::Result;
-use crate::scene::{Texture, Wrap};
+use crate::scene::{Texture, TextureRef, Wrap};
 
 /// Pixels a side.
 const MAX_SIDE: u32 = 16384;
@@ -22,18 +23,68 @@ const MAX_TEXELS: u64 = 1 << 27;
 /// The textures that materials use, in the order met.
 #[derive(Default)]
 pub(super) struct Textures {
-    /// What [`crate::scene::Material::base_color_texture`] indexes.
+    /// What [`TextureRef::texture`] indexes.
     pub list: Vec<Texture>,
-    index_of: HashMap<usize, u32>,
+    /// By the file's image and how it is sampled.
+    index_of: HashMap<(usize, [Wrap; 2], bool), u32>,
     texels: u64,
 }
 
+/// Where a material of the file refers to a texture.
+pub(super) struct Use {
+    index: usize,
+    set: u32,
+    transform: TextureTransform,
+}
+
+impl Use {
+    /// A reference in the form that all have but the normal texture.
+    pub(super) fn of(info: &json::texture::Info) -> Self {
+        let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.clone());
+        Self { index: info.index.value(), set: info.tex_coord, transform: transform.unwrap_or_default() }
+    }
+
+    /// A reference to a normal texture. `None` when its `KHR_texture_transform` is not what it should be.
+    pub(super) fn of_normal(info: &json::material::NormalTexture) -> Option<Self> {
+        let extension =
+            info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
+        let transform = match extension {
+            Some(value) => serde_json::from_value(value.clone()).ok()?,
+            None => TextureTransform::default(),
+        };
+        Some(Self { index: info.index.value(), set: info.tex_coord, transform })
+    }
+}
+
 impl Textures {
-    /// The scene's index of the file's texture `index`. `user` names the material.
-    pub(super) fn index_of(&mut self, document: &mut Document, user: &str, index: usize) -> Result<u32> {
-        if let Some(&position) = self.index_of.get(&index) {
-            return Ok(position);
+    /// The texture that `material` uses as its `role` ("base colour").
+    pub(super) fn refer(
+        &mut self,
+        document: &mut Document,
+        material: &str,
+        role: &str,
+        info: &Use,
+    ) -> Result<TextureRef> {
+        let set = info.transform.tex_coord.unwrap_or(info.set);
+        if set > 1 {
+            return Err(document.fault(
+                format!("{material}: its {role} texture reads TEXCOORD_{set}; only 0 and 1 are supported"),
+                "export the scene with at most two sets of texture coordinates",
+            ));
         }
+        let [scale, offset] = [info.transform.scale.0, info.transform.offset.0].map(Vec2::from_array);
+        let transform = transform(scale, info.transform.rotation.0, offset);
+        if !transform.is_finite() {
+            return Err(document.fault(
+                format!("{material}: the KHR_texture_transform of its {role} texture is not finite"),
+                "correct the texture's offset, rotation or scale",
+            ));
+        }
+        Ok(TextureRef { texture: self.index_of(document, material, info.index)?, set, transform })
+    }
+
+    /// The scene's index of the file's texture `index`. `user` names the material.
+    fn index_of(&mut self, document: &mut Document, user: &str, index: usize) -> Result<u32> {
         let help = "the file is damaged: export it again";
         let Some(texture) = document.root.textures.get(index).cloned() else {
             return Err(
@@ -43,6 +94,9 @@ impl Textures {
         let what = called("texture", index, texture.name.as_ref());
         let (wrap, linear) = sampler(document, &what, &texture)?;
         let source = texture.source.value();
+        if let Some(&position) = self.index_of.get(&(source, wrap, linear)) {
+            return Ok(position);
+        }
         let Some(image) = document.root.images.get(source).cloned() else {
             let alternative =
                 texture.extensions.as_ref().and_then(|extensions| extensions.others.keys().next().cloned());
@@ -60,7 +114,7 @@ impl Textures {
         let (name, width, height, texels) = self.picture(document, source, &image)?;
         let position = self.list.len() as u32;
         self.list.push(Texture { name, width, height, texels, wrap, linear });
-        self.index_of.insert(index, position);
+        self.index_of.insert((source, wrap, linear), position);
         Ok(position)
     }
 
@@ -147,45 +201,12 @@ fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<(
     Ok(([wrap(sampler.wrap_s)?, wrap(sampler.wrap_t)?], linear))
 }
 
-/// Which texture coordinates a texture reads, and its `KHR_texture_transform`.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Coordinates {
-    /// The `N` of `TEXCOORD_N`.
-    pub set: u32,
-    offset: Vec2,
-    rotation: f32,
-    scale: Vec2,
-}
-
-impl Coordinates {
-    pub(super) fn of(document: &Document, what: &str, info: &json::texture::Info) -> Result<Self> {
-        let transform = info
-            .extensions
-            .as_ref()
-            .and_then(|extensions| extensions.texture_transform.clone())
-            .unwrap_or_default();
-        let coordinates = Self {
-            set: transform.tex_coord.unwrap_or(info.tex_coord),
-            offset: Vec2::from_array(transform.offset.0),
-            rotation: transform.rotation.0,
-            scale: Vec2::from_array(transform.scale.0),
-        };
-        if coordinates.offset.is_finite() && coordinates.rotation.is_finite() && coordinates.scale.is_finite()
-        {
-            return Ok(coordinates);
-        }
-        Err(document.fault(
-            format!("{what}: its KHR_texture_transform is not finite"),
-            "correct the texture's offset, rotation or scale",
-        ))
-    }
-
-    /// Scale, then rotation, then offset. The rotation is counter-clockwise as one sees the picture, whose `v` runs
-    /// downwards.
-    pub(super) fn transform(&self, uv: Vec2) -> Vec2 {
-        let (sine, cosine) = self.rotation.sin_cos();
-        let scaled = uv * self.scale;
-        let rotated = Vec2::new(cosine * scaled.x + sine * scaled.y, cosine * scaled.y - sine * scaled.x);
-        rotated + self.offset
-    }
+/// How texture coordinates are mapped: scale, then rotation, then offset. The rotation is counter-clockwise as one sees the
+/// picture, whose `v` runs downwards.
+fn transform(scale: Vec2, rotation: f32, offset: Vec2) -> Affine2 {
+    let (sine, cosine) = rotation.sin_cos();
+    Affine2::from_mat2_translation(
+        Mat2::from_cols(Vec2::new(cosine, -sine) * scale.x, Vec2::new(sine, cosine) * scale.y),
+        offset,
+    )
 }

@@ -1,0 +1,55 @@
+// An end of the rig as a thin lens: where its rays start, and what it sees a point as. A pinhole is a lens of radius 0.
+// All rays through one image point meet in the plane of focus; the image plane is taken at distance 1.
+#import parameters
+#import warp
+
+// A point of the aperture, uniform over its area, in the eye's frame.
+fn eye_lens_point(eye: Eye, u: vec2f) -> vec2f {
+    let radius = eye.radius * sqrt(u.x);
+    let angle = 2.0 * PI * u.y;
+    return radius * vec2f(cos(angle), sin(angle));
+}
+
+fn eye_to_local(eye: Eye, v: vec3f) -> vec3f {
+    return vec3f(dot(v, eye.right), dot(v, eye.up), dot(v, eye.back));
+}
+
+fn eye_to_world(eye: Eye, v: vec3f) -> vec3f {
+    return v.x * eye.right + v.y * eye.up + v.z * eye.back;
+}
+
+fn eye_origin(eye: Eye, lens: vec2f) -> vec3f {
+    return eye.position + eye_to_world(eye, vec3f(lens, 0.0));
+}
+
+// The point of the image plane (at distance 1) at the continuous raster point `raster`.
+fn eye_image_point(eye: Eye, raster: vec2f) -> vec2f {
+    let ndc = raster / vec2f(eye.resolution) * 2.0 - 1.0;
+    return vec2f(ndc.x, -ndc.y) * eye.tangent;
+}
+
+// Direction in the eye's frame (not normalized, −z component 1) from a point of the lens through an image point.
+fn eye_direction(eye: Eye, image: vec2f, lens: vec2f) -> vec3f {
+    return vec3f(image - lens / eye.focus, -1.0);
+}
+
+// The pixel through which a point of the lens sees (and lights) what lies at `offset` from it, or NONE outside the field of
+// view. `offset` is in the eye's frame.
+fn eye_pixel(eye: Eye, offset: vec3f, lens: vec2f) -> u32 {
+    if (offset.z >= 0.0) {
+        return NONE;
+    }
+    let image = offset.xy / -offset.z + lens / eye.focus;
+    let raster = floor((vec2f(image.x, -image.y) / eye.tangent * 0.5 + 0.5) * vec2f(eye.resolution));
+    if (any(raster < vec2f(0.0)) || any(raster >= vec2f(eye.resolution))) {
+        return NONE;
+    }
+    return u32(raster.y) * eye.resolution.x + u32(raster.x);
+}
+
+// D(x) = cosθ_x / (r² cos³θ): area on the image plane per area of surface at `offset` from a point of the lens. It is the
+// irradiance there under a pattern of 1, and the density with which rays from that point of the lens meet the surface.
+fn eye_density(eye: Eye, offset: vec3f, normal: vec3f) -> f32 {
+    let depth = -dot(offset, eye.back);
+    return abs(dot(normal, offset)) / (depth * depth * depth);
+}

@@ -1,0 +1,97 @@
+// The map of an eye's specular chains: which of its pixels see a surface point through mirrors and glass. Made by
+// `trace_photons`, sorted into a hash grid by `render::photons`, gathered here.
+#import parameters
+#import surface
+#import footprint
+
+// Laid out as `render::photons::Photon`; a test compares the two.
+struct Photon {
+    // Pixel (28 bits) and surfaces of the chain (4 bits); position.
+    place: vec4u,
+    // Generalized density D of the point through the chain, times the chain's probability; then what the chain lets
+    // through, over its probability, times the image-plane area that the photon stands for.
+    light: vec4f,
+    // First coordinate on the image plane; direction towards where the photon came from.
+    arrival: vec4f,
+    // Second coordinate on the image plane; the surface's normal on the photon's side.
+    ground: vec4f,
+}
+
+@group(1) @binding(1) var<storage, read> photons: array<Photon>;
+// First photon of each bucket, and behind the last one their number.
+@group(1) @binding(2) var<storage, read> photon_buckets: array<u32>;
+
+struct Gathered {
+    // NONE when nothing was found.
+    origin: u32,
+    // Radiance towards the asker, for a pattern of 1.
+    value: vec3f,
+    // Of the photon that stands for all found: direction, local, and density.
+    wi: vec3f,
+    density: f32,
+}
+
+// Teschner et al. 2003.
+fn photon_bucket(cell: vec3i) -> u32 {
+    let key = vec3u(cell) * vec3u(73856093u, 19349663u, 83492791u);
+    let mixed = (key.x ^ key.y ^ key.z) * 0x9e3779b1u;
+    return (mixed ^ (mixed >> 15u)) & parameters.bucket_mask;
+}
+
+// All photons within the radius, by one of them drawn in proportion to what it brings. `own` and `image` are the asker's
+// own chain where it ends here (`skip_own`): what came along that is known exactly and is left out.
+fn photons_gather(
+    surface: Surface, frame: Frame, wo: vec3f, most_surfaces: u32, skip_own: bool, own: Footprint, image: vec2f, u: f32,
+) -> Gathered {
+    var found = Gathered(NONE, vec3f(0.0), vec3f(0.0), 0.0);
+    var total = 0.0;
+    var chosen = 1.0;
+    var draw = u;
+    let radius = parameters.gather_radius;
+    // Cells are two radii wide: the sphere touches two of them in each direction.
+    let first = vec3i(floor((surface.position - radius) * parameters.inverse_cell));
+    for (var corner = 0u; corner < 8u; corner += 1u) {
+        let cell = first + vec3i(vec3u(corner & 1u, (corner >> 1u) & 1u, corner >> 2u));
+        let bucket = photon_bucket(cell);
+        let end = photon_buckets[bucket + 1u];
+        for (var index = photon_buckets[bucket]; index < end; index += 1u) {
+            let photon = photons[index];
+            let position = bitcast<vec3f>(photon.place.yzw);
+            let offset = position - surface.position;
+            let height = dot(offset, surface.normal);
+            // Other cells share the bucket; other surfaces share the sphere.
+            if (dot(offset, offset) >= radius * radius || abs(height) > 0.1 * radius
+                || dot(photon.ground.yzw, surface.normal) < 0.9
+                || (photon.place.x >> 28u) > most_surfaces
+                || any(vec3i(floor(position * parameters.inverse_cell)) != cell)) {
+                continue;
+            }
+            if (skip_own) {
+                let moved = vec2f(photon.arrival.x, photon.ground.x) - image;
+                let predicted = own.foot_u * moved.x + own.foot_v * moved.y;
+                if (dot(predicted, predicted) < 4.0 * radius * radius) {
+                    continue;
+                }
+            }
+            let wi = to_local(frame, photon.arrival.yzw);
+            let value = bsdf_eval(surface.bsdf, wo, wi) * photon.light.yzw;
+            let weight = value.x + value.y + value.z;
+            if (!(weight > 0.0)) {
+                continue;
+            }
+            total += weight;
+            let share = weight / total;
+            // One random number serves all choices: what is left of it after each is uniform again.
+            if (draw < share) {
+                draw = draw / share;
+                found = Gathered(photon.place.x, value, wi, photon.light.x);
+                chosen = weight;
+            } else {
+                draw = (draw - share) / (1.0 - share);
+            }
+        }
+    }
+    // Density estimate over the disc.
+    found.value *= total / chosen * INV_PI / (radius * radius);
+    return found;
+}

@@ -1,0 +1,80 @@
+// The specular chains of one eye: rays from it through mirrors and glass, to the surfaces behind them that scatter. One
+// path per invocation; each chain that it finds goes to a slot of its own.
+#import parameters
+#import sampler
+#import eye
+#import photons
+#import medium
+
+// A path's record: mark, then `stride` photons of four words each, the one behind a chain of c surfaces at place c − 1.
+@group(1) @binding(0) var<storage, read_write> records: array<vec4u>;
+
+@compute @workgroup_size(64)
+fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
+    if (id.x >= parameters.paths) {
+        return;
+    }
+    let path = parameters.first_sample + id.x;
+    let pixel = parameters.first_pixel + path / parameters.samples;
+    let sample = path % parameters.samples;
+    let first_slot = id.x * (4u * parameters.stride + 1u);
+    for (var index = 0u; index < parameters.stride; index += 1u) {
+        records[first_slot + 4u * index + 1u] = vec4u(NONE);
+    }
+
+    let corner = vec2u(pixel % parameters.start.resolution.x, pixel / parameters.start.resolution.x);
+    let u = sample4(pixel, sample, 0u);
+    let lens = eye_lens_point(parameters.start, u.zw);
+    let image = eye_image_point(parameters.start, vec2f(corner) + u.xy);
+    let towards = eye_direction(parameters.start, image, lens);
+    var origin = eye_origin(parameters.start, lens);
+    var direction = normalize(eye_to_world(parameters.start, towards));
+    var footprint = footprint_at_eye(parameters.start, towards);
+    // Along the chain: what it lets through, over its probability; and that probability.
+    var power = vec3f(parameters.scale);
+    var probability = 1.0;
+    var medium = AIR;
+    var chain = 0u;
+    var passes = 0u;
+
+    while (chain <= parameters.stride && passes < MAX_PASSES) {
+        let hit = bvh_trace(origin, direction, 3.0e38, false);
+        if (hit.triangle == NONE) {
+            break;
+        }
+        var surface = surface_at(hit, direction);
+        if (surface.black) {
+            break;
+        }
+        medium_meets(medium, &surface);
+        power *= medium_transmittance(medium, hit.distance);
+        let frame = frame_around(surface.normal);
+        let wo = to_local(frame, -direction);
+        footprint = footprint_travel(footprint, hit.distance, direction, surface.normal);
+        if (chain > 0u && bsdf_regular(surface.bsdf)) {
+            let slot = first_slot + 4u * chain - 3u;
+            let density = footprint_density(footprint) * probability;
+            records[slot] = vec4u(pixel | (chain << 28u), bitcast<vec3u>(surface.position));
+            records[slot + 1u] = vec4u(bitcast<u32>(density), bitcast<vec3u>(power));
+            records[slot + 2u] = vec4u(bitcast<u32>(image.x), bitcast<vec3u>(-direction));
+            records[slot + 3u] = vec4u(bitcast<u32>(image.y), bitcast<vec3u>(surface.normal));
+        }
+        let next = bsdf_sample(surface.bsdf, wo, sample4(pixel, sample, chain + passes + 1u));
+        if (!(next.pdf > 0.0) || next.kind == REGULAR || chain == parameters.stride) {
+            break;
+        }
+        power *= next.weight;
+        probability *= next.pdf;
+        if (next.kind == PASSED) {
+            passes += 1u;
+        } else {
+            let leaving = to_world(frame, next.direction);
+            footprint = footprint_turn(footprint, surface, direction, leaving, next.kind);
+            medium = medium_behind(medium, surface, next.direction);
+            direction = leaving;
+            chain += 1u;
+        }
+        origin = surface_leave(surface.position, select(surface.normal, -surface.normal, next.direction.z < 0.0));
+    }
+    records[first_slot] = vec4u(parameters.mark, 0u, 0u, 0u);
+}

@@ -1,0 +1,191 @@
+//! The map of an eye's specular chains: which of its pixels see a surface point through mirrors and glass.
+//!
+//! A path whose both ends are specular (camera → mirror → wall → wall → mirror → projector) cannot be sampled by
+//! connecting points: neither end of the connection is free. So the chains of the far end are traced once from its
+//! pixels to the first surfaces that scatter, and a path gathers what lies within a radius of its own points: a density
+//! estimate (Jensen, "Global Illumination using Photon Maps", EGWR 1996), biased by what changes within the radius.
+
+use rayon::prelude::*;
+
+use super::dispatch::Dispatches;
+use super::geometry::GpuScene;
+use super::materials::NONE;
+use super::parameters::{GpuEye, Parameters};
+use super::pipeline::{PhotonBuffers, Pipeline};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+
+/// As in the record of `trace_photons`: four words of four.
+type Photon = [[u32; 4]; 4];
+
+/// Chains of more surfaces do not fit the four bits of their count.
+const MAX_CHAIN: u32 = 15;
+
+/// Photons in one bucket at most, so that no path loops longer than a device may: the brightest spots are thinned
+/// beyond that, at random and without bias.
+const MAX_BUCKET: usize = 512;
+
+/// The chains of one eye, on the device.
+pub(super) struct PhotonMap {
+    pub(super) buffers: PhotonBuffers,
+    /// Buckets minus one; 0 where there are no photons.
+    pub(super) bucket_mask: u32,
+    /// In metres.
+    pub(super) radius: f32,
+}
+
+/// How finely chains are mapped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gather {
+    /// Chains traced from each pixel.
+    pub photons: u32,
+    /// Radius of the density estimate; 1 is that of a disc as large as what a pixel sees through its chain, in the
+    /// median. The bias vanishes with it, and the variance grows.
+    pub radius: f32,
+}
+
+impl Default for Gather {
+    fn default() -> Self {
+        Self { photons: 16, radius: 1.0 }
+    }
+}
+
+impl PhotonMap {
+    /// No chains.
+    pub(super) fn empty(gpu: &Gpu) -> Result<Self> {
+        let buffers = PhotonBuffers {
+            photons: gpu.storage::<Photon>("photons", &[])?,
+            buckets: gpu.storage::<u32>("photon buckets", &[])?,
+        };
+        Ok(Self { buffers, bucket_mask: 0, radius: 1.0 })
+    }
+
+    /// Traces the chains of `eye`. `parameters` carry its paths' number of bounces and seed.
+    pub(super) fn trace(
+        gpu: &Gpu,
+        scene: &GpuScene,
+        eye: GpuEye,
+        gather: Gather,
+        base: &Parameters,
+        dispatches: &mut Dispatches,
+    ) -> Result<Self> {
+        // At least the surface at either end of the path is not part of this chain.
+        let chain = base.max_bounces.saturating_sub(2).min(MAX_CHAIN);
+        if chain == 0 || gather.photons == 0 {
+            return Self::empty(gpu);
+        }
+        let total = eye.pixels() * u64::from(gather.photons);
+        let kernel = Pipeline::new(gpu, "trace_photons")?;
+        let none = Self::empty(gpu)?;
+        let words = 4 * u64::from(chain) + 1;
+        let capacity = dispatches.capacity(gpu, words, total);
+        let output = kernel.output(gpu, scene, &none.buffers, u64::from(capacity) * words * 16)?;
+        let mut photons: Vec<Photon> = Vec::new();
+        let mut done = 0;
+        while done < total {
+            let paths = u64::from(capacity).min(total - done) as u32;
+            let parameters = Parameters {
+                start: eye,
+                end: eye,
+                first_pixel: (done / u64::from(gather.photons)) as u32,
+                first_sample: (done % u64::from(gather.photons)) as u32,
+                paths,
+                samples: gather.photons,
+                // Other numbers than those of the paths that gather.
+                seed: base.seed ^ 0x5eed_f00d,
+                mark: dispatches.mark(),
+                scale: (eye.image_area() / total as f64) as f32,
+                stride: chain,
+                ..*base
+            };
+            let bytes = u64::from(paths) * words * 16;
+            let view = output.run(gpu, &kernel, &parameters, bytes)?;
+            let records: &[[u32; 4]] = bytemuck::cast_slice(&view);
+            let mut unfinished = 0;
+            for record in records.chunks_exact(words as usize) {
+                unfinished += u64::from(record[0][0] != parameters.mark);
+                let found = record[1..].as_chunks::<4>().0;
+                photons.extend(found.iter().filter(|photon| photon[0][0] != NONE));
+            }
+            drop(view);
+            output.release();
+            if unfinished > 0 {
+                return Err(Error::UnfinishedPaths { unfinished, total: u64::from(paths) });
+            }
+            done += u64::from(paths);
+        }
+        if photons.is_empty() {
+            return Ok(none);
+        }
+        let pixel_area = eye.image_area() / eye.pixels() as f64;
+        let radius = gather.radius * median_radius(&photons, pixel_area);
+        Self::sort(gpu, photons, radius)
+    }
+
+    /// The hash grid: photons in the order of their buckets.
+    fn sort(gpu: &Gpu, photons: Vec<Photon>, radius: f32) -> Result<Self> {
+        let buckets = photons.len().next_power_of_two().max(2);
+        let mask = buckets as u32 - 1;
+        let mut keyed: Vec<(u32, Photon)> = photons
+            .into_par_iter()
+            .map(|photon| (bucket(&photon, inverse_cell(radius), mask), photon))
+            .collect();
+        // Stable: photons of one bucket stay in the order of their paths.
+        keyed.par_sort_by_key(|&(bucket, _)| bucket);
+        let mut start = Vec::with_capacity(buckets + 1);
+        let mut sorted: Vec<Photon> = Vec::with_capacity(keyed.len());
+        let mut runs = keyed.chunk_by(|a, b| a.0 == b.0).peekable();
+        for bucket in 0..=mask {
+            start.push(sorted.len() as u32);
+            if let Some(run) = runs.next_if(|run| run[0].0 == bucket) {
+                thin(run, &mut sorted);
+            }
+        }
+        start.push(sorted.len() as u32);
+        let buffers = PhotonBuffers {
+            photons: gpu.storage("photons", &sorted)?,
+            buckets: gpu.storage("photon buckets", &start)?,
+        };
+        Ok(Self { buffers, bucket_mask: mask, radius })
+    }
+
+    pub(super) fn inverse_cell(&self) -> f32 {
+        inverse_cell(self.radius)
+    }
+}
+
+/// At most [`MAX_BUCKET`] of a bucket's photons, evenly from their order, each with the power of those it stands for.
+fn thin(run: &[(u32, Photon)], sorted: &mut Vec<Photon>) {
+    let kept = run.len().min(MAX_BUCKET);
+    let share = run.len() as f32 / kept as f32;
+    sorted.extend((0..kept).map(|index| {
+        let mut photon = run[index * run.len() / kept].1;
+        for power in &mut photon[1][1..] {
+            *power = (f32::from_bits(*power) * share).to_bits();
+        }
+        photon
+    }));
+}
+
+/// Cells are two radii wide.
+fn inverse_cell(radius: f32) -> f32 {
+    0.5 / radius
+}
+
+/// As `photon_bucket` in `shaders/shared/photons.wgsl`.
+fn bucket(photon: &Photon, inverse_cell: f32, mask: u32) -> u32 {
+    let cell = |word: u32| ((f32::from_bits(word) * inverse_cell).floor() as i32).cast_unsigned();
+    let key = cell(photon[0][1]).wrapping_mul(73_856_093)
+        ^ cell(photon[0][2]).wrapping_mul(19_349_663)
+        ^ cell(photon[0][3]).wrapping_mul(83_492_791);
+    let mixed = key.wrapping_mul(0x9e37_79b1);
+    (mixed ^ mixed >> 15) & mask
+}
+
+/// The radius of a disc as large as a pixel's view through its chain, in the median over the photons.
+fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
+    let mut densities: Vec<f32> = photons.iter().map(|photon| f32::from_bits(photon[1][0])).collect();
+    let middle = densities.len() / 2;
+    let (_, &mut median, _) = densities.select_nth_unstable_by(middle, f32::total_cmp);
+    (pixel_area / f64::from(median) / std::f64::consts::PI).sqrt() as f32
+}

@@ -1,0 +1,81 @@
+//! The rig in the tracer's frame: the camera's pinhole or lens centre at the origin, looking along −z.
+
+use glam::{DMat3, DVec3, Vec3};
+
+use super::parameters::GpuEye;
+use super::tracer::TraceSettings;
+use crate::image::Resolution;
+use crate::scene::{Camera, Scene};
+
+/// Where light paths begin and end.
+pub(super) struct Rig {
+    camera: Camera,
+    projector: Option<Camera>,
+}
+
+impl Rig {
+    pub(super) fn new(scene: &Scene) -> Self {
+        Self { camera: scene.camera.clone(), projector: scene.projector.clone() }
+    }
+
+    /// Camera and projector look through one lens at one image plane: transport is symmetric.
+    pub(super) fn coaxial(&self, settings: &TraceSettings) -> bool {
+        self.projector.is_none()
+            && settings.projector.is_none_or(|resolution| resolution == settings.resolution)
+    }
+
+    /// No aperture either: light finds back the way it came.
+    pub(super) fn coaxial_pinhole(&self, settings: &TraceSettings) -> bool {
+        self.coaxial(settings) && self.camera.lens.radius == 0.0
+    }
+
+    pub(super) fn camera(&self, settings: &TraceSettings) -> GpuEye {
+        self.eye(&self.camera, settings.resolution)
+    }
+
+    pub(super) fn projector(&self, settings: &TraceSettings) -> GpuEye {
+        let resolution = settings.projector.unwrap_or(settings.resolution);
+        self.eye(self.projector.as_ref().unwrap_or(&self.camera), resolution)
+    }
+
+    fn eye(&self, eye: &Camera, resolution: Resolution) -> GpuEye {
+        let to_camera = axes(&self.camera).transpose();
+        let [right, up, back] = if *eye == self.camera {
+            // Exactly, so that nothing is rounded on the way.
+            [Vec3::X, Vec3::Y, Vec3::Z]
+        } else {
+            let turned = to_camera * axes(eye);
+            [turned.x_axis, turned.y_axis, turned.z_axis].map(|axis| axis.as_vec3())
+        };
+        let position: DVec3 = to_camera * (eye.position.as_dvec3() - self.camera.position.as_dvec3());
+        let shape = resolution.width as f32 / resolution.height as f32;
+        GpuEye {
+            right,
+            radius: eye.lens.radius,
+            up,
+            focus: eye.lens.focus,
+            back,
+            padding: 0.0,
+            position: position.as_vec3(),
+            padding2: 0.0,
+            tangent: [eye.tan_half_fov * shape, eye.tan_half_fov],
+            resolution: [resolution.width as u32, resolution.height as u32],
+        }
+    }
+}
+
+/// From the eye's frame to the world.
+fn axes(eye: &Camera) -> DMat3 {
+    DMat3::from_cols(eye.right.as_dvec3(), eye.up.as_dvec3(), -eye.forward.as_dvec3())
+}
+
+impl GpuEye {
+    pub(super) fn pixels(&self) -> u64 {
+        u64::from(self.resolution[0]) * u64::from(self.resolution[1])
+    }
+
+    /// Area of the image plane at distance 1.
+    pub(super) fn image_area(&self) -> f64 {
+        4.0 * f64::from(self.tangent[0]) * f64::from(self.tangent[1])
+    }
+}

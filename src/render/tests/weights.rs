@@ -1,0 +1,206 @@
+//! The weights of the two ends' paths: with both, photos must be what either end's alone would give.
+
+use std::ops::ControlFlow;
+
+use glam::{Vec3, vec3};
+
+use crate::image::Resolution;
+use crate::render::{Sampler, TraceSettings, TraceSummary, Tracer};
+use crate::scene::builtin::{Model, Part, plane};
+use crate::scene::{AlphaMode, Lens, Material, Scene, Volume};
+
+const SIDE: usize = 16;
+
+/// A closed box, its front outside.
+fn block(name: &str, low: Vec3, high: Vec3, material: u32) -> Part {
+    let mut part = Part::new(name, None);
+    part.material = material;
+    let at = |x: bool, y: bool, z: bool| {
+        vec3(if x { high.x } else { low.x }, if y { high.y } else { low.y }, if z { high.z } else { low.z })
+    };
+    for [a, b, c, d] in [
+        [(false, false, true), (true, false, true), (true, true, true), (false, true, true)],
+        [(true, false, false), (false, false, false), (false, true, false), (true, true, false)],
+        [(true, false, true), (true, false, false), (true, true, false), (true, true, true)],
+        [(false, false, false), (false, false, true), (false, true, true), (false, true, false)],
+        [(false, true, true), (true, true, true), (true, true, false), (false, true, false)],
+        [(false, false, false), (true, false, false), (true, false, true), (false, false, true)],
+    ] {
+        part.quad([a, b, c, d].map(|(x, y, z)| at(x, y, z)));
+    }
+    part
+}
+
+/// An upright sheet that faces the camera.
+fn sheet(name: &str, centre: Vec3, half: f32, material: u32) -> Part {
+    let mut part = Part::new(name, None);
+    part.material = material;
+    let corner = |x: f32, y: f32| centre + vec3(x * half, y * half, x * 0.3 * half);
+    part.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
+    part
+}
+
+/// A room with one object of every kind that bends or lets light through, but for mirrors and smooth glass.
+fn room() -> Scene {
+    let camera = plane(1.0, 0.5).camera;
+    let matte = Material::default();
+    let materials = vec![
+        Material { base_color: Vec3::splat(0.8), ..matte.clone() },
+        Material {
+            roughness: 0.5,
+            metallic: 1.0,
+            specular: 1.0,
+            base_color: vec3(0.9, 0.6, 0.3),
+            ..matte.clone()
+        },
+        Material {
+            roughness: 0.4,
+            specular: 1.0,
+            transmission: 1.0,
+            volume: Some(Volume { attenuation_color: vec3(0.5, 0.8, 0.9), attenuation_distance: 0.3 }),
+            ..matte.clone()
+        },
+        Material {
+            roughness: 0.6,
+            specular: 1.0,
+            transmission: 0.8,
+            base_color: vec3(0.9, 0.9, 0.5),
+            ..matte.clone()
+        },
+        Material {
+            opacity: 0.4,
+            alpha_mode: AlphaMode::Blend,
+            base_color: vec3(0.2, 0.9, 0.3),
+            ..matte.clone()
+        },
+        Material {
+            diffuse_transmission: 0.6,
+            diffuse_transmission_color: vec3(0.9, 0.7, 0.6),
+            ..matte.clone()
+        },
+        // A filter: tinted, without reflection.
+        Material { roughness: 0.0, transmission: 0.7, base_color: vec3(0.4, 0.6, 0.9), ..matte.clone() },
+        Material { roughness: 0.3, specular: 1.0, base_color: vec3(0.7, 0.2, 0.2), ..matte },
+    ];
+    let mut wall = Part::new("wall", None);
+    wall.quad([vec3(-1.0, -0.5, -1.6), vec3(1.0, -0.5, -1.6), vec3(1.0, 1.0, -1.6), vec3(-1.0, 1.0, -1.6)]);
+    let mut floor = Part::new("floor", None);
+    floor.quad([
+        vec3(-1.0, -0.35, -0.4),
+        vec3(1.0, -0.35, -0.4),
+        vec3(1.0, -0.35, -1.7),
+        vec3(-1.0, -0.35, -1.7),
+    ]);
+    let parts = vec![
+        wall,
+        floor,
+        block("metal", vec3(-0.5, -0.35, -1.5), vec3(-0.3, 0.0, -1.2), 1),
+        block("glass", vec3(-0.2, -0.34, -1.3), vec3(0.0, -0.1, -1.1), 2),
+        sheet("frosted", vec3(0.15, -0.15, -1.2), 0.1, 3),
+        sheet("veil", vec3(-0.15, 0.2, -1.2), 0.15, 4),
+        sheet("paper", vec3(0.2, 0.2, -1.1), 0.12, 5),
+        sheet("filter", vec3(0.33, -0.1, -1.0), 0.12, 6),
+        block("plastic", vec3(0.2, -0.35, -1.5), vec3(0.45, -0.05, -1.3), 7),
+    ];
+    Model { name: "room", parts, materials, camera }.to_scene()
+}
+
+/// White photos, one a seed: by the paths of both ends, or of the camera alone.
+fn photos(
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    camera_alone: bool,
+    seeds: std::ops::Range<u32>,
+) -> Vec<Vec<f64>> {
+    let mut one = |seed: u32| {
+        let settings = TraceSettings { seed, ..*settings };
+        let mut photo = vec![0.0; SIDE * SIDE];
+        let mut strategies = tracer.strategies(&settings).expect("the scene fits");
+        if camera_alone {
+            strategies.truncate(1);
+            // As if the projector had no samples: every weight becomes 1.
+            strategies[0].parameters.end_to_start = 0.0;
+        }
+        for strategy in &strategies {
+            let mut visit = |batch: &crate::render::Batch<'_>| {
+                for index in 0..batch.len() {
+                    if batch.symmetric() {
+                        photo[batch.pixel(index) as usize] += f64::from(batch.direct(index)[1]);
+                    }
+                    for connection in batch.connections(index) {
+                        photo[connection.camera as usize] += f64::from(connection.value[1]);
+                        if batch.symmetric() && !camera_alone {
+                            photo[connection.projector as usize] += f64::from(connection.value[1]);
+                        }
+                    }
+                }
+                Ok(())
+            };
+            let mut go_on = |_| ControlFlow::Continue(());
+            tracer
+                .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut go_on, &mut visit)
+                .expect("the scene can be traced");
+        }
+        photo.iter().map(|value| value / f64::from(settings.samples)).collect()
+    };
+    seeds.map(&mut one).collect()
+}
+
+/// z of each pixel's difference between two sets of photos, by their own spread; and of the difference of their sums.
+fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
+    let moments = |values: Vec<f64>| {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0) / n)
+    };
+    let z = |at: &dyn Fn(&Vec<f64>) -> f64| {
+        let (a, a_variance) = moments(a.iter().map(at).collect());
+        let (b, b_variance) = moments(b.iter().map(at).collect());
+        (a - b) / (a_variance + b_variance).sqrt()
+    };
+    let pixels: Vec<f64> = (0..a[0].len()).map(|pixel| z(&|photo| photo[pixel])).collect();
+    let rms = (pixels.iter().map(|z| z * z).sum::<f64>() / pixels.len() as f64).sqrt();
+    (rms, z(&|photo| photo.iter().sum()))
+}
+
+const SEEDS: u32 = 20;
+
+fn assert_alike(name: &str, a: &[Vec<f64>], b: &[Vec<f64>]) {
+    let (spread, sum) = compare(a, b);
+    println!("{name}: z rms of pixels {spread:.3}, z of the sum {sum:+.2}");
+    // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, good to ± 0.05 over 256 pixels; the camera's own
+    // paths find bright spots so seldom that their spread is underestimated where none was met.
+    assert!((0.8..1.25).contains(&spread), "{name}: z rms {spread}");
+    assert!(sum.abs() < 4.0, "{name}: z of the sum {sum}");
+}
+
+/// The camera's paths alone are unbiased where nothing mirrors in single directions; so are both ends' with weights that add
+/// up to 1. A density or a probability that is not the reverse's own would show.
+#[test]
+fn both_ends_paths_together_give_the_photo_of_the_cameras_alone() {
+    let settings = TraceSettings {
+        max_bounces: 5,
+        sampler: Sampler::Independent,
+        ..TraceSettings::new(Resolution::new(SIDE, SIDE), 128)
+    };
+    let coaxial = room();
+    let mut tracer = Tracer::new(&coaxial, None).expect("the README's test command installs a Vulkan driver");
+    let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
+    // Other seeds than those of the paths alone.
+    let both =
+        photos(&mut tracer, &TraceSettings { russian_roulette: true, ..settings }, false, 100..100 + SEEDS);
+    assert_alike("coaxial", &alone, &both);
+
+    let mut apart = room();
+    let mut projector = apart.camera.clone();
+    projector.position += vec3(0.3, 0.1, 0.05);
+    projector.tan_half_fov *= 1.3;
+    projector.lens = Lens { radius: 0.01, focus: 1.3 };
+    apart.camera.lens = Lens { radius: 0.02, focus: 1.0 };
+    apart.projector = Some(projector);
+    let settings = TraceSettings { projector: Some(Resolution::new(24, 16)), ..settings };
+    let mut tracer = Tracer::new(&apart, None).expect("the README's test command installs a Vulkan driver");
+    let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
+    let both = photos(&mut tracer, &settings, false, 100..100 + SEEDS);
+    assert_alike("apart, with lenses", &alone, &both);
+}
