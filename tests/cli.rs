@@ -13,7 +13,8 @@ use tempfile::TempDir;
 /// The program with these arguments.
 fn krylux(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_krylux"));
-    command.args(arguments);
+    // Every run traces for itself.
+    command.args(arguments).env("KRYLUX_CACHE", "");
     command
 }
 
