@@ -30,7 +30,7 @@ fn main() -> Outcome {
     );
     for (name, scene) in [
         ("corner, 4 triangles", builtin::corner().to_scene()),
-        ("box, 100,000 triangles", builtin::tessellated_box(100_000)?),
+        ("box, 100,000 triangles", builtin::tessellated_box(100_000)),
     ] {
         let mut tracer = Tracer::new(&scene, None)?;
         let settings =
