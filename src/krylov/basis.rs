@@ -100,34 +100,90 @@ impl Basis {
         sums
     }
 
+    /// `Vᵀ w` and `Vᵀ S² w` with `S = diag(s)`, in one pass over the columns.
+    pub(super) fn dots_twice(&self, w: &[f64], s: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let count = self.columns.len();
+        let block_sums = |(index, (rows, s)): (usize, (&[f64], &[f64]))| -> Vec<f64> {
+            let mut weighted = [0.0; BLOCK];
+            let weighted = &mut weighted[..rows.len()];
+            for ((weighted, row), s) in weighted.iter_mut().zip(rows).zip(s) {
+                *weighted = s * s * row;
+            }
+            let start = index * BLOCK;
+            let mut sums = vec![0.0; 2 * count];
+            let (plain, of_weighted) = sums.split_at_mut(count);
+            for ((column, plain), of_weighted) in self.columns.iter().zip(plain).zip(of_weighted) {
+                let column = &column[start..start + rows.len()];
+                *plain = dot_block(column, rows);
+                *of_weighted = dot_block(column, weighted);
+            }
+            sums
+        };
+        let partial: Vec<Vec<f64>> = if w.len() <= 2 * BLOCK {
+            w.chunks(BLOCK).zip(s.chunks(BLOCK)).enumerate().map(block_sums).collect()
+        } else {
+            w.par_chunks(BLOCK).zip(s.par_chunks(BLOCK)).enumerate().map(block_sums).collect()
+        };
+        let mut plain = vec![0.0; 2 * count];
+        for block in &partial {
+            for (sum, part) in plain.iter_mut().zip(block) {
+                *sum += part;
+            }
+        }
+        let weighted = plain.split_off(count);
+        (plain, weighted)
+    }
+
+    /// `w ← w + V h` for two pairs `(h, w)`, in one pass over the columns.
+    pub(super) fn accumulate_twice(&self, first: (&[f64], &mut [f64]), second: (&[f64], &mut [f64])) {
+        let ((a, w), (b, z)) = (first, second);
+        debug_assert!(a.len() == self.columns.len() && b.len() == self.columns.len());
+        let add = |(index, (w, z)): (usize, (&mut [f64], &mut [f64]))| {
+            // Few enough columns at a time that their blocks are still in the cache for the second vector.
+            for ((columns, a), b) in self.columns.chunks(4).zip(a.chunks(4)).zip(b.chunks(4)) {
+                add_block(columns, a, 1.0, index * BLOCK, w);
+                add_block(columns, b, 1.0, index * BLOCK, z);
+            }
+        };
+        if w.len() <= 2 * BLOCK {
+            w.chunks_mut(BLOCK).zip(z.chunks_mut(BLOCK)).enumerate().for_each(add);
+        } else {
+            w.par_chunks_mut(BLOCK).zip(z.par_chunks_mut(BLOCK)).enumerate().for_each(add);
+        }
+    }
+
     /// `w ← w + sign · V h` over the columns from `first` on.
     pub(super) fn accumulate(&self, first: usize, coefficients: &[f64], sign: f64, w: &mut [f64]) {
         let columns = self.columns.get(first..).unwrap_or_default();
         debug_assert_eq!(columns.len(), coefficients.len());
         let add = |(index, rows): (usize, &mut [f64])| {
-            let start = index * BLOCK;
-            let end = start + rows.len();
-            let mut pairs = columns.chunks_exact(4).zip(coefficients.chunks_exact(4));
-            for (group, factors) in &mut pairs {
-                // Four columns at a time: w is read and written a quarter as often.
-                let [a, b, c, d] = [0, 1, 2, 3].map(|k| &group[k][start..end]);
-                let [fa, fb, fc, fd] = [0, 1, 2, 3].map(|k| sign * factors[k]);
-                for ((((value, a), b), c), d) in rows.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                    *value += (fa * a + fb * b) + (fc * c + fd * d);
-                }
-            }
-            let tail = columns.len() - columns.len() % 4;
-            for (column, factor) in columns[tail..].iter().zip(&coefficients[tail..]) {
-                let factor = sign * factor;
-                for (value, entry) in rows.iter_mut().zip(&column[start..end]) {
-                    *value += factor * entry;
-                }
-            }
+            add_block(columns, coefficients, sign, index * BLOCK, rows);
         };
         if w.len() <= 2 * BLOCK {
             w.chunks_mut(BLOCK).enumerate().for_each(add);
         } else {
             w.par_chunks_mut(BLOCK).enumerate().for_each(add);
+        }
+    }
+}
+
+/// `rows ← rows + sign · V h` for the rows of one block, which begins at `start`.
+fn add_block(columns: &[Vec<f64>], coefficients: &[f64], sign: f64, start: usize, rows: &mut [f64]) {
+    let end = start + rows.len();
+    let mut pairs = columns.chunks_exact(4).zip(coefficients.chunks_exact(4));
+    for (group, factors) in &mut pairs {
+        // Four columns at a time: w is read and written a quarter as often.
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| &group[k][start..end]);
+        let [fa, fb, fc, fd] = [0, 1, 2, 3].map(|k| sign * factors[k]);
+        for ((((value, a), b), c), d) in rows.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+            *value += (fa * a + fb * b) + (fc * c + fd * d);
+        }
+    }
+    let tail = columns.len() - columns.len() % 4;
+    for (column, factor) in columns[tail..].iter().zip(&coefficients[tail..]) {
+        let factor = sign * factor;
+        for (value, entry) in rows.iter_mut().zip(&column[start..end]) {
+            *value += factor * entry;
         }
     }
 }
@@ -204,6 +260,26 @@ mod tests {
                 - basis.columns()[1..].iter().zip(&dots).map(|(column, h)| column[row] * h).sum::<f64>();
             // Coefficients reach 1300; five rounded products of that size.
             assert!((expected - sum[row]).abs() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn two_at_once_are_the_same_as_one_after_the_other() {
+        for rows in [37, 3 * BLOCK + 5] {
+            let mut basis = Basis::new(rows);
+            for k in 0..6 {
+                basis.push_scaled(&ramp(rows, 0.2 + k as f64), 1.0);
+            }
+            let (w, s) = (ramp(rows, 0.31), ramp(rows, 0.07));
+            let weighted: Vec<f64> = w.iter().zip(&s).map(|(w, s)| s * s * w).collect();
+            assert_eq!(basis.dots_twice(&w, &s), (basis.dots(0, &w), basis.dots(0, &weighted)));
+            let (a, b) = (ramp(6, 1.1), ramp(6, 0.3));
+            let (mut x, mut y) = (w.clone(), s.clone());
+            basis.accumulate_twice((&a, &mut x), (&b, &mut y));
+            let (mut one, mut other) = (w, s);
+            basis.accumulate(0, &a, 1.0, &mut one);
+            basis.accumulate(0, &b, 1.0, &mut other);
+            assert!(x == one && y == other, "the same sums in the same order");
         }
     }
 
