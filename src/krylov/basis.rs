@@ -5,6 +5,8 @@
 
 use rayon::prelude::*;
 
+use super::kernels::{add_block, dot_block, dots_block};
+
 /// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns stream past
 /// it.
 const BLOCK: usize = 1024;
@@ -83,8 +85,9 @@ impl Basis {
     pub(super) fn dots(&self, first: usize, w: &[f64]) -> Vec<f64> {
         let columns = self.columns.get(first..).unwrap_or_default();
         let block_sums = |(index, rows): (usize, &[f64])| -> Vec<f64> {
-            let start = index * BLOCK;
-            columns.iter().map(|column| dot_block(&column[start..start + rows.len()], rows)).collect()
+            let mut sums = vec![0.0; columns.len()];
+            dots_block(columns, index * BLOCK, rows, &mut sums);
+            sums
         };
         let partial: Vec<Vec<f64>> = if w.len() <= 2 * BLOCK {
             w.chunks(BLOCK).enumerate().map(block_sums).collect()
@@ -109,13 +112,13 @@ impl Basis {
             for ((weighted, row), s) in weighted.iter_mut().zip(rows).zip(s) {
                 *weighted = s * s * row;
             }
-            let start = index * BLOCK;
             let mut sums = vec![0.0; 2 * count];
             let (plain, of_weighted) = sums.split_at_mut(count);
-            for ((column, plain), of_weighted) in self.columns.iter().zip(plain).zip(of_weighted) {
-                let column = &column[start..start + rows.len()];
-                *plain = dot_block(column, rows);
-                *of_weighted = dot_block(column, weighted);
+            for ((columns, plain), of_weighted) in
+                self.columns.chunks(8).zip(plain.chunks_mut(8)).zip(of_weighted.chunks_mut(8))
+            {
+                dots_block(columns, index * BLOCK, rows, plain);
+                dots_block(columns, index * BLOCK, weighted, of_weighted);
             }
             sums
         };
@@ -140,7 +143,7 @@ impl Basis {
         debug_assert!(a.len() == self.columns.len() && b.len() == self.columns.len());
         let add = |(index, (w, z)): (usize, (&mut [f64], &mut [f64]))| {
             // Few enough columns at a time that their blocks are still in the cache for the second vector.
-            for ((columns, a), b) in self.columns.chunks(4).zip(a.chunks(4)).zip(b.chunks(4)) {
+            for ((columns, a), b) in self.columns.chunks(8).zip(a.chunks(8)).zip(b.chunks(8)) {
                 add_block(columns, a, 1.0, index * BLOCK, w);
                 add_block(columns, b, 1.0, index * BLOCK, z);
             }
@@ -165,42 +168,6 @@ impl Basis {
             w.par_chunks_mut(BLOCK).enumerate().for_each(add);
         }
     }
-}
-
-/// `rows ← rows + sign · V h` for the rows of one block, which begins at `start`.
-fn add_block(columns: &[Vec<f64>], coefficients: &[f64], sign: f64, start: usize, rows: &mut [f64]) {
-    let end = start + rows.len();
-    let mut pairs = columns.chunks_exact(4).zip(coefficients.chunks_exact(4));
-    for (group, factors) in &mut pairs {
-        // Four columns at a time: w is read and written a quarter as often.
-        let [a, b, c, d] = [0, 1, 2, 3].map(|k| &group[k][start..end]);
-        let [fa, fb, fc, fd] = [0, 1, 2, 3].map(|k| sign * factors[k]);
-        for ((((value, a), b), c), d) in rows.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-            *value += (fa * a + fb * b) + (fc * c + fd * d);
-        }
-    }
-    let tail = columns.len() - columns.len() % 4;
-    for (column, factor) in columns[tail..].iter().zip(&coefficients[tail..]) {
-        let factor = sign * factor;
-        for (value, entry) in rows.iter_mut().zip(&column[start..end]) {
-            *value += factor * entry;
-        }
-    }
-}
-
-/// The inner product of one block. Eight partial sums let the compiler use vector registers, which it may not do by
-/// itself as that reorders the sum.
-fn dot_block(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a_chunks, a_tail) = a.as_chunks::<8>();
-    let (b_chunks, b_tail) = b.as_chunks::<8>();
-    for (x, y) in a_chunks.iter().zip(b_chunks) {
-        for lane in 0..8 {
-            sums[lane] += x[lane] * y[lane];
-        }
-    }
-    let tail: f64 = a_tail.iter().zip(b_tail).map(|(x, y)| x * y).sum();
-    ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + tail
 }
 
 /// `aᵀ b` of two vectors of one length, summed in a fixed order whatever the number of threads.
