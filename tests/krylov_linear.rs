@@ -209,6 +209,28 @@ fn needs_of_the_table_are_enforced() {
 }
 
 #[test]
+fn one_photo_measures_the_gains_of_an_operator_that_is_a_gain_for_each_scale() {
+    let (width, height) = (32, 24);
+    let d: Vec<f64> = (0..width * height).map(|i| 0.2 + (i % 11) as f64 / 10.0).collect();
+    let inverse = d.iter().map(|d| 1.0 / d).collect();
+    let shares = [0.25, 0.4, 1.0];
+    let operator = Multiscale::new(width, height, shares.to_vec()).unwrap().scaled_by(inverse).unwrap();
+    let probe = krylux::krylov::Start::default().vector(width * height);
+    let mut photo = vec![0.0; width * height];
+    operator.apply(&probe, &mut photo).unwrap();
+    let measured = Multiscale::measured(width, height, d.clone(), &probe, &photo).unwrap();
+    // One band is measured: blocks of 4×4 pixels are 48, too few.
+    assert_eq!(measured.gains().len(), 2);
+    // Bands are orthogonal: rounding of sums of 768 numbers.
+    assert!((measured.gains()[0] - 1.0 / shares[0]).abs() < 1e-12, "{:?}", measured.gains());
+    assert_eq!(measured.gains()[1], 1.0);
+    // Nothing is raised more than tenfold, and nothing lowered.
+    let dark = Multiscale::measured(width, height, d.clone(), &probe, &vec![0.0; width * height]).unwrap();
+    assert!(dark.gains().iter().all(|gain| (1.0..=10.0).contains(gain)), "{:?}", dark.gains());
+    assert!(Multiscale::measured(width, height, d, &probe, &[0.0; 3]).is_err());
+}
+
+#[test]
 fn zero_right_hand_side_and_exact_first_iterates_take_no_product_to_spare() {
     for method in LINEAR {
         let system = named("zero_rhs");

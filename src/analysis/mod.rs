@@ -16,13 +16,11 @@ pub mod kmeans;
 mod laplacian;
 mod rand_index;
 pub mod segment;
-mod wish;
 
 pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
-pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondition};
+pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
 pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
 pub use rand_index::adjusted_rand_index;
 pub use segment::{Cut, MASKED, SegmentOptions, Segmentation};
-pub use wish::Wish;

@@ -26,6 +26,7 @@ mod eigen;
 mod estimators;
 mod factor;
 mod inexact;
+mod kernels;
 mod linear;
 mod methods;
 mod monitor;

@@ -21,7 +21,7 @@ use crate::operator::{Adjoint, Symmetry};
 /// that is not symmetric the model is Broyden's, and rest need not be the optimum. Patterns shown are inside the box
 /// except residuals, which are signed. Ends where the model, knowing `A r`, can predict no gain beyond `rtol`. Stores
 /// after `k` products `2k` `n`-vectors (two more for a white photo that was given) and, beside them, `b, x`, the best
-/// `x`, `r, D, D^½`, the candidate, a product and five to work in.
+/// `x`, `r, D, D^½`, the candidate, a product and six to work in.
 ///
 /// # References
 /// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs

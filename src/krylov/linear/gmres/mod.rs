@@ -1,13 +1,15 @@
 //! The generalized minimal residual method, and its flexible form.
 
+mod cycle;
+
 use std::sync::Arc;
 
-use super::super::basis::{Basis, norm};
+use self::cycle::Cycle;
+use super::super::basis::norm;
 use super::super::orthogonalize::orthogonalize;
 use super::super::precondition::Preconditioner;
 use super::super::stats::Status;
 use super::super::vectors::axpy;
-use super::rotation::rotation;
 use super::system::{System, Tally, square};
 use super::{Advance, Side, SolveOptions, Solver, precondition, refuse_left};
 use crate::error::Result;
@@ -35,14 +37,7 @@ pub struct Gmres {
     side: Side,
     flexible: bool,
     restart: usize,
-    basis: Basis,
-    /// Flexible: `M⁻¹ v_j`. From the left: `A v_j`.
-    kept: Basis,
-    /// The columns of `R`, upper triangular.
-    triangle: Vec<Vec<f64>>,
-    rotations: Vec<(f64, f64)>,
-    /// `Qᵀ ‖r_0‖ e_1`: one entry more than there are columns.
-    rotated: Vec<f64>,
+    cycle: Cycle,
     hat: Vec<f64>,
     /// The largest `‖A M⁻¹ v‖` so far.
     scale: f64,
@@ -78,24 +73,15 @@ impl Gmres {
         let system = System::new(b.len(), b, options)?;
         let side = if options.preconditioner.is_some() { options.side } else { Side::Right };
         let restart = options.restart.unwrap_or(usize::MAX);
-        let (mut basis, mut kept) = (Basis::new(b.len()), Basis::new(b.len()));
-        // Memory for all steps, so that none asks for it.
         let steps = options.products.min(restart).min(b.len());
-        basis.reserve(steps + 1);
-        if flexible || side == Side::Left {
-            kept.reserve(steps);
-        }
+        let kept = if flexible || side == Side::Left { steps } else { 0 };
         Ok(Self {
             system,
             preconditioner: options.preconditioner.clone(),
             side,
             flexible,
             restart,
-            basis,
-            kept,
-            triangle: Vec::new(),
-            rotations: Vec::new(),
-            rotated: Vec::new(),
+            cycle: Cycle::new(b.len(), steps, kept),
             hat: vec![0.0; b.len()],
             scale: 0.0,
             started: false,
@@ -104,7 +90,7 @@ impl Gmres {
 
     /// Basis vectors and kept ones at this moment, of length `n` each.
     pub fn stored(&self) -> usize {
-        self.basis.len() + self.kept.len()
+        self.cycle.basis.len() + self.cycle.kept.len()
     }
 
     /// A cycle starts from the residual.
@@ -115,44 +101,9 @@ impl Gmres {
             self.hat.copy_from_slice(&self.system.r);
         }
         let length = norm(&self.hat);
-        self.basis.clear();
-        self.kept.clear();
-        self.triangle.clear();
-        self.rotations.clear();
-        self.rotated = vec![length];
-        if length > 0.0 {
-            self.basis.push_scaled(&self.hat, length);
-            self.started = true;
-        }
-        Ok(length > 0.0)
-    }
-
-    /// `‖r_0‖` of this cycle, which rotations leave as it is.
-    fn rotated_norm(&self) -> f64 {
-        norm(&self.rotated)
-    }
-
-    /// `y = R⁻¹ (Qᵀ ‖r_0‖ e_1)`.
-    fn coefficients(&self) -> Vec<f64> {
-        let count = self.triangle.len();
-        let mut y = self.rotated[..count.min(self.rotated.len())].to_vec();
-        for column in (0..count).rev() {
-            y[column] /= self.triangle[column][column];
-            let value = y[column];
-            for (row, entry) in self.triangle[column][..column].iter().enumerate() {
-                y[row] -= value * entry;
-            }
-        }
-        y
-    }
-
-    /// This cycle's `V y` added to `sum`; flexible, `Σ y_j M⁻¹ v_j`.
-    fn combine(&self, sum: &mut [f64]) {
-        let mut y = self.coefficients();
-        let columns = if self.flexible { &self.kept } else { &self.basis };
-        // The last basis vector has no coefficient yet.
-        y.resize(columns.len(), 0.0);
-        columns.accumulate(0, &y, 1.0, sum);
+        self.cycle.start(&self.hat, length);
+        self.started = length > 0.0;
+        Ok(self.started)
     }
 
     /// Whether `V y` has to be preconditioned to be a correction of `x`.
@@ -163,31 +114,17 @@ impl Gmres {
     /// The true residual of this cycle's iterate, from what is stored, in the place of the cycle's first residual.
     fn residual(&self, r: &mut [f64]) {
         if self.side == Side::Left {
-            let mut y = self.coefficients();
-            y.resize(self.kept.len(), 0.0);
-            self.kept.accumulate(0, &y, -1.0, r);
-            return;
+            self.cycle.combine(true, -1.0, r);
+        } else {
+            self.cycle.residual(r);
         }
-        // r = V Qᵀ (0 … 0, ρ): the rotations undone, last to first.
-        let count = self.triangle.len();
-        let mut coordinates = vec![0.0; count + 1];
-        coordinates[count] = self.rotated[count];
-        for (k, (c, s)) in self.rotations.iter().enumerate().rev() {
-            let below = coordinates[k + 1];
-            coordinates[k] = -s * below;
-            coordinates[k + 1] = c * below;
-        }
-        // An invariant space has no last vector, and leaves no residual along it.
-        coordinates.truncate(self.basis.len());
-        r.fill(0.0);
-        self.basis.accumulate(0, &coordinates, 1.0, r);
     }
 
     /// Ends the cycle: `x` and `r` are brought up to date, at no product.
     fn close(&mut self) -> Result<()> {
         let mut sum = std::mem::take(&mut self.hat);
         sum.fill(0.0);
-        self.combine(&mut sum);
+        self.cycle.combine(self.flexible, 1.0, &mut sum);
         let hatted = self.is_hatted();
         let mut made = Ok(());
         if hatted {
@@ -199,7 +136,6 @@ impl Gmres {
             self.residual(&mut r);
             self.system.r = r;
             self.started = false;
-            self.triangle.clear();
         }
         self.hat = sum;
         made
@@ -214,13 +150,13 @@ impl Solver for Gmres {
             self.system.first_residual(operator)?;
             return Ok(Advance::Continuing);
         }
-        if self.started && self.triangle.len() >= self.restart {
+        if self.started && self.cycle.len() >= self.restart {
             self.close()?;
         }
         if !self.started && !self.start()? {
             return Ok(Advance::Ended(Status::ReachedTolerance));
         }
-        let Some(v) = self.basis.columns().last() else {
+        let Some(v) = self.cycle.basis.columns().last() else {
             return Ok(Advance::Ended(Status::SpaceExhausted));
         };
         let right = self.side == Side::Right;
@@ -238,46 +174,32 @@ impl Solver for Gmres {
             &mut self.hat
         };
         let length = norm(w);
-        let removed = orthogonalize(&self.basis, w, 0);
-        let mut column = removed.coefficients;
-        for (k, (c, s)) in self.rotations.iter().enumerate() {
-            let (a, b) = (column[k], column[k + 1]);
-            column[k] = c * a + s * b;
-            column[k + 1] = c * b - s * a;
-        }
+        let removed = orthogonalize(&self.cycle.basis, w, 0);
         // What orthogonalization leaves of a vector in the span is rounding.
-        let invariant = removed.norm <= 10.0 * f64::EPSILON * length;
+        let tiny = 10.0 * f64::EPSILON * length;
+        let invariant = removed.norm <= tiny;
         let below = if invariant { 0.0 } else { removed.norm };
-        let last = column.len() - 1;
-        let (c, s, diagonal) = rotation(column[last], below);
-        if diagonal <= 10.0 * f64::EPSILON * length {
+        let Some(left) = self.cycle.append(removed.coefficients, below, tiny) else {
             return Ok(Advance::Ended(SINGULAR));
-        }
-        column[last] = diagonal;
-        self.rotations.push((c, s));
-        self.triangle.push(column);
-        let top = self.rotated[last];
-        self.rotated[last] = c * top;
-        self.rotated.push(-s * top);
+        };
         self.scale = self.scale.max(length);
-        if norm(&self.coefficients()) * self.scale * f64::EPSILON > MEANINGLESS * self.rotated_norm() {
+        if norm(&self.cycle.coefficients()) * self.scale * f64::EPSILON
+            > MEANINGLESS * self.cycle.first_residual()
+        {
             // Rounding errors of such a correction would be larger than what it corrects.
-            self.rotations.pop();
-            self.triangle.pop();
-            self.rotated.pop();
-            self.rotated[last] = top;
+            self.cycle.undo();
             return Ok(Advance::Ended(SINGULAR));
         }
         if self.flexible {
-            self.kept.push_scaled(&self.hat, 1.0);
+            self.cycle.kept.push_scaled(&self.hat, 1.0);
         } else if !right {
-            self.kept.push_scaled(&self.system.work, 1.0);
+            self.cycle.kept.push_scaled(&self.system.work, 1.0);
         }
         if !invariant {
-            self.basis.push_scaled(if right { &self.system.work } else { &self.hat }, removed.norm);
+            self.cycle.basis.push_scaled(if right { &self.system.work } else { &self.hat }, removed.norm);
         }
         let residual = if right {
-            (s * top).abs()
+            left
         } else {
             let mut r = std::mem::take(&mut self.hat);
             r.copy_from_slice(&self.system.r);
@@ -300,11 +222,11 @@ impl Solver for Gmres {
             return x;
         }
         if !self.is_hatted() {
-            self.combine(&mut x);
+            self.cycle.combine(self.flexible, 1.0, &mut x);
             return x;
         }
         let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-        self.combine(&mut sum);
+        self.cycle.combine(self.flexible, 1.0, &mut sum);
         // Should the preconditioner fail, the iterate of the last restart is what there is.
         if precondition(self.preconditioner.as_ref(), &sum, &mut hat).is_ok() {
             axpy(1.0, &hat, &mut x);
