@@ -20,6 +20,7 @@
 //! | photo = `A` · pattern, coaxial rig (section 2) | [`render`] traces it once, [`transport`] replays it |
 //! | Krylov subspace illumination (sections 3 and 4) | [`krylov`]: eigenpairs, linear systems, boxes, estimators |
 //! | light transport segmentation (section 5) | [`analysis::segment`] |
+//! | light transport compensation | [`analysis::compensate`](mod@analysis::compensate) |
 //!
 //! Units, conventions and the symmetric estimator stand in [`render`] and [`transport`].
 //!

@@ -13,7 +13,8 @@ use tempfile::TempDir;
 /// The program with these arguments.
 fn krylux(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_krylux"));
-    command.args(arguments);
+    // Every run traces for itself.
+    command.args(arguments).env("KRYLUX_CACHE", "");
     command
 }
 
@@ -245,45 +246,150 @@ fn pairs_that_are_not_resolved_are_exit_status_1() {
 #[test]
 fn a_system_from_files_is_solved() {
     let folder = folder();
-    let [matrix, rhs, x, history] =
-        ["A.npy", "b.npy", "x.npy", "history.csv"].map(|name| inside(&folder, name));
+    let [matrix, rhs] = ["A.npy", "b.npy"].map(|name| inside(&folder, name));
     npy::write_npy(Path::new(&matrix), &[2, 2], &[4.0, 1.0, 1.0, 3.0]).expect("the folder is writable");
     npy::write_npy(Path::new(&rhs), &[2], &[1.0, 2.0]).expect("the folder is writable");
     for method in ["minres", "gmres", "cg", "bicgstab", "lsqr", "lsmr", "krylov-box"] {
-        let output = run(&[
-            "solve",
-            &matrix,
-            &rhs,
-            "--method",
-            method,
-            "--rtol",
-            "1e-9",
-            "-o",
-            &x,
-            "--history",
-            &history,
-        ]);
-        assert_eq!(
-            output.status.code(),
-            Some(0),
-            "{method}: {}{}",
-            text(&output.stdout),
-            text(&output.stderr)
-        );
-        let found = npy::read_npy(Path::new(&x)).expect("it is written").values;
+        let out = inside(&folder, method);
+        let output = run(&["solve", &matrix, &rhs, "--method", method, "--rtol", "1e-9", "-o", &out]);
+        let (said, noted) = (text(&output.stdout), text(&output.stderr));
+        assert_eq!(output.status.code(), Some(0), "{method}: {said}{noted}");
+        let out = Path::new(&out);
+        let found = npy::read_npy(&out.join("solution.npy")).expect("it is written").values;
         // x = (1, 7)/11; the residual is at most 1e-9 |b|, and |A⁻¹| < 0.5.
         for (found, exact) in found.iter().zip([1.0 / 11.0, 7.0 / 11.0]) {
             assert!((found - exact).abs() < 1.2e-9, "{method}: {found} for {exact}");
         }
-        let history = std::fs::read_to_string(&history).expect("it is written");
-        assert!(
-            history.starts_with("products,relative_residual\n") && history.lines().count() > 1,
-            "{history}"
-        );
+        let history = std::fs::read_to_string(out.join("residuals.csv")).expect("it is written");
+        assert!(history.starts_with("products,relative_residual\n1,"), "{history}");
+        let record = std::fs::read(out.join("run.json")).expect("a run has a record");
+        let record: serde_json::Value = serde_json::from_slice(&record).expect("it is JSON");
+        assert_eq!(record["status"], "done");
+        let rows = history.lines().count() as u64 - 1;
+        assert_eq!(record["photos"].as_u64(), Some(rows), "{method}: a row for each product");
+        assert!(record["scene"]["path"].as_str().expect("the matrix is named").ends_with("A.npy"));
+        assert!(out.join("report.html").exists());
     }
+    let out = inside(&folder, "short");
+    let output = run(&["solve", &matrix, &rhs, "--method", "cg", "--photos", "1", "-o", &out]);
+    assert_eq!(output.status.code(), Some(1), "one product is not enough for two eigenvalues");
     npy::write_npy(Path::new(&rhs), &[3], &[1.0; 3]).expect("the folder is writable");
     assert_error(&["solve", &matrix, &rhs], &["b.npy", "3 numbers", "2 rows"]);
     assert_error(&["solve", &matrix, &rhs, "--method", "magic"], &["--method", "minres"]);
+}
+
+/// A bright disc on a dark ground, at `side × side`.
+fn write_target(folder: &TempDir, side: usize) -> String {
+    let file = inside(folder, "target.npy");
+    let value = |pixel: usize| {
+        let offset = |at: usize| at as f32 / side as f32 - 0.5;
+        if offset(pixel % side).hypot(offset(pixel / side)) < 0.3 { 0.8_f32 } else { 0.3 }
+    };
+    let values: Vec<f32> = (0..side * side).map(value).collect();
+    npy::write_npy(Path::new(&file), &[side, side], &values).expect("the folder is writable");
+    file
+}
+
+#[test]
+fn compensate_leaves_everything_a_reader_needs() {
+    let folder = folder();
+    let out = inside(&folder, "run");
+    let corner = scene_path("corner").display().to_string();
+    let target = write_target(&folder, 24);
+    let output = run(&["compensate", &corner, "--target", &target, "--size", "24", "--json", "-o", &out]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let summary: serde_json::Value =
+        serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON");
+    let residual = summary["relative_residual"].as_f64().expect("it is a number");
+    assert!(residual < summary["relative_residual_uncompensated"].as_f64().expect("a number, too"));
+    let photos = summary["photos"].as_u64().expect("it is a number");
+    let out = Path::new(&out);
+    for name in ["compensation", "observed", "uncompensated", "target"] {
+        for extension in ["npy", "exr", "png"] {
+            let image = picture::read(&out.join(format!("{name}.{extension}"))).expect("it is written");
+            assert_eq!((image.resolution().width, image.resolution().height), (24, 24), "{name}.{extension}");
+        }
+    }
+    let image = |name: &str| picture::read(&out.join(name)).expect("it is written").plane(0);
+    // The picture of the pattern is the pattern, in 8 bits of sRGB: steps of at most 1/255/(1.055/2.4) ≈ 0.009.
+    for (eight, exact) in image("compensation.png").iter().zip(image("compensation.npy")) {
+        assert!((0.0..=1.0).contains(&exact) && (eight - exact).abs() < 0.005, "{eight} {exact}");
+    }
+    // The residual is what the files say: in the dark, relative to the target.
+    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
+    let (seen, wished) = (image("observed.npy"), image("target.npy"));
+    let misfit = norm(&mut seen.iter().zip(&wished).map(|(a, b)| a - b)) / norm(&mut wished.iter().copied());
+    assert!((misfit - residual).abs() < 1e-6, "f32 in the files: {misfit} {residual}");
+    let rows = std::fs::read_to_string(out.join("residuals.csv")).expect("it is written");
+    assert!(rows.starts_with("photo,relative_residual\n1,"), "{rows}");
+    assert_eq!(rows.lines().count() as u64, 1 + photos, "a row for each photo");
+    let record = std::fs::read_to_string(out.join("run.json")).expect("a run has a record");
+    let record: serde_json::Value = serde_json::from_str(&record).expect("it is JSON");
+    assert_eq!((&record["status"], &record["photos"]), (&"done".into(), &(photos + 1).into()));
+    for name in record["outputs"].as_array().expect("the files are listed") {
+        assert!(out.join(name.as_str().expect("by name")).exists(), "{name}");
+    }
+    let page = std::fs::read_to_string(out.join("report.html")).expect("a run has a report");
+    assert!(page.contains("projected Jacobi") && page.contains("data:image/png;base64,"));
+    assert!(!page.contains("http"), "the report asks for nothing from outside");
+}
+
+#[test]
+fn compensation_that_has_to_be_clipped_is_exit_status_1_and_says_so() {
+    let folder = folder();
+    let corner = scene_path("corner").display().to_string();
+    let target = write_target(&folder, 16);
+    // Twice the radiance of a white photo is beyond the projector.
+    let common =
+        ["compensate", &corner, "--target", &target, "--size", "16", "--peak", "0.6", "--overwrite", "-o"];
+    for method in ["minres", "gmres", "fgmres", "cg", "cgs", "bicgstab", "lsqr", "lsmr", "mrnsd"] {
+        let out = inside(&folder, method);
+        let mut command = krylux(&common);
+        let output = command.args([&out, "--method", method]).output().expect("the program is built");
+        let (said, noted) = (text(&output.stdout), text(&output.stderr));
+        assert_eq!(output.status.code(), Some(1), "{method}: {said}{noted}");
+        assert!(said.contains("before clipping its residual was"), "{method}: {said}");
+        assert!(Path::new(&out).join("unclipped.npy").exists());
+    }
+    // Too few photos, in three colours.
+    let out = inside(&folder, "few");
+    let more = ["--photos", "1", "--rtol", "1e-9", "--channels", "rgb"];
+    let mut command = krylux(&["compensate", &corner, "--target", &target, "--size", "16", "-o", &out]);
+    let output = command.args(more).output().expect("the program is built");
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("1 by krylov-box, 1 before: budget spent"));
+    let shape = npy::read_npy(&Path::new(&out).join("compensation.npy")).expect("it is written").shape;
+    assert_eq!(shape, [16, 16, 3]);
+}
+
+#[test]
+fn targets_that_cannot_be_used_are_named() {
+    let folder = folder();
+    let z = zigzag();
+    let target = write_target(&folder, 8);
+    let of = |more: &[&str], parts: &[&str]| {
+        let mut arguments = vec!["compensate", &z, "--size", "8", "--spp", "4", "--target"];
+        arguments.extend(more);
+        assert_error(&arguments, parts);
+    };
+    let write = |name: &str, shape: &[usize], value: f32| {
+        let file = inside(&folder, name);
+        let values = vec![value; shape.iter().product()];
+        npy::write_npy(Path::new(&file), shape, &values).expect("the folder is writable");
+        file
+    };
+    of(&["nowhere.npy"], &["nowhere.npy"]);
+    of(&[&write("small.npy", &[4, 4], 0.5)], &["small.npy", "4x4", "8x8"]);
+    of(&[&write("bright.npy", &[8, 8], 2.0)], &["bright.npy", "from 0 to 1", "--peak"]);
+    of(&[&write("nan.npy", &[8, 8], f32::NAN)], &["nan.npy", "NaN"]);
+    of(&[&write("black.npy", &[8, 8], 0.0)], &["black.npy", "black"]);
+    of(&[&write("coloured.npy", &[8, 8, 3], 0.5)], &["coloured.npy", "--channels rgb"]);
+    of(&[&target, "--floor", "1"], &["--floor"]);
+    of(&[&target, "--peak", "0"], &["--peak"]);
+    of(&[&target, "--photos", "0"], &["--photos"]);
+    of(&[&target, "--method", "magic"], &["--method", "krylov-box"]);
+    of(&[&target, "--precondition", "diagonal"], &["--precondition", "krylov-box"]);
+    assert_error(&["compensate", &z], &["--target"]);
 }
 
 #[test]

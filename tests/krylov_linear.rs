@@ -209,6 +209,28 @@ fn needs_of_the_table_are_enforced() {
 }
 
 #[test]
+fn one_photo_measures_the_gains_of_an_operator_that_is_a_gain_for_each_scale() {
+    let (width, height) = (32, 24);
+    let d: Vec<f64> = (0..width * height).map(|i| 0.2 + (i % 11) as f64 / 10.0).collect();
+    let inverse = d.iter().map(|d| 1.0 / d).collect();
+    let shares = [0.25, 0.4, 1.0];
+    let operator = Multiscale::new(width, height, shares.to_vec()).unwrap().scaled_by(inverse).unwrap();
+    let probe = krylux::krylov::Start::default().vector(width * height);
+    let mut photo = vec![0.0; width * height];
+    operator.apply(&probe, &mut photo).unwrap();
+    let measured = Multiscale::measured(width, height, d.clone(), &probe, &photo).unwrap();
+    // One band is measured: blocks of 4×4 pixels are 48, too few.
+    assert_eq!(measured.gains().len(), 2);
+    // Bands are orthogonal: rounding of sums of 768 numbers.
+    assert!((measured.gains()[0] - 1.0 / shares[0]).abs() < 1e-12, "{:?}", measured.gains());
+    assert_eq!(measured.gains()[1], 1.0);
+    // Nothing is raised more than tenfold, and nothing lowered.
+    let dark = Multiscale::measured(width, height, d.clone(), &probe, &vec![0.0; width * height]).unwrap();
+    assert!(dark.gains().iter().all(|gain| (1.0..=10.0).contains(gain)), "{:?}", dark.gains());
+    assert!(Multiscale::measured(width, height, d, &probe, &[0.0; 3]).is_err());
+}
+
+#[test]
 fn zero_right_hand_side_and_exact_first_iterates_take_no_product_to_spare() {
     for method in LINEAR {
         let system = named("zero_rhs");
@@ -402,7 +424,7 @@ fn preconditioners(n: usize, matrix: &Dense) -> Vec<(&'static str, Arc<dyn Preco
 fn preconditioned_methods_reach_the_same_solution_on_every_side() {
     let system = named("light_like");
     for (name, preconditioner) in preconditioners(36, &system.matrix) {
-        for method in LINEAR.into_iter().filter(|method| !method.facts().needs_transpose) {
+        for method in LINEAR {
             for side in [Side::Right, Side::Left] {
                 if side == Side::Left && method != Method::Gmres {
                     continue;
@@ -428,15 +450,48 @@ fn preconditioned_methods_reach_the_same_solution_on_every_side() {
 }
 
 #[test]
+fn preconditioned_least_squares_keeps_to_the_true_residual_whatever_the_shape() {
+    for name in ["tall_inconsistent", "tall_consistent", "wide", "nonsymmetric_mild", "rank_deficient"] {
+        let system = named(name);
+        let d: Vec<f64> = (0..system.n()).map(|j| 1.0 + (j % 7) as f64).collect();
+        for method in [Method::Lsqr, Method::Lsmr] {
+            let preconditioner: Option<Arc<dyn Preconditioner>> =
+                Some(Arc::new(Diagonal::new(d.clone()).unwrap()));
+            let found = run(method, &system, &SolveOptions { preconditioner, ..accurate() });
+            let what = format!("{method:?} on {name}: {:?}", found.stats);
+            let size = norm(&system.b);
+            let truth = misfit(&system.matrix, &found.x, &system.b);
+            // By recurrence, LSMR's by one of scalars: rounding of some dozen products.
+            assert!((truth - found.residual * size).abs() <= 1e-9 * size, "{what}");
+            assert!(truth <= system.residual + 1e-9 * size, "{what}: {truth:e} {:e}", system.residual);
+            assert!(matches!(found.stats.status, Status::ReachedTolerance | Status::LeastSquares), "{what}");
+            // Of many solutions the one whose `M x` is shortest: `M² x` is then a combination of rows.
+            let by_hand = Dense::new(system.matrix.rows, system.n(), |i, j| {
+                system.matrix.entries[i * system.n() + j] / d[j]
+            });
+            let mut scaled = by_hand.clone();
+            let plain =
+                solve_adjoint(method, &mut scaled, &system.b, &accurate(), &mut keep_solving).unwrap();
+            for ((x, u), d) in found.x.iter().zip(&plain.x).zip(&d) {
+                // Both are within 1e-10 times the condition of the scaled matrix, some hundreds.
+                assert!((x - u / d).abs() < 1e-6, "{what}: {x} is not {}", u / d);
+            }
+        }
+    }
+}
+
+#[test]
 fn symmetric_scaling_tames_a_badly_scaled_system() {
     let system = named("badly_scaled");
     let main: Vec<f64> = (0..40).map(|i| system.matrix.entries[i * 40 + i]).collect();
-    for method in [Method::Minres, Method::Cg, Method::Gmres] {
-        let plain = run(method, &system, &SolveOptions { products: 12, ..accurate() });
+    for (method, products) in
+        [(Method::Minres, 12), (Method::Cg, 12), (Method::Gmres, 12), (Method::Lsqr, 40), (Method::Lsmr, 40)]
+    {
+        let plain = run(method, &system, &SolveOptions { products, ..accurate() });
         assert_eq!(plain.stats.status, Status::BudgetSpent, "{method:?}");
         let preconditioner: Option<Arc<dyn Preconditioner>> =
             Some(Arc::new(Diagonal::new(main.clone()).unwrap()));
-        let scaled = run(method, &system, &SolveOptions { products: 12, preconditioner, ..accurate() });
+        let scaled = run(method, &system, &SolveOptions { products, preconditioner, ..accurate() });
         assert_eq!(scaled.stats.status, Status::ReachedTolerance, "{method:?}: {scaled:?}");
     }
 }

@@ -9,8 +9,9 @@ use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 
 use krylux::Result;
 use krylux::krylov::{
-    Arnoldi, BlockLanczos, EigsMethod, EigsOptions, Factorization, Lanczos, Start, Which, eigs, eigs_from,
-    keep_going,
+    Advance, Arnoldi, BlockLanczos, Constraint, Diagonal, EigsMethod, EigsOptions, Factorization,
+    ForwardOnly, Lanczos, METHODS, Method, Multiscale, Preconditioner, Side, SolveOptions, Solver, Start,
+    Which, eigs, eigs_from, keep_going,
 };
 use krylux::operator::{Operator, Symmetry};
 
@@ -20,11 +21,14 @@ struct Counting;
 /// Shorter ones are not counted: coefficients, partial sums.
 const N: usize = 50_000;
 static LONG: AtomicUsize = AtomicUsize::new(0);
+/// Those that have not been given back.
+static LIVE: AtomicUsize = AtomicUsize::new(0);
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn count(layout: Layout) {
     if layout.size() >= 8 * N {
         LONG.fetch_add(1, SeqCst);
+        LIVE.fetch_add(1, SeqCst);
     }
 }
 
@@ -41,10 +45,17 @@ unsafe impl GlobalAlloc for Counting {
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         if size >= 8 * N {
             LONG.fetch_add(1, SeqCst);
+            LIVE.fetch_add(1, SeqCst);
+        }
+        if layout.size() >= 8 * N {
+            LIVE.fetch_sub(1, SeqCst);
         }
         unsafe { System.realloc(pointer, layout, size) }
     }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        if layout.size() >= 8 * N {
+            LIVE.fetch_sub(1, SeqCst);
+        }
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -127,6 +138,101 @@ fn storage_is_what_the_table_of_methods_says() {
     // Power iteration does not grow with the number of products.
     assert_eq!(run(EigsMethod::Power, 1, 12), run(EigsMethod::Power, 1, 40));
     assert!(run(EigsMethod::Power, 1, 12) <= 4 + 4);
+}
+
+/// `x ↦ D x + 0.4 reversed x` with `D > 1`: positive definite, and solvers have something to do for dozens of steps.
+struct Definite;
+
+impl Operator for Definite {
+    fn rows(&self) -> usize {
+        N
+    }
+    fn cols(&self) -> usize {
+        N
+    }
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::Symmetric
+    }
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        for i in 0..N {
+            y[i] = x[i] * (2.0 + (i as f64).cos()) + 0.4 * x[N - 1 - i];
+        }
+        Ok(())
+    }
+}
+
+/// Bright and dark parts that no pattern in [0, 1] gives.
+fn picture() -> Vec<f64> {
+    (0..N).map(|i| 1.5 + 2.0 * (i as f64 * 0.37).sin()).collect()
+}
+
+fn white() -> Vec<f64> {
+    let mut photo = vec![0.0; N];
+    Definite.apply(&vec![1.0; N], &mut photo).unwrap();
+    photo
+}
+
+fn steps(solver: &mut dyn Solver, count: usize, what: &str) {
+    for _ in 0..count {
+        let advance = solver.step(&mut ForwardOnly(&mut Definite)).unwrap();
+        assert_eq!(advance, Advance::Continuing, "{what}");
+    }
+}
+
+#[test]
+fn solvers_allocate_no_long_vector_after_their_first_iteration() {
+    let _alone = ALONE.lock();
+    let b = picture();
+    let (first, later) = (4, 12);
+    for facts in METHODS {
+        let plain = SolveOptions { products: 40, rtol: 0.0, ..SolveOptions::default() };
+        let with =
+            |m: std::sync::Arc<dyn Preconditioner>| SolveOptions { preconditioner: Some(m), ..plain.clone() };
+        let mut cases = vec![("plain", plain.clone())];
+        if facts.constraint == Constraint::None {
+            let diagonal = || std::sync::Arc::new(Diagonal::new(white()).unwrap());
+            cases.push(("diagonal", with(diagonal())));
+            let multiscale = Multiscale::new(N / 100, 100, vec![1.0, 0.8, 0.6]).unwrap();
+            cases.push(("multiscale", with(std::sync::Arc::new(multiscale.scaled_by(white()).unwrap()))));
+            if facts.method == Method::Gmres {
+                cases.push(("left", SolveOptions { side: Side::Left, ..with(diagonal()) }));
+            }
+            if matches!(facts.method, Method::Gmres | Method::Fgmres) {
+                cases.push(("restarted", SolveOptions { restart: Some(3), ..with(diagonal()) }));
+            }
+        }
+        for (case, options) in cases {
+            let what = format!("{}, {case}", facts.name);
+            let mut solver = facts.method.solver(N, &b, &options).unwrap();
+            // The white photo, where it has to be taken, and an iteration.
+            steps(solver.as_mut(), first, &what);
+            let counted = long_allocations(|| steps(solver.as_mut(), later, &what));
+            assert_eq!(counted, 0, "{what}");
+            assert_eq!(solver.tally().products, first + later, "{what}");
+        }
+    }
+}
+
+#[test]
+fn solvers_store_what_the_table_of_methods_says() {
+    let _alone = ALONE.lock();
+    let b = picture();
+    for facts in METHODS {
+        for products in [6, 13] {
+            let mut options = SolveOptions { products, rtol: 0.0, ..SolveOptions::default() };
+            if facts.constraint != Constraint::None {
+                options.diagonal = Some(white());
+            }
+            if facts.method == Method::Fgmres {
+                options.preconditioner = Some(std::sync::Arc::new(Diagonal::new(white()).unwrap()));
+            }
+            let before = LIVE.load(SeqCst);
+            let mut solver = facts.method.solver(N, &b, &options).unwrap();
+            steps(solver.as_mut(), products, facts.name);
+            let stored = LIVE.load(SeqCst) - before;
+            assert_eq!(stored, facts.images + facts.images_per_product * products, "{}", facts.name);
+        }
+    }
 }
 
 #[test]

@@ -3,10 +3,12 @@
 mod common;
 
 use common::{csr, keep_going, reference, root};
+use glam::vec3;
 use krylux::image::{Image, Resolution};
-use krylux::render::TraceSettings;
+use krylux::render::{Gather, TraceSettings};
 use krylux::report::sparse::read as read_npz;
 
+use krylux::scene::{Scene, Triangle, builtin};
 use krylux::transport::{Channels, Part, Simulated, Transport, assemble};
 
 fn mirror() -> krylux::render::Tracer {
@@ -63,4 +65,88 @@ fn the_mirrors_matrix_is_the_exact_one() {
     println!("matrix: {:.2} %", 100.0 * error);
     // How well the reference is known at pixels that its quadrature resolves worst.
     assert!(error < 0.017, "{error}");
+}
+
+/// A large mirror at 45° before the camera, and the corner where it shows it: all light goes by way of the mirror on both
+/// ends. Unfolded, that is the corner itself, seen from as far away.
+fn periscope() -> Scene {
+    let mut scene = unfolded();
+    // The mirror's plane x + z = −0.8 maps (x, y, z) to (−0.8 − z, y, −0.8 − x), and turns triangles round.
+    for triangle in &mut scene.triangles {
+        for p in &mut triangle.positions {
+            *p = vec3(-0.8 - p.z, p.y, -0.8 - p.x);
+        }
+        triangle.positions.swap(1, 2);
+    }
+    let material = scene.materials.len() as u32;
+    scene.materials.extend(builtin::mirror().materials.into_iter().skip(1));
+    let corner = |x: f32, y: f32| vec3(x, y, -0.8 - x);
+    let [a, b, c, d] = [corner(-0.25, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.25, 0.5)];
+    for positions in [[a, b, c], [a, c, d]] {
+        let triangle = scene.triangles[0].clone();
+        scene.triangles.push(Triangle { positions, material, ..triangle });
+    }
+    scene
+}
+
+/// The corner, its edge 2.2 m away.
+fn unfolded() -> Scene {
+    let mut scene = builtin::corner().to_scene();
+    for triangle in &mut scene.triangles {
+        for position in &mut triangle.positions {
+            position.z -= 1.0;
+        }
+    }
+    scene
+}
+
+/// Direct and global white photo, means over seeds.
+fn white(scene: &Scene, max_bounces: u32, gather: Gather) -> [Vec<f64>; 2] {
+    const SIDE: usize = 32;
+    const SEEDS: u32 = 2;
+    let mut tracer = common::tracer(scene);
+    let mut photos = [vec![0.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]];
+    for seed in 0..SEEDS {
+        let settings = TraceSettings {
+            max_bounces,
+            gather,
+            seed,
+            ..TraceSettings::new(Resolution::new(SIDE, SIDE), 128)
+        };
+        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut keep_going);
+        let matrix = traced.expect("the scene can be traced").matrix;
+        for (photo, part) in photos.iter_mut().zip([Part::Direct, Part::Global]) {
+            let mut of_seed = vec![0.0; SIDE * SIDE];
+            matrix.apply(part, 0, &vec![1.0; SIDE * SIDE], &mut of_seed);
+            photo.iter_mut().zip(of_seed).for_each(|(sum, value)| *sum += value / f64::from(SEEDS));
+        }
+    }
+    photos
+}
+
+/// Paths that are specular at both ends are gathered within a radius: the bias is of its size, and vanishes with it.
+#[test]
+fn light_between_two_mirror_images_is_gathered_with_a_bias_that_vanishes_with_the_radius() {
+    let [direct, global] = white(&unfolded(), 2, Gather::default());
+    let mut errors = Vec::new();
+    for radius in [6.0, 3.0, 1.5] {
+        // As many photons in the disc, whatever its size.
+        let photons = (64.0_f32 / (radius * radius)).max(8.0) as u32;
+        // Mirror, wall, wall, mirror.
+        let [seen_direct, seen_global] = white(&periscope(), 4, Gather { photons, radius });
+        let direct_error = difference(&seen_direct, &direct, |_| true);
+        let error = difference(&seen_global, &global, |_| true);
+        let energy = seen_global.iter().sum::<f64>() / global.iter().sum::<f64>() - 1.0;
+        println!(
+            "radius {radius}: direct {:.4} %, global {:.2} %, energy {:+.2} %",
+            100.0 * direct_error,
+            100.0 * error,
+            100.0 * energy
+        );
+        // The mirror's own chain is exact.
+        assert!(direct_error < 2e-3, "direct light differs by {direct_error}");
+        errors.push(error);
+    }
+    assert!(errors.is_sorted_by(|larger, smaller| smaller < larger), "{errors:?}");
+    assert!(errors[2] < 0.05 && errors[2] < 0.4 * errors[0], "{errors:?}");
 }

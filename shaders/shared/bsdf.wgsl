@@ -88,8 +88,9 @@ fn bsdf_response(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> Response {
         pdf *= bsdf_base_share(bsdf, wo.z);
     } else {
         let facets = bsdf_facets(bsdf, o, i, bent, beyond);
+        let shares = bsdf_rough_shares(bsdf);
         value += facets.value;
-        pdf = mix(pdf, facets.pdf, bsdf_facet_share(bsdf));
+        pdf = shares.x * facets.pdf + shares.y * pdf;
     }
     // So that no shading normal makes a surface give back more than it receives: ∫ f |cosθ| ≤ ∫ f |cosθ_s|.
     let visible = min(1.0, o.z / wo.z) * min(1.0, i.z / wi.z);
@@ -191,16 +192,16 @@ fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec4f) -> BsdfSample {
 // A direction from the regular lobes, or 0 where a facet sends light to the wrong side. `diffuse` is one from the cosine
 // hemisphere.
 fn bsdf_sample_regular(bsdf: Bsdf, wo: vec3f, diffuse: vec3f, u: vec3f) -> vec3f {
-    let share = select(bsdf_facet_share(bsdf), 0.0, bsdf.alpha < MIN_ALPHA);
-    if (u.z >= share) {
-        return select(diffuse, bsdf_mirrored(diffuse), u.z - share < bsdf_through_share(bsdf) * (1.0 - share));
+    let shares = select(bsdf_rough_shares(bsdf), vec2f(0.0, 1.0), bsdf.alpha < MIN_ALPHA);
+    if (u.z >= shares.x) {
+        return select(diffuse, bsdf_mirrored(diffuse), u.z - shares.x < bsdf_through_share(bsdf) * shares.y);
     }
     let frame = frame_around(bsdf.shading);
     let o = to_local(frame, wo);
     let h = ggx_sample_visible_normal(o, bsdf.alpha, u.xy);
     let cos_o = dot(o, h);
     let cos_t = bsdf_cosine_beyond(bsdf, cos_o);
-    let mirrored = u.z < share * bsdf_mirror_share(bsdf, bsdf_facet(bsdf, cos_o, cos_t));
+    let mirrored = u.z < shares.x * bsdf_mirror_share(bsdf, bsdf_facet(bsdf, cos_o, cos_t));
     var i = reflect(-o, h);
     if (!mirrored) {
         let ratio = bsdf.eta_o / bsdf.eta_t;

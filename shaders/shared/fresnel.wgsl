@@ -15,12 +15,15 @@ fn refracted_cosine(cosine: f32, ratio: f32) -> f32 {
     return sqrt(max(0.0, 1.0 - ratio * ratio * (1.0 - cosine * cosine)));
 }
 
-// Share of unpolarized light that crosses a smooth interface between two dielectrics, 1 − F by Fresnel's equations, from
-// the cosines on both sides. Symmetric to the bit, and without cancellation where it is small.
-fn fresnel_transmittance(eta_o: f32, cos_o: f32, eta_t: f32, cos_t: f32) -> f32 {
-    let s = eta_o * cos_o + eta_t * cos_t;
-    let p = eta_t * cos_o + eta_o * cos_t;
-    return 2.0 * (eta_o * eta_t) * (cos_o * cos_t) * (1.0 / (s * s) + 1.0 / (p * p));
+// Shares of unpolarized light that a smooth interface between two dielectrics mirrors and lets through, from the cosines on
+// both sides, by Fresnel's equations. Symmetric to the bit, and neither cancels where it is small.
+fn fresnel_shares(eta_o: f32, cos_o: f32, eta_t: f32, cos_t: f32) -> vec2f {
+    let a = vec2f(eta_o * cos_o, eta_t * cos_o);
+    let b = vec2f(eta_t * cos_t, eta_o * cos_t);
+    let sum = a + b;
+    let mirrored = (a - b) / sum;
+    let crossing = 2.0 * (eta_o * eta_t) * (cos_o * cos_t) / (sum * sum);
+    return vec2f(0.5 * dot(mirrored, mirrored), crossing.x + crossing.y);
 }
 
 // At least what a Schlick surface of width α, with reflectance f0 at normal incidence and f90 at grazing incidence, mirrors

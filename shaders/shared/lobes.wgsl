@@ -39,7 +39,8 @@ fn bsdf_plain(bsdf: Bsdf) -> bool {
 struct Facet {
     // Share mirrored, all three materials together.
     reflected: vec3f,
-    // Share that the glass alone lets through, before its colour.
+    // Shares that the glass alone mirrors, in its strongest channel, and lets through, before its colour.
+    glazed: f32,
     clear: f32,
 }
 
@@ -50,16 +51,19 @@ fn bsdf_facet(bsdf: Bsdf, cos_o: f32, cos_t: f32) -> Facet {
     let dielectric = bsdf.f0 + (vec3f(bsdf.f90) - bsdf.f0) * grazing;
     let metal = bsdf.base_color + (vec3f(1.0) - bsdf.base_color) * grazing;
     var glass = dielectric;
-    var clear = 1.0 - max_component(dielectric);
+    var glazed = max_component(dielectric);
+    var clear = 1.0 - glazed;
     if (bsdf.eta_o != bsdf.eta_t) {
         // Solid glass has Fresnel's reflectance, times the specular factor, in the hue of the specular colour.
         let tint = bsdf.f0 * (bsdf.f90 / max(max_component(bsdf.f0), 1e-20));
-        let crossing = fresnel_transmittance(bsdf.eta_o, cos_o, bsdf.eta_t, cos_t);
+        let strength = max_component(tint);
+        let shares = fresnel_shares(bsdf.eta_o, cos_o, bsdf.eta_t, cos_t);
         let total = cos_t <= 0.0;
-        glass = select((1.0 - crossing) * tint, vec3f(1.0), total);
-        clear = select(crossing + (1.0 - crossing) * (1.0 - max_component(tint)), 0.0, total);
+        glass = select(shares.x * tint, vec3f(1.0), total);
+        glazed = select(shares.x * strength, 1.0, total);
+        clear = select(shares.y + shares.x * (1.0 - strength), 0.0, total);
     }
-    return Facet(mix(mix(dielectric, glass, bsdf.transmission), metal, bsdf.metallic), clear);
+    return Facet(mix(mix(dielectric, glass, bsdf.transmission), metal, bsdf.metallic), glazed, clear);
 }
 
 // The colour that glass gives to what it lets through, with its share of the surface.
@@ -99,12 +103,14 @@ fn bsdf_through_share(bsdf: Bsdf) -> f32 {
     return select(below / bsdf_base_weight(bsdf), 0.0, below <= 0.0);
 }
 
-// Share of the regular samples that go to the facets of a rough surface. It depends on the material alone.
-fn bsdf_facet_share(bsdf: Bsdf) -> f32 {
+// Shares of the regular samples of a rough surface that go to its facets and to its base. They depend on the material
+// alone. Both are quotients: a share that is a difference from 1 would not be 0 to the bit.
+fn bsdf_rough_shares(bsdf: Bsdf) -> vec2f {
     let tint = mix(bsdf.f0, bsdf.base_color, bsdf.metallic);
     let mirror = max_component(tint) + 0.05 * mix(bsdf.f90, 1.0, bsdf.metallic);
     let facets = mix(mirror, 1.0, bsdf.transmission * (1.0 - bsdf.metallic));
-    return select(facets / (facets + bsdf_base_weight(bsdf)), 0.0, facets <= 0.0);
+    let base = bsdf_base_weight(bsdf);
+    return select(vec2f(facets, base) / (facets + base), vec2f(0.0, 1.0), facets <= 0.0);
 }
 
 // Share of the facets' samples that are mirrored; the rest is let through.
@@ -138,10 +144,9 @@ fn bsdf_deltas(bsdf: Bsdf, cos_o: f32, cos_t: f32) -> Deltas {
         return Deltas();
     }
     let facet = bsdf_facet(bsdf, cos_o, cos_t);
-    let transmit = bsdf.transmission * (1.0 - bsdf.metallic) * facet.clear;
-    // Metal and coat; then what glass does not let through.
-    let opaque_share = (1.0 - bsdf.metallic) * (1.0 - bsdf.transmission);
-    let opaque = bsdf.metallic + (opaque_share - bsdf_base_share(bsdf, cos_o));
-    let reflect = opaque + bsdf.transmission * (1.0 - bsdf.metallic) * (1.0 - facet.clear);
-    return Deltas(facet.reflected, reflect, bsdf_glass(bsdf) * facet.clear, transmit);
+    let glass = bsdf.transmission * (1.0 - bsdf.metallic);
+    // The metal and the coat, and the glass.
+    let coat = (1.0 - bsdf.metallic) * (1.0 - bsdf.transmission) - bsdf_base_share(bsdf, cos_o);
+    let reflect = bsdf.metallic + coat + glass * facet.glazed;
+    return Deltas(facet.reflected, reflect, bsdf_glass(bsdf) * facet.clear, glass * facet.clear);
 }

@@ -4,11 +4,13 @@
 //! |---|---|
 //! | which pixels exchange light? | [`mod@segment`]; the photos it takes: [`Capture`] |
 //! | on which matrix | [`Graph`], [`NormalizedAdjacency`], [`NegativeLaplacian`] |
+//! | what is to be projected, so that the scene looks as wanted? | [`mod@compensate`], for a [`Wish`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
 //! | how good are they? | [`adjusted_rand_index`] |
 
 mod adjacency;
 mod capture;
+pub mod compensate;
 mod graph;
 pub mod kmeans;
 mod laplacian;
@@ -17,6 +19,7 @@ pub mod segment;
 
 pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
+pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
 pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
 pub use rand_index::adjusted_rand_index;

@@ -196,10 +196,11 @@ pub(super) fn label(path: &Path) -> Option<String> {
 type Archive = ZipArchive<BufReader<File>>;
 
 /// Puts the channels' files together again, or says what is wrong with them.
-pub(super) fn read(key: &Key, files: &[PathBuf]) -> std::result::Result<Assembled, String> {
-    let channels = files.iter().enumerate().map(|(channel, path)| {
-        let (record, arrays) = read_channel(path).map_err(|why| format!("{}: {why}", path.display()))?;
-        let expected = (key.hex(), channel, files.len());
+pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> std::result::Result<Assembled, String> {
+    let count = files.len();
+    let channels = files.into_iter().enumerate().map(|(channel, (path, file))| {
+        let (record, arrays) = read_channel(file).map_err(|why| format!("{}: {why}", path.display()))?;
+        let expected = (key.hex(), channel, count);
         if (record.key.as_str(), record.channel, record.channels.count()) != expected {
             return Err(format!("{}: it is not what its name says", path.display()));
         }
@@ -209,8 +210,7 @@ pub(super) fn read(key: &Key, files: &[PathBuf]) -> std::result::Result<Assemble
     put_together(channels).ok_or_else(|| "its channels do not belong together".into())
 }
 
-fn read_channel(path: &Path) -> std::result::Result<(Record, Arrays), String> {
-    let file = File::open(path).map_err(|error| error.to_string())?;
+fn read_channel(file: File) -> std::result::Result<(Record, Arrays), String> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
     let record = read_record(&mut archive)?;
     let mut arrays = Arrays::default();

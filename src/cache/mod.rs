@@ -9,9 +9,9 @@ mod key;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 pub use key::Key;
 
@@ -74,10 +74,14 @@ impl Cache {
     /// Looks a matrix up. What is found counts as used now.
     pub fn load(&self, key: &Key) -> Found {
         let files = self.files(key);
-        if !files.iter().all(|path| path.exists()) {
-            return Found::Missing;
-        }
-        match file::read(key, &files) {
+        // Once open, a file stays whole, though another run may give it up.
+        let open = |path: &PathBuf| Ok((path.clone(), fs::File::open(path)?));
+        let opened = match files.iter().map(open).collect::<io::Result<Vec<_>>>() {
+            Ok(opened) => opened,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Found::Missing,
+            Err(error) => return Found::Damaged(error.to_string()),
+        };
+        match file::read(key, opened) {
             Ok(found) => {
                 // A folder that others may only read serves as well; it just cannot tell what was used last.
                 let touch = |path: &PathBuf| {
@@ -140,7 +144,7 @@ impl Cache {
     }
 
     /// Empties the cache, and says how many matrices it held and their bytes. Other files in the folder stay, but for what a
-    /// killed run left unfinished.
+    /// killed run left unfinished an hour ago or earlier.
     ///
     /// # Errors
     /// [`Error::Read`], [`Error::Write`].
@@ -148,7 +152,7 @@ impl Cache {
         let entries = self.entries()?;
         entries.iter().try_for_each(|entry| remove(&entry.files))?;
         let unfinished: Vec<PathBuf> =
-            self.listing()?.into_iter().filter(|path| is_unfinished(path)).collect();
+            self.listing()?.into_iter().filter(|path| is_unfinished(path) && is_old(path)).collect();
         remove(&unfinished)?;
         Ok((entries.len(), entries.iter().map(|entry| entry.bytes).sum()))
     }
@@ -187,6 +191,12 @@ fn is_unfinished(path: &Path) -> bool {
         .and_then(|name| name.strip_suffix(".tmp"))
         .and_then(|name| name.rsplit_once('.'));
     parts.is_some_and(|(target, _)| key_of(Path::new(target)).is_some())
+}
+
+/// Whether nobody can still be writing it.
+fn is_old(path: &Path) -> bool {
+    let written = fs::metadata(path).and_then(|about| about.modified());
+    written.is_ok_and(|when| when.elapsed().is_ok_and(|age| age > Duration::from_secs(3600)))
 }
 
 fn remove(files: &[PathBuf]) -> Result<()> {

@@ -120,7 +120,10 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         let stem = args.source.file_stem().unwrap_or_default().to_string_lossy();
         let mut folder = RunFolder::create(&args.run, &format!("{stem}-eigs"))?;
         folder.manifest.seed = Some(u64::from(args.trace.seed));
-        let outcome = answer(args, console, &mut operator, &stem, None, &mut folder);
+        let outcome = folder
+            .describe_file(&args.source)
+            .map_err(Into::into)
+            .and_then(|()| answer(args, console, &mut operator, &stem, None, &mut folder));
         return folder.close(outcome);
     }
     let source = SourceArgs { source: args.source.clone(), view: args.view.clone() };
@@ -129,7 +132,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let name = simulation::short_name(&scene);
     let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"))?;
     let settings = args.trace.settings();
-    folder.describe(&scene, &tracer, &settings);
+    folder.describe(&scene, &tracer, &settings, Channels::Luma);
     let light = folder.timed("tracing and matrix", |_| {
         Light::choose(&mut tracer, &scene, &args.trace, &args.operator, Channels::Luma, console)
     });

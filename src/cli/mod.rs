@@ -3,6 +3,7 @@
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
 mod cache;
+mod compensate;
 mod console;
 mod eigs;
 mod info;
@@ -38,6 +39,7 @@ const EXIT_STATUS: &str = "Exit status: 0 done; 1 done, but not good enough; 2 e
 enum Verb {
     Photo(photo::Args),
     Segment(segment::Args),
+    Compensate(compensate::Args),
     Eigs(eigs::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
@@ -60,6 +62,7 @@ pub fn main() -> ExitCode {
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console.with(&args.output)),
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
+        Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),

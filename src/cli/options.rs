@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::operator::CacheArgs;
 use crate::image::Resolution;
+use crate::krylov::{METHODS, Method};
 use crate::render::{Sampler, TraceSettings};
 use crate::transport::Channels;
 
@@ -141,6 +142,14 @@ impl From<ChannelsArg> for Channels {
             ChannelsArg::Rgb => Self::Rgb,
         }
     }
+}
+
+/// `--method`: any that solves `A x = b`.
+pub(super) fn method(name: &str) -> Result<Method, String> {
+    Method::from_name(name).map_err(|_| {
+        let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
+        format!("expected one of {}", names.join(", "))
+    })
 }
 
 /// `--size`: `128` is square, `128x96` is width by height.

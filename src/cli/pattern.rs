@@ -1,6 +1,6 @@
 //! `--pattern`: what is projected.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
@@ -43,7 +43,7 @@ impl FromStr for Pattern {
                 .split_once(',')
                 .and_then(|(x, y)| Some(Self::Pixel(x.trim().parse().ok()?, y.trim().parse().ok()?)))
                 .ok_or_else(|| format!("`{text}` needs a column and a row, e.g. pixel:64,32")),
-            _ if std::path::Path::new(text).extension().is_some() => Ok(Self::File(text.into())),
+            _ if Path::new(text).extension().is_some() => Ok(Self::File(text.into())),
             _ => Err(
                 "expected white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file"
                     .into(),
@@ -75,24 +75,27 @@ impl Pattern {
                     help: "columns and rows count from 0, at the top left".into(),
                 });
             }
-            Self::File(ref path) => {
-                let image = picture::read(path)?;
-                if image.resolution() != resolution {
-                    return Err(Error::Data {
-                        path: path.clone(),
-                        fault: format!(
-                            "it has {} pixels, but the projector has {resolution}",
-                            image.resolution()
-                        ),
-                        help: format!("resize it, or use --size {}", image.resolution()),
-                    });
-                }
-                return Ok(image);
-            }
+            Self::File(ref path) => return read_sized(path, resolution),
         };
         let values = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         Image::new(resolution, 1, values.map(|(x, y)| f32::from(u8::from(lit(x, y)))).collect())
     }
+}
+
+/// An image file that must have `resolution`.
+///
+/// # Errors
+/// When it cannot be read or has another size.
+pub(super) fn read_sized(path: &Path, resolution: Resolution) -> Result<Image> {
+    let image = picture::read(path)?;
+    if image.resolution() != resolution {
+        return Err(Error::Data {
+            path: path.to_path_buf(),
+            fault: format!("it has {} pixels, but the projector has {resolution}", image.resolution()),
+            help: format!("resize it, or use --size {}", image.resolution()),
+        });
+    }
+    Ok(image)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The folder that a run leaves behind, with its record.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::options::RunArgs;
@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::render::{TraceSettings, Tracer};
 use crate::report::manifest::{self, Manifest, Status};
 use crate::scene::Scene;
+use crate::transport::Channels;
 
 const RECORD: &str = "run.json";
 
@@ -42,7 +43,13 @@ impl RunFolder {
     }
 
     /// Notes what a run on a traced scene depends on.
-    pub(super) fn describe(&mut self, scene: &Scene, tracer: &Tracer, settings: &TraceSettings) {
+    pub(super) fn describe(
+        &mut self,
+        scene: &Scene,
+        tracer: &Tracer,
+        settings: &TraceSettings,
+        channels: Channels,
+    ) {
         let adapter = tracer.adapter();
         self.manifest.seed = Some(u64::from(settings.seed));
         self.manifest.adapter = Some(manifest::Adapter {
@@ -57,7 +64,21 @@ impl RunFolder {
         self.manifest.resolution = Some(settings.resolution);
         self.manifest.samples_per_pixel = Some(settings.samples);
         self.manifest.max_bounces = Some(settings.max_bounces);
-        self.manifest.channels = Some("luma".into());
+        self.manifest.channels = Some(match channels {
+            Channels::Luma => "luma".into(),
+            Channels::Rgb => "rgb".into(),
+        });
+    }
+
+    /// Notes the file that a run depends on where there is no scene: a matrix.
+    ///
+    /// # Errors
+    /// [`Error::Read`].
+    pub(super) fn describe_file(&mut self, path: &Path) -> Result<()> {
+        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        let hash = blake3::hash(&bytes).to_hex().to_string();
+        self.manifest.scene = Some(manifest::Scene { path: path.display().to_string(), hash });
+        Ok(())
     }
 
     /// Seconds since the run started.

@@ -1,16 +1,18 @@
 //! `krylux solve`: a linear system from files, so that anyone can check the solvers against others.
 
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Result;
 use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::options::OutputArgs;
-use crate::krylov::{METHODS, Method, Solution, SolveOptions, Status, solve_adjoint};
-use crate::report::{atomic, npy, sparse};
+use super::options::{OutputArgs, RunArgs, method};
+use super::run_folder::RunFolder;
+use crate::error::Error;
+use crate::krylov::{Method, SolveOptions, Status, solve_adjoint};
+use crate::report::solution::SolutionRun;
+use crate::report::{npy, sparse};
 use crate::sparse::SparseOperator;
 
 /// Solve A x = b for a matrix and a right-hand side from files
@@ -38,37 +40,41 @@ pub(super) struct Args {
     /// The box's upper bound, for methods inside a box
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     upper: f64,
-    /// Where the solution goes: an .npy file of as many numbers as the matrix has columns
-    #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "x.npy")]
-    file: PathBuf,
-    /// Where the residual after each product goes, as a .csv file
-    #[arg(long, value_name = "FILE")]
-    history: Option<PathBuf>,
+    #[command(flatten)]
+    run: RunArgs,
     #[command(flatten)]
     pub(super) output: OutputArgs,
 }
 
-fn method(name: &str) -> Result<Method, String> {
-    Method::from_name(name).map_err(|_| {
-        let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
-        format!("expected one of {}", names.join(", "))
-    })
-}
-
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    atomic::check_writable(&args.file)?;
-    args.history.as_deref().map_or(Ok(()), atomic::check_writable)?;
     let mut operator = SparseOperator::new(sparse::read(&args.matrix)?);
     let rows = operator.matrix().rows();
     let rhs = npy::read_npy(&args.rhs)?.values;
     if rhs.len() != rows {
-        return Err(crate::Error::Data {
+        return Err(Error::Data {
             path: args.rhs.clone(),
             fault: format!("it has {} numbers, but the matrix has {rows} rows", rhs.len()),
             help: "give a right-hand side that belongs to this matrix".into(),
         }
         .into());
     }
+    let stem = args.matrix.file_stem().unwrap_or_default().to_string_lossy();
+    let mut folder = RunFolder::create(&args.run, &format!("{stem}-solve"))?;
+    let outcome = folder
+        .describe_file(&args.matrix)
+        .map_err(Into::into)
+        .and_then(|()| answer(args, console, &mut operator, &rhs, &stem, &mut folder));
+    folder.close(outcome)
+}
+
+fn answer(
+    args: &Args,
+    console: &Console,
+    operator: &mut SparseOperator,
+    rhs: &[f64],
+    name: &str,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
     let options = SolveOptions {
         products: args.photos,
         rtol: args.rtol,
@@ -77,40 +83,43 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         ..SolveOptions::default()
     };
     let bar = console.bar("products");
-    let found = solve_adjoint(args.method, &mut operator, &rhs, &options, &mut |step| {
-        bar.at(step.products as u64, step.budget as u64)
+    let found = folder.timed("products", |_| {
+        solve_adjoint(args.method, operator, rhs, &options, &mut |step| {
+            bar.at(step.products as u64, step.budget as u64)
+        })
     })?;
     drop(bar);
-    npy::write_npy(&args.file, &[found.x.len()], &found.x)?;
-    if let Some(history) = &args.history {
-        write_history(history, &found)?;
+    if console.check().is_break() {
+        return Err(Error::Interrupted.into());
     }
+    folder.manifest.photos = found.stats.products as u64;
+    let good = matches!(
+        found.stats.status,
+        Status::ReachedTolerance | Status::SpaceExhausted | Status::LeastSquares | Status::ConstrainedOptimum
+    );
+    let run = SolutionRun {
+        title: format!("{name} · linear system"),
+        found: &found,
+        method: args.method.facts().name,
+        good,
+    };
+    let seconds = folder.seconds();
+    folder.manifest.outputs =
+        folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
     console.say(format_args!("products  {}: {}", found.stats.products, found.stats.status))?;
     console.say(format_args!("residual  {:.3e} of the right-hand side", found.residual))?;
-    console.say(format_args!("wrote     {}", args.file.display()))?;
+    console.say(format_args!("solution  {}", folder.path.join("solution.npy").display()))?;
+    let report = folder.path.join("report.html");
+    console.say(format_args!("report    {}", report.display()))?;
     console.summary(&json!({
         "verb": "solve",
-        "file": args.file,
+        "folder": folder.path,
+        "report": report,
         "products": found.stats.products,
         "status": found.stats.status.to_string(),
         "relative_residual": found.residual,
+        "seconds": folder.seconds(),
     }))?;
-    if console.check().is_break() {
-        return Err(crate::Error::Interrupted.into());
-    }
-    Ok(match found.stats.status {
-        Status::ReachedTolerance
-        | Status::SpaceExhausted
-        | Status::LeastSquares
-        | Status::ConstrainedOptimum => Outcome::Done,
-        _ => Outcome::NotGoodEnough,
-    })
-}
-
-fn write_history(path: &Path, found: &Solution) -> Result<()> {
-    let mut text = String::from("products,relative_residual\n");
-    for row in &found.history {
-        writeln!(text, "{},{:e}", row.products, row.residual)?;
-    }
-    Ok(atomic::write_bytes(path, text.as_bytes())?)
+    let outcome = if good { Outcome::Done } else { Outcome::NotGoodEnough };
+    Ok((outcome, format!("{} products: {}", found.stats.products, found.stats.status)))
 }

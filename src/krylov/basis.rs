@@ -5,6 +5,8 @@
 
 use rayon::prelude::*;
 
+use super::kernels::{add_block, dot_block, dots_block};
+
 /// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns stream past
 /// it.
 const BLOCK: usize = 1024;
@@ -49,6 +51,11 @@ impl Basis {
         self.columns.push(column);
     }
 
+    /// Drops all columns; their memory is kept for columns to come.
+    pub(super) fn clear(&mut self) {
+        self.spare.append(&mut self.columns);
+    }
+
     /// Sets memory aside until `total` columns fit. Untouched pages cost nothing on common systems.
     pub(super) fn reserve(&mut self, total: usize) {
         self.columns.reserve(total.saturating_sub(self.columns.len()));
@@ -78,8 +85,9 @@ impl Basis {
     pub(super) fn dots(&self, first: usize, w: &[f64]) -> Vec<f64> {
         let columns = self.columns.get(first..).unwrap_or_default();
         let block_sums = |(index, rows): (usize, &[f64])| -> Vec<f64> {
-            let start = index * BLOCK;
-            columns.iter().map(|column| dot_block(&column[start..start + rows.len()], rows)).collect()
+            let mut sums = vec![0.0; columns.len()];
+            dots_block(columns, index * BLOCK, rows, &mut sums);
+            sums
         };
         let partial: Vec<Vec<f64>> = if w.len() <= 2 * BLOCK {
             w.chunks(BLOCK).enumerate().map(block_sums).collect()
@@ -95,29 +103,64 @@ impl Basis {
         sums
     }
 
+    /// `Vᵀ w` and `Vᵀ S² w` with `S = diag(s)`, in one pass over the columns.
+    pub(super) fn dots_twice(&self, w: &[f64], s: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let count = self.columns.len();
+        let block_sums = |(index, (rows, s)): (usize, (&[f64], &[f64]))| -> Vec<f64> {
+            let mut weighted = [0.0; BLOCK];
+            let weighted = &mut weighted[..rows.len()];
+            for ((weighted, row), s) in weighted.iter_mut().zip(rows).zip(s) {
+                *weighted = s * s * row;
+            }
+            let mut sums = vec![0.0; 2 * count];
+            let (plain, of_weighted) = sums.split_at_mut(count);
+            for ((columns, plain), of_weighted) in
+                self.columns.chunks(8).zip(plain.chunks_mut(8)).zip(of_weighted.chunks_mut(8))
+            {
+                dots_block(columns, index * BLOCK, rows, plain);
+                dots_block(columns, index * BLOCK, weighted, of_weighted);
+            }
+            sums
+        };
+        let partial: Vec<Vec<f64>> = if w.len() <= 2 * BLOCK {
+            w.chunks(BLOCK).zip(s.chunks(BLOCK)).enumerate().map(block_sums).collect()
+        } else {
+            w.par_chunks(BLOCK).zip(s.par_chunks(BLOCK)).enumerate().map(block_sums).collect()
+        };
+        let mut plain = vec![0.0; 2 * count];
+        for block in &partial {
+            for (sum, part) in plain.iter_mut().zip(block) {
+                *sum += part;
+            }
+        }
+        let weighted = plain.split_off(count);
+        (plain, weighted)
+    }
+
+    /// `w ← w + V h` for two pairs `(h, w)`, in one pass over the columns.
+    pub(super) fn accumulate_twice(&self, first: (&[f64], &mut [f64]), second: (&[f64], &mut [f64])) {
+        let ((a, w), (b, z)) = (first, second);
+        debug_assert!(a.len() == self.columns.len() && b.len() == self.columns.len());
+        let add = |(index, (w, z)): (usize, (&mut [f64], &mut [f64]))| {
+            // Few enough columns at a time that their blocks are still in the cache for the second vector.
+            for ((columns, a), b) in self.columns.chunks(8).zip(a.chunks(8)).zip(b.chunks(8)) {
+                add_block(columns, a, 1.0, index * BLOCK, w);
+                add_block(columns, b, 1.0, index * BLOCK, z);
+            }
+        };
+        if w.len() <= 2 * BLOCK {
+            w.chunks_mut(BLOCK).zip(z.chunks_mut(BLOCK)).enumerate().for_each(add);
+        } else {
+            w.par_chunks_mut(BLOCK).zip(z.par_chunks_mut(BLOCK)).enumerate().for_each(add);
+        }
+    }
+
     /// `w ← w + sign · V h` over the columns from `first` on.
     pub(super) fn accumulate(&self, first: usize, coefficients: &[f64], sign: f64, w: &mut [f64]) {
         let columns = self.columns.get(first..).unwrap_or_default();
         debug_assert_eq!(columns.len(), coefficients.len());
         let add = |(index, rows): (usize, &mut [f64])| {
-            let start = index * BLOCK;
-            let end = start + rows.len();
-            let mut pairs = columns.chunks_exact(4).zip(coefficients.chunks_exact(4));
-            for (group, factors) in &mut pairs {
-                // Four columns at a time: w is read and written a quarter as often.
-                let [a, b, c, d] = [0, 1, 2, 3].map(|k| &group[k][start..end]);
-                let [fa, fb, fc, fd] = [0, 1, 2, 3].map(|k| sign * factors[k]);
-                for ((((value, a), b), c), d) in rows.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                    *value += (fa * a + fb * b) + (fc * c + fd * d);
-                }
-            }
-            let tail = columns.len() - columns.len() % 4;
-            for (column, factor) in columns[tail..].iter().zip(&coefficients[tail..]) {
-                let factor = sign * factor;
-                for (value, entry) in rows.iter_mut().zip(&column[start..end]) {
-                    *value += factor * entry;
-                }
-            }
+            add_block(columns, coefficients, sign, index * BLOCK, rows);
         };
         if w.len() <= 2 * BLOCK {
             w.chunks_mut(BLOCK).enumerate().for_each(add);
@@ -125,21 +168,6 @@ impl Basis {
             w.par_chunks_mut(BLOCK).enumerate().for_each(add);
         }
     }
-}
-
-/// The inner product of one block. Eight partial sums let the compiler use vector registers, which it may not do by
-/// itself as that reorders the sum.
-fn dot_block(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a_chunks, a_tail) = a.as_chunks::<8>();
-    let (b_chunks, b_tail) = b.as_chunks::<8>();
-    for (x, y) in a_chunks.iter().zip(b_chunks) {
-        for lane in 0..8 {
-            sums[lane] += x[lane] * y[lane];
-        }
-    }
-    let tail: f64 = a_tail.iter().zip(b_tail).map(|(x, y)| x * y).sum();
-    ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + tail
 }
 
 /// `aᵀ b` of two vectors of one length, summed in a fixed order whatever the number of threads.
@@ -199,6 +227,26 @@ mod tests {
                 - basis.columns()[1..].iter().zip(&dots).map(|(column, h)| column[row] * h).sum::<f64>();
             // Coefficients reach 1300; five rounded products of that size.
             assert!((expected - sum[row]).abs() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn two_at_once_are_the_same_as_one_after_the_other() {
+        for rows in [37, 3 * BLOCK + 5] {
+            let mut basis = Basis::new(rows);
+            for k in 0..6 {
+                basis.push_scaled(&ramp(rows, 0.2 + k as f64), 1.0);
+            }
+            let (w, s) = (ramp(rows, 0.31), ramp(rows, 0.07));
+            let weighted: Vec<f64> = w.iter().zip(&s).map(|(w, s)| s * s * w).collect();
+            assert_eq!(basis.dots_twice(&w, &s), (basis.dots(0, &w), basis.dots(0, &weighted)));
+            let (a, b) = (ramp(6, 1.1), ramp(6, 0.3));
+            let (mut x, mut y) = (w.clone(), s.clone());
+            basis.accumulate_twice((&a, &mut x), (&b, &mut y));
+            let (mut one, mut other) = (w, s);
+            basis.accumulate(0, &a, 1.0, &mut one);
+            basis.accumulate(0, &b, 1.0, &mut other);
+            assert!(x == one && y == other, "the same sums in the same order");
         }
     }
 

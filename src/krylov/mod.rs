@@ -26,6 +26,7 @@ mod eigen;
 mod estimators;
 mod factor;
 mod inexact;
+mod kernels;
 mod linear;
 mod methods;
 mod monitor;
@@ -37,12 +38,12 @@ mod vectors;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi};
-pub use eigen::{Eigs, EigsMethod, EigsOptions, RitzPair, Verdict, Which, eigs, eigs_from};
+pub use eigen::{Eigs, EigsMethod, EigsOptions, eigs, eigs_from};
 pub use estimators::{
     DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,
     diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
 };
-pub use factor::{Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, Step};
+pub use factor::{Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, RitzPair, Step, Verdict, Which};
 pub use inexact::Relaxation;
 pub use linear::{
     Advance, BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Side, Solution, SolveMonitor,

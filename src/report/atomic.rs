@@ -53,7 +53,8 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
             fill(&mut stream)?;
             return stream.flush();
         }
-        Ok(_) => fs::canonicalize(path)?,
+        // It may have been removed since it was looked at: then there is nothing to follow.
+        Ok(_) => fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()),
         Err(_) => path.to_path_buf(),
     };
     let temporary = temporary_beside(&target)?;

@@ -1,16 +1,12 @@
 //! Colours for numbers: a signed map for eigenvectors, and a sequential one for amounts.
 
-use super::palette::{linear_from_oklab, oklab_from_linear};
-use super::png::Raster;
+use super::oklab::{linear_from_oklab, oklab_from_linear};
+pub use super::palette::{MASKED, NOT_A_NUMBER};
+use super::raster::Raster;
+use super::srgb::{decode_srgb, encode_srgb};
 use super::tone;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-
-/// Masked pixels: a gray that neither map passes through.
-pub const MASKED: [u8; 3] = [0x3c, 0x3c, 0x40];
-
-/// NaN: the magenta that nobody overlooks.
-pub const NOT_A_NUMBER: [u8; 3] = [0xff, 0x00, 0xff];
 
 /// Half a per cent of the values may saturate, so that single bright pixels do not drown the rest.
 const RANGE_PERCENTILE: f64 = 0.995;
@@ -35,9 +31,9 @@ pub fn signed_color(value: f64) -> [u8; 3] {
     let below = (position as usize).min(SIGNED_STOPS.len() - 2);
     let fraction = (position - below as f64) as f32;
     let [from, to] = [SIGNED_STOPS[below], SIGNED_STOPS[below + 1]]
-        .map(|stop| oklab_from_linear(stop.map(|byte| tone::decode_srgb(f32::from(byte) / 255.0))));
+        .map(|stop| oklab_from_linear(stop.map(|byte| decode_srgb(f32::from(byte) / 255.0))));
     let mixed = [0, 1, 2].map(|axis| from[axis] + fraction * (to[axis] - from[axis]));
-    linear_from_oklab(mixed).map(tone::encode_srgb)
+    linear_from_oklab(mixed).map(encode_srgb)
 }
 
 /// The colour of `value` in \[0, 1\], clipped beyond: viridis, dark violet through green to yellow, even in lightness.
@@ -139,7 +135,7 @@ mod tests {
         assert_eq!(signed_color(-7.0), SIGNED_STOPS[0]);
         assert_eq!(signed_color(f64::INFINITY), SIGNED_STOPS[6]);
         let lightness = |value: f64| {
-            oklab_from_linear(signed_color(value).map(|byte| tone::decode_srgb(f32::from(byte) / 255.0)))[0]
+            oklab_from_linear(signed_color(value).map(|byte| decode_srgb(f32::from(byte) / 255.0)))[0]
         };
         for percent in 1..=100 {
             let value = f64::from(percent) / 100.0;

@@ -100,7 +100,7 @@ pub struct Adapter {
     pub backend: String,
 }
 
-/// The scene or rig file.
+/// The scene, rig or matrix file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Scene {
     /// As given on the command line.

@@ -8,7 +8,7 @@
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `report.html` | [`html`], with plots by [`plot`] |
 //! | `run.json` | [`manifest`] |
-//! | everything of one verb | [`segmentation`], [`eigenpairs`] |
+//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`solution`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
@@ -17,18 +17,24 @@ pub mod atomic;
 mod axis;
 pub mod clock;
 pub mod colormap;
+pub mod compensation;
 pub mod eigenpairs;
 pub mod exr;
 pub mod html;
 pub mod manifest;
 pub mod npy;
+mod oklab;
 pub mod palette;
 pub mod picture;
 pub mod plot;
 pub mod png;
+mod raster;
+mod residuals;
 mod run;
 pub mod segmentation;
+pub mod solution;
 pub mod sparse;
 mod spectrum;
+mod srgb;
 mod svg;
 pub mod tone;

@@ -15,6 +15,8 @@ mod pixel_sums;
 mod retraced;
 mod rows;
 mod simulated;
+#[cfg(test)]
+mod tests;
 
 pub use assemble::{Assembled, assemble, assemble_layers};
 pub use choice::{Prediction, predict};

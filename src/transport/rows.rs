@@ -129,7 +129,40 @@ impl<const C: usize> Rows<C> {
         batch: &Batch<'_>,
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
     ) -> Result<()> {
-        let pixels = pixels(batch);
+        let connections = |path: usize, to: &mut dyn FnMut(&Connection) -> Result<()>| {
+            batch.connections(path).try_for_each(|connection| to(&connection))
+        };
+        self.add_by(
+            &pixels((0..batch.len()).map(|path| batch.pixel(path))),
+            &|path| batch.half(path),
+            &connections,
+            project,
+        )
+    }
+
+    /// As [`Rows::add`], for paths written down as start pixel, half, and connections.
+    #[cfg(test)]
+    pub(super) fn add_paths(
+        &mut self,
+        paths: &[(u32, usize, Vec<Connection>)],
+        project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
+    ) -> Result<()> {
+        self.add_by(
+            &pixels(paths.iter().map(|path| path.0)),
+            &|path| paths[path].1,
+            &|path, to| paths[path].2.iter().try_for_each(to),
+            project,
+        )
+    }
+
+    /// `pixels` are the start pixels, in order, each with its paths.
+    fn add_by(
+        &mut self,
+        pixels: &[(u32, Range<usize>)],
+        half: &(impl Fn(usize) -> usize + Sync),
+        connections: &(impl Fn(usize, &mut dyn FnMut(&Connection) -> Result<()>) -> Result<()> + Sync),
+        project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
+    ) -> Result<()> {
         let Some(((last, last_paths), whole)) = pixels.split_last() else { return Ok(()) };
         let mut finished = Vec::new();
         let mut open = self.open.take();
@@ -142,13 +175,14 @@ impl<const C: usize> Rows<C> {
                 _ => Vec::new(),
             };
             for path in paths.clone() {
-                let half = batch.half(path) as u32 * Key::HALF;
-                for connection in batch.connections(path) {
+                let half = half(path) as u32 * Key::HALF;
+                connections(path, &mut |connection| {
                     let value = project(connection.value);
                     if value.iter().any(|&value| value != 0.0) {
-                        entries.push(self.entry(pixel, half, &connection, value)?);
+                        entries.push(self.entry(pixel, half, connection, value)?);
                     }
-                }
+                    Ok(())
+                })?;
             }
             Ok(entries)
         };
@@ -214,10 +248,9 @@ fn stray(pixel: u32) -> Error {
 }
 
 /// The pixels that a batch's paths start from, in order, each with its paths.
-pub(super) fn pixels(batch: &Batch<'_>) -> Vec<(u32, Range<usize>)> {
+fn pixels(starts: impl Iterator<Item = u32>) -> Vec<(u32, Range<usize>)> {
     let mut pixels: Vec<(u32, Range<usize>)> = Vec::new();
-    for path in 0..batch.len() {
-        let pixel = batch.pixel(path);
+    for (path, pixel) in starts.enumerate() {
         match pixels.last_mut() {
             Some((last, paths)) if *last == pixel => paths.end = path + 1,
             _ => pixels.push((pixel, path..path + 1)),

@@ -20,8 +20,8 @@ use crate::operator::{Adjoint, Symmetry};
 /// One product a step. `‖r‖` falls monotonically, and every iterate is inside the box. No transpose; for an operator
 /// that is not symmetric the model is Broyden's, and rest need not be the optimum. Patterns shown are inside the box
 /// except residuals, which are signed. Ends where the model, knowing `A r`, can predict no gain beyond `rtol`. Stores
-/// after `k` products `2k` `n`-vectors and, beside them, `b, x`, the best `x`, `r, D, D^½`, the candidate, a product
-/// and six to work in.
+/// after `k` products `2k` `n`-vectors (two more for a white photo that was given) and, beside them, `b, x`, the best
+/// `x`, `r, D, D^½`, the candidate, a product and six to work in.
 ///
 /// # References
 /// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs
@@ -35,6 +35,8 @@ pub struct KrylovBox {
     candidate: Vec<f64>,
     next: Next,
     rtol: f64,
+    /// Products to set memory aside for.
+    capacity: usize,
     /// `A r` of the current residual is in the model.
     gradient_known: bool,
 }
@@ -68,6 +70,8 @@ impl KrylovBox {
             candidate: vec![0.0; b.len()],
             next: Next::Start,
             rtol: options.rtol,
+            // A white photo that was given is one more.
+            capacity: options.products + usize::from(options.diagonal.is_some()),
             gradient_known: false,
         })
     }
@@ -97,7 +101,7 @@ impl Solver for KrylovBox {
         let model = match &mut self.model {
             Some(model) => model,
             none => {
-                let mut model = Model::new(&self.boxed.diagonal, symmetric);
+                let mut model = Model::new(&self.boxed.diagonal, symmetric, self.capacity);
                 let ones = vec![1.0; self.boxed.system.b.len()];
                 if taken {
                     model.learn(&ones, &self.boxed.system.work);

@@ -7,6 +7,7 @@
 
 mod bounds;
 mod fista;
+mod gram;
 mod jacobi;
 mod krylov_box;
 mod model;

@@ -2,8 +2,9 @@
 
 use super::super::basis::{Basis, dot, norm};
 use super::super::orthogonalize::orthogonalize;
-use super::super::vectors::{axpy, update, update2};
+use super::super::vectors::{update, update2};
 use super::bounds::Bounds;
+use super::gram::Gram;
 
 /// `M ≈ A` with `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal for all else.
 ///
@@ -27,42 +28,68 @@ pub(super) struct Model {
     products: Basis,
     /// `H`, by columns; symmetrized.
     projected: Vec<Vec<f64>>,
+    /// Of a symmetric model.
+    gram: Gram,
     theta: f64,
     symmetric: bool,
+    work: Work,
+}
+
+/// Room for the inner iteration.
+#[derive(Clone)]
+struct Work {
+    u: Vec<f64>,
+    y: Vec<f64>,
+    next: Vec<f64>,
+    image: Vec<f64>,
+    g: Vec<f64>,
+    /// `M̂ D^½ b`.
+    constant: Vec<f64>,
+}
+
+impl Work {
+    fn new(n: usize) -> Self {
+        let zero = vec![0.0; n];
+        let [u, y, next, image, g] = std::array::from_fn(|_| zero.clone());
+        Self { u, y, next, image, g, constant: zero }
+    }
 }
 
 /// A direction whose part outside the span is less than this share of it tells nothing new but rounding.
 const NEW: f64 = 1e-8;
 
 impl Model {
-    pub(super) fn new(diagonal: &[f64], symmetric: bool) -> Self {
+    /// Before any product, with memory for `products` of them.
+    pub(super) fn new(diagonal: &[f64], symmetric: bool, products: usize) -> Self {
         let n = diagonal.len();
+        let (mut patterns, mut taken) = (Basis::new(n), Basis::new(n));
+        patterns.reserve(products.min(n));
+        taken.reserve(products.min(n));
         Self {
             root: diagonal.iter().map(|d| d.sqrt()).collect(),
-            patterns: Basis::new(n),
-            products: Basis::new(n),
+            patterns,
+            products: taken,
             projected: Vec::new(),
+            gram: Gram::default(),
             theta: 1.0,
             symmetric,
+            work: Work::new(n),
         }
     }
 
     /// Takes in `A x = y`. False when `x` is in the span of what is known.
     pub(super) fn learn(&mut self, x: &[f64], y: &[f64]) -> bool {
-        let mut v = x.to_vec();
-        update(&mut v, &self.root, |x, s| x * s);
-        let mut w = y.to_vec();
-        update(&mut w, &self.root, |y, s| y / s);
-        let before = norm(&v);
-        let removed = orthogonalize(&self.patterns, &mut v, 0);
+        let Work { u: v, y: w, .. } = &mut self.work;
+        update2(v, x, &self.root, |_, x, s| x * s);
+        update2(w, y, &self.root, |_, y, s| y / s);
+        let before = norm(v);
+        let removed = orthogonalize(&self.patterns, v, 0);
         if removed.norm.is_nan() || removed.norm <= NEW * before {
             return false;
         }
-        for (factor, product) in removed.coefficients.iter().zip(self.products.columns()) {
-            axpy(-factor, product, &mut w);
-        }
-        self.patterns.push_scaled(&v, removed.norm);
-        self.products.push_scaled(&w, removed.norm);
+        self.products.accumulate(0, &removed.coefficients, -1.0, w);
+        self.patterns.push_scaled(v, removed.norm);
+        self.products.push_scaled(w, removed.norm);
         let (Some(v), Some(w)) = (self.patterns.columns().last(), self.products.columns().last()) else {
             return false;
         };
@@ -74,6 +101,12 @@ impl Model {
             row.push(*entry);
         }
         self.projected.push(column);
+        if self.symmetric {
+            let Work { u: dv, y: dw, .. } = &mut self.work;
+            update2(dv, v, &self.root, |_, v, s| s * s * v);
+            update2(dw, w, &self.root, |_, w, s| s * s * w);
+            self.gram.extend(&self.patterns, &self.products, dv, dw);
+        }
         if last > 0 {
             self.theta = left[last].clamp(0.0, 1.0);
         }
@@ -87,8 +120,7 @@ impl Model {
         if self.symmetric {
             let c = self.patterns.dots(0, u);
             let d = self.products.dots(0, u);
-            let e: Vec<f64> =
-                (0..c.len()).map(|i| d[i] - theta * c[i] - dot(&self.projected[i], &c)).collect();
+            let e = self.along_patterns(&c, &d);
             self.products.accumulate(0, &c, 1.0, out);
             self.patterns.accumulate(0, &e, 1.0, out);
         } else if transposed {
@@ -103,10 +135,41 @@ impl Model {
         }
     }
 
-    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b)`, the gradient of `½‖M x − b‖²` in `u = D^½ x`; returns `‖M x − b‖`.
-    fn gradient(&self, u: &[f64], b: &[f64], image: &mut [f64], g: &mut [f64]) -> f64 {
+    /// `e = d − (H + θ) c`: what of `M̂ u` is along the patterns, for `c = Vᵀu` and `d = Wᵀu`.
+    fn along_patterns(&self, c: &[f64], d: &[f64]) -> Vec<f64> {
+        (0..c.len()).map(|i| d[i] - self.theta * c[i] - dot(&self.projected[i], c)).collect()
+    }
+
+    /// `g ← M̂ D M̂ u − constant` for a symmetric model. [`Model::gradient`] would go through all vectors four times;
+    /// with the products among them known beforehand, twice are enough.
+    fn normal_product(&self, u: &[f64], constant: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
+        let theta = self.theta;
+        let (c, c_weighted) = self.patterns.dots_twice(u, &self.root);
+        let (d, d_weighted) = self.products.dots_twice(u, &self.root);
+        // M̂ u = θ u + W c + V e, and the same again for D M̂ u.
+        let e = self.along_patterns(&c, &d);
+        let (mut c_next, mut d_next) = self.gram.apply(&c, &e);
+        c_next.iter_mut().zip(&c_weighted).for_each(|(next, weighted)| *next += theta * weighted);
+        d_next.iter_mut().zip(&d_weighted).for_each(|(next, weighted)| *next += theta * weighted);
+        let e_next = self.along_patterns(&c_next, &d_next);
+        update(image, u, |_, u| theta * u);
+        match constant {
+            Some(constant) => update(g, constant, |_, constant| -constant),
+            None => g.fill(0.0),
+        }
+        self.products.accumulate_twice((&c, image), (&c_next, g));
+        self.patterns.accumulate_twice((&e, image), (&e_next, g));
+        update2(g, image, &self.root, |g, image, s| g + theta * s * s * image);
+    }
+
+    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b)`, the gradient of `½‖M x − b‖²` in `u = D^½ x`, for `b = 0` if
+    /// there is none; returns `‖M x − b‖`.
+    fn gradient(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) -> f64 {
         self.apply(false, u, image);
-        update2(image, &self.root, b, |y, s, b| s * y - b);
+        match b {
+            Some(b) => update2(image, &self.root, b, |y, s, b| s * y - b),
+            None => update(image, &self.root, |y, s| s * y),
+        }
         let length = norm(image);
         update(image, &self.root, |r, s| r * s);
         self.apply(true, image, g);
@@ -115,62 +178,85 @@ impl Model {
 
     /// `x ← argmin ‖M x − b‖` over the box, from `x`, by accelerated projected gradients with restart: no product.
     /// Returns `‖M x − b‖`.
-    pub(super) fn minimize(&self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
+    pub(super) fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
+        // Taken out, so that the model can be applied meanwhile.
+        let mut work = std::mem::replace(&mut self.work, Work::new(0));
+        let predicted = self.minimize_in(&mut work, b, bounds, x);
+        self.work = work;
+        predicted
+    }
+
+    fn minimize_in(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         const ITERATIONS: usize = 400;
         /// The iterate is photographed next, and the photo will correct more than this.
         const SETTLED: f64 = 1e-6;
-        let mut u = x.to_vec();
-        update(&mut u, &self.root, |x, s| x * s);
-        let (mut y, mut g, mut image) = (u.clone(), vec![0.0; u.len()], vec![0.0; u.len()]);
-        let lipschitz = self.lipschitz(&mut image, &mut g);
-        if lipschitz <= 0.0 {
-            return self.gradient(&u, b, &mut image, &mut g);
+        let Work { u, y, next, image, g, constant } = work;
+        let lipschitz = self.lipschitz(next, image, g);
+        update2(u, x, &self.root, |_, x, s| x * s);
+        y.copy_from_slice(u);
+        if self.symmetric {
+            update2(image, b, &self.root, |_, b, s| s * b);
+            self.apply(true, image, constant);
         }
-        let mut next = u.clone();
+        if lipschitz <= 0.0 {
+            return self.gradient(u, Some(b), image, g);
+        }
         let mut t = 1.0_f64;
         for _ in 0..ITERATIONS {
-            self.gradient(&y, b, &mut image, &mut g);
-            next.copy_from_slice(&y);
-            update2(&mut next, &g, &self.root, |y, g, s| {
+            if self.symmetric {
+                self.normal_product(y, Some(constant), image, g);
+            } else {
+                self.gradient(y, Some(b), image, g);
+            }
+            next.copy_from_slice(y);
+            update2(next, g, &self.root, |y, g, s| {
                 (y - g / lipschitz).max(bounds.lower * s).min(bounds.upper * s)
             });
             // u ← next − u, the step.
-            update(&mut u, &next, |old, new| new - old);
-            let step = norm(&u);
-            if dot(&g, &u) > 0.0 {
+            update(u, next, |old, new| new - old);
+            let step = norm(u);
+            if dot(g, u) > 0.0 {
                 t = 1.0;
             }
             let t_next = 0.5 * (1.0 + (1.0 + 4.0 * t * t).sqrt());
             let momentum = (t - 1.0) / t_next;
             t = t_next;
-            update2(&mut y, &next, &u, |_, new, step| new + momentum * step);
-            std::mem::swap(&mut u, &mut next);
-            if step <= SETTLED * norm(&u) {
+            update2(y, next, u, |_, new, step| new + momentum * step);
+            std::mem::swap(u, next);
+            if step <= SETTLED * norm(u) {
                 break;
             }
         }
-        let predicted = self.gradient(&u, b, &mut image, &mut g);
-        x.copy_from_slice(&u);
-        update(x, &self.root, |u, s| bounds.clip(u / s));
+        let predicted = self.gradient(u, Some(b), image, g);
+        update2(x, u, &self.root, |_, u, s| bounds.clip(u / s));
         predicted
     }
 
     /// A bound of `‖D^½ M̂‖²`, by a few power iterations from the white pattern and ten percent on top.
-    fn lipschitz(&self, image: &mut [f64], g: &mut [f64]) -> f64 {
-        let zero = vec![0.0; self.root.len()];
-        let mut v: Vec<f64> = self.root.clone();
-        let mut square = 0.0;
+    fn lipschitz(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
+        v.copy_from_slice(&self.root);
+        let mut square = 0.0_f64;
         for _ in 0..12 {
-            let length = norm(&v);
+            let length = norm(v);
             if length == 0.0 || !length.is_finite() {
                 return 0.0;
             }
-            for value in &mut v {
+            for value in v.iter_mut() {
                 *value /= length;
             }
-            self.gradient(&v, &zero, image, g);
-            square = norm(g);
+            if self.symmetric {
+                self.normal_product(v, None, image, g);
+            } else {
+                self.gradient(v, None, image, g);
+            }
+            let next = norm(g);
             v.copy_from_slice(g);
+            // The norms of a power iteration only grow; at a thousandth a turn, the ten percent are far off.
+            let settled = next <= 1.001 * square;
+            square = next;
+            if settled {
+                break;
+            }
         }
         // Whatever lies outside the span is multiplied by θ.
         let largest = self.root.iter().copied().fold(0.0, f64::max);

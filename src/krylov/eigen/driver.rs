@@ -2,11 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::super::factor::{Factorization, Step};
+use super::super::factor::{Factorization, RitzPair, Step, Verdict};
 use super::super::monitor::{HistoryRow, Monitor, Progress};
 use super::super::stats::{Stats, Status};
-use super::eigs::{Eigs, EigsOptions};
-use super::pairs::{RitzPair, Verdict};
+use super::options::{Eigs, EigsOptions};
 use crate::error::Result;
 use crate::operator::Operator;
 

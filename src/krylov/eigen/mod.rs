@@ -2,11 +2,9 @@
 
 mod driver;
 mod eigs;
-pub(super) mod general;
-mod pairs;
+mod options;
 mod power;
-pub(super) mod symmetric;
 
 pub use driver::eigs_from;
-pub use eigs::{Eigs, EigsMethod, EigsOptions, eigs};
-pub use pairs::{RitzPair, Verdict, Which};
+pub use eigs::eigs;
+pub use options::{Eigs, EigsMethod, EigsOptions};

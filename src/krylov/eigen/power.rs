@@ -3,12 +3,11 @@
 use std::ops::ControlFlow;
 
 use super::super::basis::{dot, norm};
-use super::super::factor::{Factorization, Lanczos, point_upwards};
+use super::super::factor::{Factorization, Lanczos, RitzPair, Which, point_upwards};
 use super::super::monitor::Monitor;
 use super::super::stats::{Stats, Status};
 use super::driver::{Found, Recorder, good_enough};
-use super::eigs::{Eigs, EigsOptions};
-use super::pairs::{RitzPair, Which};
+use super::options::{Eigs, EigsOptions};
 use crate::error::{Error, Result};
 use crate::operator::{Operator, Symmetry};
 

@@ -1,7 +1,6 @@
 //! The spectral density by stochastic Lanczos quadrature.
 
-use super::super::eigen::Which;
-use super::super::factor::{Factorization, Lanczos, Step};
+use super::super::factor::{Factorization, Lanczos, Step, Which};
 use super::probe::{Estimate, at_least, signs, symmetric};
 use crate::error::Result;
 use crate::operator::Operator;

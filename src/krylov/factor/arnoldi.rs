@@ -2,8 +2,8 @@
 
 use std::io::{Read, Write};
 
-use super::super::eigen::{RitzPair, Which, general};
 use super::factorization::Factorization;
+use super::ritz::{RitzPair, Which, general};
 use super::save::{self, Kind};
 use super::{Expansion, Step};
 use crate::error::{Error, Result};

@@ -2,7 +2,6 @@
 
 use std::io::{Read, Write};
 
-use super::super::eigen::{RitzPair, Which, symmetric};
 use super::factorization::Factorization;
 use super::lanczos::check_symmetric;
 use super::save::{self, Kind};
@@ -83,13 +82,5 @@ impl Factorization for BlockLanczos {
         check_symmetric(operator)?;
         // A v_j lies in the span of v_{j−b} … v_{j+b}, of which the last is not there yet.
         self.expansion.step(operator, 2 * self.expansion.block)
-    }
-
-    fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
-        symmetric::ritz(&self.expansion, which, count)
-    }
-
-    fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
-        symmetric::shrink(&mut self.expansion, which, keep)
     }
 }

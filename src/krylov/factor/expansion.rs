@@ -149,46 +149,6 @@ impl Expansion {
         Ok(if self.pending() > 0 { Step::Invariant } else { Step::Exhausted })
     }
 
-    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of the lower triangle of `H`, with their values, and
-    /// the waiting vectors kept. `H` becomes `diag(values)` with the couplings to the waiting vectors below.
-    pub(in super::super) fn restart(&mut self, kept: &[(f64, &[f64])]) {
-        let (m, pending) = (self.steps(), self.pending());
-        let parts: Vec<Outside> = kept.iter().map(|(_, s)| self.outside(s)).collect();
-        // What was thrown away before counts in each part; once is enough.
-        let lost: Vec<f64> = parts.iter().map(|part| part.asymmetric - self.leak).collect();
-        self.leak += norm(&lost);
-        let vectors: Vec<&[f64]> = kept.iter().map(|(_, s)| *s).collect();
-        self.basis.rotate(self.known, self.known + m, &vectors);
-        self.columns.clear();
-        for (index, ((value, _), part)) in kept.iter().zip(parts).enumerate() {
-            let mut column = part.known;
-            column.resize(self.known + kept.len(), 0.0);
-            column[self.known + index] = *value;
-            column.extend_from_slice(&part.waiting[..pending]);
-            self.columns.push(column);
-        }
-    }
-
-    /// What `A V s` has outside of `V T s` for `s` of norm 1, with `T` the symmetric matrix of the lower triangle of `H`.
-    pub(in super::super) fn outside(&self, s: &[f64]) -> Outside {
-        let m = self.steps();
-        let mut known = vec![0.0; self.known];
-        let mut inside = vec![0.0; m];
-        let mut waiting = vec![0.0; self.pending()];
-        for (j, column) in self.columns.iter().enumerate() {
-            for (sum, entry) in known.iter_mut().zip(column) {
-                *sum += entry * s[j];
-            }
-            for (i, sum) in inside.iter_mut().enumerate().take(j) {
-                *sum += (self.entry(i, j) - self.entry(j, i)) * s[j];
-            }
-            for (sum, entry) in waiting.iter_mut().zip(column.iter().skip(self.known + m)) {
-                *sum += entry * s[j];
-            }
-        }
-        Outside { known, waiting, asymmetric: norm(&inside) + self.leak }
-    }
-
     /// Entry `(i, j)` of `H`, counted from 0: `v_iᵀ A v_j`, `j < m`, `i < m + p`.
     pub fn entry(&self, i: usize, j: usize) -> f64 {
         self.columns.get(j).and_then(|column| column.get(self.known + i)).copied().unwrap_or(0.0)
@@ -256,7 +216,7 @@ impl Expansion {
     }
 
     /// `V s`, for `s` of length `m`.
-    pub(in super::super) fn combine(&self, s: &[f64]) -> Vec<f64> {
+    pub(super) fn combine(&self, s: &[f64]) -> Vec<f64> {
         let mut vector = vec![0.0; self.n()];
         // The coefficients of the waiting vectors are zero.
         let mut padded = s.to_vec();
@@ -281,16 +241,6 @@ impl Expansion {
         }
         false
     }
-}
-
-/// What `A V s` has outside of `V T s`.
-pub(in super::super) struct Outside {
-    /// Along `Q`: zero to rounding where the known vectors are eigenvectors of a symmetric `A`.
-    pub(in super::super) known: Vec<f64>,
-    /// Along the waiting vectors.
-    pub(in super::super) waiting: Vec<f64>,
-    /// The norm of `V (H − T) s`, and what restarts threw away: zero to rounding where `A` is symmetric.
-    pub(in super::super) asymmetric: f64,
 }
 
 /// Appends what of `vector` is orthogonal to `basis`, normalized; false when that is nothing but rounding errors.

@@ -1,6 +1,6 @@
 //! What can be done with any of the three factorizations.
 
-use super::super::eigen::{RitzPair, Which};
+use super::ritz::{RitzPair, Which, symmetric};
 use super::{Expansion, Step};
 use crate::error::Result;
 use crate::operator::Operator;
@@ -25,20 +25,25 @@ pub trait Factorization {
     /// factorization is as it was before.
     fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step>;
 
-    /// The `count` Ritz pairs that are wanted most, most wanted first; `min(count, m)` of them.
+    /// The `count` Ritz pairs that are wanted most, most wanted first; `min(count, m)` of them. For a
+    /// symmetric operator, unless a factorization does otherwise.
     ///
     /// # Errors
     /// [`Error::Numerical`](crate::Error::Numerical) when the dense eigensolver fails on `H`.
     /// [`Error::Option`](crate::Error::Option) naming `--which` where the end of the spectrum is not one of this
     /// factorization's.
-    fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>>;
+    fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
+        symmetric::ritz(self.expansion(), which, count)
+    }
 
     /// Thick restart: shrinks the subspace to the `keep` Ritz vectors wanted most, at no product, and the process goes
     /// on from there (Wu and Simon, doi:10.1137/S0895479898334605). Nothing to do for `keep ≥ m`.
     ///
     /// # Errors
     /// As [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) where restarts are not supported.
-    fn shrink(&mut self, which: Which, keep: usize) -> Result<()>;
+    fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
+        symmetric::shrink(self.expansion_mut(), which, keep)
+    }
 
     /// The dimension of the space.
     fn n(&self) -> usize {

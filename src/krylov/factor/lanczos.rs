@@ -2,7 +2,6 @@
 
 use std::io::{Read, Write};
 
-use super::super::eigen::{RitzPair, Which, symmetric};
 use super::factorization::Factorization;
 use super::save::{self, Kind};
 use super::{Expansion, Step};
@@ -113,14 +112,6 @@ impl Factorization for Lanczos {
         check_symmetric(operator)?;
         // A v_j lies in the span of v_{j−1}, v_j, v_{j+1}.
         self.expansion.step(operator, 2)
-    }
-
-    fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
-        symmetric::ritz(&self.expansion, which, count)
-    }
-
-    fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
-        symmetric::shrink(&mut self.expansion, which, keep)
     }
 }
 

@@ -5,6 +5,8 @@ mod block_lanczos;
 mod expansion;
 mod factorization;
 mod lanczos;
+mod restart;
+mod ritz;
 mod save;
 
 pub use arnoldi::Arnoldi;
@@ -13,3 +15,4 @@ pub use expansion::{Expansion, Step};
 pub use factorization::Factorization;
 pub(super) use factorization::point_upwards;
 pub use lanczos::Lanczos;
+pub use ritz::{RitzPair, Verdict, Which};

@@ -1,14 +1,11 @@
 //! The stabilized biconjugate gradient method.
 
-use std::sync::Arc;
-
-use super::super::basis::{dot, norm};
-use super::super::precondition::Preconditioner;
+use super::super::basis::dot;
 use super::super::stats::Status;
 use super::super::vectors::{axpy, update2};
-use super::cgs::negligible;
-use super::system::{System, Tally, square};
-use super::{Advance, SolveOptions, Solver, precondition, refuse_left};
+use super::shadow::{Phase, Shadowed, negligible};
+use super::system::Tally;
+use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
@@ -24,28 +21,12 @@ use crate::operator::Adjoint;
 /// van der Vorst (1992), doi:10.1137/0913035.
 #[derive(Clone)]
 pub struct BiCgStab {
-    system: System,
-    preconditioner: Option<Arc<dyn Preconditioner>>,
-    shadow: Vec<f64>,
+    shared: Shadowed,
     p: Vec<f64>,
     /// `A M⁻¹ p`.
     v: Vec<f64>,
-    hat: Vec<f64>,
-    rho: f64,
     alpha: f64,
     omega: f64,
-    phase: Phase,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Phase {
-    Start,
-    /// `p` has to be made.
-    Direction,
-    /// `A M⁻¹ p` is due.
-    Biconjugate,
-    /// `A M⁻¹ s` is due, with `s` in the residual's place.
-    Stabilize,
 }
 
 impl BiCgStab {
@@ -54,88 +35,62 @@ impl BiCgStab {
     /// # Errors
     /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        refuse_left("BiCGStab", options)?;
         let zero = vec![0.0; b.len()];
-        Ok(Self {
-            system: System::new(b.len(), b, options)?,
-            preconditioner: options.preconditioner.clone(),
-            shadow: zero.clone(),
-            p: zero.clone(),
-            v: zero.clone(),
-            hat: zero,
-            rho: 0.0,
-            alpha: 0.0,
-            omega: 0.0,
-            phase: Phase::Start,
-        })
+        let shared = Shadowed::new("BiCGStab", b, options)?;
+        Ok(Self { shared, p: zero.clone(), v: zero, alpha: 0.0, omega: 0.0 })
     }
 }
 
 impl Solver for BiCgStab {
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let system = &mut self.system;
-        system.fits(operator)?;
-        square(system.b.len(), system.x.len())?;
-        if system.pending {
-            system.first_residual(operator)?;
+        if self.shared.open(operator)? {
             return Ok(Advance::Continuing);
         }
-        if self.phase == Phase::Start {
-            self.shadow.copy_from_slice(&system.r);
-            self.phase = Phase::Direction;
-        }
-        if self.phase == Phase::Direction {
-            let rho = dot(&self.shadow, &system.r);
-            if negligible(rho, &self.shadow, &system.r) {
-                return Ok(Advance::Ended(Status::Breakdown("the residual is orthogonal to its shadow")));
-            }
+        if self.shared.phase == Phase::Direction {
+            let ratio = match self.shared.advance_rho() {
+                Ok(ratio) => ratio,
+                Err(status) => return Ok(Advance::Ended(status)),
+            };
             let omega = self.omega;
-            let beta = if self.rho == 0.0 { 0.0 } else { (rho / self.rho) * (self.alpha / omega) };
-            update2(&mut self.p, &system.r, &self.v, |p, r, v| r + beta * (p - omega * v));
-            self.rho = rho;
-            self.phase = Phase::Biconjugate;
+            let beta = if ratio == 0.0 { 0.0 } else { ratio * (self.alpha / omega) };
+            let r = &self.shared.system.r;
+            update2(&mut self.p, r, &self.v, |p, r, v| r + beta * (p - omega * v));
+            self.shared.phase = Phase::First;
         }
-        if self.phase == Phase::Biconjugate {
-            precondition(self.preconditioner.as_ref(), &self.p, &mut self.hat)?;
-            system.tally.product(operator, &self.hat, &mut system.work)?;
-            let sigma = dot(&self.shadow, &system.work);
-            if negligible(sigma, &self.shadow, &system.work) {
-                return Ok(Advance::Ended(Status::Breakdown(
-                    "a product is orthogonal to the residual's shadow",
-                )));
-            }
-            self.alpha = self.rho / sigma;
-            self.v.copy_from_slice(&system.work);
-            axpy(self.alpha, &self.hat, &mut system.x);
+        if self.shared.phase == Phase::First {
+            // Along the biconjugate direction.
+            self.shared.product(operator, &self.p)?;
+            self.alpha = match self.shared.alpha() {
+                Ok(alpha) => alpha,
+                Err(status) => return Ok(Advance::Ended(status)),
+            };
+            self.v.copy_from_slice(&self.shared.system.work);
+            let system = &mut self.shared.system;
+            axpy(self.alpha, &self.shared.hat, &mut system.x);
             axpy(-self.alpha, &self.v, &mut system.r);
-            self.phase = Phase::Stabilize;
+            self.shared.phase = Phase::Second;
         } else {
-            precondition(self.preconditioner.as_ref(), &system.r, &mut self.hat)?;
-            system.tally.product(operator, &self.hat, &mut system.work)?;
+            // Along the residual, with `s` in its place.
+            self.shared.residual_product(operator)?;
+            let system = &mut self.shared.system;
             let square = dot(&system.work, &system.work);
             let overlap = dot(&system.work, &system.r);
             if square == 0.0 || negligible(overlap, &system.work, &system.r) {
                 return Ok(Advance::Ended(Status::Breakdown("a product is orthogonal to the residual")));
             }
             self.omega = overlap / square;
-            axpy(self.omega, &self.hat, &mut system.x);
+            axpy(self.omega, &self.shared.hat, &mut system.x);
             axpy(-self.omega, &system.work, &mut system.r);
-            self.phase = Phase::Direction;
+            self.shared.phase = Phase::Direction;
         }
-        let residual = norm(&system.r);
-        system.note(residual);
-        if residual.is_finite() {
-            Ok(Advance::Continuing)
-        } else {
-            Ok(Advance::Ended(Status::Breakdown("the residual grew beyond all bounds")))
-        }
+        Ok(self.shared.close())
     }
 
     fn tally(&self) -> Tally {
-        self.system.tally
+        self.shared.system.tally
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.system.best().to_vec()
+        self.shared.system.best().to_vec()
     }
 }

@@ -1,22 +1,31 @@
-//! Golub–Kahan bidiagonalization, one product a step.
+//! Golub–Kahan bidiagonalization, one product a step: what LSQR and LSMR share.
+
+use std::sync::Arc;
 
 use super::super::basis::norm;
+use super::super::precondition::Preconditioner;
 use super::super::vectors::update;
 use super::system::System;
+use super::{SolveOptions, precondition, refuse_left, require_positive_definite};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// `A V = U B`, `Aᵀ U = V Bᵀ + α v eᵀ` with `B` lower bidiagonal: `α_k` on its diagonal, `β_{k+1}` below.
+/// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal, `β_{k+1}`
+/// below. It starts from the residual of the system that it holds.
 ///
 /// # References
 /// Golub and Kahan (1965), doi:10.1137/0702016.
 #[derive(Clone)]
 pub(super) struct Bidiagonal {
+    pub(super) system: System,
+    preconditioner: Option<Arc<dyn Preconditioner>>,
     pub(super) u: Vec<f64>,
-    pub(super) v: Vec<f64>,
+    v: Vec<f64>,
+    /// `M⁻¹ v`; empty without a preconditioner.
+    hat: Vec<f64>,
     pub(super) alpha: f64,
     pub(super) beta: f64,
-    /// `‖B‖_F` so far: a lower bound of `‖A‖_F`.
+    /// `‖B‖_F` so far: a lower bound of `‖C‖_F`.
     pub(super) scale: f64,
     next: Next,
     work: Vec<f64>,
@@ -32,55 +41,79 @@ enum Next {
 /// Which product was taken.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Half {
-    /// The first `Aᵀ u`: `α_1` is there.
+    /// The residual of a first iterate that was given.
+    Residual,
+    /// The first `Cᵀ u`: `α_1` is there.
     First,
-    /// `A v`: `β_{k+1}` is there.
+    /// `C v`: `β_{k+1}` is there.
     Forward,
-    /// `Aᵀ u`: `α_{k+1}` is there.
+    /// `Cᵀ u`: `α_{k+1}` is there.
     Adjoint,
 }
 
 impl Bidiagonal {
-    pub(super) fn new(rows: usize, cols: usize) -> Self {
-        Self {
-            u: vec![0.0; rows],
+    /// For `b` of length `rows` and `x` of length `cols`. A preconditioner must be symmetric, as it is applied with
+    /// `Aᵀ` too.
+    pub(super) fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
+        require_positive_definite(method, options)?;
+        refuse_left(method, options)?;
+        let preconditioner = options.preconditioner.clone();
+        Ok(Self {
+            system: System::new(cols, b, options)?,
+            u: vec![0.0; b.len()],
             v: vec![0.0; cols],
+            hat: preconditioner.as_ref().map_or_else(Vec::new, |_| vec![0.0; cols]),
+            preconditioner,
             alpha: 0.0,
             beta: 0.0,
             scale: 0.0,
             next: Next::Start,
             work: vec![0.0; cols],
-        }
+        })
+    }
+
+    /// `M⁻¹ v`, of length `cols`: the direction in which the iterate can move.
+    pub(super) fn direction(&self) -> &[f64] {
+        if self.preconditioner.is_some() { &self.hat } else { &self.v }
     }
 
     /// One product. A vector that vanishes (to rounding) is zero from then on, and its `α` or `β` with it.
-    pub(super) fn advance(&mut self, system: &mut System, operator: &mut dyn Adjoint) -> Result<Half> {
-        let mut half = Half::Adjoint;
+    pub(super) fn advance(&mut self, operator: &mut dyn Adjoint) -> Result<Half> {
+        self.system.fits(operator)?;
+        if self.system.pending {
+            self.system.first_residual(operator)?;
+            return Ok(Half::Residual);
+        }
         if self.next == Next::Start {
-            let length = norm(&system.r);
+            let length = norm(&self.system.r);
             self.beta = length;
             if length > 0.0 {
-                update(&mut self.u, &system.r, |_, r| r / length);
+                update(&mut self.u, &self.system.r, |_, r| r / length);
             }
             self.next = Next::Adjoint;
         }
         if self.next == Next::Forward {
-            system.tally.product(operator, &self.v, &mut system.work)?;
+            let System { tally, work, .. } = &mut self.system;
+            let direction = if self.preconditioner.is_some() { &self.hat } else { &self.v };
+            tally.product(operator, direction, work)?;
             let alpha = self.alpha;
-            update(&mut self.u, &system.work, |u, av| av - alpha * u);
+            update(&mut self.u, work, |u, av| av - alpha * u);
             self.beta = normalize(&mut self.u, alpha, &mut self.scale);
             self.next = Next::Adjoint;
             return Ok(Half::Forward);
         }
-        system.tally.adjoint(operator, &self.u, &mut self.work)?;
-        if self.alpha == 0.0 {
-            half = Half::First;
-            self.v.copy_from_slice(&self.work);
-            self.alpha = normalize(&mut self.v, 0.0, &mut self.scale);
-        } else {
-            let beta = self.beta;
-            update(&mut self.v, &self.work, |v, atu| atu - beta * v);
-            self.alpha = normalize(&mut self.v, beta, &mut self.scale);
+        self.system.tally.adjoint(operator, &self.u, &mut self.work)?;
+        if self.preconditioner.is_some() {
+            precondition(self.preconditioner.as_ref(), &self.work, &mut self.hat)?;
+            self.work.copy_from_slice(&self.hat);
+        }
+        let half = if self.alpha == 0.0 { Half::First } else { Half::Adjoint };
+        // α is 0 before the first, where v is 0 too.
+        let beta = if half == Half::First { 0.0 } else { self.beta };
+        update(&mut self.v, &self.work, |v, atu| atu - beta * v);
+        self.alpha = normalize(&mut self.v, beta, &mut self.scale);
+        if self.preconditioner.is_some() {
+            precondition(self.preconditioner.as_ref(), &self.v, &mut self.hat)?;
         }
         self.next = Next::Forward;
         Ok(half)

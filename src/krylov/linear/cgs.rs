@@ -1,13 +1,9 @@
 //! The conjugate gradient squared method.
 
-use std::sync::Arc;
-
-use super::super::basis::{dot, norm};
-use super::super::precondition::Preconditioner;
-use super::super::stats::Status;
 use super::super::vectors::{axpy, update2};
-use super::system::{System, Tally, square};
-use super::{Advance, SolveOptions, Solver, precondition, refuse_left};
+use super::shadow::{Phase, Shadowed};
+use super::system::Tally;
+use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
@@ -22,31 +18,15 @@ use crate::operator::Adjoint;
 /// Sonneveld (1989), doi:10.1137/0910004.
 #[derive(Clone)]
 pub struct Cgs {
-    system: System,
-    preconditioner: Option<Arc<dyn Preconditioner>>,
-    shadow: Vec<f64>,
+    shared: Shadowed,
     u: Vec<f64>,
     p: Vec<f64>,
     q: Vec<f64>,
     /// `A M⁻¹ p`.
     v: Vec<f64>,
-    /// What was or is to be preconditioned, and the result.
+    /// `u + q`, to be preconditioned.
     sum: Vec<f64>,
-    hat: Vec<f64>,
-    rho: f64,
     alpha: f64,
-    phase: Phase,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Phase {
-    Start,
-    /// `p` has to be made.
-    Direction,
-    /// `A M⁻¹ p` is due.
-    First,
-    /// `A M⁻¹ (u + q)` is due.
-    Second,
 }
 
 impl Cgs {
@@ -55,91 +35,60 @@ impl Cgs {
     /// # Errors
     /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
-        refuse_left("CGS", options)?;
         let zero = vec![0.0; b.len()];
         Ok(Self {
-            system: System::new(b.len(), b, options)?,
-            preconditioner: options.preconditioner.clone(),
-            shadow: zero.clone(),
+            shared: Shadowed::new("CGS", b, options)?,
             u: zero.clone(),
             p: zero.clone(),
             q: zero.clone(),
             v: zero.clone(),
-            sum: zero.clone(),
-            hat: zero,
-            rho: 0.0,
+            sum: zero,
             alpha: 0.0,
-            phase: Phase::Start,
         })
     }
 }
 
 impl Solver for Cgs {
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let system = &mut self.system;
-        system.fits(operator)?;
-        square(system.b.len(), system.x.len())?;
-        if system.pending {
-            system.first_residual(operator)?;
+        if self.shared.open(operator)? {
             return Ok(Advance::Continuing);
         }
-        if self.phase == Phase::Start {
-            self.shadow.copy_from_slice(&system.r);
-            self.phase = Phase::Direction;
-        }
-        if self.phase == Phase::Direction {
-            let rho = dot(&self.shadow, &system.r);
-            if negligible(rho, &self.shadow, &system.r) {
-                return Ok(Advance::Ended(Status::Breakdown("the residual is orthogonal to its shadow")));
-            }
-            let beta = if self.rho == 0.0 { 0.0 } else { rho / self.rho };
-            update2(&mut self.u, &system.r, &self.q, |_, r, q| r + beta * q);
+        if self.shared.phase == Phase::Direction {
+            let beta = match self.shared.advance_rho() {
+                Ok(beta) => beta,
+                Err(status) => return Ok(Advance::Ended(status)),
+            };
+            update2(&mut self.u, &self.shared.system.r, &self.q, |_, r, q| r + beta * q);
             // p ← u + β (q + β p)
             update2(&mut self.p, &self.u, &self.q, |p, u, q| u + beta * (q + beta * p));
-            self.rho = rho;
-            self.phase = Phase::First;
+            self.shared.phase = Phase::First;
         }
-        if self.phase == Phase::First {
-            precondition(self.preconditioner.as_ref(), &self.p, &mut self.hat)?;
-            system.tally.product(operator, &self.hat, &mut system.work)?;
-            let sigma = dot(&self.shadow, &system.work);
-            if negligible(sigma, &self.shadow, &system.work) {
-                return Ok(Advance::Ended(Status::Breakdown(
-                    "a product is orthogonal to the residual's shadow",
-                )));
-            }
-            let alpha = self.rho / sigma;
+        if self.shared.phase == Phase::First {
+            self.shared.product(operator, &self.p)?;
+            let alpha = match self.shared.alpha() {
+                Ok(alpha) => alpha,
+                Err(status) => return Ok(Advance::Ended(status)),
+            };
             self.alpha = alpha;
-            self.v.copy_from_slice(&system.work);
+            self.v.copy_from_slice(&self.shared.system.work);
             update2(&mut self.q, &self.u, &self.v, |_, u, v| u - alpha * v);
             update2(&mut self.sum, &self.u, &self.q, |_, u, q| u + q);
-            self.phase = Phase::Second;
+            self.shared.phase = Phase::Second;
             return Ok(Advance::Continuing);
         }
-        precondition(self.preconditioner.as_ref(), &self.sum, &mut self.hat)?;
-        system.tally.product(operator, &self.hat, &mut system.work)?;
-        axpy(self.alpha, &self.hat, &mut system.x);
+        self.shared.product(operator, &self.sum)?;
+        let system = &mut self.shared.system;
+        axpy(self.alpha, &self.shared.hat, &mut system.x);
         axpy(-self.alpha, &system.work, &mut system.r);
-        let residual = norm(&system.r);
-        system.note(residual);
-        self.phase = Phase::Direction;
-        if residual.is_finite() {
-            Ok(Advance::Continuing)
-        } else {
-            Ok(Advance::Ended(Status::Breakdown("the residual grew beyond all bounds")))
-        }
+        self.shared.phase = Phase::Direction;
+        Ok(self.shared.close())
     }
 
     fn tally(&self) -> Tally {
-        self.system.tally
+        self.shared.system.tally
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.system.best().to_vec()
+        self.shared.system.best().to_vec()
     }
-}
-
-/// An inner product that is zero but for rounding: dividing by it would return noise.
-pub(super) fn negligible(product: f64, a: &[f64], b: &[f64]) -> bool {
-    product.abs() <= f64::EPSILON * norm(a) * norm(b)
 }

@@ -5,25 +5,28 @@ use super::super::vectors::{axpy, update};
 use super::bidiagonal::{Bidiagonal, Half};
 use super::minres::LEAST_SQUARES;
 use super::rotation::rotation;
-use super::system::{System, Tally};
-use super::{Advance, SolveOptions, Solver, refuse_preconditioner};
+use super::system::Tally;
+use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
 /// LSMR: `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`, by making `‖Aᵀ r‖` least in each step.
 ///
+/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, with `‖M⁻¹ Aᵀ r‖` in the place of `‖Aᵀ r‖`; the
+/// residual that is reported is the true one.
+///
 /// # Properties
 /// Equal to MINRES on the normal equations. `‖Aᵀ r‖` falls monotonically, and `‖r‖` does too. One product with `Aᵀ`
 /// to begin with, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the second. Ends where `‖Aᵀ r‖`
 /// vanishes (a least-squares solution; of all of them the one nearest to the first iterate). Stores `b`, `r`, `u` and
-/// a product of length `rows`, and `x`, the best `x`, `v`, two directions and a product of length `cols`.
+/// a product of length `rows`, and `x`, the best `x`, `v`, two directions and a product of length `cols`;
+/// with a preconditioner `M⁻¹ v` too.
 ///
 /// # References
 /// Fong and Saunders (2011), doi:10.1137/10079687X; the names are theirs.
 #[derive(Clone)]
 pub struct Lsmr {
-    system: System,
-    bidiagonal: Bidiagonal,
+    process: Bidiagonal,
     h: Vec<f64>,
     h_bar: Vec<f64>,
     alpha_bar: f64,
@@ -64,15 +67,13 @@ impl ResidualNorm {
 }
 
 impl Lsmr {
-    /// For `b` of length `rows` and `x` of length `cols`. Looks at `x0` of the options.
+    /// For `b` of length `rows` and `x` of length `cols`. Looks at `x0` and `preconditioner` of the options.
     ///
     /// # Errors
-    /// As [`Cg::new`](super::Cg::new); any preconditioner is refused.
+    /// As [`Cg::new`](super::Cg::new).
     pub fn new(cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
-        refuse_preconditioner("LSMR", options)?;
         Ok(Self {
-            system: System::new(cols, b, options)?,
-            bidiagonal: Bidiagonal::new(b.len(), cols),
+            process: Bidiagonal::new("LSMR", cols, b, options)?,
             h: vec![0.0; cols],
             h_bar: vec![0.0; cols],
             alpha_bar: 0.0,
@@ -89,18 +90,12 @@ impl Lsmr {
 
 impl Solver for Lsmr {
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
-        let system = &mut self.system;
-        system.fits(operator)?;
-        if system.pending {
-            system.first_residual(operator)?;
-            return Ok(Advance::Continuing);
-        }
-        let half = self.bidiagonal.advance(system, operator)?;
-        let (alpha, beta) = (self.bidiagonal.alpha, self.bidiagonal.beta);
+        let half = self.process.advance(operator)?;
+        let (alpha, beta) = (self.process.alpha, self.process.beta);
         match half {
-            Half::Forward => return Ok(Advance::Continuing),
+            Half::Residual | Half::Forward => return Ok(Advance::Continuing),
             Half::First => {
-                self.h.copy_from_slice(&self.bidiagonal.v);
+                self.h.copy_from_slice(self.process.direction());
                 self.alpha_bar = alpha;
                 self.zeta_bar = alpha * beta;
                 self.norm.beta_dd = beta;
@@ -121,22 +116,22 @@ impl Solver for Lsmr {
         self.zeta_bar *= -s_bar;
         let back = theta_bar * rho / (rho_old * rho_bar_old);
         update(&mut self.h_bar, &self.h, |bar, h| h - back * bar);
-        axpy(zeta / (rho * rho_bar), &self.h_bar, &mut system.x);
+        axpy(zeta / (rho * rho_bar), &self.h_bar, &mut self.process.system.x);
         let ratio = theta_next / rho;
-        update(&mut self.h, &self.bidiagonal.v, |h, v| v - ratio * h);
+        update(&mut self.h, self.process.direction(), |h, v| v - ratio * h);
         (self.rho, self.rho_bar, self.zeta, self.c_bar, self.s_bar) = (rho, rho_bar, zeta, c_bar, s_bar);
         let residual = self.norm.advance((c, s), theta_bar, rho_bar, (zeta_old, zeta));
-        system.note(residual);
-        // |ζ̄| = ‖Aᵀ r‖
-        let done = self.zeta_bar.abs() <= LEAST_SQUARES * self.bidiagonal.scale * residual || alpha == 0.0;
+        self.process.system.note(residual);
+        // |ζ̄| = ‖Cᵀ r‖
+        let done = self.zeta_bar.abs() <= LEAST_SQUARES * self.process.scale * residual || alpha == 0.0;
         Ok(if done { Advance::Ended(Status::LeastSquares) } else { Advance::Continuing })
     }
 
     fn tally(&self) -> Tally {
-        self.system.tally
+        self.process.system.tally
     }
 
     fn solution(&self) -> Vec<f64> {
-        self.system.best().to_vec()
+        self.process.system.best().to_vec()
     }
 }

@@ -14,6 +14,7 @@ mod lsqr;
 mod minres;
 mod options;
 mod rotation;
+mod shadow;
 mod solve;
 pub(super) mod system;
 
@@ -46,18 +47,6 @@ pub(super) fn precondition(
             Ok(())
         }
     }
-}
-
-/// Options that a method would have to ignore are refused instead.
-fn refuse_preconditioner(method: &str, options: &SolveOptions) -> Result<()> {
-    if options.preconditioner.is_none() {
-        return Ok(());
-    }
-    Err(Error::Option {
-        option: "--precondition".into(),
-        fault: format!("{method} takes no preconditioner"),
-        help: "leave it out, or use gmres".into(),
-    })
 }
 
 fn refuse_left(method: &str, options: &SolveOptions) -> Result<()> {

@@ -1,66 +1,91 @@
-//! Samplers against their densities (χ²), and what samples claim about themselves.
+//! Samplers against their densities (χ²).
 
-use super::directions::{Hemisphere, outgoing};
+use glam::vec3;
+
+use super::directions::{Sphere, outgoing};
 use super::kernel::{gpu, run};
-use super::material::{Bsdf, READ_BSDF};
+use super::material::{BSDF_SIZE, Bsdf, READ_BSDF};
 use super::statistics::{chi_square_test, threshold};
 use crate::gpu::Gpu;
 
-const BINS: Hemisphere = Hemisphere { rings: 20, sectors: 40 };
+const BINS: Sphere = Sphere { rings: 20, sectors: 40 };
 /// 2²⁰ samples: a density that is wrong by 1 % over a tenth of the hemisphere fails.
 const SAMPLES: usize = 1 << 20;
 /// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and at a cosine of 0.05 0.12 in `s`; cells of 1/320 integrate it
 /// to 1e-4, a fraction of the counts' relative noise.
 const CELLS: usize = 16;
 
-/// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. A density of 0 is no sample.
+/// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. A sample's fourth component is the
+/// kind of a delta, `-1` for nothing, and `REGULAR` for what the density is of.
 struct Sampler {
     sample: &'static str,
     density: &'static str,
+    /// The probabilities of the kinds `REFLECTED`, `REFRACTED` and `PASSED`.
+    deltas: &'static str,
 }
 
+const NO_DELTAS: &str = "return vec3f(0.0);";
 const COSINE: Sampler = Sampler {
-    sample: "let wi = square_to_cosine_hemisphere(u.xy); return vec4f(wi, 1.0);",
-    density: "return wi.z * INV_PI;",
+    sample: "return vec4f(square_to_cosine_hemisphere(u.xy), 0.0);",
+    density: "return max(0.0, wi.z) * INV_PI;",
+    deltas: NO_DELTAS,
 };
 const VISIBLE_NORMALS: Sampler = Sampler {
-    sample: "let wi = reflect(-wo, ggx_sample_visible_normal(wo, bsdf.alpha, u.xy)); return vec4f(wi, f32(wi.z > 0.0));",
-    density: "return 0.25 * ggx_distribution(normalize(wo + wi), bsdf.alpha) * ggx_masking(wo.z, bsdf.alpha);",
+    sample: "let wi = reflect(-wo, ggx_sample_visible_normal(wo, bsdf.alpha, u.xy));
+        return vec4f(wi, select(-1.0, 0.0, wi.z > 0.0));",
+    density: "let density = 0.25 * ggx_distribution(normalize(wo + wi), bsdf.alpha) * ggx_masking(wo.z, bsdf.alpha);
+        return select(0.0, density, wi.z > 0.0);",
+    deltas: NO_DELTAS,
 };
 const BSDF: Sampler = Sampler {
-    sample: "let next = bsdf_sample(bsdf, wo, u); return vec4f(next.direction, next.pdf);",
+    sample: "let next = bsdf_sample(bsdf, wo, u);
+        return vec4f(next.direction, select(-1.0, f32(next.kind), next.pdf > 0.0));",
     density: "return bsdf_pdf(bsdf, wo, wi);",
+    deltas: "let deltas = bsdf_deltas(bsdf, wo.z, bsdf_cosine_beyond(bsdf, wo.z));
+        let solid = bsdf.eta_o != bsdf.eta_t;
+        return vec3f(bsdf.opacity * vec2f(deltas.reflect, select(0.0, deltas.transmit, solid)), bsdf_pass(bsdf, wo).probability);",
 };
 
 fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -> f64 {
-    let Sampler { sample, density } = sampler;
+    let Sampler { sample, density, deltas } = sampler;
     let head = format!("#import rng\n#import bsdf\n{READ_BSDF}");
     let mut input = bsdf.encode().to_vec();
     input.push(outgoing(cos_o));
+    input.push([seed as f32, 0.0, 0.0, 0.0]);
 
     // Numbered as in the tracer: 1024 samples of each pixel, at their first surface.
     let source = format!(
         "{head}
         fn draw(bsdf: Bsdf, wo: vec3f, u: vec4f) -> vec4f {{ {sample} }}
         fn work(index: u32) -> vec4f {{
-            return draw(bsdf_at(0u), input[3].xyz, random4(index / 1024u, index % 1024u, 1u, {seed}u));
+            return draw(bsdf_at(0u), input[5].xyz, random4(index / 1024u, index % 1024u, 1u, u32(input[6].x)));
         }}"
     );
-    let mut observed = vec![0.0; BINS.bins() + 1];
-    for [x, y, z, valid] in run(gpu, &source, &[], &input, SAMPLES).iter().map(|s| s.map(f64::from)) {
-        observed[if valid > 0.0 { BINS.bin([x, y, z]) } else { BINS.bins() }] += 1.0;
+    let none = BINS.bins() + 3;
+    let mut observed = vec![0.0; none + 1];
+    for [x, y, z, kind] in run(gpu, &source, &[], &input, SAMPLES).iter().map(|s| s.map(f64::from)) {
+        observed[match kind {
+            0.0 => BINS.bin([x, y, z]),
+            1.0..=3.0 => BINS.bins() + kind as usize - 1,
+            _ => none,
+        }] += 1.0;
     }
 
     let source = format!(
         "{head}
         fn density(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {{ {density} }}
+        fn deltas(bsdf: Bsdf, wo: vec3f) -> vec3f {{ {deltas} }}
         fn work(index: u32) -> vec4f {{
-            return vec4f(density(bsdf_at(0u), input[3].xyz, input[4u + index].xyz), 0.0, 0.0, 0.0);
+            if (index + 7u == arrayLength(&input)) {{
+                return vec4f(deltas(bsdf_at(0u), input[5].xyz), 0.0);
+            }}
+            return vec4f(density(bsdf_at(0u), input[5].xyz, input[7u + index].xyz), 0.0, 0.0, 0.0);
         }}"
     );
+    assert_eq!(BSDF_SIZE + 2, 7, "the WGSL above counts on it");
     let (points, solid_angles) = BINS.midpoints(CELLS);
     input.extend(&points);
-    let densities = run(gpu, &source, &[], &input, points.len());
+    let densities = run(gpu, &source, &[], &input, points.len() + 1);
     let mut expected: Vec<f64> = densities
         .chunks(CELLS * CELLS)
         .zip(solid_angles.chunks(CELLS * CELLS))
@@ -68,10 +93,12 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
             SAMPLES as f64 * density.iter().zip(angle).map(|(d, a)| f64::from(d[0]) * a).sum::<f64>()
         })
         .collect();
-    // What the density leaves out is what was not sampled.
-    let none = SAMPLES as f64 - expected.iter().sum::<f64>();
-    assert!(none > -1e-3 * SAMPLES as f64, "the density integrates to more than 1: {none}");
-    expected.push(none.max(0.0));
+    let [reflected, refracted, passed, _] = densities[points.len()].map(|p| SAMPLES as f64 * f64::from(p));
+    expected.extend([reflected, refracted, passed]);
+    // What the densities leave out is what was not sampled.
+    let left = SAMPLES as f64 - expected.iter().sum::<f64>();
+    assert!(left > -1e-3 * SAMPLES as f64, "the density integrates to more than 1: {left}");
+    expected.push(left.max(0.0));
     chi_square_test(&observed, &expected)
 }
 
@@ -79,8 +106,10 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
 fn samplers_follow_their_densities() {
     let gpu = gpu();
     let lambertian = Bsdf::lambertian(0.8);
-    let colored =
-        Bsdf { base_color: glam::vec3(0.9, 0.4, 0.1), metallic: 0.4, ..Bsdf::dielectric(0.8, 0.25) };
+    let colored = Bsdf { base_color: vec3(0.9, 0.4, 0.1), metallic: 0.4, ..Bsdf::dielectric(0.8, 0.25) };
+    let paper = Bsdf { diffuse_transmission: 0.4, ..Bsdf::dielectric(0.7, 0.3) };
+    let mixed = Bsdf { metallic: 0.2, transmission: 0.5, opacity: 0.7, eta_t: 1.4, ..paper };
+    let smooth = Bsdf { alpha: 0.0, ..mixed };
     let cases = [
         ("cosine hemisphere", COSINE, lambertian, 1.0),
         ("visible normals, α 0.05", VISIBLE_NORMALS, Bsdf::metal(0.8, 0.05), 0.8),
@@ -92,9 +121,30 @@ fn samplers_follow_their_densities() {
         ("rough dielectric", BSDF, Bsdf::dielectric(0.8, 0.5), 0.7),
         ("glossy dielectric, grazing", BSDF, Bsdf::dielectric(0.3, 0.1), 0.1),
         ("rough metal", BSDF, Bsdf::metal(0.9, 0.4), 0.6),
-        ("smooth metal", BSDF, Bsdf::metal(0.9, 0.05), 0.7),
-        ("smooth metal, grazing", BSDF, Bsdf::metal(0.9, 0.05), 0.05),
+        ("glossy metal", BSDF, Bsdf::metal(0.9, 0.05), 0.7),
+        ("glossy metal, grazing", BSDF, Bsdf::metal(0.9, 0.05), 0.05),
         ("half metal, coloured", BSDF, colored, 0.4),
+        ("smooth plastic", BSDF, Bsdf::dielectric(0.8, 0.0), 0.3),
+        ("rough pane", BSDF, Bsdf::pane(0.2), 0.7),
+        ("rough pane, grazing", BSDF, Bsdf::pane(0.4), 0.1),
+        ("smooth pane", BSDF, Bsdf::pane(0.0), 0.2),
+        ("rough glass from outside", BSDF, Bsdf::glass(0.3), 0.8),
+        ("rough glass from outside, grazing", BSDF, Bsdf::glass(0.2), 0.1),
+        ("rough glass from inside", BSDF, Bsdf::glass(0.2).beyond(), 0.9),
+        ("rough glass near the critical angle", BSDF, Bsdf::glass(0.3).beyond(), 0.7453),
+        ("rough glass beyond the critical angle", BSDF, Bsdf::glass(0.3).beyond(), 0.4),
+        ("smooth glass from outside", BSDF, Bsdf::glass(0.0), 0.3),
+        ("smooth glass from inside", BSDF, Bsdf::glass(0.0).beyond(), 0.8),
+        ("paper", BSDF, paper, 0.6),
+        ("everything, rough", BSDF, mixed, 0.5),
+        ("everything, rough, from beyond", BSDF, mixed.beyond(), 0.5),
+        ("everything, smooth", BSDF, smooth, 0.5),
+        ("everything, smooth, from beyond, totally reflected", BSDF, smooth.beyond(), 0.5),
+        ("rough metal, tilted", BSDF, Bsdf::metal(0.9, 0.4).tilted(25.0), 0.6),
+        ("Lambertian, tilted", BSDF, lambertian.tilted(40.0), 0.7),
+        ("everything, rough, tilted", BSDF, mixed.tilted(20.0), 0.7),
+        ("everything, rough, tilted, from beyond", BSDF, mixed.tilted(20.0).beyond(), 0.3),
+        ("everything, smooth, tilted", BSDF, smooth.tilted(30.0), 0.6),
     ];
     let threshold = threshold(cases.len());
     let mut failed = Vec::new();
@@ -106,44 +156,4 @@ fn samplers_follow_their_densities() {
         }
     }
     assert!(failed.is_empty(), "samples do not follow their density (threshold {threshold:.2e}): {failed:?}");
-}
-
-#[test]
-fn samples_carry_their_own_density_and_weight() {
-    let gpu = gpu();
-    let source = format!(
-        "#import rng\n#import bsdf\n{READ_BSDF}
-        fn work(index: u32) -> vec4f {{
-            let bsdf = bsdf_at(0u);
-            let wo = normalize(square_to_cosine_hemisphere(random4(index, 0u, 0u, 1u).xy));
-            let next = bsdf_sample(bsdf, wo, random4(index, 0u, 1u, 1u));
-            let pdf = bsdf_pdf(bsdf, wo, next.direction);
-            if (next.pdf == 0.0) {{
-                // Nothing was sampled: below the horizon, and without weight.
-                return vec4f(f32(next.direction.z > 0.0), f32(any(next.weight != vec3f(0.0))), 0.0, 0.0);
-            }}
-            let weight = bsdf_eval(bsdf, wo, next.direction) * next.direction.z / pdf;
-            let change = abs(next.weight - weight) / weight;
-            return vec4f(max(change.x, max(change.y, change.z)), abs(next.pdf - pdf) / pdf, length(next.direction) - 1.0, 1.0);
-        }}"
-    );
-    for bsdf in [
-        Bsdf::lambertian(0.8),
-        Bsdf::dielectric(0.5, 0.3),
-        Bsdf::metal(0.9, 0.05),
-        Bsdf { metallic: 0.5, ..Bsdf::dielectric(0.7, 0.6) },
-    ] {
-        let samples = run(&gpu, &source, &[], &bsdf.encode(), 1 << 16);
-        for [weight, pdf, length, valid] in &samples {
-            // Three multiplications in another order.
-            assert!(
-                *weight <= 4.0 * f32::EPSILON && *pdf == 0.0,
-                "{bsdf:?}: weight off by {weight}, pdf by {pdf}"
-            );
-            // sin² + cos² of the device's sine and cosine, good to 2⁻¹¹ each by Vulkan's rules.
-            assert!(length.abs() < 1e-3, "{bsdf:?}: direction too long by {length}, valid {valid}");
-        }
-        let valid = samples.iter().filter(|sample| sample[3] == 1.0).count();
-        assert!(valid > samples.len() / 2, "{bsdf:?}: only {valid} samples are above the horizon");
-    }
 }

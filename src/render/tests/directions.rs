@@ -1,32 +1,33 @@
-//! The upper hemisphere, cut into bins, and points to integrate over it.
+//! The sphere of directions, cut into bins, and points to integrate over it.
 
 use std::f64::consts::{PI, TAU};
 
 /// Azimuth of all outgoing directions. Arbitrary: nothing may depend on it.
 const AZIMUTH: f64 = 2.2;
 
-/// `(ring, sector)` bins, fine where a glossy lobe may be narrow. Rings are equally spaced in `t = √(1 − cosθ)`, which
-/// is linear in `θ` around the normal; sectors in `s = ∛(φ/π)` from −1 to 1, with `φ` counted from the mirror
-/// direction: at grazing incidence a lobe is narrower in azimuth than in height, by the cosine. A solid angle is
-/// `dω = 2t dt · 3πs² ds`.
-pub(super) struct Hemisphere {
+/// Bins by `(hemisphere, ring, sector)`, fine where a glossy lobe may be narrow. Rings are equally spaced in
+/// `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal; sectors in `s = ∛(φ/π)` from −1 to 1, with `φ` counted
+/// from the mirror direction, where transmitted light goes as well: at grazing incidence a lobe is narrower in azimuth
+/// than in height, by the cosine. A solid angle is `dω = 2t dt · 3πs² ds`.
+pub(super) struct Sphere {
     pub(super) rings: usize,
     pub(super) sectors: usize,
 }
 
-impl Hemisphere {
+impl Sphere {
     pub(super) fn bins(&self) -> usize {
-        self.rings * self.sectors
+        2 * self.rings * self.sectors
     }
 
-    /// The bin that a direction above the horizon falls into.
+    /// The bin that a direction falls into; those above the horizon come first.
     pub(super) fn bin(&self, [x, y, z]: [f64; 3]) -> usize {
-        // 1 − z without cancellation.
-        let t = ((x * x + y * y) / (1.0 + z)).sqrt();
+        // 1 − |z| without cancellation.
+        let t = ((x * x + y * y) / (1.0 + z.abs())).sqrt();
         let phi = (y.atan2(x) - AZIMUTH).rem_euclid(TAU) - PI;
         let ring = ((t * self.rings as f64) as usize).min(self.rings - 1);
         let sector = ((phi / PI).cbrt() + 1.0) / 2.0 * self.sectors as f64;
-        ring * self.sectors + (sector as usize).min(self.sectors - 1)
+        let below = if z < 0.0 { self.rings } else { 0 };
+        (below + ring) * self.sectors + (sector as usize).min(self.sectors - 1)
     }
 
     /// The midpoints of `per_side²` cells of each bin, bin by bin, and the solid angle that each stands for.
@@ -35,12 +36,14 @@ impl Hemisphere {
         let cells = per_side * per_side;
         let point = |index: usize| {
             let (bin, cell) = (index / cells, index % cells);
-            let t = ((bin / self.sectors * per_side + cell / per_side) as f64 + 0.5) * dt;
-            let s = ((bin % self.sectors * per_side + cell % per_side) as f64 + 0.5) * ds - 1.0;
+            let (ring, sector) = (bin / self.sectors, bin % self.sectors);
+            let t = ((ring % self.rings * per_side + cell / per_side) as f64 + 0.5) * dt;
+            let s = ((sector * per_side + cell % per_side) as f64 + 0.5) * ds - 1.0;
             let phi = AZIMUTH + PI + PI * s.powi(3);
             let cos = 1.0 - t * t;
             let sin = (t * t * (1.0 + cos)).sqrt();
-            let direction = [(sin * phi.cos()) as f32, (sin * phi.sin()) as f32, cos as f32, 0.0];
+            let z = if ring < self.rings { cos } else { -cos };
+            let direction = [(sin * phi.cos()) as f32, (sin * phi.sin()) as f32, z as f32, 0.0];
             (direction, 2.0 * t * dt * 3.0 * PI * s * s * ds)
         };
         (0..self.bins() * cells).map(point).unzip()
@@ -54,13 +57,14 @@ pub(super) fn outgoing(cos: f64) -> [f32; 4] {
 }
 
 #[test]
-fn the_cells_make_up_the_hemisphere_and_lie_in_their_bins() {
-    let hemisphere = Hemisphere { rings: 5, sectors: 8 };
-    let (points, solid_angles) = hemisphere.midpoints(3);
+fn the_cells_make_up_the_sphere_and_lie_in_their_bins() {
+    let sphere = Sphere { rings: 5, sectors: 8 };
+    let (points, solid_angles) = sphere.midpoints(3);
     // Midpoints integrate the linear 2t exactly, and 3s² but for ds²/4, with ds = 2/24.
     let solid_angle = solid_angles.iter().sum::<f64>();
-    assert!((solid_angle / TAU - (1.0 - 1.0 / 576.0)).abs() < 1e-12, "{solid_angle}");
+    assert!((solid_angle / (2.0 * TAU) - (1.0 - 1.0 / 576.0)).abs() < 1e-12, "{solid_angle}");
     for (index, [x, y, z, _]) in points.iter().map(|point| point.map(f64::from)).enumerate() {
-        assert_eq!(hemisphere.bin([x, y, z]), index / 9);
+        assert_eq!(sphere.bin([x, y, z]), index / 9);
     }
+    assert!(points[..points.len() / 2].iter().all(|point| point[2] > 0.0));
 }

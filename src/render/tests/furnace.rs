@@ -1,52 +1,63 @@
-//! The white furnace: `∫ f cosθ dω`, the light that comes back under light from everywhere.
+//! The white furnace: `∫ K n_i² |cosθ| dω` and the deltas, the light that comes back under light from everywhere.
 
-use super::directions::{Hemisphere, outgoing};
+use super::directions::{Sphere, outgoing};
 use super::kernel::{gpu, run};
-use super::material::{Bsdf, READ_BSDF};
+use super::material::{Bsdf, RANDOM_BSDF, READ_BSDF};
 use crate::gpu::Gpu;
 
 /// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in `s`.
-const CELLS: Hemisphere = Hemisphere { rings: 320, sectors: 480 };
+const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
 const SAMPLES: usize = 1 << 18;
 
-/// The albedo of a gray material towards `cos_o`: by quadrature over `f`, and by the sampler's weights, with standard
-/// error.
+/// The albedo of a gray material towards `cos_o`, regular lobes and deltas: by quadrature over `K`, and by the sampler's
+/// weights, with standard error.
 struct Albedo {
     integral: f64,
     sampled: f64,
     error: f64,
 }
 
-fn albedo(gpu: &Gpu, bsdf: &Bsdf, cos_o: f64) -> Albedo {
+fn quadrature(gpu: &Gpu, bsdf: &Bsdf, cos_o: f64) -> f64 {
+    let source = format!(
+        "#import bsdf\n{READ_BSDF}
+        fn work(index: u32) -> vec4f {{
+            let bsdf = bsdf_at(0u);
+            let wo = input[5].xyz;
+            if (index + 6u == arrayLength(&input)) {{
+                let deltas = bsdf_deltas(bsdf, wo.z, bsdf_cosine_beyond(bsdf, wo.z));
+                let bent = select(vec3f(0.0), deltas.transmitted, bsdf.eta_o != bsdf.eta_t);
+                return vec4f(bsdf.opacity * (deltas.reflected + bent) + bsdf_pass(bsdf, wo).value, 0.0);
+            }}
+            let wi = input[6u + index].xyz;
+            let n_i = select(bsdf.eta_o, bsdf.eta_t, wi.z < 0.0);
+            return vec4f(bsdf_eval(bsdf, wo, wi) * (n_i * n_i * abs(wi.z)), 0.0);
+        }}"
+    );
     let mut input = bsdf.encode().to_vec();
     input.push(outgoing(cos_o));
-    // Other random numbers for each case.
-    let seed = (1000.0 * (cos_o + 10.0 * f64::from(bsdf.alpha + 3.0 * bsdf.metallic))) as u32;
-    let sampled = format!(
+    let (points, solid_angles) = CELLS.midpoints(1);
+    input.extend(&points);
+    let values = run(gpu, &source, &[], &input, points.len() + 1);
+    let regular = values.iter().zip(&solid_angles).map(|(value, angle)| f64::from(value[0]) * angle);
+    regular.sum::<f64>() + f64::from(values[points.len()][0])
+}
+
+fn albedo(gpu: &Gpu, bsdf: &Bsdf, cos_o: f64, seed: usize) -> Albedo {
+    let source = format!(
         "#import rng\n#import bsdf\n{READ_BSDF}
         fn work(index: u32) -> vec4f {{
-            let next = bsdf_sample(bsdf_at(0u), input[3].xyz, random4(index, 0u, 1u, {seed}u));
+            let next = bsdf_sample(bsdf_at(0u), input[5].xyz, random4(index, 0u, 1u, u32(input[6].x)));
             return vec4f(next.weight, next.pdf);
         }}"
     );
-    let weights = run(gpu, &sampled, &[], &input, SAMPLES);
+    let mut input = bsdf.encode().to_vec();
+    input.extend([outgoing(cos_o), [seed as f32, 0.0, 0.0, 0.0]]);
+    let weights = run(gpu, &source, &[], &input, SAMPLES);
     let count = SAMPLES as f64;
     let mean = weights.iter().map(|weight| f64::from(weight[0])).sum::<f64>() / count;
-    let variance =
-        weights.iter().map(|weight| (f64::from(weight[0]) - mean).powi(2)).sum::<f64>() / (count - 1.0);
-
-    let reflected = format!(
-        "#import bsdf\n{READ_BSDF}
-        fn work(index: u32) -> vec4f {{
-            let wi = input[4u + index].xyz;
-            return vec4f(bsdf_eval(bsdf_at(0u), input[3].xyz, wi) * wi.z, 0.0);
-        }}"
-    );
-    let (points, solid_angles) = CELLS.midpoints(1);
-    input.extend(&points);
-    let values = run(gpu, &reflected, &[], &input, points.len());
-    let integral = values.iter().zip(&solid_angles).map(|(value, angle)| f64::from(value[0]) * angle).sum();
-    Albedo { integral, sampled: mean, error: (variance / count).sqrt() }
+    let squares = weights.iter().map(|weight| (f64::from(weight[0]) - mean).powi(2)).sum::<f64>();
+    let error = (squares / (count - 1.0) / count).sqrt();
+    Albedo { integral: quadrature(gpu, bsdf, cos_o), sampled: mean, error }
 }
 
 const COSINES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.1, 0.05];
@@ -55,7 +66,7 @@ const COSINES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.1, 0.05];
 fn lambertian_albedo_is_its_colour() {
     let gpu = gpu();
     for (color, cos_o) in [(1.0, 1.0), (1.0, 0.05), (0.5, 0.3)] {
-        let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o);
+        let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o, 0);
         let color = f64::from(color);
         // cosθ/π cancels against the density but for rounding: there is no Monte Carlo error. The midpoint rule's error
         // is dt²/2 − ds²/4 relative.
@@ -71,65 +82,132 @@ fn lambertian_albedo_is_its_colour() {
 fn sampling_and_quadrature_find_one_albedo() {
     let gpu = gpu();
     let (mut worst, mut squares, mut count) = (0.0_f64, 0.0, 0.0);
+    let paper = Bsdf { diffuse_transmission: 0.4, ..Bsdf::dielectric(0.7, 0.4) };
+    let mixed = Bsdf { metallic: 0.2, transmission: 0.5, opacity: 0.7, eta_t: 1.4, ..paper };
     for bsdf in [
         Bsdf::metal(1.0, 0.05),
         Bsdf::metal(1.0, 0.25),
-        Bsdf::metal(0.6, 1.0),
         Bsdf::dielectric(1.0, 0.05),
         Bsdf::dielectric(0.5, 0.25),
         Bsdf::dielectric(1.0, 1.0),
         Bsdf { metallic: 0.5, ..Bsdf::dielectric(0.7, 0.4) },
+        paper,
+        Bsdf::pane(0.3),
+        Bsdf::glass(0.3),
+        Bsdf::glass(0.3).beyond(),
+        mixed,
+        Bsdf { alpha: 0.0, ..mixed },
     ] {
         for cos_o in COSINES {
-            let Albedo { integral, sampled, error } = albedo(&gpu, &bsdf, cos_o);
-            // The quadrature's own error is of the order of 1e-5; see the Lambertian.
-            let z = (sampled - integral) / error.hypot(1e-5);
+            let Albedo { integral, sampled, error } = albedo(&gpu, &bsdf, cos_o, count as usize);
+            // The quadrature's own error; see the Lambertian. Where light is bent, facets on edge end a lobe with a jump,
+            // which cells on either side of it round.
+            let quadrature = if bsdf.eta_o == bsdf.eta_t { 1e-5 } else { 3e-4 };
+            let z = (sampled - integral) / error.hypot(quadrature);
             (worst, squares, count) = (worst.max(z.abs()), squares + z * z, count + 1.0);
-            println!("{bsdf:?} at {cos_o}: {integral:.5}, sampled {sampled:.5} ± {error:.5}, z {z:+.2}");
+            println!(
+                "{} at {cos_o}: {integral:.5}, sampled {sampled:.5} ± {error:.5}, z {z:+.2}",
+                bsdf.describe()
+            );
         }
     }
     let z_rms = f64::sqrt(squares / count);
-    println!("z rms {z_rms:.3}, worst {worst:.2}");
-    // 42 comparisons: 4.2 standard errors are exceeded once in a thousand times, an rms of 1.4 as well.
-    assert!(worst < 4.2 && z_rms < 1.4, "worst z {worst}, rms {z_rms}");
+    println!("{count} comparisons, z rms {z_rms:.3}, worst {worst:.2}");
+    // 72 comparisons: 4.3 standard errors are exceeded once in a thousand times, an rms of 1.3 as well.
+    assert!(worst < 4.3 && z_rms < 1.3, "worst z {worst}, rms {z_rms}");
+}
+
+/// The least and the greatest albedo over the cosines from `from` up. Quadrature's error is of the order of 1e-5.
+fn range(gpu: &Gpu, bsdf: &Bsdf, from: f64) -> (f64, f64) {
+    let found = COSINES.iter().filter(|&&cos| cos >= from).map(|&cos_o| quadrature(gpu, bsdf, cos_o));
+    let range = found.fold((f64::MAX, 0.0_f64), |(low, high), albedo| (low.min(albedo), high.max(albedo)));
+    println!("{}: {:.5} to {:.5}", bsdf.describe(), range.0, range.1);
+    range
 }
 
 #[test]
 fn white_metals_reflect_no_more_than_they_receive() {
     let gpu = gpu();
     for alpha in [0.05, 0.25, 0.5, 1.0] {
-        for cos_o in COSINES {
-            let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::metal(1.0, alpha), cos_o);
-            assert!(integral <= 1.0 + 1e-5, "α {alpha}, cosine {cos_o}: {integral}");
-            assert!(sampled <= 1.0 + 4.0 * error, "α {alpha}, cosine {cos_o}: {sampled} ± {error}");
-            // Single scattering loses some, and a smooth surface next to nothing.
-            assert!(integral > if alpha < 0.1 { 0.88 } else { 0.3 }, "α {alpha}, cosine {cos_o}: {integral}");
-        }
+        let (low, high) = range(&gpu, &Bsdf::metal(1.0, alpha), 0.0);
+        assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
+        // Single scattering loses some, and a smooth surface next to nothing.
+        assert!(low > if alpha < 0.1 { 0.88 } else { 0.3 }, "α {alpha}: {low}");
     }
 }
 
+/// glTF's sample implementation returns up to 1.44 times the light here; see `render`'s documentation.
 #[test]
-fn white_dielectrics_reflect_no_more_than_they_receive_but_at_grazing_incidence() {
+fn white_dielectrics_reflect_no_more_than_they_receive() {
     let gpu = gpu();
-    for (alpha, from) in [(0.05, 0.8), (0.25, 0.7), (0.5, 0.5), (1.0, 0.1)] {
-        for cos_o in COSINES.into_iter().chain([0.8]).filter(|&cos| cos >= from) {
-            let Albedo { integral, .. } = albedo(&gpu, &Bsdf::dielectric(1.0, alpha), cos_o);
-            assert!(integral <= 1.0 + 1e-5, "α {alpha}, cosine {cos_o}: {integral}");
-            assert!(integral > 0.95, "α {alpha}, cosine {cos_o}: {integral}");
-        }
+    for alpha in [0.05, 0.1, 0.2, 0.4, 0.7, 1.0] {
+        let white = Bsdf::dielectric(1.0, alpha);
+        let (low, high) = range(&gpu, &white, 0.0);
+        assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
+        // Nor do they lose much: at grazing incidence what facets hide from each other.
+        assert!(low > 0.5, "α {alpha}: {low}");
+        assert!(range(&gpu, &white, 0.5).0 > 0.95, "α {alpha}");
+        // Without reflectance at normal incidence the coat's bound has the least room.
+        let (_, high) = range(&gpu, &Bsdf { f0: glam::Vec3::ZERO, ..white }, 0.0);
+        assert!(high <= 1.0 + 1e-5, "α {alpha}, index 1: {high}");
     }
+    // Where it is smooth, Schlick's reflectance and what it leaves.
+    let (low, high) = range(&gpu, &Bsdf::dielectric(1.0, 0.0), 0.0);
+    assert!(low > 1.0 - 1e-5 && high < 1.0 + 1e-5, "{low} to {high}");
 }
 
-/// A known fault, of glTF's model and not of this code: its Fresnel term takes `V·H`, and for the diffuse half of the
-/// mix, light from far off the mirror direction, that stays small at grazing incidence, where the mirror lobe already
-/// reflects half of the light. A smooth white dielectric gives back up to one and a half times what it receives. Once the
-/// model conserves energy, this test fails, and goes.
 #[test]
-fn known_gain_of_smooth_white_dielectrics_at_grazing_incidence() {
+fn rough_glass_lets_through_no_more_than_it_receives() {
     let gpu = gpu();
-    // Expected: the formula of glTF 2.0, appendix B, integrated in double precision by another program.
-    for (alpha, cos_o, expected) in [(0.05, 0.1, 1.3914), (0.05, 0.05, 1.4424), (0.25, 0.1, 1.1096)] {
-        let Albedo { integral, .. } = albedo(&gpu, &Bsdf::dielectric(1.0, alpha), cos_o);
-        assert!((integral - expected).abs() < 2e-3, "α {alpha}, cosine {cos_o}: {integral}");
+    // Into the denser medium lobes are three times narrower; the quadrature resolves them from a width of 0.2.
+    for alpha in [0.2, 0.5, 1.0] {
+        for bsdf in [Bsdf::pane(alpha), Bsdf::glass(alpha), Bsdf::glass(alpha).beyond()] {
+            let (low, high) = range(&gpu, &bsdf, 0.0);
+            assert!(high <= 1.0 + 1e-5, "{}: {high}", bsdf.describe());
+            assert!(low > 0.2, "{}: {low}", bsdf.describe());
+        }
+        let paper = Bsdf { diffuse_transmission: 0.6, opacity: 0.5, ..Bsdf::dielectric(1.0, alpha) };
+        let (_, high) = range(&gpu, &paper, 0.0);
+        assert!(high <= 1.0 + 1e-5, "{}: {high}", paper.describe());
     }
+    // Little is lost where facets hide little from each other.
+    assert!(range(&gpu, &Bsdf::glass(0.2), 0.5).0 > 0.95);
+    assert!(range(&gpu, &Bsdf::glass(0.2).beyond(), 0.8).0 > 0.9);
+}
+
+/// White materials of all kinds, with tilted shading normals, in all media, from random directions.
+#[test]
+fn no_material_returns_more_than_it_receives() {
+    const LOOP: usize = 4096;
+    let source = format!(
+        "#import rng\n#import bsdf\n{READ_BSDF}{RANDOM_BSDF}
+        fn work(index: u32) -> vec4f {{
+            let bsdf = random_bsdf(index, true, index % 4u == 3u, index % 2u == 1u);
+            var wo = uniform_direction(random4(index, 0u, 0u, 3u).xy);
+            wo.z = abs(wo.z);
+            var sum = 0.0;
+            var squares = 0.0;
+            for (var k = 0u; k < {LOOP}u; k += 1u) {{
+                let weight = max_component(bsdf_sample(bsdf, wo, random4(index, k, 9u, 4u)).weight);
+                // From 1, which most weights are near: no digits are lost in the squares.
+                sum += weight - 1.0;
+                squares += (weight - 1.0) * (weight - 1.0);
+            }}
+            return vec4f(sum, squares, f32(index % 2u), bsdf.alpha);
+        }}"
+    );
+    let found = run(&gpu(), &source, &[], &[[0.0; 4]], 2048);
+    let count = LOOP as f64;
+    let (mut worst, mut conserving) = (f64::MIN, 0);
+    for &[sum, squares, ..] in &found {
+        let gain = f64::from(sum) / count;
+        let variance = (f64::from(squares) / count - gain * gain).max(0.0);
+        // Sums of up to 4096 rounded terms.
+        worst = worst.max(gain / ((variance / count).sqrt() + 1e-4));
+        conserving += usize::from(gain > -0.01);
+    }
+    println!("greatest gain {worst:.2} standard errors; {conserving} of {} lose less than 1 %", found.len());
+    // 2048 materials: 4.5 is exceeded once in a hundred times, if all of them conserved energy.
+    assert!(worst < 4.5, "a material gains {worst} standard errors");
+    assert!(conserving > found.len() / 10, "only {conserving} of {} keep the light", found.len());
 }

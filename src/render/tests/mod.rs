@@ -2,12 +2,14 @@
 
 mod chi_square;
 mod directions;
+mod fresnel;
 mod furnace;
 mod kernel;
 mod material;
 mod random;
 mod reciprocity;
 mod sampler;
+mod samples;
 mod statistics;
 mod surface;
 mod texture;

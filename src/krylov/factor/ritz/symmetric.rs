@@ -2,8 +2,8 @@
 
 use faer::{Mat, Side};
 
-use super::super::basis::norm;
-use super::super::factor::Expansion;
+use super::super::super::basis::norm;
+use super::super::Expansion;
 use super::pairs::{RitzPair, Which};
 use crate::error::{Error, Result};
 

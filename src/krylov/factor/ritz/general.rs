@@ -3,8 +3,8 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, c64};
 
-use super::super::basis::norm;
-use super::super::factor::Expansion;
+use super::super::super::basis::norm;
+use super::super::Expansion;
 use super::pairs::{RitzPair, Which};
 use super::symmetric::rounding;
 use crate::error::{Error, Result};

@@ -1,0 +1,158 @@
+//! What the scene should look like.
+
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+use crate::krylov::{dot, norm};
+use crate::operator::Operator;
+
+/// A target in [0, 1] and the light that is there without projector, one plane of each for every channel.
+#[derive(Clone, Debug)]
+pub struct Wish {
+    resolution: Resolution,
+    target: Vec<Vec<f64>>,
+    ambient: Vec<Vec<f64>>,
+}
+
+impl Wish {
+    /// A target (a gray one for all channels alike) under `ambient` light in W/(m² sr), whose channels say how many
+    /// systems there are.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when the two differ in size, or a coloured target is wished for in gray light.
+    pub fn new(target: &Image, ambient: &Image) -> Result<Self> {
+        let resolution = ambient.resolution();
+        if target.resolution() != resolution {
+            return Err(Error::Dimension {
+                what: "pixels of the target",
+                expected: resolution.to_string(),
+                found: target.resolution().to_string(),
+            });
+        }
+        let count = ambient.channels();
+        if target.channels() > count {
+            return Err(Error::Dimension {
+                what: "channels of the target",
+                expected: count.to_string(),
+                found: target.channels().to_string(),
+            });
+        }
+        Ok(Self {
+            resolution,
+            target: (0..count).map(|channel| target.plane(channel.min(target.channels() - 1))).collect(),
+            ambient: (0..count).map(|channel| ambient.plane(channel)).collect(),
+        })
+    }
+
+    /// Pixels of patterns and photos.
+    pub fn resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    pub(super) fn pixels(&self) -> usize {
+        self.resolution.pixels()
+    }
+
+    /// One operator of `n × n` for each channel.
+    pub(super) fn fits<O: Operator>(&self, channels: &[O]) -> Result<()> {
+        let mismatch = |what, expected: usize, found: usize| {
+            Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+        };
+        if channels.len() != self.target.len() {
+            return mismatch("operators of a compensation", self.target.len(), channels.len());
+        }
+        let n = self.pixels();
+        match channels.iter().flat_map(|operator| [operator.rows(), operator.cols()]).find(|&side| side != n)
+        {
+            Some(side) => mismatch("rows and columns of a compensation's operator", n, side),
+            None => Ok(()),
+        }
+    }
+
+    /// Half the median of the white photo, ambient light included: on a scene of even brightness this leaves room for
+    /// twice the light.
+    pub(super) fn default_peak(&self, white: &[Vec<f64>]) -> Result<f64> {
+        let seen = white.iter().zip(&self.ambient).flat_map(|(w, a)| w.iter().zip(a).map(|(w, a)| w + a));
+        match 0.5 * median(seen.collect()) {
+            peak if peak > 0.0 && peak.is_finite() => Ok(peak),
+            peak => Err(Error::Option {
+                option: "--peak".into(),
+                fault: format!(
+                    "half the median of the white photo is {peak}, which is no radiance to wish for"
+                ),
+                help: "give the radiance that 1 in the target stands for".into(),
+            }),
+        }
+    }
+
+    /// The light wished from the projector: the target times `peak` less the ambient light. It may be negative where
+    /// the ambient light alone is too much; it is not clipped.
+    pub(super) fn light(&self, peak: f64) -> Result<Vec<Vec<f64>>> {
+        let light: Vec<Vec<f64>> = self
+            .target
+            .iter()
+            .zip(&self.ambient)
+            .map(|(target, ambient)| target.iter().zip(ambient).map(|(t, a)| t * peak - a).collect())
+            .collect();
+        if norm_of(&light) == 0.0 {
+            return Err(Error::Numerical(
+                "the target is what is seen without projector: nothing to do".into(),
+            ));
+        }
+        Ok(light)
+    }
+
+    /// The target as a pattern, dimmed by peak over median of the white photo (without ambient light).
+    pub(super) fn dimmed(&self, white: &[Vec<f64>], peak: f64) -> Result<Vec<Vec<f64>>> {
+        let bright = median(white.concat());
+        let factor = if bright > 0.0 { peak / bright } else { 1.0 };
+        Ok(self.target.iter().map(|plane| plane.iter().map(|value| factor * value).collect()).collect())
+    }
+
+    /// The target in W/(m² sr).
+    pub(super) fn radiance(&self, peak: f64) -> Result<Image> {
+        let planes: Vec<Vec<f64>> =
+            self.target.iter().map(|plane| plane.iter().map(|value| peak * value).collect()).collect();
+        self.image(&planes)
+    }
+
+    /// The photo as it is seen: with ambient light.
+    pub(super) fn photo(&self, light: &[Vec<f64>]) -> Result<Image> {
+        let planes: Vec<Vec<f64>> = light
+            .iter()
+            .zip(&self.ambient)
+            .map(|(light, ambient)| light.iter().zip(ambient).map(|(l, a)| l + a).collect())
+            .collect();
+        self.image(&planes)
+    }
+
+    /// Planes as an image, narrowed to `f32`.
+    pub(super) fn image(&self, planes: &[Vec<f64>]) -> Result<Image> {
+        let samples =
+            (0..self.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel] as f32));
+        Image::new(self.resolution, planes.len(), samples.collect())
+    }
+}
+
+/// The 2-norm over all channels.
+pub(super) fn norm_of(planes: &[Vec<f64>]) -> f64 {
+    match planes {
+        [plane] => norm(plane),
+        planes => planes.iter().map(|plane| dot(plane, plane)).sum::<f64>().sqrt(),
+    }
+}
+
+/// `‖b − y‖₂` over all channels.
+pub(super) fn residual_norm(b: &[Vec<f64>], y: &[Vec<f64>]) -> f64 {
+    let difference =
+        |(b, y): (&Vec<f64>, &Vec<f64>)| -> Vec<f64> { b.iter().zip(y).map(|(b, y)| b - y).collect() };
+    norm_of(&b.iter().zip(y).map(difference).collect::<Vec<_>>())
+}
+
+/// The middle value (the upper of two); 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return 0.0;
+    }
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

@@ -1,0 +1,39 @@
+//! Inner products of a model's vectors in the metric of `D`, so that a gradient goes through the long vectors twice
+//! only.
+
+use super::super::basis::{Basis, dot};
+
+/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`Model`](super::model::Model).
+#[derive(Clone, Default)]
+pub(super) struct Gram {
+    vv: Vec<Vec<f64>>,
+    vw: Vec<Vec<f64>>,
+    ww: Vec<Vec<f64>>,
+}
+
+impl Gram {
+    /// Takes in the last columns of both, `v` and `w`; `dv = D v` and `dw = D w`.
+    pub(super) fn extend(&mut self, patterns: &Basis, products: &Basis, dv: &[f64], dw: &[f64]) {
+        append(&mut self.vv, patterns.dots(0, dv), None);
+        append(&mut self.ww, products.dots(0, dw), None);
+        append(&mut self.vw, patterns.dots(0, dw), Some(products.dots(0, dv)));
+    }
+
+    /// `(VᵀDW c + VᵀDV e, WᵀDW c + WᵀDV e)`.
+    pub(super) fn apply(&self, c: &[f64], e: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let of_patterns = self.vw.iter().zip(&self.vv).map(|(vw, vv)| dot(vw, c) + dot(vv, e));
+        let of_products = self.ww.iter().enumerate().map(|(j, ww)| {
+            let transposed: f64 = self.vw.iter().zip(e).map(|(vw, e)| vw[j] * e).sum();
+            dot(ww, c) + transposed
+        });
+        (of_patterns.collect(), of_products.collect())
+    }
+}
+
+/// A column at the right, and a row below: the same, or `row`, whose last entry is the corner's too.
+fn append(matrix: &mut Vec<Vec<f64>>, column: Vec<f64>, row: Option<Vec<f64>>) {
+    for (row, entry) in matrix.iter_mut().zip(&column) {
+        row.push(*entry);
+    }
+    matrix.push(row.unwrap_or(column));
+}

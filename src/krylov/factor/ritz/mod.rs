@@ -1,0 +1,7 @@
+//! Rayleigh–Ritz: eigenpairs of the operator on a subspace, at no product.
+
+pub(super) mod general;
+mod pairs;
+pub(super) mod symmetric;
+
+pub use pairs::{RitzPair, Verdict, Which};

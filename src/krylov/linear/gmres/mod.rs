@@ -1,0 +1,236 @@
+//! The generalized minimal residual method, and its flexible form.
+
+mod cycle;
+
+use std::sync::Arc;
+
+use self::cycle::Cycle;
+use super::super::basis::norm;
+use super::super::orthogonalize::orthogonalize;
+use super::super::precondition::Preconditioner;
+use super::super::stats::Status;
+use super::super::vectors::axpy;
+use super::system::{System, Tally, square};
+use super::{Advance, Side, SolveOptions, Solver, precondition, refuse_left};
+use crate::error::Result;
+use crate::operator::Adjoint;
+
+/// GMRES(m): `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
+///
+/// Preconditioned from the right, `A M⁻¹ u = b`, it minimizes the true residual. From the left, `M⁻¹ A x = M⁻¹ b`, it
+/// minimizes `‖M⁻¹ r‖`; the products are then kept beside the basis, so that the true residual is reported all the
+/// same, at no product. *Flexible* ([`Gmres::flexible`], FGMRES) it keeps each preconditioned vector, and `M` may
+/// differ from step to step.
+///
+/// # Properties
+/// `‖r‖` (on the left `‖M⁻¹ r‖`) falls monotonically, through restarts too. No transpose. One product a step; a
+/// restart takes none. The basis is orthonormal to working precision. Ends with a sentence when the Krylov space is
+/// invariant and holds no solution (a singular `A`). Stores after `k` steps since the last restart `k + 1` basis
+/// vectors and, from the left or flexible, `k` more, and `b, x, r` and three to work in.
+///
+/// # References
+/// Saad and Schultz (1986), doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028.
+#[derive(Clone)]
+pub struct Gmres {
+    system: System,
+    preconditioner: Option<Arc<dyn Preconditioner>>,
+    side: Side,
+    flexible: bool,
+    restart: usize,
+    cycle: Cycle,
+    hat: Vec<f64>,
+    /// The largest `‖A M⁻¹ v‖` so far.
+    scale: f64,
+    started: bool,
+}
+
+const SINGULAR: Status =
+    Status::Breakdown("the Krylov space is used up and holds no solution: the operator is singular");
+
+/// A correction whose rounding errors are this share of the first residual is none: the true residual would no longer
+/// be the one reported.
+const MEANINGLESS: f64 = 1e-9;
+
+impl Gmres {
+    /// For `b` of length `n`. Looks at `x0`, `preconditioner`, `side` and `restart` of the options.
+    ///
+    /// # Errors
+    /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.
+    pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        Self::build(b, options, false)
+    }
+
+    /// FGMRES, preconditioned from the right by an `M` that may change.
+    ///
+    /// # Errors
+    /// As [`Gmres::new`]; a preconditioner on the left is refused.
+    pub fn flexible(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        refuse_left("FGMRES", options)?;
+        Self::build(b, options, options.preconditioner.is_some())
+    }
+
+    fn build(b: &[f64], options: &SolveOptions, flexible: bool) -> Result<Self> {
+        let system = System::new(b.len(), b, options)?;
+        let side = if options.preconditioner.is_some() { options.side } else { Side::Right };
+        let restart = options.restart.unwrap_or(usize::MAX);
+        let steps = options.products.min(restart).min(b.len());
+        let kept = if flexible || side == Side::Left { steps } else { 0 };
+        Ok(Self {
+            system,
+            preconditioner: options.preconditioner.clone(),
+            side,
+            flexible,
+            restart,
+            cycle: Cycle::new(b.len(), steps, kept),
+            hat: vec![0.0; b.len()],
+            scale: 0.0,
+            started: false,
+        })
+    }
+
+    /// Basis vectors and kept ones at this moment, of length `n` each.
+    pub fn stored(&self) -> usize {
+        self.cycle.basis.len() + self.cycle.kept.len()
+    }
+
+    /// A cycle starts from the residual.
+    fn start(&mut self) -> Result<bool> {
+        if self.side == Side::Left {
+            precondition(self.preconditioner.as_ref(), &self.system.r, &mut self.hat)?;
+        } else {
+            self.hat.copy_from_slice(&self.system.r);
+        }
+        let length = norm(&self.hat);
+        self.cycle.start(&self.hat, length);
+        self.started = length > 0.0;
+        Ok(self.started)
+    }
+
+    /// Whether `V y` has to be preconditioned to be a correction of `x`.
+    fn is_hatted(&self) -> bool {
+        !self.flexible && self.side == Side::Right && self.preconditioner.is_some()
+    }
+
+    /// The true residual of this cycle's iterate, from what is stored, in the place of the cycle's first residual.
+    fn residual(&self, r: &mut [f64]) {
+        if self.side == Side::Left {
+            self.cycle.combine(true, -1.0, r);
+        } else {
+            self.cycle.residual(r);
+        }
+    }
+
+    /// Ends the cycle: `x` and `r` are brought up to date, at no product.
+    fn close(&mut self) -> Result<()> {
+        let mut sum = std::mem::take(&mut self.hat);
+        sum.fill(0.0);
+        self.cycle.combine(self.flexible, 1.0, &mut sum);
+        let hatted = self.is_hatted();
+        let mut made = Ok(());
+        if hatted {
+            made = precondition(self.preconditioner.as_ref(), &sum, &mut self.system.work);
+        }
+        if made.is_ok() {
+            axpy(1.0, if hatted { &self.system.work } else { &sum }, &mut self.system.x);
+            let mut r = std::mem::take(&mut self.system.r);
+            self.residual(&mut r);
+            self.system.r = r;
+            self.started = false;
+        }
+        self.hat = sum;
+        made
+    }
+}
+
+impl Solver for Gmres {
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
+        self.system.fits(operator)?;
+        square(self.system.b.len(), self.system.x.len())?;
+        if self.system.pending {
+            self.system.first_residual(operator)?;
+            return Ok(Advance::Continuing);
+        }
+        if self.started && self.cycle.len() >= self.restart {
+            self.close()?;
+        }
+        if !self.started && !self.start()? {
+            return Ok(Advance::Ended(Status::ReachedTolerance));
+        }
+        let Some(v) = self.cycle.basis.columns().last() else {
+            return Ok(Advance::Ended(Status::SpaceExhausted));
+        };
+        let right = self.side == Side::Right;
+        if right {
+            precondition(self.preconditioner.as_ref(), v, &mut self.hat)?;
+        } else {
+            self.hat.copy_from_slice(v);
+        }
+        self.system.tally.product(operator, &self.hat, &mut self.system.work)?;
+        // The new direction takes the product's place; from the left that of the basis vector, as the product is kept.
+        let w = if right {
+            &mut self.system.work
+        } else {
+            precondition(self.preconditioner.as_ref(), &self.system.work, &mut self.hat)?;
+            &mut self.hat
+        };
+        let length = norm(w);
+        let removed = orthogonalize(&self.cycle.basis, w, 0);
+        // What orthogonalization leaves of a vector in the span is rounding.
+        let tiny = 10.0 * f64::EPSILON * length;
+        let invariant = removed.norm <= tiny;
+        let below = if invariant { 0.0 } else { removed.norm };
+        let Some(left) = self.cycle.append(removed.coefficients, below, tiny) else {
+            return Ok(Advance::Ended(SINGULAR));
+        };
+        self.scale = self.scale.max(length);
+        if norm(&self.cycle.coefficients()) * self.scale * f64::EPSILON
+            > MEANINGLESS * self.cycle.first_residual()
+        {
+            // Rounding errors of such a correction would be larger than what it corrects.
+            self.cycle.undo();
+            return Ok(Advance::Ended(SINGULAR));
+        }
+        if self.flexible {
+            self.cycle.kept.push_scaled(&self.hat, 1.0);
+        } else if !right {
+            self.cycle.kept.push_scaled(&self.system.work, 1.0);
+        }
+        if !invariant {
+            self.cycle.basis.push_scaled(if right { &self.system.work } else { &self.hat }, removed.norm);
+        }
+        let residual = if right {
+            left
+        } else {
+            let mut r = std::mem::take(&mut self.hat);
+            r.copy_from_slice(&self.system.r);
+            self.residual(&mut r);
+            self.hat = r;
+            norm(&self.hat)
+        };
+        self.system.tally.residual = residual;
+        self.system.tally.best = residual;
+        Ok(if invariant { Advance::Ended(Status::SpaceExhausted) } else { Advance::Continuing })
+    }
+
+    fn tally(&self) -> Tally {
+        self.system.tally
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        let mut x = self.system.x.clone();
+        if !self.started {
+            return x;
+        }
+        if !self.is_hatted() {
+            self.cycle.combine(self.flexible, 1.0, &mut x);
+            return x;
+        }
+        let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        self.cycle.combine(self.flexible, 1.0, &mut sum);
+        // Should the preconditioner fail, the iterate of the last restart is what there is.
+        if precondition(self.preconditioner.as_ref(), &sum, &mut hat).is_ok() {
+            axpy(1.0, &hat, &mut x);
+        }
+        x
+    }
+}

@@ -1,0 +1,35 @@
+//! Residuals over photos, as a file and as a plot.
+
+use std::fmt::Write;
+
+use super::html::Block;
+use super::plot::{LinePlot, Series};
+
+/// A residual after so many photos.
+pub(super) type Row = (usize, f64);
+
+/// `residuals.csv`; the first column is called `count`.
+pub(super) fn csv(count: &str, history: &[Row]) -> String {
+    let mut text = format!("{count},relative_residual\n");
+    for (photo, residual) in history {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{photo},{residual:e}");
+    }
+    text
+}
+
+/// One line for each method by name, with dashed marks.
+pub(super) fn plot(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, String)>, caption: &str) -> Block {
+    let series = |(name, history): &(&str, &[Row])| Series {
+        name: (*name).to_owned(),
+        points: history.iter().map(|(photo, residual)| (*photo as f64, *residual)).collect(),
+    };
+    let plot = LinePlot {
+        x_label: count.into(),
+        y_label: "relative residual".into(),
+        logarithmic: true,
+        series: lines.iter().map(series).collect(),
+        marks,
+    };
+    Block::Plot { svg: plot.render(), caption: caption.into() }
+}

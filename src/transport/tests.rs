@@ -1,0 +1,163 @@
+//! Rows and their combination, fed by hand: rigs that no shipped scene has.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::combine::{Combined, combine};
+use super::rows::Rows;
+use super::*;
+use crate::operator::{Adjoint, Operator};
+use crate::render::Connection;
+
+/// Paths: the pixel that each starts from, its half of the samples, and its connections.
+type Paths = Vec<(u32, usize, Vec<Connection>)>;
+
+const SAMPLES: u32 = 4;
+
+/// Connections at random between so many camera and projector pixels; paths from the camera's pixels, in order.
+fn from_camera(random: &mut Pcg64, camera: usize, projector: usize, most: u32) -> Paths {
+    let mut paths = Vec::new();
+    for start in 0..camera as u32 {
+        for sample in 0..SAMPLES {
+            let connection = |bounces| Connection {
+                camera: start,
+                projector: random.random_range(0..projector as u32),
+                bounces,
+                value: [random.random_range(0.5..1.5); 3],
+            };
+            let half = usize::from(2 * sample >= SAMPLES);
+            paths.push((start, half, (1..=most).map(connection).collect()));
+        }
+    }
+    paths
+}
+
+/// The same from the projector's pixels.
+fn from_projector(random: &mut Pcg64, camera: usize, projector: usize, most: u32) -> Paths {
+    let mut paths = from_camera(random, projector, camera, most);
+    for connection in paths.iter_mut().flat_map(|path| &mut path.2) {
+        (connection.camera, connection.projector) = (connection.projector, connection.camera);
+    }
+    paths
+}
+
+fn rows(paths: &[Paths], split: bool) -> Rows<1> {
+    let mut rows = Rows::new(SAMPLES, split);
+    for paths in paths {
+        // Cut anywhere, also within a pixel.
+        for batch in paths.chunks(7) {
+            rows.add_paths(batch, &|rgb| [rgb[0]]).unwrap_or_else(|error| unreachable!("{error}"));
+        }
+    }
+    rows.close().unwrap_or_else(|error| unreachable!("{error}"));
+    rows
+}
+
+fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
+    let bounces: &[Bounces] =
+        if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
+    let Combined { layers, .. } = combine(&rows(paths, split).strips, rig, bounces, &[]);
+    TransportMatrix { rig, channels: Channels::Luma, direct: vec![Vec::new()], layers }
+}
+
+/// What all that means: every connection at its place, and at the mirrored one where the rig is coaxial.
+fn dense(rig: RigShape, paths: &[Paths], part: Part) -> Vec<f64> {
+    let columns = rig.projector.pixels();
+    let mut dense = vec![0.0; rig.camera.pixels() * columns];
+    for connection in paths.iter().flatten().flat_map(|path| &path.2).filter(|c| part.holds(c.bounces)) {
+        let value = f64::from(connection.value[0]) / f64::from(SAMPLES);
+        dense[connection.camera as usize * columns + connection.projector as usize] += value;
+        if rig.symmetric {
+            dense[connection.projector as usize * columns + connection.camera as usize] += value;
+        }
+    }
+    dense
+}
+
+fn separated() -> (RigShape, Vec<Paths>) {
+    let rig = RigShape { camera: Resolution::new(5, 3), projector: Resolution::new(4, 7), symmetric: false };
+    let mut random = Pcg64::seed_from_u64(3);
+    let paths = vec![
+        from_camera(&mut random, 15, 28, 4),
+        // No one-bounce connections of their own.
+        from_projector(&mut random, 15, 28, 3),
+    ];
+    (rig, paths)
+}
+
+fn with_lens() -> (RigShape, Vec<Paths>) {
+    let resolution = Resolution::new(6, 5);
+    let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
+    (rig, vec![from_camera(&mut Pcg64::seed_from_u64(4), 30, 30, 4)])
+}
+
+fn random_vector(length: usize, seed: u64) -> Vec<f64> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
+}
+
+#[test]
+fn each_part_of_any_rig_is_the_sum_of_its_connections() {
+    for (rig, paths) in [separated(), with_lens()] {
+        for split in [false, true] {
+            let matrix = matrix(rig, &paths, split);
+            for part in [Part::Full, Part::Direct, Part::Global] {
+                let expected = dense(rig, &paths, part);
+                let csr = matrix.to_csr(part, 0).unwrap_or_else(|error| unreachable!("{error}"));
+                assert_eq!((csr.rows(), csr.cols()), (rig.camera.pixels(), rig.projector.pixels()));
+                assert_eq!(csr.is_symmetric(), rig.symmetric, "{part:?}");
+                let mut found = vec![0.0; expected.len()];
+                csr.entries().for_each(|(row, column, value)| found[row * csr.cols() + column] = value);
+                for (found, expected) in found.iter().zip(&expected) {
+                    // Rounded to f32 pixel by pixel, where rows meet columns, and where layers meet.
+                    let bound = 3.0 * f64::from(f32::EPSILON) * expected;
+                    assert!((found - expected).abs() <= bound, "{part:?}: {found} for {expected}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_transpose_is_the_dual_rig() {
+    let (rig, paths) = separated();
+    for split in [false, true] {
+        let matrix = matrix(rig, &paths, split);
+        for part in [Part::Full, Part::Direct, Part::Global] {
+            let mut operator = MatrixOperator { matrix: &matrix, part, channel: 0 };
+            assert_eq!((operator.rows(), operator.cols()), (15, 28));
+            let (u, v) = (random_vector(15, 1), random_vector(28, 2));
+            let (mut av, mut atu) = (vec![f64::NAN; 15], vec![f64::NAN; 28]);
+            assert!(operator.apply(&v, &mut av).is_ok() && operator.apply_adjoint(&u, &mut atu).is_ok());
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            // At most 15·28 products and as many sums, on either side, of terms that may cancel (Higham 2002, eq. 3.5).
+            let csr = matrix.to_csr(part, 0).unwrap_or_else(|error| unreachable!("{error}"));
+            let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
+            let difference = (dot(&u, &av) - dot(&atu, &v)).abs();
+            assert!(difference <= 2.0 * 60.0 * f64::EPSILON * magnitude, "{part:?}: {difference:e}");
+            assert!(dot(&u, &av).abs() > 1e-3 * magnitude, "nothing was compared");
+        }
+    }
+}
+
+#[test]
+fn where_batches_are_cut_makes_no_difference() {
+    let (rig, paths) = separated();
+    let whole = matrix(rig, &paths, false);
+    let mut rows = Rows::<1>::new(SAMPLES, false);
+    for paths in &paths {
+        for path in paths.chunks(1) {
+            rows.add_paths(path, &|rgb| [rgb[0]]).unwrap_or_else(|error| unreachable!("{error}"));
+        }
+    }
+    rows.close().unwrap_or_else(|error| unreachable!("{error}"));
+    let Combined { layers, .. } = combine(&rows.strips, rig, &[Bounces::One, Bounces::Global], &[]);
+    assert_eq!(whole.layers, layers);
+}
+
+#[test]
+fn a_connection_of_two_other_pixels_is_refused() {
+    let stray = Connection { camera: 1, projector: 2, bounces: 2, value: [1.0; 3] };
+    let mut rows = Rows::<1>::new(SAMPLES, false);
+    assert!(rows.add_paths(&[(0, 0, vec![stray])], &|rgb| [rgb[0]]).is_err());
+}
