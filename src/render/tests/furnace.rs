@@ -82,6 +82,10 @@ fn lambertian_albedo_is_its_colour() {
         );
         assert!((integral - color).abs() < 6e-6 * color, "integral {integral}, expected {color}");
     }
+    // In water, too: K is 1/n² of that, and n_i² weighs it.
+    let immersed = Bsdf { eta_o: 1.33, eta_t: 1.33, ..Bsdf::lambertian(1.0) };
+    let Albedo { integral, sampled, .. } = albedo(&gpu, &immersed, 0.5, 0);
+    assert!((sampled - 1.0).abs() < 1e-6 && (integral - 1.0).abs() < 6e-6, "{sampled} and {integral}");
 }
 
 #[test]
