@@ -29,10 +29,13 @@
 //!   a photo is radiance in W/(m² sr). A white Lambertian plane at distance `d` photographs as `1/(π d²)`.
 //! * Geometric normals carry every cosine. Interpolated vertex normals are not used.
 //! * The back of a one-sided surface is black: to let light through from one side only would not be reciprocal.
-//! * glTF's dielectric gains energy where it is smooth and seen at a grazing angle: its diffuse part is dimmed by the
-//!   Fresnel factor at the microfacet, which does not know the angle of the light inside. A white one at `α = 0.05` returns
-//!   1.14 times what it receives at `cosθ = 0.3`, 1.39 times at 0.1. A test pins these figures.
-//! * Microfacet widths `α = roughness²` below 0.001 are traced as 0.001 ([`MIN_ALPHA`]).
+//! * Values of the BSDF are for basic radiance `L/n²`, in which transport is symmetric in any media; in air that is `L`.
+//! * No material returns more than it receives. To that end the diffuse base under a dielectric's coat is dimmed on the way
+//!   in and out, by `(1 − R(θ_o)) (1 − R(θ_i)) / (1 − R̄)`, where `R` is at least what the coat mirrors; glTF's sample
+//!   implementation, not normative, has `1 − F(V·H)`, with which smooth white dielectrics return up to 1.44 times what they
+//!   receive. `docs/bsdf.md` has all formulas.
+//! * Microfacets scatter once: what they send to each other is lost.
+//! * Surfaces of microfacet width `α = roughness²` below 0.001 ([`MIN_ALPHA`]) are smooth.
 //! * Emission is seen along the camera's paths only, and makes the ambient photo.
 
 mod batch;
