@@ -249,6 +249,10 @@ fn cameras_that_are_no_pinholes_are_refused() {
         &[("/cameras/0/perspective/aspectRatio", json!(0))],
         "camera `eye` has an aspect ratio that is not positive",
     );
+    refuses(
+        &[("/nodes/1/translation", json!([1e10, 0, 0]))],
+        "camera `eye` stands more than 1e9 m from the origin",
+    );
     refuses(&[("/nodes/1/scale", json!([1, 1, -1]))], "camera `eye` is mirrored by its node's transform");
     refuses(&[("/nodes/1/scale", json!([1, 0, 1]))], "camera `eye` is scaled to nothing");
     let sheared = json!([1, 0, 0, 0, 0.5, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);

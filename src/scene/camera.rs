@@ -71,6 +71,12 @@ impl Default for Lens {
     }
 }
 
+/// The tangent of half a field of view in radians, unless that is so narrow or so wide that single precision fails.
+pub(super) fn tan_half(field: f64) -> Option<f32> {
+    let tangent = (field / 2.0).tan();
+    (field > 0.0 && field < std::f64::consts::PI && (1e-6..1e6).contains(&tangent)).then_some(tangent as f32)
+}
+
 impl Camera {
     /// Whether `other` stands in the same place, looks the same way at the same field, through the same lens: but for
     /// the last digits, which transforms round.

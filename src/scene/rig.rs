@@ -23,7 +23,9 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::Deserialize;
 
+use super::camera::tan_half;
 use super::source::fault;
+use super::triangle::MAX_COORDINATE;
 use super::{Camera, Lens, LoadOptions};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -157,17 +159,18 @@ impl Reader {
                 "give a direction that is not zero, and an up beside it",
             ));
         };
-        if !position.as_vec3().is_finite() {
-            return Err(self.fault(name, "has a position that is not finite", "lengths are metres"));
+        if position.abs().max_element() > f64::from(MAX_COORDINATE) || !position.is_finite() {
+            let what = format!("stands more than {MAX_COORDINATE:e} m from the origin");
+            return Err(self.fault(name, &what, "lengths are metres"));
         }
         let field = view.vertical_fov_degrees;
-        if !(field > 0.0 && field < 180.0) {
+        let Some(tan_half_fov) = tan_half(field.to_radians()) else {
             return Err(self.fault(
                 name,
                 &format!("has a vertical_fov_degrees of {field}"),
                 "it must lie between 0 and 180",
             ));
-        }
+        };
         let lens = Lens::checked(view.aperture_radius, view.focus_distance)
             .map_err(|what| self.fault(name, &what, Lens::HELP))?;
         let resolution = match view.resolution {
@@ -184,7 +187,7 @@ impl Reader {
             right: right.as_vec3() + glam::Vec3::ZERO,
             up: right.cross(forward).as_vec3() + glam::Vec3::ZERO,
             forward: forward.as_vec3() + glam::Vec3::ZERO,
-            tan_half_fov: (field.to_radians() / 2.0).tan() as f32,
+            tan_half_fov,
             aspect: None,
             lens,
         };

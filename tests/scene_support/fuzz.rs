@@ -61,7 +61,8 @@ pub fn check(scene: &Scene) {
 
 fn check_camera(camera: &Camera) {
     assert!((camera.right.cross(camera.up) + camera.forward).length() < 1e-5, "{camera:?}");
-    assert!(camera.position.is_finite() && camera.tan_half_fov > 0.0, "{camera:?}");
+    assert!(camera.position.is_finite(), "{camera:?}");
+    assert!(camera.tan_half_fov > 0.0 && camera.tan_half_fov.is_finite(), "{camera:?}");
     assert!(camera.lens.radius >= 0.0 && camera.lens.radius.is_finite(), "{camera:?}");
     assert!(camera.lens.focus > 0.0 && camera.lens.focus.is_finite(), "{camera:?}");
 }

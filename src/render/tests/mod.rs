@@ -11,5 +11,6 @@ mod reciprocity;
 mod sampler;
 mod samples;
 mod statistics;
+mod surface;
 mod texture;
 mod weights;

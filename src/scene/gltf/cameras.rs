@@ -9,7 +9,9 @@ use super::nodes::Placed;
 use super::{Document, called};
 use crate::error::Result;
 use crate::scene::Camera;
+use crate::scene::camera::tan_half;
 use crate::scene::rig::{Rig, RigFile};
+use crate::scene::triangle::MAX_COORDINATE;
 
 /// The cosine up to which axes count as perpendicular: well above the rounding of exporters, well below a shear
 /// that one could see.
@@ -136,12 +138,12 @@ fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Camera> {
         ));
     };
     let field = f64::from(perspective.yfov);
-    if !(field > 0.0 && field < std::f64::consts::PI) {
+    let Some(tan_half_fov) = tan_half(field) else {
         return Err(document.fault(
             format!("camera `{name}` has a vertical field of view of {field} rad"),
             "it must lie between 0 and π",
         ));
-    }
+    };
     if perspective.aspect_ratio.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
         return Err(document.fault(
             format!("camera `{name}` has an aspect ratio that is not positive"),
@@ -150,9 +152,9 @@ fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Camera> {
     }
     let [right, up, forward] = axes(document, name, placed)?;
     let position = placed.transform.translation.as_vec3();
-    if !position.is_finite() {
+    if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
         return Err(document.fault(
-            format!("camera `{name}` stands outside single precision"),
+            format!("camera `{name}` stands more than {MAX_COORDINATE:e} m from the origin"),
             "glTF lengths are metres: scale the scene",
         ));
     }
@@ -162,7 +164,7 @@ fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Camera> {
         right: right.as_vec3(),
         up: up.as_vec3(),
         forward: forward.as_vec3(),
-        tan_half_fov: (field / 2.0).tan() as f32,
+        tan_half_fov,
         aspect: perspective.aspect_ratio,
         lens: extras.lens(document, name)?,
     })

@@ -2,13 +2,22 @@
 //!
 //! | extension | here |
 //! |---|---|
-//! | `KHR_materials_specular`, `KHR_materials_ior`, `KHR_materials_emissive_strength` | factors followed |
-//! | `KHR_texture_transform` | applied to the texture coordinates |
+//! | `KHR_materials_specular`, `KHR_materials_ior`, `KHR_materials_emissive_strength` | followed, with their textures |
+//! | `KHR_materials_transmission` | followed: thin walls |
+//! | `KHR_materials_volume` | makes solids of them where `thicknessFactor` is above 0; the thickness itself comes from the geometry, so the surface must be closed |
+//! | `KHR_materials_diffuse_transmission` | followed |
+//! | `KHR_texture_transform` | followed, for each texture by itself |
 //! | `KHR_mesh_quantization` | followed |
+//! | `EXT_mesh_gpu_instancing` | followed |
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
 //! | any other, required | error |
-//! | any other, used | warning, unless it has no effect on the picture |
+//! | any other, used | one warning, unless it has no effect on the picture |
 //! | `KHR_materials_unlit` | error where a surface uses it: an unlit surface transports no light |
+//!
+//! Without extensions: every texture of metallic-roughness but occlusion, which is ignored (it stands for light that is
+//! traced here); alpha modes; `COLOR_0`; `TEXCOORD_0` and `TEXCOORD_1`; normals (`TANGENT` is ignored: normal maps are read
+//! in the frame of their texture coordinates); sparse accessors; morph targets and skins at rest, where animations leave
+//! them alone. Extras of camera nodes: `"krylux": "projector"`, `resolution`, `aperture_radius`, `focus_distance`.
 
 use super::Document;
 use crate::error::Result;

@@ -1,13 +1,15 @@
 //! From placed meshes to triangles in world space.
 
+use std::collections::HashMap;
 use std::rc::Rc;
 
-use glam::{DAffine3, Vec3};
+use glam::DAffine3;
 use gltf::json::mesh::Mode;
 use gltf::json::validation::Checked;
 
 use super::materials::Materials;
 use super::nodes::Placed;
+use super::placer::Placer;
 use super::pose::{Pose, Transform};
 use super::primitive::Corners;
 use super::regions::{self, Label};
@@ -15,7 +17,7 @@ use super::skin::{Influences, Skins};
 use super::vertices::Vertices;
 use super::{Document, called, instancing};
 use crate::error::{Error, Result};
-use crate::scene::triangle::{MAX_COORDINATE, MAX_TRIANGLES, Triangle};
+use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
 /// Primitives, counted each time that a node places them: a small file can ask for any number of empty ones.
 const MAX_PLACEMENTS: usize = 1 << 20;
@@ -46,6 +48,7 @@ pub(super) fn assemble(
         total: 0,
         morphs: 0,
         degenerate: 0,
+        labels: HashMap::new(),
     };
     for (position, node) in placed.iter().enumerate() {
         let source = &document.root.nodes[node.node];
@@ -58,18 +61,19 @@ pub(super) fn assemble(
             ));
         };
         let mesh_name = called("mesh", index, mesh.name.as_ref());
-        let mesh_label = regions::label(document, &mesh_name, &mesh.extras)?;
-        assembly.count_placements(document, mesh.primitives.len())?;
+        let primitives = mesh.primitives.len();
+        let mesh_label = assembly.label(document, &mesh_name, index, None)?;
+        assembly.count_placements(document, primitives)?;
         let poses = assembly.poses(document, &node_name, node)?;
-        for primitive in 0..mesh.primitives.len() {
+        for primitive in 0..primitives {
             let placement = Placement {
                 what: format!("{mesh_name}, primitive {primitive}"),
                 node: node.node,
                 mesh: index,
                 primitive,
             };
-            let extras = &document.root.meshes[index].primitives[primitive].extras;
-            let label = regions::label(document, &placement.what, extras)?
+            let label = assembly
+                .label(document, &placement.what, index, Some(primitive))?
                 .or_else(|| mesh_label.clone())
                 .or_else(|| node.label.clone());
             let triangles = assembly.place(document, &placement, &poses, materials)?;
@@ -114,9 +118,29 @@ struct Assembly {
     /// Triangles met, once for each morph target.
     morphs: usize,
     degenerate: usize,
+    /// Labels of meshes, and of their primitives, parsed once however often they are placed.
+    labels: HashMap<(usize, Option<usize>), Option<Label>>,
 }
 
 impl Assembly {
+    /// `extras.region` of a mesh, or of a primitive of it.
+    fn label(
+        &mut self,
+        document: &Document,
+        what: &str,
+        mesh: usize,
+        primitive: Option<usize>,
+    ) -> Result<Option<Label>> {
+        if let Some(label) = self.labels.get(&(mesh, primitive)) {
+            return Ok(label.clone());
+        }
+        let source = &document.root.meshes[mesh];
+        let extras = primitive.map_or(&source.extras, |primitive| &source.primitives[primitive].extras);
+        let label = regions::label(document, what, extras)?;
+        self.labels.insert((mesh, primitive), label.clone());
+        Ok(label)
+    }
+
     fn count_placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
         self.placements = self.placements.saturating_add(primitives);
         if self.placements > MAX_PLACEMENTS {
@@ -218,59 +242,6 @@ impl Assembly {
     }
 }
 
-/// Brings triangles of a primitive into the world.
-struct Placer<'a> {
-    document: &'a Document,
-    what: &'a str,
-    vertices: &'a Vertices<'a>,
-    pose: &'a Pose<'a>,
-    material: u32,
-}
-
-impl Placer<'_> {
-    fn triangle(&self, indices: [u32; 3]) -> Result<Triangle> {
-        let mut triangle = Triangle::flat([Vec3::ZERO; 3], self.material, 0);
-        let mut mirrors = false;
-        for (corner, index) in indices.into_iter().enumerate() {
-            mirrors = self.place(index, corner, &mut triangle)?;
-        }
-        // A mirroring map turns the order of the corners round; swapping two keeps the front where it was.
-        Ok(if mirrors { triangle.turned() } else { triangle })
-    }
-
-    /// Sets a corner; whether the map of its vertex mirrors.
-    fn place(&self, index: u32, corner: usize, triangle: &mut Triangle) -> Result<bool> {
-        let Self { document, what, vertices, .. } = self;
-        let vertex = vertices.vertex(index as usize).ok_or_else(|| {
-            document.fault(
-                format!("{what}: an index asks for vertex {index}, but there are {}", vertices.count),
-                "the mesh is damaged: export it again",
-            )
-        })?;
-        let transform = self.pose.of(index as usize).ok_or_else(|| {
-            document.fault(
-                format!("{what}: vertex {index} hangs on no joint, or on one that the skin does not have"),
-                "the mesh is damaged: export it again",
-            )
-        })?;
-        let world = transform.point(vertex.position);
-        if !world.is_finite() || world.abs().max_element() > MAX_COORDINATE {
-            return Err(bad_position(document, what, index, vertex.position));
-        }
-        if !vertex.texcoords.iter().all(|coordinates| coordinates.is_finite()) {
-            return Err(document.fault(
-                format!("{what}: texture coordinate of vertex {index} is not finite"),
-                "correct the mesh's texture coordinates",
-            ));
-        }
-        triangle.positions[corner] = world;
-        triangle.normals[corner] = transform.normal(vertex.normal);
-        triangle.texcoords[corner] = vertex.texcoords;
-        triangle.colors[corner] = vertex.color;
-        Ok(transform.mirrors)
-    }
-}
-
 /// Whether a primitive has triangles; a warning where it has not.
 fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool> {
     let what = &placement.what;
@@ -288,18 +259,4 @@ fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool>
 
 fn cut_short(document: &Document, what: &str) -> Error {
     document.fault(format!("{what}: its data ends too early"), "the mesh is damaged: export it again")
-}
-
-fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Error {
-    if local.is_finite() {
-        document.fault(
-            format!("{what}: vertex {vertex} lies more than {MAX_COORDINATE:e} m from the origin"),
-            "glTF lengths are metres: scale the scene",
-        )
-    } else {
-        document.fault(
-            format!("{what}: vertex {vertex} has a position that is not finite: {local}"),
-            "correct the mesh: look for a division by zero where it was made",
-        )
-    }
 }

@@ -17,6 +17,7 @@ mod geometry;
 mod instancing;
 mod materials;
 mod nodes;
+mod placer;
 mod pose;
 mod primitive;
 mod regions;
