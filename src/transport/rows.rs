@@ -106,8 +106,8 @@ struct Open<const C: usize> {
     entries: Vec<Entry<C>>,
 }
 
-/// One connection. Its end is told by where it lies: `from_camera` says of which kind the pixel that it started from is;
-/// `None` where both kinds of pixel have one number, so that it does not matter.
+/// One connection. `from_camera` says whose pixel its path started from, the camera's or the projector's; `None` where both
+/// pixels have one number, so that it does not matter.
 #[derive(Clone, Copy, Debug)]
 struct Entry<const C: usize> {
     key: Key,
