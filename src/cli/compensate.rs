@@ -133,6 +133,7 @@ fn answer(
     let traced = folder.timed("tracing and matrix", |_| {
         simulation::assemble(tracer, scene, &args.trace, args.channels(), console)
     })?;
+    folder.manifest.noise = traced.noise.as_ref().map(Into::into);
     let wish = Wish::new(target, &traced.ambient)?;
     let operator = |channel| MatrixOperator { matrix: &traced.matrix, part: Part::Full, channel };
     let mut channels: Vec<MatrixOperator<'_>> = (0..args.channels().count()).map(operator).collect();
