@@ -48,7 +48,7 @@ fn photo(matrix: &TransportMatrix, part: Part, pattern: &[f64], pixels: usize) -
 fn assert_agreement(name: &str, ours: (Vec<f64>, Vec<f64>), theirs: &str) {
     let (values, errors) = ours;
     let (expected, expected_errors) = (peer(theirs), peer(&format!("{theirs}_stderr")));
-    let rounding = 1e-6 * expected.iter().copied().fold(0.0, f64::max);
+    let rounding = 1e-5 * expected.iter().copied().fold(0.0, f64::max);
     let error: Vec<f64> =
         errors.iter().zip(&expected_errors).map(|(a, b)| a.hypot(*b).hypot(rounding)).collect();
     let z: Vec<f64> = (0..values.len()).map(|i| (values[i] - expected[i]) / error[i]).collect();

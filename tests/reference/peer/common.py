@@ -103,8 +103,9 @@ def write_glb(name, parts, devices):
         blob += corners.tobytes() + b"\0" * (-corners.nbytes % 4)
         entry = gltf_material(label, material)
         materials.append(entry)
-        meshes.append({"name": label, "primitives": [{"attributes": {"POSITION": len(accessors) - 2}, "indices": len(accessors) - 1,
-                                                      "material": len(materials) - 1}]})
+        meshes.append({"name": label, "primitives": [{
+            "attributes": {"POSITION": len(accessors) - 2}, "indices": len(accessors) - 1,
+            "material": len(materials) - 1}]})
         nodes.append({"name": label, "mesh": len(meshes) - 1})
     cameras = []
     for d in devices:
