@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = format!("{}-compensate", simulation::short_name(&scene));
     let mut folder = RunFolder::create(&args.run, &name)?;
-    folder.describe(&scene, &tracer, &args.trace.settings(), args.channels());
+    folder.describe(&scene, &tracer, &args.trace.settings_for(&scene), args.channels());
     let outcome = answer(args, console, &target, &scene, &mut tracer, &mut folder);
     folder.close(outcome)
 }

@@ -31,7 +31,7 @@ impl<'a> Light<'a> {
         channels: Channels,
         console: &Console,
     ) -> Result<Self> {
-        let settings = trace.settings();
+        let settings = trace.settings_for(scene);
         let retrace = match choice.operator {
             OperatorArg::Replay => false,
             OperatorArg::Retrace => true,

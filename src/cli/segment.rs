@@ -87,7 +87,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = format!("{}-segment", simulation::short_name(&scene));
     let mut folder = RunFolder::create(&args.run, &name)?;
-    folder.describe(&scene, &tracer, &args.trace.settings(), Channels::Luma);
+    folder.describe(&scene, &tracer, &args.trace.settings_for(&scene), Channels::Luma);
     let outcome = segment(args, console, capture, &scene, &mut tracer, &mut folder);
     folder.close(outcome)
 }
