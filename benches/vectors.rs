@@ -101,7 +101,7 @@ fn solvers(matrix: MatrixOperator<'_>) -> Outcome {
     let wish: Vec<f64> = white
         .iter()
         .enumerate()
-        .map(|(pixel, white)| white * if pixel % SIDE / 32 % 2 == 0 { 0.9 } else { 0.1 })
+        .map(|(pixel, white)| white * if (pixel % SIDE / 32).is_multiple_of(2) { 0.9 } else { 0.1 })
         .collect();
     for (name, method) in
         [("MINRES", Method::Minres), ("GMRES", Method::Gmres), ("krylov-box", Method::KrylovBox)]

@@ -163,6 +163,35 @@ fn direct_second_and_rest_add_up_to_the_whole() {
 }
 
 #[test]
+fn a_projector_of_another_size_lights_the_same_scene() {
+    let bench = Bench::new();
+    let corner = scene("corner");
+    let sizes = ["--size", "12x10", "--projector-size", "8x6", "--spp", "32", "--channels", "luma"];
+    let matrix =
+        bench.json(&[&["matrix", &corner, "-o", &bench.path("matrix.npz")], sizes.as_slice()].concat());
+    assert_eq!((&matrix["rows"], &matrix["columns"]), (&120.into(), &48.into()));
+    let matrix = bench.matrix("matrix.npz");
+    assert_eq!((matrix.rows(), matrix.cols()), (120, 48));
+    // A photo under a pattern of the projector's size, either way.
+    let photo = |operator: &str| {
+        let file = bench.path(&format!("{operator}.npy"));
+        let arguments = ["photo", &corner, "--pattern", "pixel:7,5", "--operator", operator, "-o", &file];
+        bench.text(&[arguments.as_slice(), &sizes].concat());
+        npy::read_npy(Path::new(&file)).expect("it was written")
+    };
+    let (replayed, retraced) = (photo("replay"), photo("retrace"));
+    assert_eq!(replayed.shape, [10, 12]);
+    let mut column = vec![0.0; 120];
+    matrix.entries().filter(|entry| entry.1 == 47).for_each(|(row, _, value)| column[row] = value);
+    for ((a, b), exact) in replayed.values.iter().zip(&retraced.values).zip(&column) {
+        // f32, pixel by pixel, where rows meet columns, and in the file.
+        let bound = 3.0 * f64::from(f32::EPSILON) * exact;
+        assert!((a - exact).abs() <= bound && (b - exact).abs() <= bound, "{a} and {b} for {exact}");
+    }
+    assert!(column.iter().filter(|&&value| value > 0.0).count() > 1);
+}
+
+#[test]
 fn samplers_differ_and_wrong_options_are_named() {
     let bench = Bench::new();
     let corner = scene("corner");

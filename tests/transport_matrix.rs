@@ -2,17 +2,10 @@
 
 mod common;
 
-use common::{checker, csr, keep_going, load, settings, trace, tracer};
+use common::{checker, csr, keep_going, load, magnitudes, random_vector, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
-use krylux::operator::{Adjoint, Operator};
 use krylux::render::{TraceSettings, Tracer};
-use krylux::sparse::Csr;
-use krylux::transport::{
-    Assembled, Channels, MatrixOperator, Part, Retraced, RetracedOperator, Simulated, Transport,
-    TransportMatrix,
-};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use krylux::transport::{Assembled, Channels, Part, Retraced, Simulated, Transport, TransportMatrix};
 
 /// Two gray scenes and a coloured one.
 const SCENES: [(&str, Channels); 3] =
@@ -22,23 +15,10 @@ fn traced(name: &str, channels: Channels) -> Assembled {
     trace(&mut tracer(&load(name)), settings(20, 24, 6, 7), channels)
 }
 
-/// Signed, as the Krylov methods' vectors are.
-fn random_vector(length: usize, seed: u64) -> Vec<f64> {
-    let mut random = Pcg64::seed_from_u64(seed);
-    (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
-}
-
 fn product(matrix: &TransportMatrix, part: Part, channel: usize, x: &[f64]) -> Vec<f64> {
     let mut y = vec![f64::NAN; x.len()];
     matrix.apply(part, channel, x, &mut y);
     y
-}
-
-/// `Σ_i |A_ji| |x_i|`: what the rounding of a row's sum is relative to.
-fn magnitudes(csr: &Csr, x: &[f64]) -> Vec<f64> {
-    let mut sums = vec![0.0; x.len()];
-    csr.entries().for_each(|(row, column, weight)| sums[row] += weight.abs() * x[column].abs());
-    sums
 }
 
 #[test]
@@ -226,41 +206,6 @@ fn a_replayed_photo_is_the_retraced_one() {
             println!("{name}, {channels:?}: replay differs from retrace by {worst:.1e}");
             // Matrix and photos are rounded to f32, to 6e-8 each; signed patterns cancel to about a tenth.
             assert!(worst < 1e-6, "{name}: {differences:?}");
-        }
-    }
-}
-
-#[test]
-fn retraced_products_are_the_replayed_ones_and_coaxial_rigs_their_own_duals() {
-    let settings = settings(20, 24, 6, 7);
-    let mut tracer = tracer(&load("cornell"));
-    let channels = Channels::Rgb;
-    let matrix = trace(&mut tracer, settings, channels).matrix;
-    assert!(matrix.is_symmetric() && matrix.projector_resolution() == matrix.resolution());
-    let x = random_vector(400, 8);
-    for (part, channel) in [(Part::Full, 0), (Part::Direct, 1), (Part::Global, 2)] {
-        let mut replayed = MatrixOperator { matrix: &matrix, part, channel };
-        let retraced = Retraced { tracer: &mut tracer, settings, channels, progress: &mut keep_going };
-        let mut retraced = RetracedOperator { retraced, part, channel, symmetric: true };
-        assert_eq!((retraced.rows(), retraced.cols(), retraced.symmetry()), (400, 400, replayed.symmetry()));
-        let magnitudes = magnitudes(&csr(&matrix, part, channel), &x);
-        let [mut y, mut yt, mut z, mut zt] = [const { Vec::new() }; 4];
-        for (operator, forward, backward) in
-            [(&mut replayed as &mut dyn Adjoint, &mut y, &mut yt), (&mut retraced, &mut z, &mut zt)]
-        {
-            (*forward, *backward) = (vec![f64::NAN; 400], vec![f64::NAN; 400]);
-            operator.apply(&x, forward).expect("the sizes fit");
-            operator.apply_adjoint(&x, backward).expect("the sizes fit");
-        }
-        assert_eq!(y, yt, "the same matrix, read the same way");
-        for row in 0..400 {
-            // Rounded to f32 pixel by pixel, and where mirror images meet.
-            let bound = 2.0 * f64::from(f32::EPSILON) * magnitudes[row];
-            let errors = [(y[row] - z[row]).abs(), (y[row] - zt[row]).abs()];
-            assert!(
-                errors.iter().all(|&error| error <= bound),
-                "{part:?}, row {row}: {errors:?} above {bound:e}"
-            );
         }
     }
 }

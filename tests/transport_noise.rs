@@ -3,17 +3,18 @@
 mod common;
 
 use common::{csr, keep_going, load, settings, trace, tracer};
-use krylux::image::Image;
+use krylux::image::{Image, Resolution};
 use krylux::render::{Sampler, TraceSettings};
 use krylux::transport::{Assembled, Channels, Noise, Part, Retraced};
 
 const SIDE: usize = 12;
 const SEEDS: u32 = 32;
 
-fn runs(scene: &str, sampler: Sampler, samples: u32) -> Vec<Assembled> {
+fn runs(scene: &str, sampler: Sampler, samples: u32, projector: Option<usize>) -> Vec<Assembled> {
     let mut tracer = tracer(&load(scene));
+    let projector = projector.map(|side| Resolution::new(side, side));
     let run = |seed| {
-        let settings = TraceSettings { sampler, ..settings(SIDE, samples, 6, seed) };
+        let settings = TraceSettings { sampler, projector, ..settings(SIDE, samples, 6, seed) };
         trace(&mut tracer, settings, Channels::Luma)
     };
     (0..SEEDS).map(run).collect()
@@ -51,10 +52,14 @@ fn z(predicted: &[f64], results: &[Vec<f64>]) -> f64 {
 
 #[test]
 fn stated_noise_is_the_spread_of_independent_runs() {
-    for (scene, sampler) in
-        [("corner", Sampler::Sobol), ("zigzag", Sampler::Sobol), ("corner", Sampler::Independent)]
-    {
-        let runs = runs(scene, sampler, 32);
+    for (scene, sampler, projector) in [
+        ("corner", Sampler::Sobol, None),
+        ("zigzag", Sampler::Sobol, None),
+        ("corner", Sampler::Independent, None),
+        // Paths from both ends, 57 of them from each projector pixel.
+        ("corner", Sampler::Independent, Some(9)),
+    ] {
+        let runs = runs(scene, sampler, 32, projector);
         let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>();
         let dense = |run: &Assembled, part| {
             let csr = csr(&run.matrix, part, 0);
@@ -66,7 +71,8 @@ fn stated_noise_is_the_spread_of_independent_runs() {
         let white = runs.iter().map(|run| squares(&mut noise(run).white.plane(0).into_iter()));
         let photos = runs.iter().map(|run| {
             let mut photo = vec![0.0; SIDE * SIDE];
-            run.matrix.apply(Part::Full, 0, &vec![1.0; SIDE * SIDE], &mut photo);
+            let white = vec![1.0; run.matrix.projector_resolution().pixels()];
+            run.matrix.apply(Part::Full, 0, &white, &mut photo);
             assert!(noise(run).white_relative > 0.0);
             photo
         });
@@ -79,8 +85,8 @@ fn stated_noise_is_the_spread_of_independent_runs() {
                 predicted.map(|(run, dense)| relative(run).powi(2) * squares(&mut dense.iter().copied()));
             worst.push(z(&predicted.collect::<Vec<_>>(), &matrices));
         }
-        // Nine comparisons; 4.5 standard errors of 31 degrees of freedom are exceeded by chance once in a thousand times.
-        assert!(worst.iter().all(|z| z.abs() < 4.5), "{scene}, {sampler:?}: {worst:?}");
+        // Twelve comparisons; 4.5 standard errors of 31 degrees of freedom are exceeded by chance once in a thousand times.
+        assert!(worst.iter().all(|z| z.abs() < 4.5), "{scene}, {sampler:?}, {projector:?}: {worst:?}");
     }
 }
 
@@ -113,7 +119,7 @@ fn sobol_points_leave_less_noise_than_independent_ones() {
     for scene in ["corner", "zigzag"] {
         let mean = |sampler| {
             let squares: Vec<f64> =
-                runs(scene, sampler, 64).iter().map(|run| noise(run).white_relative.powi(2)).collect();
+                runs(scene, sampler, 64, None).iter().map(|run| noise(run).white_relative.powi(2)).collect();
             mean_and_error(&squares)
         };
         let (sobol, independent) = (mean(Sampler::Sobol), mean(Sampler::Independent));

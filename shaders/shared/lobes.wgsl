@@ -29,10 +29,10 @@ fn max_component(v: vec3f) -> f32 {
     return max(max(v.x, v.y), v.z);
 }
 
-// Whether light meets nothing but a Lambertian reflector.
+// Whether light meets nothing but a Lambertian reflector, in air.
 fn bsdf_plain(bsdf: Bsdf) -> bool {
     return bsdf.f90 == 0.0 && bsdf.metallic == 0.0 && bsdf.transmission == 0.0 && bsdf.diffuse_transmission == 0.0
-        && bsdf.opacity == 1.0 && bsdf.shading.z == 1.0;
+        && bsdf.opacity == 1.0 && bsdf.shading.z == 1.0 && bsdf.eta_o == 1.0;
 }
 
 // What a facet does with light.

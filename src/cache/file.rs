@@ -9,83 +9,20 @@ use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
 use zip::{ZipArchive, ZipWriter};
 
 use super::Key;
+use super::record::{Arrays, Record, member};
 use crate::error::Result;
 use crate::image::Image;
 use crate::render::TraceSummary;
 use crate::report::{atomic, sparse};
-use crate::transport::{Assembled, Bounces, Channels, Layer, Noise, RigShape, TransportMatrix};
+use crate::transport::{Assembled, Layer, Noise, TransportMatrix};
 
 const RECORD: &str = "krylux.json";
 
 /// Arrays beyond this many bytes are refused, so that a small archive cannot fill the memory.
 const LARGEST: u64 = 1 << 36;
-
-/// What the arrays do not say.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Record {
-    key: String,
-    label: String,
-    channel: usize,
-    channels: Channels,
-    rig: RigShape,
-    layers: Vec<Bounces>,
-    has_noise: bool,
-    paths: u64,
-    rays: u64,
-    dispatches: u32,
-    longest_ns: u64,
-    tracing_ns: u64,
-    /// BLAKE3 of all of the above, and of the arrays; empty while that is computed.
-    checksum: String,
-}
-
-/// The arrays of one file.
-#[derive(Debug, Default)]
-struct Arrays {
-    /// By layer: row starts, columns, weights.
-    layers: Vec<(Vec<u64>, Vec<u32>, Vec<f32>)>,
-    direct: Vec<f32>,
-    ambient: Vec<f32>,
-    white_error: Vec<f32>,
-    noise: Vec<f64>,
-}
-
-impl Record {
-    fn checksum(&self, arrays: &Arrays) -> io::Result<String> {
-        let record = Self { checksum: String::new(), ..self.clone() };
-        let mut hasher = blake3::Hasher::new();
-        let mut part = |bytes: &[u8]| {
-            hasher.update(&(bytes.len() as u64).to_le_bytes());
-            hasher.update(bytes);
-        };
-        part(&serde_json::to_vec(&record)?);
-        for (starts, columns, weights) in &arrays.layers {
-            part(bytemuck::cast_slice(starts));
-            part(bytemuck::cast_slice(columns));
-            part(bytemuck::cast_slice(weights));
-        }
-        part(bytemuck::cast_slice(&arrays.direct));
-        part(bytemuck::cast_slice(&arrays.ambient));
-        part(bytemuck::cast_slice(&arrays.white_error));
-        part(bytemuck::cast_slice(&arrays.noise));
-        Ok(hasher.finalize().to_hex().to_string())
-    }
-}
-
-/// The name of an array of layer `index` of `count`.
-fn member(bounces: Bounces, last: bool, array: &str) -> String {
-    let layer = match bounces {
-        _ if last => return array.into(),
-        Bounces::One => "one",
-        Bounces::Two => "two",
-        Bounces::Rest | Bounces::Global => "rest",
-    };
-    format!("{layer}_{array}")
-}
 
 /// Writes one file for each channel.
 pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> Result<()> {

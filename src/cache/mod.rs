@@ -6,6 +6,7 @@
 
 mod file;
 mod key;
+mod record;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = format!("{}-compensate", simulation::short_name(&scene));
     let mut folder = RunFolder::create(&args.run, &name)?;
-    folder.describe(&scene, &tracer, &args.trace.settings(), args.channels());
+    folder.describe(&scene, &tracer, &args.trace.settings_for(&scene), args.channels());
     let outcome = answer(args, console, &target, &scene, &mut tracer, &mut folder);
     folder.close(outcome)
 }
@@ -133,6 +133,7 @@ fn answer(
     let traced = folder.timed("tracing and matrix", |_| {
         simulation::assemble(tracer, scene, &args.trace, args.channels(), console)
     })?;
+    folder.manifest.noise = traced.noise.as_ref().map(Into::into);
     let wish = Wish::new(target, &traced.ambient)?;
     let operator = |channel| MatrixOperator { matrix: &traced.matrix, part: Part::Full, channel };
     let mut channels: Vec<MatrixOperator<'_>> = (0..args.channels().count()).map(operator).collect();

@@ -131,7 +131,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = simulation::short_name(&scene);
     let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"))?;
-    let settings = args.trace.settings();
+    let settings = args.trace.settings_for(&scene);
     folder.describe(&scene, &tracer, &settings, Channels::Luma);
     let light = folder.timed("tracing and matrix", |_| {
         Light::choose(&mut tracer, &scene, &args.trace, &args.operator, Channels::Luma, console)

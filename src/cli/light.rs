@@ -31,7 +31,7 @@ impl<'a> Light<'a> {
         channels: Channels,
         console: &Console,
     ) -> Result<Self> {
-        let settings = trace.settings();
+        let settings = trace.settings_for(scene);
         let retrace = match choice.operator {
             OperatorArg::Replay => false,
             OperatorArg::Retrace => true,
@@ -84,13 +84,22 @@ impl<'a> Light<'a> {
                     channels: *channels,
                     progress: &mut |_| console.check(),
                 };
-                work(&mut RetracedOperator { retraced, part, channel: 0, symmetric: true })
+                work(&mut RetracedOperator { retraced, part, channel: 0 })
             }
         }
     }
 
+    /// The photo under an all-ones pattern.
+    pub(super) fn white(&mut self, console: &Console) -> Result<Image> {
+        let resolution = match self {
+            Self::Replayed(rig) => rig.pattern_resolution(),
+            Self::Retraced { tracer, settings, .. } => tracer.projector_resolution(settings),
+        };
+        self.photograph(&Image::filled(resolution, 1, 1.0), console)
+    }
+
     /// A photo, with the ambient light.
-    pub(super) fn photograph(&mut self, pattern: &Image, console: &Console) -> Result<Image> {
+    fn photograph(&mut self, pattern: &Image, console: &Console) -> Result<Image> {
         match self {
             Self::Replayed(rig) => Ok(rig.photograph(pattern)?),
             Self::Retraced { tracer, settings, channels } => {

@@ -8,7 +8,8 @@ use clap::{Args, ValueEnum};
 use super::operator::CacheArgs;
 use crate::image::Resolution;
 use crate::krylov::{METHODS, Method};
-use crate::render::{Sampler, TraceSettings};
+use crate::render::{Gather, Sampler, TraceSettings};
+use crate::scene::Scene;
 use crate::transport::Channels;
 
 /// Which scene.
@@ -60,9 +61,18 @@ pub(super) struct TraceArgs {
     /// Selects the random numbers; equal seeds give equal results
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u32,
+    /// End dim light paths by chance; at six bounces that costs more variance than it saves time
+    #[arg(long)]
+    russian_roulette: bool,
     /// How the random numbers are spread
     #[arg(long, value_enum, default_value = "sobol")]
     sampler: SamplerArg,
+    /// Chains through mirrors and glass traced from each pixel, for light that is mirrored at both ends; 0 leaves it out
+    #[arg(long, value_name = "N", default_value_t = Gather::default().photons)]
+    gather_photons: u32,
+    /// How far around a point such chains count: 1 is what a pixel sees through its chain; smaller is sharper, and noisier
+    #[arg(long, value_name = "R", default_value_t = Gather::default().radius)]
+    gather_radius: f32,
     /// Pixels of a projector that stands apart from the camera [default: as many as the camera's]
     #[arg(long, value_name = "N|WxH")]
     projector_size: Option<Size>,
@@ -75,11 +85,25 @@ pub(super) struct TraceArgs {
 
 impl TraceArgs {
     pub(super) fn settings(&self) -> TraceSettings {
-        let Self { spp: samples, max_bounces, seed, .. } = *self;
+        let Self { spp: samples, max_bounces, seed, russian_roulette, .. } = *self;
         let projector = self.projector_size.map(|Size(resolution)| resolution);
         let sampler = self.sampler.into();
         let size = self.size.resolution();
-        TraceSettings { max_bounces, seed, projector, sampler, ..TraceSettings::new(size, samples) }
+        TraceSettings {
+            max_bounces,
+            seed,
+            projector,
+            sampler,
+            russian_roulette,
+            gather: Gather { photons: self.gather_photons, radius: self.gather_radius },
+            ..TraceSettings::new(size, samples)
+        }
+    }
+
+    /// The settings for this scene, whose rig may say how many pixels its projector has.
+    pub(super) fn settings_for(&self, scene: &Scene) -> TraceSettings {
+        let settings = self.settings();
+        TraceSettings { projector: settings.projector.or(scene.projector_resolution), ..settings }
     }
 }
 

@@ -41,9 +41,9 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let settings = args.trace.settings();
     args.files.iter().try_for_each(|file| picture::check_writable(file))?;
     let scene = simulation::load(&args.source, console)?;
+    let settings = args.trace.settings_for(&scene);
     let pattern = args.pattern.image(settings.projector.unwrap_or(settings.resolution))?;
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let channels = args.channels.into();

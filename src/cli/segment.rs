@@ -11,7 +11,6 @@ use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs};
 use super::run_folder::RunFolder;
 use super::{Outcome, labels, simulation};
 use crate::analysis::{Capture, Cut, SegmentOptions, Segmentation, adjusted_rand_index};
-use crate::image::Image;
 use crate::render::Tracer;
 use crate::report::segmentation::{SegmentationRun, Truth};
 use crate::scene::Scene;
@@ -88,7 +87,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut tracer = simulation::open(&scene, &args.trace, console)?;
     let name = format!("{}-segment", simulation::short_name(&scene));
     let mut folder = RunFolder::create(&args.run, &name)?;
-    folder.describe(&scene, &tracer, &args.trace.settings(), Channels::Luma);
+    folder.describe(&scene, &tracer, &args.trace.settings_for(&scene), Channels::Luma);
     let outcome = segment(args, console, capture, &scene, &mut tracer, &mut folder);
     folder.close(outcome)
 }
@@ -129,7 +128,7 @@ fn segment(
             "groups    {groups:>3}: adjusted Rand index {score:.4} against the true labels"
         ))?;
     }
-    let white = light.photograph(&Image::filled(resolution, 1, 1.0), console)?;
+    let white = light.white(console)?;
     let run = SegmentationRun {
         title: format!("{} · light transport segmentation", simulation::short_name(scene)),
         segmentation: &segmentation,

@@ -58,7 +58,7 @@ pub(super) fn assemble_layers(
     console: &Console,
 ) -> Result<Assembled> {
     let start = Instant::now();
-    let settings = trace.settings();
+    let settings = trace.settings_for(scene);
     let cache = trace.cache.open();
     let key = Key::new(scene, tracer.adapter(), &settings, channels, split);
     let cached = look_up(cache.as_ref(), &key, console);

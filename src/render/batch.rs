@@ -82,6 +82,11 @@ impl Batch<'_> {
         self.layout.symmetric
     }
 
+    /// Paths from each pixel.
+    pub fn samples(&self) -> u32 {
+        self.layout.samples
+    }
+
     /// Which of two independent halves of the samples path `index` belongs to, 0 or 1.
     pub fn half(&self, index: usize) -> usize {
         let samples = u64::from(self.layout.samples);

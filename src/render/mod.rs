@@ -1,39 +1,6 @@
 //! The tracer: light paths of a scene, once, as connections between camera and projector pixels.
 //!
-//! # The estimator
-//!
-//! A light path `x̄ = x₁ … x_k` runs from the pinhole over `k` surface points and back to it. Camera pixel `j` sees `x₁`,
-//! projector pixel `i` lights `x_k`. With `D(x) = cosθ_x / (r² cos³θ)`, the area that a surface element covers on the
-//! image plane at distance 1, and `a` the image-plane area of a pixel,
-//!
-//! ```text
-//! A_ji = ∫ F(x̄) dx̄,    F = D(x₁)/a · f(x₁) G f(x₂) G … f(x_k) · D(x_k)
-//! ```
-//!
-//! over the paths with `x₁` in `j` and `x_k` in `i`; `f` is the BSDF and `G` the geometry term with visibility. `F` does
-//! not change when the path is reversed, so `A = Aᵀ`.
-//!
-//! `N` paths are sampled from each camera pixel, the first point uniformly over the pixel's area (box filter), each next
-//! one from the BSDF, so that a path from `j` has the density `p_f = D(x₁)/a · Π p(x_m → x_{m+1})`. Its reverse could have
-//! been sampled from pixel `i`, with `p_r = D(x_k)/a · Π p(x_{m+1} → x_m)`. The balance heuristic (Veach and Guibas 1995)
-//! weights the two strategies to `v = F / (p_f + p_r)`, and every sampled path of two bounces or more deposits `v/N` at
-//! `(j, i)` **and** at `(i, j)`: unbiased, and symmetric to the last bit. One-bounce paths see and light the same point,
-//! `i = j`: the direct part is exactly the diagonal, and its samples carry `f D` alone.
-//!
-//! The kernel (`shaders/trace_paths.wgsl`) writes each connection to a slot of its own, so no two invocations ever touch
-//! the same memory and a run repeats to the bit.
-//!
-//! # Conventions and limits
-//!
-//! * A pattern value of 1 gives an irradiance of 1 W/m² on a fronto-parallel plane at 1 m, uniformly over the field;
-//!   a photo is radiance in W/(m² sr). A white Lambertian plane at distance `d` photographs as `1/(π d²)`.
-//! * Geometric normals carry every cosine. Interpolated vertex normals are not used.
-//! * The back of a one-sided surface is black: to let light through from one side only would not be reciprocal.
-//! * glTF's dielectric gains energy where it is smooth and seen at a grazing angle: its diffuse part is dimmed by the
-//!   Fresnel factor at the microfacet, which does not know the angle of the light inside. A white one at `α = 0.05` returns
-//!   1.14 times what it receives at `cosθ = 0.3`, 1.39 times at 0.1. A test pins these figures.
-//! * Microfacet widths `α = roughness²` below 0.001 are traced as 0.001 ([`MIN_ALPHA`]).
-//! * Emission is seen along the camera's paths only, and makes the ambient photo.
+#![doc = include_str!("../../docs/operator.md")]
 
 mod batch;
 mod dispatch;

@@ -328,6 +328,20 @@ fn check(settings: &TraceSettings) -> Result<()> {
             help: "give 1 to 1048576, e.g. --spp 64".into(),
         });
     }
+    if !(settings.gather.radius.is_finite() && settings.gather.radius > 0.0) {
+        return Err(Error::Option {
+            option: "--gather-radius".into(),
+            fault: format!("{} is no radius", settings.gather.radius),
+            help: "give a positive number, e.g. --gather-radius 1".into(),
+        });
+    }
+    if settings.gather.photons > 1 << 16 {
+        return Err(Error::Option {
+            option: "--gather-photons".into(),
+            fault: format!("{} chains per pixel cannot be traced", settings.gather.photons),
+            help: "give 0 to 65536, e.g. --gather-photons 16".into(),
+        });
+    }
     if settings.max_bounces == 0 || settings.max_bounces > MAX_BOUNCES {
         return Err(Error::Option {
             option: "--max-bounces".into(),

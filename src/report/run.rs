@@ -33,6 +33,10 @@ pub(super) fn facts(
     facts.extend(manifest.resolution.map(|resolution| ("Pixels", resolution.to_string())));
     facts.extend(manifest.samples_per_pixel.map(|samples| ("Samples per pixel", samples.to_string())));
     facts.extend(manifest.max_bounces.map(|bounces| ("Bounces at most", bounces.to_string())));
+    facts.extend(manifest.noise.map(|noise| {
+        let [matrix, global] = [noise.operator, noise.global].map(|share| 100.0 * share);
+        ("Noise of the matrix", format!("{matrix:.2} %, {global:.2} % without direct light"))
+    }));
     facts.extend(more);
     facts.extend(manifest.seed.map(|seed| ("Seed", seed.to_string())));
     facts.extend(manifest.adapter.as_ref().map(|adapter| ("Adapter", adapter.name.clone())));

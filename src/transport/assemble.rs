@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::combine::{Combined, combine};
 use super::layer::Bounces;
-use super::noise::{Halves, Noise, relative};
+use super::noise::{Noise, relative};
 use super::pixel_sums::PixelSums;
 use super::rows::Rows;
 use super::{Channels, RigShape, TransportMatrix, from_planes, luminance};
@@ -19,7 +19,7 @@ pub struct Assembled {
     pub matrix: TransportMatrix,
     /// The photo without projector, in W/(m² sr): the scene's own light.
     pub ambient: Image,
-    /// How far the matrix is from the true one; `None` with one sample per pixel, which cannot tell.
+    /// How far the matrix is from the true one; `None` where one path per pixel, of either end, cannot tell.
     pub noise: Option<Noise>,
     /// What the tracing took.
     pub summary: TraceSummary,
@@ -64,13 +64,14 @@ fn run<const C: usize>(
     project: impl Fn([f32; 3]) -> [f32; C] + Sync,
 ) -> Result<Assembled> {
     let camera = settings.resolution;
-    let halves = Halves::of(settings.samples);
+    let symmetric = tracer.symmetric(settings);
     let mut rows = Rows::<C>::new(settings.samples, split);
-    let mut direct = PixelSums::<C>::new(camera.pixels());
-    let mut ambient = PixelSums::<C>::new(camera.pixels());
-    let mut symmetric = true;
+    let mut direct = PixelSums::<C>::new(camera.pixels(), settings.samples);
+    let mut ambient = PixelSums::<C>::new(camera.pixels(), settings.samples);
+    // Whether each end has samples in both halves.
+    let mut are_two = true;
     let summary = tracer.trace(settings, progress, &mut |batch| {
-        symmetric &= batch.symmetric();
+        are_two &= batch.samples() > 1;
         rows.add(batch, &project)?;
         direct.add(batch, |path| project(batch.direct(path)));
         ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], &project));
@@ -78,8 +79,8 @@ fn run<const C: usize>(
     })?;
     rows.close()?;
 
-    let rig = RigShape { camera, projector: settings.projector.unwrap_or(camera), symmetric };
-    let direct = if symmetric { direct.estimates(halves) } else { Vec::new() };
+    let rig = RigShape { camera, projector: tracer.projector_resolution(settings), symmetric };
+    let direct = if symmetric { direct.estimates } else { Vec::new() };
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
     let Combined { mut layers, rows: sums } = combine(&rows.strips, rig, bounces, &direct);
@@ -89,9 +90,8 @@ fn run<const C: usize>(
 
     let plane = |channel: usize| direct.iter().map(|estimate| estimate[channel][0] as f32).collect();
     let matrix = TransportMatrix { rig, channels, direct: (0..C).map(plane).collect(), layers };
-    let ambient = ambient.estimates(halves);
-    let ambient = image::<C>(camera, |pixel, channel| ambient[pixel][channel][0])?;
-    let noise = halves.are_two().then(|| noise(camera, &sums)).transpose()?;
+    let ambient = image::<C>(camera, |pixel, channel| ambient.estimates[pixel][channel][0])?;
+    let noise = are_two.then(|| noise(camera, &sums)).transpose()?;
     Ok(Assembled { matrix, ambient, noise, summary })
 }
 

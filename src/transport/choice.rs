@@ -30,33 +30,41 @@ pub fn predict(
     channels: Channels,
     limit: u64,
 ) -> Result<Prediction> {
-    let most = prediction(f64::from(settings.max_bounces), settings, channels);
+    let symmetric = tracer.symmetric(settings);
+    let predict = |per_path| prediction(per_path, settings, channels, symmetric);
+    // Besides the plain one, a surface may have a connection through a specular chain.
+    let most = predict(2.0 * f64::from(settings.max_bounces));
     if most.bytes <= limit as f64 {
         return Ok(most);
     }
-    let Resolution { width, height } = settings.resolution;
-    let resolution = Resolution::new(width.min(PILOT), height.min(PILOT));
-    let pilot = TraceSettings { resolution, samples: 1, ..*settings };
+    let small = |Resolution { width, height }| Resolution::new(width.min(PILOT), height.min(PILOT));
+    let pilot = TraceSettings {
+        resolution: small(settings.resolution),
+        projector: settings.projector.map(small),
+        samples: 1,
+        ..*settings
+    };
     let mut connections = 0_usize;
-    tracer.trace(&pilot, &mut |_| ControlFlow::Continue(()), &mut |batch| {
+    let summary = tracer.trace(&pilot, &mut |_| ControlFlow::Continue(()), &mut |batch| {
         connections += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
         Ok(())
     })?;
     // A few thousand paths tell the mean to some per cent.
-    Ok(prediction(1.05 * connections as f64 / resolution.pixels() as f64, settings, channels))
+    Ok(predict(1.05 * connections as f64 / summary.paths.max(1) as f64))
 }
 
-fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels) -> Prediction {
+fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symmetric: bool) -> Prediction {
     let pixels = settings.resolution.pixels() as f64;
     let projector = settings.projector.unwrap_or(settings.resolution).pixels() as f64;
-    let connections = per_path * pixels * f64::from(settings.samples);
+    let paths = pixels * f64::from(settings.samples);
     let channels = channels.count() as f64;
-    // Added up pixel by pixel they have a key, a mean and an error each; in the matrix, where each may have a mirror image, a
-    // column and a weight. Neither can have more entries than there are pairs of pixels.
     let pairs = pixels * projector;
-    let bytes = connections.min(pairs) * (4.0 + 8.0 * channels)
-        + (2.0 * connections).min(pairs) * (4.0 + 4.0 * channels);
-    Prediction { connections, bytes }
+    // Paths come from both ends, or each connection has a mirror image. None has more entries than there are pairs of pixels.
+    let from_one_end = (per_path * paths).min(pairs);
+    let rows = if symmetric { from_one_end } else { 2.0 * from_one_end };
+    // Added up pixel by pixel they have a key, a mean and an error each; in the matrix, a column and a weight.
+    let bytes = rows * (4.0 + 8.0 * channels) + (2.0 * from_one_end).min(pairs) * (4.0 + 4.0 * channels);
+    Prediction { connections: per_path * paths * if symmetric { 1.0 } else { 2.0 }, bytes }
 }
 
 #[cfg(test)]
@@ -66,7 +74,7 @@ mod tests {
     #[test]
     fn memory_grows_with_paths_until_the_matrix_is_full() {
         let settings = |side, samples| TraceSettings::new(Resolution::new(side, side), samples);
-        let bytes = |side, samples| prediction(2.5, &settings(side, samples), Channels::Luma).bytes;
+        let bytes = |side, samples| prediction(2.5, &settings(side, samples), Channels::Luma, true).bytes;
         assert_eq!(bytes(512, 64), 2.5 * 512.0 * 512.0 * 64.0 * (12.0 + 2.0 * 8.0));
         assert_eq!(bytes(512, 64), 4.0 * bytes(256, 64));
         assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 8.0), "no more than every pair of pixels");

@@ -2,7 +2,13 @@
 //!
 //! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse matrix; every
 //! later photo is a product with it ([`Simulated`]). [`Retraced`] is the honest black box beside it: it traces anew for
-//! each photo and keeps nothing. For equal settings both are the same `Â`, to rounding.
+//! each photo and keeps nothing. For equal settings both are the same `Â`, to rounding; [`predict`] tells whether the matrix
+//! would fit the memory.
+//!
+//! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with what the matrix
+//! will hold, not with the number of samples; then rows meet columns, block by block (`combine`). A coaxial rig's matrix is
+//! symmetric to the last bit; that of any other rig has a row for each camera pixel, a column for each projector pixel, and its
+//! transpose is the dual rig. How far `Â` is from the truth, two independent halves of the samples tell ([`Noise`]).
 
 mod assemble;
 mod choice;

@@ -5,6 +5,7 @@ use crate::image::Image;
 /// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N` samples per pixel in two independent halves.
 ///
 /// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has mean 0 and the variance of `Â`, entry by entry and in every linear function of the entries.
+/// What both halves share, such as a map of specular chains, it does not tell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
     /// Standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each is
@@ -18,36 +19,30 @@ pub struct Noise {
     pub global: f64,
 }
 
-/// Sample counts of the two halves: what [`crate::render::Batch::half`] tells apart.
+/// How samples of either half add up to a mean and its error.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halves {
-    samples: f64,
-    counts: [f64; 2],
+    mean: f64,
+    error: [f64; 2],
 }
 
 impl Halves {
-    pub(super) fn of(samples: u32) -> Self {
-        let counts = [samples.div_ceil(2), samples / 2].map(f64::from);
-        Self { samples: f64::from(samples), counts }
+    /// For paths of which so many start from each pixel, while `samples` is what their sums are to be divided by.
+    pub(super) fn new(samples: u32, from_each_pixel: u32) -> Self {
+        let [first, second] = [from_each_pixel.div_ceil(2), from_each_pixel / 2].map(f64::from);
+        let mean = 1.0 / f64::from(samples);
+        let error = if second == 0.0 {
+            [0.0; 2]
+        } else {
+            [(second / first).sqrt() * mean, -(first / second).sqrt() * mean]
+        };
+        Self { mean, error }
     }
 
-    /// Whether there is anything to compare.
-    pub(super) fn are_two(self) -> bool {
-        self.counts[1] > 0.0
-    }
-
-    /// The mean over all samples, from the sums over each half.
-    pub(super) fn mean(self, sums: [f64; 2]) -> f64 {
-        (sums[0] + sums[1]) / self.samples
-    }
-
-    /// `e` of [`Noise`]; 0 where there is only one half.
-    pub(super) fn error(self, sums: [f64; 2]) -> f64 {
-        let [first, second] = self.counts;
-        if second == 0.0 {
-            return 0.0;
-        }
-        (sums[0] / first - sums[1] / second) * (first * second).sqrt() / self.samples
+    /// Adds a sample of half `half` to a mean and its error, `e` of [`Noise`].
+    pub(super) fn add(self, to: &mut [f64; 2], half: usize, value: f64) {
+        to[0] += value * self.mean;
+        to[1] += value * self.error[half];
     }
 }
 
@@ -60,18 +55,34 @@ pub(super) fn relative(error_squares: f64, value_squares: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn estimate(halves: Halves, samples: [&[f64]; 2]) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        for (half, samples) in samples.iter().enumerate() {
+            samples.iter().for_each(|&sample| halves.add(&mut sums, half, sample));
+        }
+        sums
+    }
+
     #[test]
     fn the_error_of_a_mean_of_two_is_half_their_difference() {
-        let halves = Halves::of(2);
-        assert_eq!((halves.mean([3.0, 5.0]), halves.error([3.0, 5.0]).abs()), (4.0, 1.0));
-        assert_eq!((Halves::of(1).mean([3.0, 0.0]), Halves::of(1).error([3.0, 0.0])), (3.0, 0.0));
-        assert!(!Halves::of(1).are_two() && Halves::of(2).are_two());
+        assert_eq!(estimate(Halves::new(2, 2), [&[3.0], &[5.0]]), [4.0, -1.0]);
+        assert_eq!(estimate(Halves::new(1, 1), [&[3.0], &[]]), [3.0, 0.0], "one sample tells no error");
     }
 
     #[test]
     fn unequal_halves_weigh_by_their_counts() {
+        let [mean, error] = estimate(Halves::new(3, 3), [&[1.0, 3.0], &[0.0]]);
         // Var(mean of 3) = σ²/3; the halves' means differ with variance σ²/2 + σ².
-        let scale = Halves::of(3).error([2.0, 0.0]).powi(2);
-        assert!((scale - (1.0 / 3.0) / (1.0 / 2.0 + 1.0)).abs() < 1e-15, "{scale}");
+        let scale = ((1.0 / 3.0) / (1.0 / 2.0 + 1.0_f64)).sqrt();
+        assert!((mean - 4.0 / 3.0).abs() < 1e-15 && (error - 2.0 * scale).abs() < 1e-15, "{mean}, {error}");
+        let [_, error] = estimate(Halves::new(3, 3), [&[2.0, 2.0], &[2.0]]);
+        assert!(error.abs() < 1e-15, "equal samples have no error: {error}");
+    }
+
+    #[test]
+    fn a_projectors_paths_are_divided_by_the_cameras_samples() {
+        // Four paths from a pixel, of values as large as those of eight from one of the camera's: e is half as large, too.
+        let [mean, error] = estimate(Halves::new(8, 4), [&[1.0, 3.0], &[0.0, 0.0]]);
+        assert_eq!([mean, error], [0.5, 0.5]);
     }
 }

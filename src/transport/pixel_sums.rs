@@ -3,14 +3,16 @@
 use super::noise::Halves;
 use crate::render::Batch;
 
-/// Sums per camera pixel and half of the samples, always in path order: the same bits however the paths were batched.
+/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel, always added up in path order: the same bits
+/// however the paths were batched.
 pub(super) struct PixelSums<const C: usize> {
-    sums: Vec<[[f64; 2]; C]>,
+    halves: Halves,
+    pub(super) estimates: Vec<[[f64; 2]; C]>,
 }
 
 impl<const C: usize> PixelSums<C> {
-    pub(super) fn new(pixels: usize) -> Self {
-        Self { sums: vec![[[0.0; 2]; C]; pixels] }
+    pub(super) fn new(pixels: usize, samples: u32) -> Self {
+        Self { halves: Halves::new(samples, samples), estimates: vec![[[0.0; 2]; C]; pixels] }
     }
 
     /// Adds what `sample` finds on each path of the batch; zeros do not count.
@@ -21,15 +23,10 @@ impl<const C: usize> PixelSums<C> {
                 continue;
             }
             let half = batch.half(path);
-            let sums = &mut self.sums[batch.pixel(path) as usize];
-            for channel in 0..C {
-                sums[channel][half] += f64::from(value[channel]);
+            let estimates = &mut self.estimates[batch.pixel(path) as usize];
+            for (estimate, value) in estimates.iter_mut().zip(value) {
+                self.halves.add(estimate, half, f64::from(value));
             }
         }
-    }
-
-    /// Mean and error (`e` of [`super::Noise`]) of each pixel and channel.
-    pub(super) fn estimates(&self, halves: Halves) -> Vec<[[f64; 2]; C]> {
-        self.sums.iter().map(|sums| sums.map(|sums| [halves.mean(sums), halves.error(sums)])).collect()
     }
 }

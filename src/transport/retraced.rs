@@ -25,7 +25,7 @@ pub struct Retraced<'a> {
 
 impl Retraced<'_> {
     /// The photo of `pattern`, and its standard error pixel by pixel: the halves' difference, as in [`super::Noise`], of
-    /// this very photo with its ambient light. Zeros with one sample per pixel, which cannot tell.
+    /// this very photo with its ambient light. Zeros where one path per pixel cannot tell.
     ///
     /// # Errors
     /// As [`Transport::photograph`].
@@ -33,16 +33,15 @@ impl Retraced<'_> {
         let lit = planes(pattern, self.pattern_resolution(), self.channels)?;
         let camera = self.settings.resolution;
         let seen = self.trace(Direction::Forward, Part::Full, true, (0, &lit), camera.pixels())?;
-        let halves = Halves::of(self.settings.samples);
-        let planes = |value: &dyn Fn([f64; 2]) -> f64| -> Vec<Vec<f64>> {
-            seen.iter().map(|plane| plane.iter().map(|&sums| value(sums)).collect()).collect()
+        let planes = |value: fn(&[f64; 2]) -> f64| -> Vec<Vec<f64>> {
+            seen.iter().map(|plane| plane.iter().map(value).collect()).collect()
         };
-        let photo = from_planes(camera, &planes(&|sums| halves.mean(sums)))?;
-        Ok((photo, from_planes(camera, &planes(&|sums| halves.error(sums).abs()))?))
+        let photo = from_planes(camera, &planes(|[mean, _]| *mean))?;
+        Ok((photo, from_planes(camera, &planes(|[_, error]| error.abs()))?))
     }
 
-    /// Traces, and returns what arrives of `lit` (its first channel, and the light by channel from there on) as sums over each
-    /// half: `[channel][pixel][half]`.
+    /// Traces, and returns what arrives of `lit` (its first channel, and the light by channel from there on) with its error:
+    /// `[channel][pixel][mean, error]`.
     fn trace(
         &mut self,
         direction: Direction,
@@ -51,19 +50,29 @@ impl Retraced<'_> {
         (first_channel, lit): (usize, &[Vec<f64>]),
         pixels: usize,
     ) -> Result<Vec<Vec<[f64; 2]>>> {
+        let samples = self.settings.samples;
         let project = |color| project(self.channels, first_channel, color);
         let mut seen = vec![vec![[0.0_f64; 2]; pixels]; lit.len()];
         self.tracer.trace(&self.settings, self.progress, &mut |batch| {
+            let halves = Halves::new(samples, batch.samples());
             for path in 0..batch.len() {
                 let half = batch.half(path);
+                // `seen[to] += value · lit[from]`, channel by channel.
+                let mut add = |to: u32, value: [f64; 3], from: Option<u32>| {
+                    if value == [0.0; 3] {
+                        return;
+                    }
+                    for (channel, seen) in seen.iter_mut().enumerate() {
+                        let light = from.map_or(1.0, |from| lit[channel][from as usize]);
+                        halves.add(&mut seen[to as usize], half, value[channel] * light);
+                    }
+                };
+                let pixel = batch.pixel(path);
                 if part.holds(1) {
-                    let direct = project(batch.direct(path));
-                    add(&mut seen, batch.pixel(path), half, &direct, lit, batch.pixel(path));
+                    add(pixel, project(batch.direct(path)), Some(pixel));
                 }
                 if let Some(ambient) = batch.ambient(path).filter(|_| with_ambient) {
-                    let ambient = project(ambient);
-                    let pixel = batch.pixel(path) as usize;
-                    seen.iter_mut().zip(ambient).for_each(|(seen, ambient)| seen[pixel][half] += ambient);
+                    add(pixel, project(ambient), None);
                 }
                 for connection in batch.connections(path).filter(|connection| part.holds(connection.bounces))
                 {
@@ -72,10 +81,10 @@ impl Retraced<'_> {
                         Direction::Forward => (connection.camera, connection.projector),
                         Direction::Backward => (connection.projector, connection.camera),
                     };
-                    add(&mut seen, to, half, &value, lit, from);
+                    add(to, value, Some(from));
                     if batch.symmetric() {
                         // The path's reverse, as in the matrix.
-                        add(&mut seen, from, half, &value, lit, to);
+                        add(from, value, Some(to));
                     }
                 }
             }
@@ -92,19 +101,9 @@ enum Direction {
     Backward,
 }
 
-/// `seen[to] += value · lit[from]`, channel by channel.
-fn add(seen: &mut [Vec<[f64; 2]>], to: u32, half: usize, value: &[f64; 3], lit: &[Vec<f64>], from: u32) {
-    if *value == [0.0; 3] {
-        return;
-    }
-    for (channel, seen) in seen.iter_mut().enumerate() {
-        seen[to as usize][half] += value[channel] * lit[channel][from as usize];
-    }
-}
-
 impl Transport for Retraced<'_> {
     fn pattern_resolution(&self) -> Resolution {
-        self.settings.projector.unwrap_or(self.settings.resolution)
+        self.tracer.projector_resolution(&self.settings)
     }
 
     fn photo_resolution(&self) -> Resolution {
@@ -138,17 +137,14 @@ pub struct RetracedOperator<'a> {
     pub part: Part,
     /// Which channel, below [`Channels::count`].
     pub channel: usize,
-    /// Whether the rig is coaxial.
-    pub symmetric: bool,
 }
 
 impl RetracedOperator<'_> {
     fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
-        let halves = Halves::of(self.retraced.settings.samples);
         let lit = [from.to_vec()];
         let seen = self.retraced.trace(direction, self.part, false, (self.channel, &lit), to.len())?;
-        for (to, &sums) in to.iter_mut().zip(&seen[0]) {
-            *to = halves.mean(sums);
+        for (to, [mean, _]) in to.iter_mut().zip(&seen[0]) {
+            *to = *mean;
         }
         Ok(())
     }
@@ -164,7 +160,8 @@ impl Operator for RetracedOperator<'_> {
     }
 
     fn symmetry(&self) -> Symmetry {
-        if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
+        let Retraced { tracer, settings, .. } = &self.retraced;
+        if tracer.symmetric(settings) { Symmetry::Symmetric } else { Symmetry::General }
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {

@@ -90,7 +90,8 @@ impl<const C: usize> Strip<C> {
 /// All that was traced. Strips follow one another in the order of the paths.
 #[derive(Debug)]
 pub(super) struct Rows<const C: usize> {
-    halves: Halves,
+    /// What all sums are divided by.
+    samples: u32,
     split: bool,
     pub(super) strips: Vec<Strip<C>>,
     /// A pixel whose paths may not all have come yet.
@@ -100,11 +101,13 @@ pub(super) struct Rows<const C: usize> {
 #[derive(Debug)]
 struct Open<const C: usize> {
     pixel: u32,
+    /// How many paths start from it.
+    paths: u32,
     entries: Vec<Entry<C>>,
 }
 
-/// One connection. Its end is told by where it lies: `from_camera` says of which kind the pixel that it started from is;
-/// `None` where both kinds of pixel have one number, so that it does not matter.
+/// One connection. `from_camera` says whose pixel its path started from, the camera's or the projector's; `None` where both
+/// pixels have one number, so that it does not matter.
 #[derive(Clone, Copy, Debug)]
 struct Entry<const C: usize> {
     key: Key,
@@ -120,7 +123,7 @@ struct Finished<const C: usize> {
 
 impl<const C: usize> Rows<C> {
     pub(super) fn new(samples: u32, split: bool) -> Self {
-        Self { halves: Halves::of(samples), split, strips: Vec::new(), open: None }
+        Self { samples, split, strips: Vec::new(), open: None }
     }
 
     /// Adds a batch's connections. Sums are taken in path order, whatever the batches' limits are.
@@ -134,6 +137,7 @@ impl<const C: usize> Rows<C> {
         };
         self.add_by(
             &pixels((0..batch.len()).map(|path| batch.pixel(path))),
+            batch.samples(),
             &|path| batch.half(path),
             &connections,
             project,
@@ -149,16 +153,18 @@ impl<const C: usize> Rows<C> {
     ) -> Result<()> {
         self.add_by(
             &pixels(paths.iter().map(|path| path.0)),
+            self.samples,
             &|path| paths[path].1,
             &|path, to| paths[path].2.iter().try_for_each(to),
             project,
         )
     }
 
-    /// `pixels` are the start pixels, in order, each with its paths.
+    /// `pixels` are the start pixels, in order, each with those of its `samples` paths that are in the batch.
     fn add_by(
         &mut self,
         pixels: &[(u32, Range<usize>)],
+        samples: u32,
         half: &(impl Fn(usize) -> usize + Sync),
         connections: &(impl Fn(usize, &mut dyn FnMut(&Connection) -> Result<()>) -> Result<()> + Sync),
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
@@ -166,10 +172,10 @@ impl<const C: usize> Rows<C> {
         let Some(((last, last_paths), whole)) = pixels.split_last() else { return Ok(()) };
         let mut finished = Vec::new();
         let mut open = self.open.take();
-        if open.as_ref().is_some_and(|open| open.pixel != pixels[0].0) {
-            finished.extend(open.take().map(|open| self.finish(open.pixel, open.entries)));
+        if open.as_ref().is_some_and(|open| (open.pixel, open.paths) != (pixels[0].0, samples)) {
+            finished.extend(open.take().map(|open| self.finish(open)));
         }
-        let entries = |pixel: u32, paths: &Range<usize>| -> Result<Vec<Entry<C>>> {
+        let collect = |pixel: u32, paths: &Range<usize>| -> Result<Open<C>> {
             let mut entries = match &open {
                 Some(open) if open.pixel == pixel => open.entries.clone(),
                 _ => Vec::new(),
@@ -184,11 +190,11 @@ impl<const C: usize> Rows<C> {
                     Ok(())
                 })?;
             }
-            Ok(entries)
+            Ok(Open { pixel, paths: samples, entries })
         };
-        let done = whole.par_iter().map(|(pixel, paths)| self.finish(*pixel, entries(*pixel, paths)?));
+        let done = whole.par_iter().map(|(pixel, paths)| self.finish(collect(*pixel, paths)?));
         finished.extend(done.collect::<Vec<_>>());
-        let last = Open { pixel: *last, entries: entries(*last, last_paths)? };
+        let last = collect(*last, last_paths)?;
         self.strips.push(Strip::join(finished.into_iter().collect::<Result<_>>()?));
         self.open = Some(last);
         Ok(())
@@ -197,7 +203,7 @@ impl<const C: usize> Rows<C> {
     /// No more paths will come.
     pub(super) fn close(&mut self) -> Result<()> {
         if let Some(open) = self.open.take() {
-            let row = self.finish(open.pixel, open.entries)?;
+            let row = self.finish(open)?;
             self.strips.push(Strip::join(vec![row]));
         }
         Ok(())
@@ -215,7 +221,9 @@ impl<const C: usize> Rows<C> {
         Ok(Entry { key, from_camera, value })
     }
 
-    fn finish(&self, pixel: u32, mut entries: Vec<Entry<C>>) -> Result<Finished<C>> {
+    fn finish(&self, open: Open<C>) -> Result<Finished<C>> {
+        let Open { pixel, paths, mut entries } = open;
+        let halves = Halves::new(self.samples, paths);
         let from_camera = entries.iter().find_map(|entry| entry.from_camera).unwrap_or(true);
         if entries.iter().any(|entry| entry.from_camera.is_some_and(|camera| camera != from_camera)) {
             return Err(stray(pixel));
@@ -224,18 +232,14 @@ impl<const C: usize> Rows<C> {
         // Stable: what meets on one place stays in path order.
         entries.sort_by_key(place);
         let merged = entries.chunk_by(|a, b| place(a) == place(b)).map(|run| {
-            let mut sums = [[0.0_f64; 2]; C];
+            let mut estimates = [[0.0_f64; 2]; C];
             for entry in run {
                 let half = usize::from(entry.key.0 & Key::HALF != 0);
-                for (sums, value) in sums.iter_mut().zip(entry.value) {
-                    sums[half] += f64::from(value);
+                for (estimate, value) in estimates.iter_mut().zip(entry.value) {
+                    halves.add(estimate, half, f64::from(value));
                 }
             }
-            (
-                place(&run[0]),
-                sums.map(|sums| self.halves.mean(sums) as f32),
-                sums.map(|sums| self.halves.error(sums) as f32),
-            )
+            (place(&run[0]), estimates.map(|[mean, _]| mean as f32), estimates.map(|[_, error]| error as f32))
         });
         Ok(Finished { pixel, from_camera, entries: merged.collect() })
     }

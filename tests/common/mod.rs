@@ -10,6 +10,8 @@ use krylux::report::npy;
 use krylux::scene::{self, Scene};
 use krylux::sparse::Csr;
 use krylux::transport::{Assembled, Channels, Part, TransportMatrix, assemble};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
 /// The repository's root.
 pub fn root() -> &'static Path {
@@ -84,4 +86,17 @@ pub fn mean_and_error(estimates: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
 /// Root of the mean square.
 pub fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+/// Signed, as the Krylov methods' vectors are.
+pub fn random_vector(length: usize, seed: u64) -> Vec<f64> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
+}
+
+/// `Σ_i |A_ji| |x_i|`: what the rounding of a row's sum is relative to.
+pub fn magnitudes(csr: &Csr, x: &[f64]) -> Vec<f64> {
+    let mut sums = vec![0.0; csr.rows()];
+    csr.entries().for_each(|(row, column, weight)| sums[row] += weight.abs() * x[column].abs());
+    sums
 }

@@ -15,7 +15,7 @@ use crate::operator::Operator;
 /// what is known, or use block Lanczos.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--count`, `--photos`, `--block`, `--max-basis`, `--noise` or `--which` when its value
+/// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `--max-basis`, `--noise` or `--which` when its value
 /// cannot be used; else as [`Lanczos::new`] and [`Factorization::expand`](super::super::Factorization::expand). To keep what was taken before an operator
 /// failed, hold the factorization yourself and use [`eigs_from`].
 pub fn eigs(operator: &mut dyn Operator, options: &EigsOptions, monitor: &mut Monitor<'_>) -> Result<Eigs> {

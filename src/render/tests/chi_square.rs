@@ -1,5 +1,7 @@
 //! Samplers against their densities (χ²).
 
+use std::sync::LazyLock;
+
 use glam::vec3;
 
 use super::directions::{Sphere, outgoing};
@@ -14,6 +16,7 @@ const SAMPLES: usize = 1 << 20;
 /// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and at a cosine of 0.05 0.12 in `s`; cells of 1/320 integrate it
 /// to 1e-4, a fraction of the counts' relative noise.
 const CELLS: usize = 16;
+static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| BINS.midpoints(CELLS));
 
 /// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. A sample's fourth component is the
 /// kind of a delta, `-1` for nothing, and `REGULAR` for what the density is of.
@@ -83,8 +86,8 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
         }}"
     );
     assert_eq!(BSDF_SIZE + 2, 7, "the WGSL above counts on it");
-    let (points, solid_angles) = BINS.midpoints(CELLS);
-    input.extend(&points);
+    let (points, solid_angles) = &*POINTS;
+    input.extend(points);
     let densities = run(gpu, &source, &[], &input, points.len() + 1);
     let mut expected: Vec<f64> = densities
         .chunks(CELLS * CELLS)

@@ -76,3 +76,9 @@ fn smooth_panes_and_mirrors_lose_nothing() {
         assert_eq!([reflected, transmitted, weight, pdf], [1.0, 0.0, 1.0, 1.0]);
     }
 }
+
+#[test]
+fn shader_and_host_agree_on_what_is_smooth() {
+    let source = "#import fresnel\nfn work(index: u32) -> vec4f { return vec4f(MIN_ALPHA); }";
+    assert_eq!(run(&gpu(), source, &[], &[[0.0; 4]], 1)[0][0], crate::render::MIN_ALPHA);
+}

@@ -1,5 +1,7 @@
 //! The white furnace: `∫ K n_i² |cosθ| dω` and the deltas, the light that comes back under light from everywhere.
 
+use std::sync::LazyLock;
+
 use super::directions::{Sphere, outgoing};
 use super::kernel::{gpu, run};
 use super::material::{Bsdf, RANDOM_BSDF, READ_BSDF};
@@ -7,6 +9,7 @@ use crate::gpu::Gpu;
 
 /// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in `s`.
 const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
+static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| CELLS.midpoints(1));
 const SAMPLES: usize = 1 << 18;
 
 /// The albedo of a gray material towards `cos_o`, regular lobes and deltas: by quadrature over `K`, and by the sampler's
@@ -35,10 +38,13 @@ fn quadrature(gpu: &Gpu, bsdf: &Bsdf, cos_o: f64) -> f64 {
     );
     let mut input = bsdf.encode().to_vec();
     input.push(outgoing(cos_o));
-    let (points, solid_angles) = CELLS.midpoints(1);
-    input.extend(&points);
+    // Nothing to find below the horizon of an opaque surface.
+    let through = bsdf.transmission + bsdf.diffuse_transmission > 0.0;
+    let points = &POINTS.0[..CELLS.bins() / if through { 1 } else { 2 }];
+    input.extend(points);
     let values = run(gpu, &source, &[], &input, points.len() + 1);
-    let regular = values.iter().zip(&solid_angles).map(|(value, angle)| f64::from(value[0]) * angle);
+    let regular =
+        values.iter().zip(&POINTS.1[..points.len()]).map(|(value, angle)| f64::from(value[0]) * angle);
     regular.sum::<f64>() + f64::from(values[points.len()][0])
 }
 
@@ -76,6 +82,10 @@ fn lambertian_albedo_is_its_colour() {
         );
         assert!((integral - color).abs() < 6e-6 * color, "integral {integral}, expected {color}");
     }
+    // In water, too: K is 1/n² of that, and n_i² weighs it.
+    let immersed = Bsdf { eta_o: 1.33, eta_t: 1.33, ..Bsdf::lambertian(1.0) };
+    let Albedo { integral, sampled, .. } = albedo(&gpu, &immersed, 0.5, 0);
+    assert!((sampled - 1.0).abs() < 1e-6 && (integral - 1.0).abs() < 6e-6, "{sampled} and {integral}");
 }
 
 #[test]
