@@ -9,8 +9,8 @@ mi.set_variant("llvm_ad_mono")
 class GltfBsdf(mi.BSDF):
     """glTF 2.0, appendix B: GGX of width roughness², height-correlated Smith, Schlick on V·H, no normal maps; two-sided.
 
-    The metal's F0 is the base colour; the dielectric has F0 = 0.04 (ior 1.5), F90 = 1, and its diffuse lobe is
-    (1 − F)·base/π with the same F, as `fresnel_mix` of the specification. Written from the specification; sampling is
+    The metal's F0 is the base colour; the dielectric has F0 = 0.04 (ior 1.5), F90 = 1, and a diffuse lobe that its coat dims on
+    the way in and out, as docs/bsdf.md has it for rough surfaces. Written from these texts; sampling is
     by Mitsuba's own visible-normal sampler and by cosine, half and half where there is a diffuse lobe.
     """
 
@@ -24,6 +24,14 @@ class GltfBsdf(mi.BSDF):
         self.m_components = [flags]
         self.m_flags = flags
 
+    def under_coat(self, c):
+        """1 − R(c)"""
+        x = 1 - c
+        return 0.96 * (1 - x**5 / (1 + 13 * self.alpha**2) - c**2 * (x**2 + 0.002) / 10)
+
+    def under_coat_mean(self):
+        return 0.96 * (1 - 1 / 21 / (1 + 13 * self.alpha**2) - (1 / 30 + 0.001) / 10)
+
     def both(self, si, wo, active):
         """Value times cosine, and density."""
         sign = dr.mulsign(mi.Float(1.0), si.wi.z)
@@ -36,7 +44,8 @@ class GltfBsdf(mi.BSDF):
         lobe = self.facets.eval(h) * smith
         metal = (self.base + (1 - self.base) * grazing) * lobe
         fresnel = 0.04 + 0.96 * grazing
-        dielectric = (1 - fresnel) * self.base / dr.pi + fresnel * lobe
+        coated = self.under_coat(wi.z) * self.under_coat(wo.z) / self.under_coat_mean()
+        dielectric = coated * self.base / dr.pi + fresnel * lobe
         value = self.metallic * metal + (1 - self.metallic) * dielectric
         pdf = (self.share * self.facets.pdf(wi, h) / (4 * dr.dot(wo, h)) + (1 - self.share) * wo.z / dr.pi)
         return dr.select(active, value * wo.z, 0), dr.select(active, pdf, 0)

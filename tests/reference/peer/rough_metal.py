@@ -32,7 +32,11 @@ def gltf(m, normal, to_camera, to_projector, same_side):
     lobe *= 0.5 / (cos_i * np.sqrt(cos_o**2 * (1 - a2) + a2) + cos_o * np.sqrt(cos_i**2 * (1 - a2) + a2))
     f0 = m["base"] if m.get("metallic") else 0.04
     fresnel = f0 + (1 - f0) * (1 - np.clip(cos_d, 0, 1)) ** 5
-    diffuse = 0 if m.get("metallic") else (1 - fresnel) * m["base"] / np.pi
+    def under_coat(c):
+        return 0.96 * (1 - (1 - c) ** 5 / (1 + 13 * a2) - c**2 * ((1 - c) ** 2 + 0.002) / 10)
+
+    mean = 0.96 * (1 - 1 / 21 / (1 + 13 * a2) - (1 / 30 + 0.001) / 10)
+    diffuse = 0 if m.get("metallic") else under_coat(cos_o) * under_coat(cos_i) / mean * m["base"] / np.pi
     return np.where(same_side, diffuse + fresnel * lobe, 0)
 
 
