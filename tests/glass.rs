@@ -25,7 +25,7 @@ fn behind(material: Material, depths: &[f32]) -> Scene {
     let wall: Vec<Triangle> = scene.triangles.clone();
     for (number, &depth) in depths.iter().enumerate() {
         scene.triangles.extend(wall.iter().map(|triangle| {
-            let mut pane = Triangle { material: index, ..triangle.clone() };
+            let mut pane = Triangle { material: index, ..*triangle };
             for position in &mut pane.positions {
                 position.z = -depth;
             }

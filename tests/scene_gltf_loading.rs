@@ -187,52 +187,6 @@ fn the_camera_stands_where_its_node_stands() {
     }
 }
 
-#[test]
-fn material_factors_come_out_as_they_stand() {
-    let scene = load(&with(&[(
-        "/materials/0",
-        json!({
-            "name": "lacquer",
-            "pbrMetallicRoughness": {
-                "baseColorFactor": [0.1, 0.2, 0.3, 1],
-                "metallicFactor": 0.25,
-                "roughnessFactor": 0.5,
-            },
-            "emissiveFactor": [0.5, 0, 1],
-            "doubleSided": true,
-            "extensions": {
-                "KHR_materials_specular": { "specularFactor": 0.75, "specularColorFactor": [1, 2, 3] },
-                "KHR_materials_ior": { "ior": 1.33 },
-                "KHR_materials_emissive_strength": { "emissiveStrength": 4 },
-            },
-        }),
-    )]));
-    let material = &scene.materials[0];
-    assert_eq!(material.name, "lacquer");
-    assert_eq!(material.base_color, vec3(0.1, 0.2, 0.3));
-    assert_eq!((material.metallic, material.roughness, material.specular), (0.25, 0.5, 0.75));
-    assert_eq!((material.specular_color, material.ior), (vec3(1.0, 2.0, 3.0), 1.33));
-    assert_eq!(material.emission, vec3(2.0, 0.0, 4.0));
-    assert!(material.double_sided);
-    assert_eq!(scene.warnings.len(), 0, "{:?}", scene.warnings);
-}
-
-#[test]
-fn defaults_of_materials_are_those_of_gltf() {
-    let given = load(&document());
-    let mut without = document();
-    without["meshes"][0]["primitives"][0].as_object_mut().expect("a primitive").remove("material");
-    let absent = load(&without);
-    for material in [&given.materials[0], &absent.materials[0]] {
-        assert_eq!((material.base_color, material.metallic, material.roughness), (Vec3::ONE, 1.0, 1.0));
-        assert_eq!((material.specular, material.ior, material.double_sided), (1.0, 1.5, false));
-    }
-    assert_eq!(
-        absent.warnings,
-        ["surfaces without a material get glTF's default, which is a rough white metal"]
-    );
-}
-
 /// The document with this picture as base colour texture; `info` and `sampler` are merged in.
 fn textured(uri: &str, info: Value, sampler: Value) -> Value {
     let mut document = with(&[

@@ -1,12 +1,12 @@
-//! What a glTF file says about vertices and materials comes out at the triangles' corners.
+//! What a glTF file says about vertices comes out at the triangles' corners.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
 mod scene_support;
 
-use glam::{Vec3, vec2, vec3};
-use krylux::scene::{AlphaMode, Scene, TextureRef, Triangle, Volume};
-use scene_support::{CORNERS, data_uri, document, fault, load, png, set, with};
+use glam::{Vec3, vec3};
+use krylux::scene::Triangle;
+use scene_support::{CORNERS, data_uri, document, fault, load, set, with};
 use serde_json::{Value, json};
 
 /// Adds `values` as an accessor of this shape in a buffer of its own; its index.
@@ -259,111 +259,4 @@ fn instances_stand_where_the_extension_places_them() {
         fault(&document, None).0,
         "node 0 \"sheet\": SCALE of its instances has components of type I8; expected one of [F32]"
     );
-}
-
-/// The document with one picture, and this material.
-fn material(material: Value) -> Scene {
-    load(&with(&[
-        ("/materials/0", material),
-        ("/textures", json!([{ "source": 0 }, { "source": 0, "sampler": 0 }])),
-        ("/samplers", json!([{ "magFilter": 9728 }])),
-        ("/images", json!([{ "uri": data_uri("image/png", &png(1, 1, &[[1, 2, 3, 4]])) }])),
-        (&format!("{PRIMITIVE}/attributes/TEXCOORD_1"), json!(2)),
-    ]))
-}
-
-#[test]
-fn what_lets_light_through_comes_out_as_it_stands() {
-    let scene = material(json!({
-        "pbrMetallicRoughness": { "baseColorFactor": [1, 1, 1, 0.25] },
-        "extensions": {
-            "KHR_materials_transmission": { "transmissionFactor": 0.5 },
-            "KHR_materials_diffuse_transmission": {
-                "diffuseTransmissionFactor": 0.75,
-                "diffuseTransmissionColorFactor": [0.1, 0.2, 0.3],
-            },
-            "KHR_materials_volume": {
-                "thicknessFactor": 2,
-                "attenuationDistance": 0.5,
-                "attenuationColor": [0.9, 0.8, 0.7],
-            },
-        },
-    }));
-    let glass = &scene.materials[0];
-    assert_eq!((glass.transmission, glass.diffuse_transmission, glass.opacity), (0.5, 0.75, 0.25));
-    assert_eq!(glass.diffuse_transmission_color, vec3(0.1, 0.2, 0.3));
-    let volume = Volume { attenuation_color: vec3(0.9, 0.8, 0.7), attenuation_distance: 0.5 };
-    assert_eq!(glass.volume, Some(volume));
-    assert!(glass.lets_light_through());
-    assert_eq!(scene.warnings.len(), 0, "{:?}", scene.warnings);
-
-    // A volume without thickness is a thin wall.
-    let extension = json!({ "KHR_materials_volume": { "attenuationDistance": 0.5 } });
-    let thin = material(json!({ "extensions": extension })).materials[0].clone();
-    assert_eq!((thin.volume, thin.lets_light_through()), (None, false));
-    let clear = json!({ "KHR_materials_volume": { "thicknessFactor": 1 } });
-    let volume = Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY };
-    assert_eq!(material(json!({ "extensions": clear })).materials[0].volume, Some(volume));
-}
-
-#[test]
-fn alpha_modes_are_followed() {
-    let mode = |value: Value| material(value).materials[0].alpha_mode;
-    assert_eq!(mode(json!({})), AlphaMode::Opaque);
-    assert_eq!(mode(json!({ "alphaMode": "BLEND" })), AlphaMode::Blend);
-    assert_eq!(mode(json!({ "alphaMode": "MASK" })), AlphaMode::Mask { cutoff: 0.5 });
-    assert_eq!(mode(json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })), AlphaMode::Mask { cutoff: 0.25 });
-}
-
-#[test]
-fn every_texture_of_a_material_is_followed() {
-    let scene = material(json!({
-        "pbrMetallicRoughness": {
-            "baseColorTexture": { "index": 0 },
-            "metallicRoughnessTexture": { "index": 1 },
-        },
-        "normalTexture": {
-            "index": 0,
-            "scale": 0.5,
-            "texCoord": 1,
-            "extensions": { "KHR_texture_transform": { "offset": [0.5, 0.25] } },
-        },
-        "emissiveTexture": { "index": 0, "texCoord": 1 },
-        "extensions": {
-            "KHR_materials_specular": { "specularTexture": { "index": 0 }, "specularColorTexture": { "index": 0 } },
-            "KHR_materials_transmission": { "transmissionTexture": { "index": 0 } },
-            "KHR_materials_diffuse_transmission": {
-                "diffuseTransmissionTexture": { "index": 0 },
-                "diffuseTransmissionColorTexture": { "index": 0, "texCoord": 1 },
-            },
-        },
-    }));
-    let material = &scene.materials[0];
-    let plain = TextureRef::new(0);
-    let second = TextureRef { set: 1, ..plain };
-    let normal = material.normal_texture.expect("it has one");
-    assert_eq!((normal.set, normal.transform.transform_point2(vec2(1.0, 1.0))), (1, vec2(1.5, 1.25)));
-    assert_eq!(material.normal_scale, 0.5);
-    let found: Vec<_> = material
-        .textures()
-        .filter(|(role, _)| *role != "normal")
-        .map(|(role, texture)| (role, *texture))
-        .collect();
-    assert_eq!(
-        found,
-        [
-            ("base colour", plain),
-            // Another sampler is another texture.
-            ("metallic-roughness", TextureRef::new(1)),
-            ("specular", plain),
-            ("specular colour", plain),
-            ("emissive", second),
-            ("transmission", plain),
-            ("diffuse transmission", plain),
-            ("diffuse transmission colour", second),
-        ]
-    );
-    assert_eq!(scene.textures.len(), 2, "textures of one picture and one sampler are one");
-    let coordinates = [vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(0.0, 1.0)];
-    assert_eq!(scene.triangles[0].texcoords, coordinates.map(|uv| [uv, uv]));
 }

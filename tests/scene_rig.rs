@@ -82,7 +82,7 @@ fn a_rig_file_next_to_the_scene_is_used_unless_a_camera_is_named() {
     let both = LoadOptions { camera: Some("eye"), rig: Some(&rig) };
     match scene::load_with(&written.path, &both) {
         Err(Error::Scene { fault, .. }) => {
-            assert_eq!(fault, "the rig file has a camera, but one of the scene's is asked for by name")
+            assert_eq!(fault, "the rig file has a camera, but one of the scene's is asked for by name");
         }
         other => panic!("two cameras at once: {other:?}"),
     }

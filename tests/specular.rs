@@ -83,7 +83,7 @@ fn periscope() -> Scene {
     let corner = |x: f32, y: f32| vec3(x, y, -0.8 - x);
     let [a, b, c, d] = [corner(-0.25, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.25, 0.5)];
     for positions in [[a, b, c], [a, c, d]] {
-        let triangle = scene.triangles[0].clone();
+        let triangle = scene.triangles[0];
         scene.triangles.push(Triangle { positions, material, ..triangle });
     }
     scene

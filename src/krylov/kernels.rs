@@ -1,7 +1,7 @@
 //! Products with one block of rows, which stays in the cache while the columns stream past.
 //!
 //! Columns are taken eight at a time: the block is then read an eighth as often, and eight streams from memory hide one another's
-//! latency (measured: two to three times as fast as one after the other). Sums are added in an order that depends on
+//! latency. Sums are added in an order that depends on
 //! nothing but the length.
 
 /// Columns that are taken at a time.

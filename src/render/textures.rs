@@ -119,7 +119,7 @@ pub(super) fn srgb_table() -> Vec<f32> {
 /// Independent Unit Vectors", JCGT 3(2), 2014), 16 bits each. Zero, which no direction has, stands for none.
 pub(super) fn pack_normal(normal: Vec3) -> u32 {
     let sum = normal.abs().element_sum();
-    if !(sum > 0.0) {
+    if sum.is_nan() || sum <= 0.0 {
         return 0x8000_8000;
     }
     let [x, y] = [normal.x / sum, normal.y / sum];
