@@ -10,6 +10,7 @@ use krylux::scene::{self, Lens, Scene};
 use krylux::transport::{Channels, Part, TransportMatrix, assemble};
 
 const SEEDS: u32 = 8;
+const SAMPLES: u32 = 96;
 
 fn load(name: &str) -> Scene {
     let path = root().join("tests/reference/peer").join(format!("{name}.glb"));
@@ -20,27 +21,25 @@ fn peer(name: &str) -> Vec<f64> {
     reference(&format!("peer/{name}.npy"))
 }
 
-/// One vector a seed, made of each seed's matrix.
-fn runs(
-    scene: &Scene,
-    settings: TraceSettings,
-    of: impl Fn(&TransportMatrix) -> Vec<f64>,
-) -> (Vec<f64>, Vec<f64>) {
+/// One matrix a seed.
+fn matrices(scene: &Scene, settings: TraceSettings) -> Vec<TransportMatrix> {
     let mut tracer = tracer(scene);
-    let runs: Vec<Vec<f64>> = (0..SEEDS)
-        .map(|seed| {
-            let settings = TraceSettings { seed, ..settings };
-            let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut keep_going);
-            of(&traced.expect("the scene can be traced").matrix)
-        })
-        .collect();
-    mean_and_error(&runs)
+    let mut trace = |seed| {
+        let settings = TraceSettings { seed, ..settings };
+        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut keep_going);
+        traced.expect("the scene can be traced").matrix
+    };
+    (0..SEEDS).map(&mut trace).collect()
 }
 
-fn photo(matrix: &TransportMatrix, part: Part, pattern: &[f64], pixels: usize) -> Vec<f64> {
-    let mut photo = vec![0.0; pixels];
-    matrix.apply(part, 0, pattern, &mut photo);
-    photo
+/// Mean and standard error of the photos of `pattern`.
+fn photos(matrices: &[TransportMatrix], part: Part, pattern: &[f64], pixels: usize) -> (Vec<f64>, Vec<f64>) {
+    let photo = |matrix: &TransportMatrix| {
+        let mut photo = vec![0.0; pixels];
+        matrix.apply(part, 0, pattern, &mut photo);
+        photo
+    };
+    mean_and_error(&matrices.iter().map(photo).collect::<Vec<_>>())
 }
 
 /// Compares pixel by pixel and in the sum. Student's t with seven degrees of freedom has an rms of 1.18, ours and theirs
@@ -74,31 +73,30 @@ fn a_rig_apart_photographs_as_it_should_both_ways() {
     let projector = Resolution::new(64, 48);
     let scene = load("separated");
     assert!(scene.projector.is_some(), "the file marks its projector");
-    let settings = TraceSettings { projector: Some(projector), ..TraceSettings::new(camera, 128) };
+    let settings = TraceSettings { projector: Some(projector), ..TraceSettings::new(camera, SAMPLES) };
     let pattern = peer("separated_pattern");
     let ones = vec![1.0; projector.pixels()];
-    let seen = |part: Part, pattern: &[f64]| {
-        let of = |matrix: &TransportMatrix| photo(matrix, part, pattern, camera.pixels());
-        runs(&scene, settings, of)
-    };
+    let rigs = matrices(&scene, settings);
+    let seen = |part: Part, pattern: &[f64]| photos(&rigs, part, pattern, camera.pixels());
     assert_agreement("apart, ones", seen(Part::Full, &ones), "separated_48_ones");
     assert_agreement("apart, pattern", seen(Part::Full, &pattern), "separated_48_pattern");
     assert_agreement("apart, pattern, direct", seen(Part::Direct, &pattern), "separated_48_pattern_direct");
-    let transposed = runs(&scene, settings, |matrix| {
+    let back = |matrix: &TransportMatrix| {
         let mut x = vec![0.0; projector.pixels()];
         matrix.apply_transpose(Part::Full, 0, &vec![1.0; camera.pixels()], &mut x);
         x
-    });
+    };
+    let transposed = mean_and_error(&rigs.iter().map(back).collect::<Vec<_>>());
     assert_agreement("apart, transposed", transposed, "separated_64x48_transposed_ones");
 }
 
 fn coaxial<const N: usize>(name: &str, files: [(&str, Vec<f64>); N]) {
     let resolution = Resolution::new(48, 48);
     let scene = load(name);
+    let rigs = matrices(&scene, TraceSettings::new(resolution, SAMPLES));
     for (file, pattern) in files {
-        let of = |matrix: &TransportMatrix| photo(matrix, Part::Full, &pattern, resolution.pixels());
-        let seen = runs(&scene, TraceSettings::new(resolution, 128), of);
-        assert_agreement(file, seen, &format!("{name}_48_{file}"));
+        let seen = photos(&rigs, Part::Full, &pattern, resolution.pixels());
+        assert_agreement(&format!("{name}, {file}"), seen, &format!("{name}_48_{file}"));
     }
 }
 
@@ -129,9 +127,9 @@ fn a_camera_with_a_lens_photographs_as_it_should() {
     scene.projector = Some(scene.camera.clone());
     scene.camera.lens = Lens { radius: 0.02, focus: 1.0 };
     let stripes: Vec<f64> = (0..48 * 48).map(|pixel| f64::from(u8::from(pixel % 48 / 6 % 2 == 0))).collect();
+    let rigs = matrices(&scene, TraceSettings::new(resolution, SAMPLES));
     for (name, pattern) in [("ones", vec![1.0; 48 * 48]), ("stripes6", stripes)] {
-        let of = |matrix: &TransportMatrix| photo(matrix, Part::Full, &pattern, resolution.pixels());
-        let seen = runs(&scene, TraceSettings::new(resolution, 128), of);
+        let seen = photos(&rigs, Part::Full, &pattern, resolution.pixels());
         assert_agreement(&format!("lens, {name}"), seen, &format!("lens_48_{name}"));
     }
 }
@@ -153,10 +151,10 @@ fn the_caustic_of_a_glass_ball_carries_the_light_that_goes_through_it() {
         .zip(peer("glass-sphere_64_seen_reflected"))
         .map(|(a, b)| *a == 0.0 && b == 0.0)
         .collect();
-    let (caustic, errors) = runs(&scene, settings, |matrix| {
-        let ones = vec![1.0; resolution.pixels()];
-        photo(matrix, Part::Global, &ones, resolution.pixels()).iter().map(|value| value * DARKER).collect()
-    });
+    let rigs = matrices(&scene, settings);
+    // So bright that the floor is as light as the reference's.
+    let ones = vec![DARKER; resolution.pixels()];
+    let (caustic, errors) = photos(&rigs, Part::Global, &ones, resolution.pixels());
     let among = |values: &[f64]| -> Vec<f64> {
         values.iter().zip(&on_the_floor).map(|(value, &counts)| if counts { *value } else { 0.0 }).collect()
     };
