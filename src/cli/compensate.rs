@@ -7,6 +7,8 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use super::console::Console;
+use super::light::Light;
+use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, TraceArgs, method};
 use super::run_folder::RunFolder;
 use super::{Outcome, pattern, simulation};
@@ -18,7 +20,7 @@ use crate::krylov::Method;
 use crate::render::Tracer;
 use crate::report::compensation::CompensationRun;
 use crate::scene::Scene;
-use crate::transport::{Channels, MatrixOperator, Part};
+use crate::transport::{Channels, Part};
 
 /// Find what to project so that the scene looks like a target image
 #[derive(clap::Args)]
@@ -52,6 +54,8 @@ pub(super) struct Args {
     /// What speeds up methods without a box [default: diagonal]
     #[arg(long, value_enum)]
     precondition: Option<PreconditionArg>,
+    #[command(flatten)]
+    operator: OperatorArgs,
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
@@ -130,17 +134,17 @@ fn answer(
     tracer: &mut Tracer,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
-    let traced = folder.timed("tracing and matrix", |_| {
-        simulation::assemble(tracer, scene, &args.trace, args.channels(), console)
+    let mut light = folder.timed("tracing and matrix", |_| {
+        Light::choose(tracer, scene, &args.trace, &args.operator, args.channels(), console)
     })?;
-    folder.manifest.noise = traced.noise.as_ref().map(Into::into);
-    let wish = Wish::new(target, &traced.ambient)?;
-    let operator = |channel| MatrixOperator { matrix: &traced.matrix, part: Part::Full, channel };
-    let mut channels: Vec<MatrixOperator<'_>> = (0..args.channels().count()).map(operator).collect();
+    folder.manifest.noise = light.noise().map(Into::into);
+    let wish = Wish::new(target, &light.ambient(console)?)?;
     let bar = console.bar("photos");
     let found = folder.timed("photos", |_| {
-        compensate(&mut channels, &wish, &args.options(), &mut |step| {
-            bar.at(step.products as u64, step.budget as u64)
+        light.with_channels(Part::Full, console, |channels| {
+            compensate(channels, &wish, &args.options(), &mut |step| {
+                bar.at(step.products as u64, step.budget as u64)
+            })
         })
     })?;
     drop(bar);

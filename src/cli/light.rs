@@ -1,13 +1,15 @@
 //! A scene's light transport as a verb uses it: replayed from a matrix, or traced anew for each photo.
 
+use std::cell::RefCell;
+
 use anyhow::Result;
 
 use super::console::Console;
 use super::operator::{OperatorArg, OperatorArgs, in_words};
 use super::options::TraceArgs;
 use super::simulation;
-use crate::image::Image;
-use crate::operator::Adjoint;
+use crate::image::{Image, Resolution};
+use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::Scene;
 use crate::transport::{
@@ -75,27 +77,53 @@ impl<'a> Light<'a> {
         console: &Console,
         work: impl FnOnce(&mut dyn Adjoint) -> T,
     ) -> T {
+        self.with_channels(part, console, |channels| work(&mut channels[0]))
+    }
+
+    /// Lets `work` multiply with a part of every channel, one operator each; there is at least one.
+    pub(super) fn with_channels<T>(
+        &mut self,
+        part: Part,
+        console: &Console,
+        work: impl FnOnce(&mut [ChannelOperator<'_>]) -> T,
+    ) -> T {
         match self {
-            Self::Replayed(rig) => work(&mut MatrixOperator { matrix: &rig.traced.matrix, part, channel: 0 }),
+            Self::Replayed(rig) => {
+                let matrix = &rig.traced.matrix;
+                let operator = |channel| ChannelOperator::Replayed(MatrixOperator { matrix, part, channel });
+                work(&mut (0..matrix.channels().count()).map(operator).collect::<Vec<_>>())
+            }
             Self::Retraced { tracer, settings, channels } => {
-                let retraced = Retraced {
-                    tracer,
-                    settings: *settings,
-                    channels: *channels,
-                    progress: &mut |_| console.check(),
+                let tracer = RefCell::new(&mut **tracer);
+                let operator = |channel| {
+                    let (settings, channels) = (*settings, *channels);
+                    ChannelOperator::Retraced { tracer: &tracer, settings, channels, part, channel, console }
                 };
-                work(&mut RetracedOperator { retraced, part, channel: 0 })
+                work(&mut (0..channels.count()).map(operator).collect::<Vec<_>>())
             }
         }
     }
 
+    /// The photo without projector.
+    pub(super) fn ambient(&mut self, console: &Console) -> Result<Image> {
+        if let Self::Replayed(rig) = self {
+            return Ok(rig.traced.ambient.clone());
+        }
+        let resolution = self.pattern_resolution();
+        self.photograph(&Image::filled(resolution, 1, 0.0), console)
+    }
+
     /// The photo under an all-ones pattern.
     pub(super) fn white(&mut self, console: &Console) -> Result<Image> {
-        let resolution = match self {
+        let resolution = self.pattern_resolution();
+        self.photograph(&Image::filled(resolution, 1, 1.0), console)
+    }
+
+    fn pattern_resolution(&self) -> Resolution {
+        match self {
             Self::Replayed(rig) => rig.pattern_resolution(),
             Self::Retraced { tracer, settings, .. } => tracer.projector_resolution(settings),
-        };
-        self.photograph(&Image::filled(resolution, 1, 1.0), console)
+        }
     }
 
     /// A photo, with the ambient light.
@@ -110,6 +138,74 @@ impl<'a> Light<'a> {
                 Ok(rig.photograph(pattern)?)
             }
         }
+    }
+}
+
+/// One channel of a light. Channels that are traced anew take turns with the one device.
+pub(super) enum ChannelOperator<'a> {
+    Replayed(MatrixOperator<'a>),
+    Retraced {
+        tracer: &'a RefCell<&'a mut Tracer>,
+        settings: TraceSettings,
+        channels: Channels,
+        part: Part,
+        channel: usize,
+        console: &'a Console,
+    },
+}
+
+impl ChannelOperator<'_> {
+    fn with<T>(&mut self, work: impl FnOnce(&mut dyn Adjoint) -> T) -> T {
+        match self {
+            Self::Replayed(operator) => work(operator),
+            Self::Retraced { tracer, settings, channels, part, channel, console } => {
+                let retraced = Retraced {
+                    tracer: &mut tracer.borrow_mut(),
+                    settings: *settings,
+                    channels: *channels,
+                    progress: &mut |_| console.check(),
+                };
+                work(&mut RetracedOperator { retraced, part: *part, channel: *channel })
+            }
+        }
+    }
+
+    /// What does not need the device: rows and columns, and whether they are alike.
+    fn shape(&self) -> ([usize; 2], Symmetry) {
+        match self {
+            Self::Replayed(operator) => ([operator.rows(), operator.cols()], operator.symmetry()),
+            Self::Retraced { tracer, settings, .. } => {
+                let tracer = tracer.borrow();
+                let pixels = [settings.resolution, tracer.projector_resolution(settings)];
+                let symmetry =
+                    if tracer.symmetric(settings) { Symmetry::Symmetric } else { Symmetry::General };
+                (pixels.map(Resolution::pixels), symmetry)
+            }
+        }
+    }
+}
+
+impl Operator for ChannelOperator<'_> {
+    fn rows(&self) -> usize {
+        self.shape().0[0]
+    }
+
+    fn cols(&self) -> usize {
+        self.shape().0[1]
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.shape().1
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> crate::Result<()> {
+        self.with(|operator| operator.apply(x, y))
+    }
+}
+
+impl Adjoint for ChannelOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> crate::Result<()> {
+        self.with(|operator| operator.apply_adjoint(y, x))
     }
 }
 

@@ -11,6 +11,7 @@ mod photons;
 mod pipeline;
 mod rig;
 mod sampler;
+mod settings;
 #[cfg(test)]
 mod tests;
 mod textures;
@@ -20,7 +21,8 @@ pub use batch::{Batch, Connection};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
 pub use sampler::Sampler;
-pub use tracer::{MAX_BOUNCES, Progress, TraceSettings, TraceSummary, Tracer};
+pub use settings::{MAX_BOUNCES, TraceSettings};
+pub use tracer::{Progress, TraceSummary, Tracer};
 
 pub use crate::gpu::AdapterSummary;
 

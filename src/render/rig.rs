@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3, Vec3};
 
 use super::parameters::GpuEye;
-use super::tracer::TraceSettings;
+use super::settings::TraceSettings;
 use crate::image::Resolution;
 use crate::scene::{Camera, Scene};
 
