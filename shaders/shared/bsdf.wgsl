@@ -40,7 +40,7 @@ fn bsdf_cosine_beyond(bsdf: Bsdf, cosine: f32) -> f32 {
 }
 
 fn bsdf_pass(bsdf: Bsdf, wo: vec3f) -> Pass {
-    if (bsdf.opacity == 1.0 && (bsdf.transmission == 0.0 || bsdf.alpha >= MIN_ALPHA)) {
+    if (!PASSABLE || (bsdf.opacity == 1.0 && (bsdf.transmission == 0.0 || bsdf.alpha >= MIN_ALPHA))) {
         return Pass(vec3f(0.0), 0.0);
     }
     return bsdf_straight(bsdf, bsdf_deltas(bsdf, wo.z, wo.z));
@@ -55,7 +55,7 @@ fn bsdf_straight(bsdf: Bsdf, deltas: Deltas) -> Pass {
 
 // Whether there is anything but deltas.
 fn bsdf_regular(bsdf: Bsdf) -> bool {
-    return bsdf.opacity > 0.0 && (bsdf.alpha >= MIN_ALPHA || bsdf_base_weight(bsdf) > 0.0);
+    return MATTE || (bsdf.opacity > 0.0 && (bsdf.alpha >= MIN_ALPHA || bsdf_base_weight(bsdf) > 0.0));
 }
 
 fn bsdf_response(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> Response {

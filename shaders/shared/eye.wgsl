@@ -1,10 +1,14 @@
 // An end of the rig as a thin lens: where its rays start, and what it sees a point as. A pinhole is a lens of radius 0.
 // All rays through one image point meet in the plane of focus; the image plane is taken at distance 1.
+#import features
 #import parameters
 #import warp
 
 // A point of the aperture, uniform over its area, in the eye's frame.
 fn eye_lens_point(eye: Eye, u: vec2f) -> vec2f {
+    if (!LENSES) {
+        return vec2f(0.0);
+    }
     let radius = eye.radius * sqrt(u.x);
     let angle = 2.0 * PI * u.y;
     return radius * vec2f(cos(angle), sin(angle));

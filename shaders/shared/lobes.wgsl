@@ -1,5 +1,6 @@
 // What a surface is made of, and how its light is divided among lobes. glTF's layers, multiplied out, are a blend of three
 // materials with fixed shares: metal, opaque dielectric (a coat over a diffuse base) and glass.
+#import features
 #import warp
 #import fresnel
 
@@ -31,6 +32,9 @@ fn max_component(v: vec3f) -> f32 {
 
 // Whether light meets nothing but a Lambertian reflector, in air.
 fn bsdf_plain(bsdf: Bsdf) -> bool {
+    if (MATTE) {
+        return true;
+    }
     return bsdf.f90 == 0.0 && bsdf.metallic == 0.0 && bsdf.transmission == 0.0 && bsdf.diffuse_transmission == 0.0
         && bsdf.opacity == 1.0 && bsdf.shading.z == 1.0 && bsdf.eta_o == 1.0;
 }

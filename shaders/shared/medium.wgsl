@@ -1,4 +1,5 @@
 // What a ray runs in: air, or the inside of a solid. Solids do not overlap.
+#import features
 #import surface
 #import footprint
 
@@ -16,7 +17,7 @@ const MAX_PASSES = 16u;
 
 // Beer and Lambert.
 fn medium_transmittance(medium: Medium, distance: f32) -> vec3f {
-    if (all(medium.absorption == vec3f(0.0))) {
+    if (!MEDIA || all(medium.absorption == vec3f(0.0))) {
         return vec3f(1.0);
     }
     return exp(-medium.absorption * distance);
@@ -24,7 +25,7 @@ fn medium_transmittance(medium: Medium, distance: f32) -> vec3f {
 
 // A surface that borders on no medium of its own stands in the one that the ray came through, on both sides.
 fn medium_meets(medium: Medium, surface: ptr<function, Surface>) {
-    if ((*surface).ior == 1.0) {
+    if (MEDIA && (*surface).ior == 1.0) {
         (*surface).bsdf.eta_o = medium.ior;
         (*surface).bsdf.eta_t = medium.ior;
     }
@@ -32,7 +33,7 @@ fn medium_meets(medium: Medium, surface: ptr<function, Surface>) {
 
 // Where a ray goes on that leaves the surface along `wi` (local).
 fn medium_behind(medium: Medium, surface: Surface, wi: vec3f) -> Medium {
-    if (wi.z > 0.0 || surface.ior == 1.0) {
+    if (!MEDIA || wi.z > 0.0 || surface.ior == 1.0) {
         return medium;
     }
     if (surface.front) {

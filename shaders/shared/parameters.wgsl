@@ -33,8 +33,6 @@ struct Parameters {
     seed: u32,
     // Marks the records of this dispatch, so that those of an earlier one cannot be taken for them.
     mark: u32,
-    // Bits, see the constants below.
-    flags: u32,
     // Samples per image-plane area from `end`, over those from `start`.
     end_to_start: f32,
     // Turns the estimate of a path from the projector into one per camera sample; 1 for paths from the camera.
@@ -48,20 +46,11 @@ struct Parameters {
     stride: u32,
     // SOBOL or INDEPENDENT.
     sampling: u32,
-    padding: u32,
+    padding: vec2u,
 }
 
 const SOBOL = 0u;
 const INDEPENDENT = 1u;
-
-// The scene emits light of its own, and this dispatch sees it.
-const AMBIENT = 1u;
-// Both ends are one pinhole: light finds back the way it came, and direct light is a diagonal.
-const COAXIAL_PINHOLE = 2u;
-// Some surface lets light straight through: shadow rays must look at what they meet.
-const PASSABLE = 4u;
-// Paths may end by Russian roulette.
-const ROULETTE = 8u;
 
 const NONE = 0xffffffffu;
 

@@ -1,5 +1,5 @@
 // What the reverse of a path needs to know of a surface.
-#import parameters
+#import features
 #import bsdf
 
 // Refractive index of the medium that `wi` runs in.
@@ -14,7 +14,7 @@ fn bsdf_reverse_density(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
 
 // Probability with which light that comes along `wi` meets the surface instead of passing straight on.
 fn bsdf_meeting(bsdf: Bsdf, wi: vec3f) -> f32 {
-    if ((parameters.flags & PASSABLE) == 0u) {
+    if (!PASSABLE) {
         return 1.0;
     }
     if (wi.z > 0.0) {

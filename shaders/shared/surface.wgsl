@@ -1,4 +1,5 @@
 // What a ray finds where it hits: position, normal, medium and BSDF.
+#import features
 #import parameters
 #import bvh
 #import bsdf
@@ -165,16 +166,20 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
 
     var look: Look;
     look.base_color = vec4f(materials[index].base_color, materials[index].opacity);
-    look.metallic = materials[index].metallic;
-    look.roughness = materials[index].roughness;
-    look.f0 = materials[index].f0;
-    look.specular = materials[index].specular;
-    look.emission = materials[index].emission;
+    if (!MATTE) {
+        look.metallic = materials[index].metallic;
+        look.roughness = materials[index].roughness;
+        look.f0 = materials[index].f0;
+        look.specular = materials[index].specular;
+    }
+    if (AMBIENT) {
+        look.emission = materials[index].emission;
+    }
     look.shading = outward;
 
     var surface: Surface;
     surface.ior = 1.0;
-    if ((flags & MATERIAL_LETS_LIGHT_THROUGH) != 0u) {
+    if (!MATTE && (flags & MATERIAL_LETS_LIGHT_THROUGH) != 0u) {
         look.transmission = materials[index].transmission;
         look.diffuse_transmission = materials[index].diffuse_transmission;
         look.diffuse_transmission_color = materials[index].diffuse_transmission_color;
@@ -186,7 +191,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     surface.normal = select(outward, -outward, back);
     surface.front = !back;
     surface.bsdf.shading = vec3f(0.0, 0.0, 1.0);
-    if (texel2.w != NONE) {
+    if (CORNERS && texel2.w != NONE) {
         let weights = vec3f(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
         surface_texture(&look, index, texel2.w, weights, edge1, edge2);
         surface.bsdf.shading = surface_shading(surface.normal, select(look.shading, -look.shading, back));

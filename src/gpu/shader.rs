@@ -24,6 +24,7 @@ shaders! {
     "shared" / "bvh",
     "shared" / "corners",
     "shared" / "eye",
+    "shared" / "features",
     "shared" / "footprint",
     "shared" / "fresnel",
     "shared" / "lobes",
@@ -36,6 +37,7 @@ shaders! {
     "shared" / "side",
     "shared" / "surface",
     "shared" / "texture",
+    "shared" / "visibility",
     "shared" / "warp",
 }
 

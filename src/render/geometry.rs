@@ -2,12 +2,13 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
+use super::features::SceneFeatures;
 use super::materials::{MIN_ALPHA, NONE, pack_materials};
 use super::textures::{pack_normal, pack_texels, srgb_table};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::scene::bvh::Bvh;
-use crate::scene::{Camera, Material, Scene, Triangle};
+use crate::scene::{AlphaMode, Camera, Material, Scene, Triangle};
 
 /// Bindings 1 to 7 of group 0, in that order.
 pub(super) struct GpuScene {
@@ -20,10 +21,8 @@ pub(super) struct GpuScene {
     pub(super) srgb_table: wgpu::Buffer,
     /// Whether any surface emits light of its own.
     pub(super) ambient: bool,
-    /// Whether any surface mirrors or refracts in single directions.
-    pub(super) specular: bool,
-    /// Whether any surface lets light straight through.
-    pub(super) passable: bool,
+    /// What the surfaces need of a kernel.
+    pub(super) features: SceneFeatures,
 }
 
 impl GpuScene {
@@ -69,12 +68,25 @@ impl GpuScene {
             texels: gpu.texel_array("textures", &pack_texels(scene))?,
             srgb_table: gpu.storage("sRGB table", &srgb_table())?,
             ambient: scene.materials.iter().any(|m| m.emission != Vec3::ZERO),
-            specular: scene.materials.iter().any(|m| {
-                (m.metallic > 0.0 || m.specular > 0.0 || m.transmission > 0.0)
-                    && m.may_be_smoother_than(MIN_ALPHA)
-            }),
-            passable: scene.materials.iter().any(Material::lets_light_straight_through),
+            features: features(scene, !corners.is_empty()),
         })
+    }
+}
+
+fn features(scene: &Scene, corners: bool) -> SceneFeatures {
+    let mirrors = |m: &Material| {
+        (m.metallic > 0.0 || m.specular > 0.0 || m.transmission > 0.0) && m.may_be_smoother_than(MIN_ALPHA)
+    };
+    let matte = |m: &Material| {
+        m.metallic == 0.0 && m.specular == 0.0 && !m.lets_light_through() && m.alpha_mode == AlphaMode::Opaque
+    };
+    SceneFeatures {
+        // Normals at the corners make even a Lambertian shade.
+        matte: !corners && scene.materials.iter().all(matte),
+        corners,
+        chains: scene.materials.iter().any(mirrors),
+        passable: scene.materials.iter().any(Material::lets_light_straight_through),
+        media: scene.materials.iter().any(|m| m.lets_light_through() && m.volume.is_some()),
     }
 }
 

@@ -4,6 +4,7 @@
 
 mod batch;
 mod dispatch;
+mod features;
 mod geometry;
 mod materials;
 mod parameters;

@@ -31,7 +31,6 @@ pub(super) struct Parameters {
     pub(super) max_bounces: u32,
     pub(super) seed: u32,
     pub(super) mark: u32,
-    pub(super) flags: u32,
     pub(super) end_to_start: f32,
     pub(super) scale: f32,
     pub(super) gather_radius: f32,
@@ -39,15 +38,7 @@ pub(super) struct Parameters {
     pub(super) bucket_mask: u32,
     pub(super) stride: u32,
     pub(super) sampling: u32,
-    pub(super) padding: u32,
-}
-
-/// Bits of [`Parameters::flags`], as in the shader.
-pub(super) mod flags {
-    pub(in crate::render) const AMBIENT: u32 = 1;
-    pub(in crate::render) const COAXIAL_PINHOLE: u32 = 2;
-    pub(in crate::render) const PASSABLE: u32 = 4;
-    pub(in crate::render) const ROULETTE: u32 = 8;
+    pub(super) padding: [u32; 2],
 }
 
 #[cfg(test)]
@@ -80,7 +71,7 @@ pub(super) mod tests {
     #[test]
     fn parameters_lie_as_the_shader_reads_them() {
         let members = offsets!(
-            Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, flags, end_to_start,
+            Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
             scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, padding
         );
         assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());

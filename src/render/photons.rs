@@ -8,6 +8,7 @@
 use rayon::prelude::*;
 
 use super::dispatch::Dispatches;
+use super::features::Features;
 use super::geometry::GpuScene;
 use super::materials::NONE;
 use super::parameters::{GpuEye, Parameters};
@@ -64,6 +65,7 @@ impl PhotonMap {
     pub(super) fn trace(
         gpu: &Gpu,
         scene: &GpuScene,
+        features: &Features,
         eye: GpuEye,
         gather: Gather,
         base: &Parameters,
@@ -75,7 +77,7 @@ impl PhotonMap {
             return Self::empty(gpu);
         }
         let total = eye.pixels() * u64::from(gather.photons);
-        let kernel = Pipeline::new(gpu, "trace_photons")?;
+        let kernel = Pipeline::new(gpu, "trace_photons", features)?;
         let none = Self::empty(gpu)?;
         let words = 4 * u64::from(chain) + 1;
         let capacity = dispatches.capacity(gpu, words, total);

@@ -2,6 +2,7 @@
 
 use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, BufferUsages, ShaderStages};
 
+use super::features::Features;
 use super::geometry::GpuScene;
 use super::parameters::Parameters;
 use crate::error::{Error, Result};
@@ -15,8 +16,8 @@ pub(super) struct Pipeline {
 }
 
 impl Pipeline {
-    /// Composes and compiles the shader `name`, whose entry point has the same name.
-    pub(super) fn new(gpu: &Gpu, name: &str) -> Result<Self> {
+    /// Composes and compiles the shader `name`, whose entry point has the same name, for a scene and rig with these features.
+    pub(super) fn new(gpu: &Gpu, name: &str, features: &Features) -> Result<Self> {
         let source = shader::compose(name)?;
         gpu.guarded(name, || {
             let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -53,7 +54,10 @@ impl Pipeline {
                 layout: Some(&layout),
                 module: &module,
                 entry_point: Some(name),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &features.constants(),
+                    ..Default::default()
+                },
                 cache: None,
             });
             Self { pipeline, scene_layout, output_layout }

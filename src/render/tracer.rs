@@ -1,5 +1,7 @@
 //! Tracing a scene: the light paths of either end of the rig, batch by batch.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -7,8 +9,9 @@ use rayon::prelude::*;
 
 use super::batch::{Batch, Layout};
 use super::dispatch::{BatchSize, Dispatches, MAX_PATHS};
+use super::features::Features;
 use super::geometry::GpuScene;
-use super::parameters::{GpuEye, Parameters, flags};
+use super::parameters::{GpuEye, Parameters};
 use super::photons::PhotonMap;
 use super::pipeline::Pipeline;
 use super::rig::Rig;
@@ -47,7 +50,8 @@ pub struct Tracer {
     gpu: Gpu,
     scene: GpuScene,
     rig: Rig,
-    paths: Pipeline,
+    /// The kernels that were needed so far.
+    kernels: HashMap<Features, Pipeline>,
     dispatches: Dispatches,
 }
 
@@ -55,6 +59,7 @@ pub struct Tracer {
 pub(super) struct Strategy {
     /// Of each dispatch, but for which paths are its own.
     pub(super) parameters: Parameters,
+    features: Features,
     chains: PhotonMap,
     layout: Layout,
 }
@@ -73,8 +78,13 @@ impl Tracer {
     pub fn new(scene: &Scene, adapter: Option<&str>) -> Result<Self> {
         let gpu = Gpu::open(adapter)?;
         let uploaded = GpuScene::upload(&gpu, scene)?;
-        let paths = Pipeline::new(&gpu, "trace_paths")?;
-        Ok(Self { gpu, scene: uploaded, rig: Rig::new(scene), paths, dispatches: Dispatches::default() })
+        Ok(Self {
+            gpu,
+            scene: uploaded,
+            rig: Rig::new(scene),
+            kernels: HashMap::new(),
+            dispatches: Dispatches::default(),
+        })
     }
 
     /// The adapter in use.
@@ -142,7 +152,13 @@ impl Tracer {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
-        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        let features = Features {
+            scene: self.scene.features,
+            ambient,
+            lenses: start.radius > 0.0 || end.radius > 0.0,
+            coaxial_pinhole,
+            roulette: settings.russian_roulette,
+        };
         let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
         let end_to_start =
             if coaxial { 1.0 } else { starts(&end, end_samples) / starts(&start, samples) } as f32;
@@ -157,10 +173,6 @@ impl Tracer {
             // The two ends' paths share no numbers.
             seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
             mark: 0,
-            flags: flag(ambient, flags::AMBIENT)
-                | flag(coaxial_pinhole, flags::COAXIAL_PINHOLE)
-                | flag(self.scene.passable, flags::PASSABLE)
-                | flag(settings.russian_roulette, flags::ROULETTE),
             end_to_start,
             // A path from the projector estimates per projector sample what one from the camera does per camera sample.
             scale: if from_camera { 1.0 } else { end_to_start },
@@ -169,11 +181,19 @@ impl Tracer {
             bucket_mask: 0,
             stride: 0,
             sampling: settings.sampler.word(),
-            padding: 0,
+            padding: [0; 2],
         };
-        let chains = if self.scene.specular {
+        let chains = if self.scene.features.chains {
             let dispatches = &mut self.dispatches;
-            PhotonMap::trace(&self.gpu, &self.scene, end, settings.gather, &parameters, dispatches)?
+            PhotonMap::trace(
+                &self.gpu,
+                &self.scene,
+                &features,
+                end,
+                settings.gather,
+                &parameters,
+                dispatches,
+            )?
         } else {
             PhotonMap::empty(&self.gpu)?
         };
@@ -190,7 +210,7 @@ impl Tracer {
         parameters.bucket_mask = chains.bucket_mask;
         parameters.gather_radius = chains.radius;
         parameters.inverse_cell = chains.inverse_cell();
-        Ok(Strategy { parameters, chains, layout })
+        Ok(Strategy { parameters, features, chains, layout })
     }
 
     pub(super) fn run(
@@ -206,7 +226,8 @@ impl Tracer {
         let paths = strategy.paths();
         let capacity = self.dispatches.capacity(&self.gpu, stride, paths);
         let bytes = u64::from(capacity) * stride * 16;
-        let slots = self.paths.output(&self.gpu, &self.scene, &strategy.chains.buffers, bytes)?;
+        let kernel = kernel(&self.gpu, &mut self.kernels, &strategy.features)?;
+        let slots = kernel.output(&self.gpu, &self.scene, &strategy.chains.buffers, bytes)?;
         let mut size = BatchSize::new(capacity);
         let mut done = 0;
         while done < paths {
@@ -222,7 +243,7 @@ impl Tracer {
                 mark: self.dispatches.mark(),
                 ..strategy.parameters
             };
-            let view = slots.run(&self.gpu, &self.paths, &parameters, u64::from(count) * stride * 16)?;
+            let view = slots.run(&self.gpu, kernel, &parameters, u64::from(count) * stride * 16)?;
             let elapsed = start.elapsed();
             let batch =
                 Batch { first_path: done, layout: strategy.layout, records: bytemuck::cast_slice(&view) };
@@ -249,11 +270,11 @@ impl Tracer {
     /// # Errors
     /// [`Error::Device`] when the device failed.
     pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
-        let kernel = Pipeline::new(&self.gpu, "primary_regions")?;
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         check(&settings)?;
         let camera = self.rig.camera(&settings);
         let template = self.strategy(&settings, [camera; 2], [1; 2], true)?;
+        let kernel = Pipeline::new(&self.gpu, "primary_regions", &template.features)?;
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);
         let slots = kernel.output(&self.gpu, &self.scene, &template.chains.buffers, capacity * 4)?;
@@ -270,4 +291,16 @@ impl Tracer {
         }
         Ok(regions)
     }
+}
+
+/// The kernel for paths with these features, compiled at its first use.
+fn kernel<'a>(
+    gpu: &Gpu,
+    kernels: &'a mut HashMap<Features, Pipeline>,
+    features: &Features,
+) -> Result<&'a Pipeline> {
+    Ok(match kernels.entry(*features) {
+        Entry::Occupied(entry) => entry.into_mut(),
+        Entry::Vacant(entry) => entry.insert(Pipeline::new(gpu, "trace_paths", features)?),
+    })
 }

@@ -1,0 +1,33 @@
+// What light a connection loses on its way.
+#import bvh
+#import surface
+#import medium
+
+// `value` is what gets through; `probability` that a sampled path had passed all that it passes.
+fn connection_light(origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
+    let direction = normalize(target_point - origin);
+    var light = Pass(vec3f(1.0), 1.0);
+    if (!PASSABLE) {
+        *rays += 1u;
+        let met = bvh_trace(origin, direction, distance(origin, target_point), true).triangle != NONE;
+        light.value = select(vec3f(1.0), vec3f(0.0), met);
+        return light;
+    }
+    var from_point = origin;
+    for (var passes = 0u; passes < MAX_PASSES; passes += 1u) {
+        *rays += 1u;
+        let hit = bvh_trace(from_point, direction, distance(from_point, target_point), false);
+        if (hit.triangle == NONE) {
+            return light;
+        }
+        let surface = surface_at(hit, direction);
+        let through = bsdf_pass(surface.bsdf, to_local(frame_around(surface.normal), -direction));
+        light.value *= select(through.value, vec3f(0.0), surface.black);
+        light.probability *= through.probability;
+        if (all(light.value == vec3f(0.0))) {
+            break;
+        }
+        from_point = surface_leave(surface.position, -surface.normal);
+    }
+    return Pass(vec3f(0.0), 1.0);
+}

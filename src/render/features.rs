@@ -1,0 +1,64 @@
+//! What a scene and its rig have, and so what a kernel is compiled for.
+
+/// The overrides of `shaders/shared/features.wgsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Features {
+    pub(super) scene: SceneFeatures,
+    /// The scene glows, and the paths see it.
+    pub(super) ambient: bool,
+    pub(super) lenses: bool,
+    pub(super) coaxial_pinhole: bool,
+    pub(super) roulette: bool,
+}
+
+/// What of it the surfaces decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct SceneFeatures {
+    /// Every surface is a plain Lambertian.
+    pub(super) matte: bool,
+    /// Some surfaces have textures, or normals and colours at their corners.
+    pub(super) corners: bool,
+    /// Some surfaces mirror or refract in single directions.
+    pub(super) chains: bool,
+    /// Some surfaces let light straight through.
+    pub(super) passable: bool,
+    /// Some surfaces border on a medium.
+    pub(super) media: bool,
+}
+
+impl Features {
+    /// By the shader's names.
+    pub(super) fn constants(&self) -> [(&'static str, f64); 9] {
+        let SceneFeatures { matte, corners, chains, passable, media } = self.scene;
+        [
+            ("MATTE", matte),
+            ("CORNERS", corners),
+            ("CHAINS", chains),
+            ("PASSABLE", passable),
+            ("MEDIA", media),
+            ("AMBIENT", self.ambient),
+            ("LENSES", self.lenses),
+            ("COAXIAL_PINHOLE", self.coaxial_pinhole),
+            ("ROULETTE", self.roulette),
+        ]
+        .map(|(name, set)| (name, f64::from(u8::from(set))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shaders_overrides_are_all_set_and_no_others() {
+        let scene = SceneFeatures { matte: true, corners: true, chains: true, passable: true, media: true };
+        let features = Features { scene, ambient: true, lenses: true, coaxial_pinhole: true, roulette: true };
+        let module = crate::gpu::shader::module("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));
+        let mut declared: Vec<_> =
+            module.overrides.iter().filter_map(|(_, constant)| constant.name.clone()).collect();
+        let mut set: Vec<_> = features.constants().iter().map(|(name, _)| (*name).to_owned()).collect();
+        declared.sort();
+        set.sort();
+        assert_eq!(declared, set);
+    }
+}
