@@ -10,6 +10,7 @@ mod info;
 mod labels;
 mod light;
 mod matrix;
+mod noise;
 mod operator;
 mod options;
 mod pattern;

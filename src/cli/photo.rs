@@ -6,7 +6,7 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::console::Console;
-use super::light::percent;
+use super::noise::percent;
 use super::operator::OperatorArg;
 use super::options::{ChannelsArg, OutputArgs, SourceArgs, TraceArgs};
 use super::pattern::Pattern;

@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::Result;
 
 use super::console::Console;
-use super::light;
+use super::noise;
 use super::options::{SourceArgs, TraceArgs};
 use crate::cache::{Cache, Found, Key};
 use crate::render::{TraceSummary, Tracer};
@@ -84,7 +84,7 @@ pub(super) fn assemble_layers(
         traced.matrix.bytes() as f64 / f64::from(1 << 20),
         start.elapsed().as_secs_f64()
     ))?;
-    light::say_noise(traced.noise.as_ref(), console)?;
+    noise::say_noise(traced.noise.as_ref(), console)?;
     // What cannot be kept is no reason to fail: the next run traces again.
     if let Some(cache) = cache.filter(|_| is_new) {
         match cache.store(&key, &traced) {

@@ -7,15 +7,15 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::batch::{Batch, Layout};
+use super::batch::Batch;
 use super::dispatch::{BatchSize, Dispatches, MAX_PATHS};
 use super::features::Features;
 use super::geometry::GpuScene;
-use super::parameters::{GpuEye, Parameters};
-use super::photons::PhotonMap;
+use super::parameters::Parameters;
 use super::pipeline::Pipeline;
 use super::rig::Rig;
 use super::settings::{TraceSettings, check};
+use super::strategy::{Stage, Strategy};
 use crate::error::{Error, Result};
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
@@ -53,21 +53,6 @@ pub struct Tracer {
     /// The kernels that were needed so far.
     kernels: HashMap<Features, Pipeline>,
     dispatches: Dispatches,
-}
-
-/// The paths of one end of the rig.
-pub(super) struct Strategy {
-    /// Of each dispatch, but for which paths are its own.
-    pub(super) parameters: Parameters,
-    features: Features,
-    chains: PhotonMap,
-    layout: Layout,
-}
-
-impl Strategy {
-    pub(super) fn paths(&self) -> u64 {
-        self.parameters.start.pixels() * u64::from(self.parameters.samples)
-    }
 }
 
 impl Tracer {
@@ -116,7 +101,7 @@ impl Tracer {
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<TraceSummary> {
         check(settings)?;
-        let strategies = self.strategies(settings)?;
+        let strategies = self.stage().strategies(settings)?;
         let total = strategies.iter().map(Strategy::paths).sum();
         let mut summary = TraceSummary::default();
         for strategy in &strategies {
@@ -127,90 +112,8 @@ impl Tracer {
         Ok(summary)
     }
 
-    /// From the camera; and from the projector too, unless it is the same.
-    pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
-        let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
-        if self.rig.coaxial(settings) {
-            return Ok(vec![self.strategy(settings, [camera, camera], [settings.samples; 2], true)?]);
-        }
-        let share = camera.pixels() as f64 / projector.pixels() as f64;
-        let samples = [settings.samples, (f64::from(settings.samples) * share).round().max(1.0) as u32];
-        Ok(vec![
-            self.strategy(settings, [camera, projector], samples, true)?,
-            self.strategy(settings, [projector, camera], [samples[1], samples[0]], false)?,
-        ])
-    }
-
-    /// The paths from the first of two ends to the second, which have these samples per pixel.
-    fn strategy(
-        &mut self,
-        settings: &TraceSettings,
-        [start, end]: [GpuEye; 2],
-        [samples, end_samples]: [u32; 2],
-        from_camera: bool,
-    ) -> Result<Strategy> {
-        let coaxial = self.rig.coaxial(settings);
-        let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
-        let ambient = self.scene.ambient && from_camera;
-        let features = Features {
-            scene: self.scene.features,
-            ambient,
-            lenses: start.radius > 0.0 || end.radius > 0.0,
-            coaxial_pinhole,
-            roulette: settings.russian_roulette,
-        };
-        let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
-        let end_to_start =
-            if coaxial { 1.0 } else { starts(&end, end_samples) / starts(&start, samples) } as f32;
-        let mut parameters = Parameters {
-            start,
-            end,
-            first_pixel: 0,
-            first_sample: 0,
-            paths: 0,
-            samples,
-            max_bounces: settings.max_bounces,
-            // The two ends' paths share no numbers.
-            seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
-            mark: 0,
-            end_to_start,
-            // A path from the projector estimates per projector sample what one from the camera does per camera sample.
-            scale: if from_camera { 1.0 } else { end_to_start },
-            gather_radius: 0.0,
-            inverse_cell: 0.0,
-            bucket_mask: 0,
-            stride: 0,
-            sampling: settings.sampler.word(),
-            padding: [0; 2],
-        };
-        let chains = if self.scene.features.chains {
-            let dispatches = &mut self.dispatches;
-            PhotonMap::trace(
-                &self.gpu,
-                &self.scene,
-                &features,
-                end,
-                settings.gather,
-                &parameters,
-                dispatches,
-            )?
-        } else {
-            PhotonMap::empty(&self.gpu)?
-        };
-        let layout = Layout {
-            samples,
-            max_bounces: settings.max_bounces,
-            direct: coaxial_pinhole,
-            gathers: chains.bucket_mask != 0,
-            ambient,
-            symmetric: coaxial,
-            from_camera,
-        };
-        parameters.stride = layout.stride() as u32;
-        parameters.bucket_mask = chains.bucket_mask;
-        parameters.gather_radius = chains.radius;
-        parameters.inverse_cell = chains.inverse_cell();
-        Ok(Strategy { parameters, features, chains, layout })
+    pub(super) fn stage(&mut self) -> Stage<'_> {
+        Stage { gpu: &self.gpu, scene: &self.scene, rig: &self.rig, dispatches: &mut self.dispatches }
     }
 
     pub(super) fn run(
@@ -273,7 +176,7 @@ impl Tracer {
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
         check(&settings)?;
         let camera = self.rig.camera(&settings);
-        let template = self.strategy(&settings, [camera; 2], [1; 2], true)?;
+        let template = self.stage().strategy(&settings, [camera; 2], [1; 2], true)?;
         let kernel = Pipeline::new(&self.gpu, "primary_regions", &template.features)?;
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);

@@ -23,7 +23,7 @@ use super::Document;
 use crate::error::Result;
 
 const FOLLOWED: [&str; 9] = [
-    super::instancing::NAME,
+    INSTANCING,
     "KHR_materials_transmission",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_volume",
@@ -33,6 +33,9 @@ const FOLLOWED: [&str; 9] = [
     "KHR_texture_transform",
     "KHR_mesh_quantization",
 ];
+
+/// Many places for one mesh.
+pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 const LIGHTS: &str = "KHR_lights_punctual";
 

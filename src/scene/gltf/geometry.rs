@@ -7,12 +7,12 @@ use glam::DAffine3;
 use gltf::json::mesh::Mode;
 use gltf::json::validation::Checked;
 
+use super::labels::{self, Label};
 use super::materials::Materials;
 use super::nodes::Placed;
 use super::placer::Placer;
 use super::pose::{Pose, Transform};
 use super::primitive::Corners;
-use super::regions::{self, Label};
 use super::skin::{Influences, Skins};
 use super::vertices::Vertices;
 use super::{Document, called, instancing};
@@ -136,7 +136,7 @@ impl Assembly {
         }
         let source = &document.root.meshes[mesh];
         let extras = primitive.map_or(&source.extras, |primitive| &source.primitives[primitive].extras);
-        let label = regions::label(document, what, extras)?;
+        let label = labels::label(document, what, extras)?;
         self.labels.insert((mesh, primitive), label.clone());
         Ok(label)
     }

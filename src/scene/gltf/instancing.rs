@@ -7,10 +7,8 @@ use serde::Deserialize;
 
 use super::Document;
 use super::accessor::{self, Array};
+use super::extensions::INSTANCING;
 use crate::error::Result;
-
-/// The extension's name.
-pub(super) const NAME: &str = "EXT_mesh_gpu_instancing";
 
 /// More would take longer to place than anyone waits.
 const MAX_INSTANCES: usize = 1 << 20;
@@ -32,14 +30,13 @@ struct Attributes {
 
 /// Where `node` places its mesh, in the node's frame. `None` without the extension. `what` names the node.
 pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> Result<Option<Vec<DAffine3>>> {
-    let extension = node.extensions.as_ref().and_then(|extensions| extensions.others.get(NAME));
+    let extension = node.extensions.as_ref().and_then(|extensions| extensions.others.get(INSTANCING));
     let Some(extension) = extension else { return Ok(None) };
     let Attributes { translation, rotation, scale } = match serde_json::from_value(extension.clone()) {
         Ok(Instancing { attributes }) => attributes,
         Err(error) => {
-            return Err(
-                document.fault(format!("{what}: {NAME} cannot be read: {error}"), "export the scene again")
-            );
+            return Err(document
+                .fault(format!("{what}: {INSTANCING} cannot be read: {error}"), "export the scene again"));
         }
     };
     let open =

@@ -15,6 +15,7 @@ mod extensions;
 mod extras;
 mod geometry;
 mod instancing;
+mod labels;
 mod materials;
 mod nodes;
 mod placer;

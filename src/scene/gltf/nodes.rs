@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use gltf::json;
 
-use super::regions::{self, Label};
+use super::labels::{self, Label};
 use super::{Document, called};
 use crate::error::Result;
 
@@ -36,7 +36,7 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
             ));
         }
         let what = called("node", index, node.name.as_ref());
-        let label = regions::label(document, &what, &node.extras)?.or(inherited);
+        let label = labels::label(document, &what, &node.extras)?.or(inherited);
         let children = document.root.nodes[index].children.as_deref().unwrap_or_default();
         stack.extend(children.iter().rev().map(|child| (child.value(), transform, label.clone())));
         placed.push(Placed { node: index, transform, label });

@@ -1,0 +1,122 @@
+//! Which paths are traced: from the camera, and from the projector too where that stands apart.
+
+use super::batch::Layout;
+use super::dispatch::Dispatches;
+use super::features::Features;
+use super::geometry::GpuScene;
+use super::parameters::{GpuEye, Parameters};
+use super::photons::PhotonMap;
+use super::rig::Rig;
+use super::settings::TraceSettings;
+use crate::error::Result;
+use crate::gpu::Gpu;
+
+/// The paths of one end of the rig.
+pub(super) struct Strategy {
+    /// Of each dispatch, but for which paths are its own.
+    pub(super) parameters: Parameters,
+    pub(super) features: Features,
+    pub(super) chains: PhotonMap,
+    pub(super) layout: Layout,
+}
+
+impl Strategy {
+    pub(super) fn paths(&self) -> u64 {
+        self.parameters.start.pixels() * u64::from(self.parameters.samples)
+    }
+}
+
+/// What strategies are made from.
+pub(super) struct Stage<'a> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) scene: &'a GpuScene,
+    pub(super) rig: &'a Rig,
+    pub(super) dispatches: &'a mut Dispatches,
+}
+
+impl Stage<'_> {
+    /// From the camera; and from the projector too, unless it is the same.
+    pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
+        let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
+        if self.rig.coaxial(settings) {
+            return Ok(vec![self.strategy(settings, [camera, camera], [settings.samples; 2], true)?]);
+        }
+        let share = camera.pixels() as f64 / projector.pixels() as f64;
+        let samples = [settings.samples, (f64::from(settings.samples) * share).round().max(1.0) as u32];
+        Ok(vec![
+            self.strategy(settings, [camera, projector], samples, true)?,
+            self.strategy(settings, [projector, camera], [samples[1], samples[0]], false)?,
+        ])
+    }
+
+    /// The paths from the first of two ends to the second, which have these samples per pixel.
+    pub(super) fn strategy(
+        &mut self,
+        settings: &TraceSettings,
+        [start, end]: [GpuEye; 2],
+        [samples, end_samples]: [u32; 2],
+        from_camera: bool,
+    ) -> Result<Strategy> {
+        let coaxial = self.rig.coaxial(settings);
+        let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
+        let ambient = self.scene.ambient && from_camera;
+        let features = Features {
+            scene: self.scene.features,
+            ambient,
+            lenses: start.radius > 0.0 || end.radius > 0.0,
+            coaxial_pinhole,
+            roulette: settings.russian_roulette,
+        };
+        let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
+        let end_to_start =
+            if coaxial { 1.0 } else { starts(&end, end_samples) / starts(&start, samples) } as f32;
+        let mut parameters = Parameters {
+            start,
+            end,
+            first_pixel: 0,
+            first_sample: 0,
+            paths: 0,
+            samples,
+            max_bounces: settings.max_bounces,
+            // The two ends' paths share no numbers.
+            seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
+            mark: 0,
+            end_to_start,
+            // A path from the projector estimates per projector sample what one from the camera does per camera sample.
+            scale: if from_camera { 1.0 } else { end_to_start },
+            gather_radius: 0.0,
+            inverse_cell: 0.0,
+            bucket_mask: 0,
+            stride: 0,
+            sampling: settings.sampler.word(),
+            padding: [0; 2],
+        };
+        let chains = if self.scene.features.chains {
+            PhotonMap::trace(
+                self.gpu,
+                self.scene,
+                &features,
+                end,
+                settings.gather,
+                &parameters,
+                self.dispatches,
+            )?
+        } else {
+            PhotonMap::empty(self.gpu)?
+        };
+        let layout = Layout {
+            samples,
+            max_bounces: settings.max_bounces,
+            direct: coaxial_pinhole,
+            gathers: chains.bucket_mask != 0,
+            ambient,
+            symmetric: coaxial,
+            from_camera,
+        };
+        parameters.stride = layout.stride() as u32;
+        parameters.bucket_mask = chains.bucket_mask;
+        parameters.gather_radius = chains.radius;
+        parameters.inverse_cell = chains.inverse_cell();
+        Ok(Strategy { parameters, features, chains, layout })
+    }
+}
