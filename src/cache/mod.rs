@@ -1,7 +1,7 @@
 //! Traced matrices on disk, so that a second run on a scene need not trace it again.
 //!
 //! A matrix is found by a key over everything that it depends on ([`Key`]). Its files, one for each channel, are ZIP archives
-//! that `scipy.sparse.load_npz` opens, with more members than SciPy asks for ([`file`]). They appear whole or not at all, so that
+//! that `scipy.sparse.load_npz` opens, with more members than SciPy asks for (`file`). They appear whole or not at all, so that
 //! any number of runs can share a cache. What has been damaged is noticed by its checksum, and traced anew.
 
 mod file;

@@ -11,9 +11,9 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::krylov::{
     Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveMonitor, SolveOptions, SolveRow,
-    Start, Status, keep_solving, solve,
+    Start, Status, keep_solving, solve_adjoint,
 };
-use crate::operator::Operator;
+use crate::operator::{Adjoint, Operator};
 
 /// A residual, relative to the wish, after so many photos of the method: the least until then.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,9 +70,9 @@ pub struct Compensation {
 /// belongs inside the method ([`Method::KrylovBox`]).
 ///
 /// # Errors
-/// As [`CompensateOptions::check`] and [`solve`]; [`Error::Option`](crate::Error::Option) naming `--peak` when none is given and half of the white
+/// As [`CompensateOptions::check`] and [`solve_adjoint`]; [`Error::Option`](crate::Error::Option) naming `--peak` when none is given and half of the white
 /// photo is black; [`Error::Dimension`](crate::Error::Dimension) when sizes differ; [`Error::Numerical`](crate::Error::Numerical) when there is nothing to wish for.
-pub fn compensate<O: Operator>(
+pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     wish: &Wish,
     options: &CompensateOptions,
@@ -135,7 +135,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn solve_all<O: Operator>(
+    fn solve_all<O: Adjoint>(
         &mut self,
         channels: &mut [O],
         method: Method,
@@ -154,7 +154,7 @@ impl Run<'_> {
                 preconditioner,
                 ..SolveOptions::default()
             };
-            found.push(solve(method, operator, &self.b[channel], &options, monitor)?);
+            found.push(solve_adjoint(method, operator, &self.b[channel], &options, monitor)?);
         }
         Ok(found)
     }
@@ -206,7 +206,7 @@ impl Run<'_> {
     }
 }
 
-fn photograph<O: Operator>(channels: &mut [O], patterns: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
+fn photograph<O: Adjoint>(channels: &mut [O], patterns: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
     let photo = |(operator, pattern): (&mut O, &Vec<f64>)| {
         let mut photo = vec![0.0; pattern.len()];
         operator.apply(pattern, &mut photo)?;

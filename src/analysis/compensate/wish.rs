@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::krylov::{dot, norm};
-use crate::operator::Operator;
+use crate::operator::Adjoint;
 
 /// A target in [0, 1] and the light that is there without projector, one plane of each for every channel.
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ impl Wish {
     }
 
     /// One operator of `n × n` for each channel.
-    pub(super) fn fits<O: Operator>(&self, channels: &[O]) -> Result<()> {
+    pub(super) fn fits<O: Adjoint>(&self, channels: &[O]) -> Result<()> {
         let mismatch = |what, expected: usize, found: usize| {
             Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
         };
