@@ -214,3 +214,53 @@ fn samplers_differ_and_wrong_options_are_named() {
         assert!(output.status.code() == Some(2) && message.contains(named), "{wrong:?}: {message}");
     }
 }
+
+/// A rig apart has no symmetric matrix, but its transpose is there.
+#[test]
+fn a_rig_apart_is_compensated_by_its_transpose_and_refused_where_symmetry_is_needed() {
+    let bench = Bench::new();
+    let scene = common::root().join("tests/reference/peer/separated.glb").display().to_string();
+    let target = bench.path("target.npy");
+    let resolution = krylux::image::Resolution::new(24, 24);
+    // Where the projector's light arrives.
+    let wish: Vec<f32> = (0..24 * 24).map(|pixel| if pixel % 24 > 8 { 0.5 } else { 0.0 }).collect();
+    let wish = krylux::image::Image::new(resolution, 1, wish).expect("one sample a pixel");
+    npy::write_image(Path::new(&target), &wish).expect("the folder is there");
+    for operator in ["replay", "retrace"] {
+        let folder = bench.path(operator);
+        let command = [
+            "compensate",
+            &scene,
+            "--target",
+            &target,
+            "--size",
+            "24",
+            "--spp",
+            "32",
+            "--method",
+            "lsqr",
+            "--photos",
+            "16",
+            "--operator",
+            operator,
+            "--rtol",
+            "0.9",
+            "-o",
+            &folder,
+            "--json",
+        ];
+        let output = bench.run(&command);
+        let summary: serde_json::Value = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)));
+        // Projected as it is, the target misses its place by the distance between the lenses.
+        let [found, plain] = ["relative_residual_unclipped", "relative_residual_uncompensated"]
+            .map(|residual| summary[residual].as_f64().expect("a number"));
+        assert!(found < plain, "{summary}");
+    }
+    for verb in ["segment", "eigs"] {
+        let output = bench.run(&[verb, &scene, "--size", "8", "--spp", "1", "-o", &bench.path(verb)]);
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{verb}: {message}");
+        assert!(message.contains("coaxial"), "{verb}: {message}");
+    }
+}

@@ -13,7 +13,7 @@ use crate::krylov::{
     Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveMonitor, SolveOptions, SolveRow,
     Start, Status, keep_solving, solve_adjoint,
 };
-use crate::operator::{Adjoint, Operator};
+use crate::operator::{Adjoint, Operator, Symmetry};
 
 /// A residual, relative to the wish, after so many photos of the method: the least until then.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -164,6 +164,10 @@ impl Run<'_> {
         operator: &mut dyn Operator,
         channel: usize,
     ) -> Result<Option<std::sync::Arc<dyn Preconditioner>>> {
+        // Where the projector stands apart, its pixels are others than those of the white photo.
+        if self.options.precondition.is_none() && operator.symmetry() != Symmetry::Symmetric {
+            return Ok(None);
+        }
         let white = self.white[channel].clone();
         Ok(match self.options.preconditioning() {
             Precondition::None => None,

@@ -16,7 +16,8 @@ pub struct CompensateOptions {
     pub floor: f64,
     /// The radiance that 1 in the target stands for, in W/(m² sr). Default `None`: half the median of the white photo.
     pub peak: Option<f64>,
-    /// How methods without constraint are preconditioned. Default `None`: [`Precondition::Diagonal`] for them, and
+    /// How methods without constraint are preconditioned. Default `None`: [`Precondition::Diagonal`] for them on
+    /// symmetric operators, and
     /// nothing for those inside a box, which scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
 }
