@@ -250,8 +250,7 @@ fn a_rig_apart_is_compensated_by_its_transpose_and_refused_where_symmetry_is_nee
             "--json",
         ];
         let output = bench.run(&command);
-        let summary: serde_json::Value = serde_json::from_slice(&output.stdout)
-            .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)));
+        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("--json prints JSON");
         // Projected as it is, the target misses its place by the distance between the lenses.
         let [found, plain] = ["relative_residual_unclipped", "relative_residual_uncompensated"]
             .map(|residual| summary[residual].as_f64().expect("a number"));
