@@ -67,6 +67,34 @@ fn the_mirrors_matrix_is_the_exact_one() {
     assert!(error < 0.017, "{error}");
 }
 
+/// The same with the projector taken for one of its own, in the camera's place: paths from both ends, nothing known of the
+/// way back, so that what is mirrored twice is gathered.
+#[test]
+fn the_mirror_looks_the_same_by_paths_from_both_ends() {
+    const SIDE: usize = 32;
+    let mut scene = common::load("mirror");
+    scene.projector = Some(scene.camera.clone());
+    let resolution = Resolution::new(SIDE, SIDE);
+    let gather = Gather { photons: 64, radius: 1.0 };
+    let settings = TraceSettings { gather, seed: 2, ..TraceSettings::new(resolution, 256) };
+    let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma, &mut keep_going);
+    let mut rig = Simulated { traced: traced.expect("the scene can be traced") };
+    let photo = rig.photograph(&Image::filled(resolution, 1, 1.0)).expect("the pattern fits").plane(0);
+    // Four pixels to one.
+    let fine = reference("mirror_64_ones_analytic.npy");
+    let mean = |pixel: usize| {
+        let (x, y) = (2 * (pixel % SIDE), 2 * (pixel / SIDE));
+        (0..4).map(|k| fine[(y + k / 2) * 2 * SIDE + x + k % 2]).sum::<f64>() / 4.0
+    };
+    let exact: Vec<f64> = (0..SIDE * SIDE).map(mean).collect();
+    let wall = difference(&photo, &exact, |pixel| pixel % SIDE < SIDE / 2);
+    let glass = difference(&photo, &exact, |pixel| pixel % SIDE >= SIDE / 2);
+    println!("both ends: wall {:.2} %, mirror {:.2} %", 100.0 * wall, 100.0 * glass);
+    // Nothing is gathered on the wall; in the mirror, discs of a pixel's size stick out over the picture's border.
+    assert!(wall < 0.02, "{wall}");
+    assert!(glass < 0.08, "{glass}");
+}
+
 /// A large mirror at 45° before the camera, and the corner where it shows it: all light goes by way of the mirror on both
 /// ends. Unfolded, that is the corner itself, seen from as far away.
 fn periscope() -> Scene {
