@@ -119,6 +119,8 @@ impl PhotonMap {
         if photons.is_empty() {
             return Ok(none);
         }
+        let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / size_of::<Photon>() as u64;
+        let photons = fitting(photons, room as usize);
         let pixel_area = eye.image_area() / eye.pixels() as f64;
         let radius = gather.radius * median_radius(&photons, pixel_area);
         Self::sort(gpu, photons, radius)
@@ -156,17 +158,29 @@ impl PhotonMap {
     }
 }
 
+/// As many photons as the device has room for, evenly from their order, each with the power of those it stands for.
+fn fitting(photons: Vec<Photon>, room: usize) -> Vec<Photon> {
+    let step = photons.len().div_ceil(room.max(1)).max(1);
+    if step == 1 {
+        return photons;
+    }
+    let kept = photons.len().div_ceil(step);
+    let share = photons.len() as f32 / kept as f32;
+    photons.into_iter().step_by(step).map(|photon| brightened(photon, share)).collect()
+}
+
 /// At most [`MAX_BUCKET`] of a bucket's photons, evenly from their order, each with the power of those it stands for.
 fn thin(run: &[(u32, Photon)], sorted: &mut Vec<Photon>) {
     let kept = run.len().min(MAX_BUCKET);
     let share = run.len() as f32 / kept as f32;
-    sorted.extend((0..kept).map(|index| {
-        let mut photon = run[index * run.len() / kept].1;
-        for power in &mut photon[1][1..] {
-            *power = (f32::from_bits(*power) * share).to_bits();
-        }
-        photon
-    }));
+    sorted.extend((0..kept).map(|index| brightened(run[index * run.len() / kept].1, share)));
+}
+
+fn brightened(mut photon: Photon, share: f32) -> Photon {
+    for power in &mut photon[1][1..] {
+        *power = (f32::from_bits(*power) * share).to_bits();
+    }
+    photon
 }
 
 /// Cells are two radii wide.
@@ -190,4 +204,25 @@ fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
     let middle = densities.len() / 2;
     let (_, &mut median, _) = densities.select_nth_unstable_by(middle, f32::total_cmp);
     (pixel_area / f64::from(median) / std::f64::consts::PI).sqrt() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinned_photons_carry_the_light_of_all() {
+        let photon = |index: u32| [[index; 4], [0, 1.0_f32.to_bits(), 2.0_f32.to_bits(), 0], [0; 4], [0; 4]];
+        let light =
+            |photons: &[Photon]| photons.iter().map(|photon| f32::from_bits(photon[1][2])).sum::<f32>();
+        let photons: Vec<Photon> = (0..1000).map(photon).collect();
+        assert_eq!(fitting(photons.clone(), 1000), photons);
+        let fitted = fitting(photons.clone(), 300);
+        assert_eq!((fitted.len(), light(&fitted)), (250, 2000.0));
+        let bucket: Vec<(u32, Photon)> = photons.into_iter().map(|photon| (0, photon)).collect();
+        let mut sorted = Vec::new();
+        thin(&bucket, &mut sorted);
+        // 1000/512 is rounded, and added up 512 times.
+        assert!(sorted.len() == MAX_BUCKET && (light(&sorted) - 2000.0).abs() < 0.01);
+    }
 }
