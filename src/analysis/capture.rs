@@ -3,7 +3,7 @@
 use super::adjacency::NormalizedAdjacency;
 use super::graph::Graph;
 use super::laplacian::NegativeLaplacian;
-use super::segment::{Cut, SegmentOptions, Segmentation};
+use super::segmentation::{Cut, SegmentOptions, Segmentation, Taken};
 use crate::error::{Error, Result};
 use crate::krylov::{
     EigsOptions, Factorization, HistoryRow, Lanczos, Monitor, Progress, Start, Status, Which, eigs_from,
@@ -117,7 +117,13 @@ impl Capture {
         }
         let pairs = lanczos.ritz(Which::LargestAlgebraic, self.options.eigenvectors - 1)?;
         let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
-        Segmentation::from_vectors(self, graph, &pairs, vectors)
+        let taken = Taken {
+            options: &self.options,
+            photos: self.photos(),
+            history: &self.history,
+            status: self.status,
+        };
+        Segmentation::from_vectors(&taken, graph, &pairs, vectors)
     }
 
     /// A row per Lanczos photo.

@@ -16,6 +16,7 @@ pub mod kmeans;
 mod laplacian;
 mod rand_index;
 pub mod segment;
+mod segmentation;
 
 pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
@@ -23,4 +24,4 @@ pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondit
 pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
 pub use rand_index::adjusted_rand_index;
-pub use segment::{Cut, MASKED, SegmentOptions, Segmentation};
+pub use segmentation::{Cut, MASKED, SegmentOptions, Segmentation};

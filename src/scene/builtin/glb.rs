@@ -9,8 +9,15 @@ const FLOAT: u32 = 5126;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 
+impl Model {
+    /// The model as a `.glb` file.
+    pub fn to_glb(&self) -> Vec<u8> {
+        write(self)
+    }
+}
+
 /// The file's bytes: positions as `f32`, indices as `u16` where they fit.
-pub(super) fn write(model: &Model) -> Vec<u8> {
+fn write(model: &Model) -> Vec<u8> {
     let mut binary = Binary::default();
     let mut nodes = Vec::new();
     let mut meshes = Vec::new();

@@ -97,11 +97,6 @@ impl Model {
         scene.hash = content_hash(&scene);
         scene
     }
-
-    /// The model as a `.glb` file.
-    pub fn to_glb(&self) -> Vec<u8> {
-        super::glb::write(self)
-    }
 }
 
 /// A scene without a file is known by what it consists of.

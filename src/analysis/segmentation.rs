@@ -1,0 +1,245 @@
+//! A segmentation: what is asked for, and what is made of eigenvectors.
+
+use super::graph::Graph;
+use super::kmeans::{KmeansOptions, kmeans};
+use super::{NegativeLaplacian, NormalizedAdjacency};
+use crate::error::{Error, Result};
+use crate::krylov::{HistoryRow, RitzPair, Status};
+
+/// The label of a masked pixel.
+pub const MASKED: u8 = 255;
+
+/// A resolved eigenvector's residual is at most this share of the matrix norm; what the status sentence counts.
+const RESOLVED: f64 = 1e-2;
+
+/// How a cut is weighed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cut {
+    /// Light across the cut in proportion to each side's light: `(D − G) u = (1 − λ) D u`.
+    #[default]
+    Normalized,
+    /// Light across the cut in proportion to each side's number of pixels: `(D − G) u = λ u`.
+    Average,
+}
+
+impl Cut {
+    /// From the eigenvalues of the operator that Lanczos sees (largest wanted) to those of the cut.
+    pub(super) fn sign(self) -> f64 {
+        match self {
+            Self::Normalized => 1.0,
+            Self::Average => -1.0,
+        }
+    }
+}
+
+/// What [`segment`](super::segment::segment) is asked for.
+#[derive(Clone, Debug)]
+pub struct SegmentOptions {
+    /// Photos at most, those of the degree included; at least 3. Default 50.
+    pub photos: usize,
+    /// Numbers of groups, each from 2 to 254. Default 2, 6 and 10.
+    pub groups: Vec<usize>,
+    /// How many eigenvectors, the known first one included; at least 2. Each Lanczos photo yields one at most.
+    /// Default 10.
+    pub eigenvectors: usize,
+    /// How a cut is weighed.
+    pub cut: Cut,
+    /// `μ ≥ 0`, added to every edge (in the unit of `G`): the smallest groups are worth less. Default 0.
+    pub mu: f64,
+    /// Pixels with a degree of at most this share of the median are masked (see [`Graph::measure`]); in [0, 1).
+    /// Default 0.01.
+    pub mask_below: f64,
+    /// Done early when every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
+    pub tolerance: f64,
+    /// Seed of the Lanczos start and of k-means.
+    pub seed: u64,
+}
+
+impl Default for SegmentOptions {
+    fn default() -> Self {
+        Self {
+            photos: 50,
+            groups: vec![2, 6, 10],
+            eigenvectors: 10,
+            cut: Cut::default(),
+            mu: 0.0,
+            mask_below: 0.01,
+            tolerance: 1e-6,
+            seed: 0,
+        }
+    }
+}
+
+impl SegmentOptions {
+    pub(super) fn check(&self) -> Result<()> {
+        let refuse = |option: &str, fault: String, help: &str| {
+            Err(Error::Option { option: option.into(), fault, help: help.into() })
+        };
+        if self.photos < 3 {
+            return refuse(
+                "--photos",
+                format!("{} photos are too few for a segmentation", self.photos),
+                "allow at least 3 (one or two for the degree, the rest for eigenvectors), better 50",
+            );
+        }
+        if let Some(groups) = self.groups.iter().find(|groups| !(2..=254).contains(*groups)) {
+            return refuse("--groups", format!("{groups} groups"), "give numbers from 2 to 254, e.g. 2,6,10");
+        }
+        if self.eigenvectors < 2 {
+            return refuse(
+                "--eigenvectors",
+                format!("{} is too few: the first is the same in all pixels", self.eigenvectors),
+                "ask for at least 2, better 10",
+            );
+        }
+        if !(self.mu >= 0.0 && self.mu.is_finite()) {
+            return refuse("--mu", format!("{} is not a weight", self.mu), "give a number from 0 on");
+        }
+        if !(0.0..1.0).contains(&self.mask_below) {
+            return refuse(
+                "--mask-below",
+                format!("{} is not a share", self.mask_below),
+                "give a number in [0, 1)",
+            );
+        }
+        Ok(())
+    }
+}
+
+/// A segmentation of `n` pixels, with `k` eigenvectors: as many as asked for, or fewer when there were not enough
+/// photos.
+#[derive(Clone, Debug)]
+pub struct Segmentation {
+    /// For each number of groups `K` asked for: the label of each pixel (`n`), numbered by first appearance in raster
+    /// order; [`MASKED`] (255) for masked pixels.
+    pub labels: Vec<(usize, Vec<u8>)>,
+    /// `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending
+    /// from 0, for the average cut. The first is known.
+    pub eigenvalues: Vec<f64>,
+    /// The residual norm of each, for an eigenvector of `D^-½ G D^-½` or `D − G` of norm 1. The first is a bound.
+    pub residuals: Vec<f64>,
+    /// `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or
+    /// `uᵀ u = 1` (average cut). The first is the same in all pixels.
+    pub eigenvectors: Vec<Vec<f64>>,
+    /// The degree `D` of each pixel (`n`), in radiance, `μ m` included; zero on masked pixels.
+    pub degree: Vec<f64>,
+    /// True on masked pixels (`n`).
+    pub mask: Vec<bool>,
+    /// Photos taken, those of the degree included.
+    pub photos: usize,
+    /// A row per Lanczos photo: photos so far, eigenvalues and residuals (without the known pair).
+    pub history: Vec<HistoryRow>,
+    /// How it ended, as a sentence without its full stop.
+    pub status: String,
+}
+
+/// What a capture has come to.
+pub(super) struct Taken<'a> {
+    pub(super) options: &'a SegmentOptions,
+    pub(super) photos: usize,
+    pub(super) history: &'a [HistoryRow],
+    /// How it ended, if it did.
+    pub(super) status: Option<Status>,
+}
+
+impl Segmentation {
+    pub(super) fn from_vectors(
+        taken: &Taken<'_>,
+        graph: &Graph,
+        pairs: &[RitzPair],
+        mut vectors: Vec<Vec<f64>>,
+    ) -> Result<Self> {
+        let options = taken.options;
+        let (known, known_value, known_residual) = match options.cut {
+            Cut::Normalized => {
+                (NormalizedAdjacency::known_vector(graph), 1.0, NormalizedAdjacency::known_residual(graph))
+            }
+            Cut::Average => {
+                (NegativeLaplacian::known_vector(graph), 0.0, NegativeLaplacian::known_residual(graph))
+            }
+        };
+        let length = crate::krylov::norm(&known);
+        vectors.insert(0, known.iter().map(|value| value / length).collect());
+        if options.cut == Cut::Normalized {
+            for vector in &mut vectors {
+                for (value, degree) in vector.iter_mut().zip(graph.degree()) {
+                    *value /= degree.sqrt();
+                }
+            }
+        }
+        let weights = match options.cut {
+            Cut::Normalized => graph.degree().to_vec(),
+            Cut::Average => vec![1.0; graph.degree().len()],
+        };
+        let features = features(options.cut, graph, pairs, &vectors[1..]);
+        let labels = options.groups.iter().map(|&groups| {
+            let clusters = kmeans(&features, &weights, &KmeansOptions::new(groups, options.seed));
+            (groups, graph.scatter(&number_by_appearance(&clusters.labels), MASKED))
+        });
+        let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
+        let resolved = 1 + pairs.iter().filter(|pair| pair.is_resolved(RESOLVED, norm)).count();
+        let sign = options.cut.sign();
+        let ended = taken.status.map_or("the capture broke off".into(), |status| status.to_string());
+        Ok(Self {
+            labels: labels.collect(),
+            eigenvalues: std::iter::once(known_value)
+                .chain(pairs.iter().map(|pair| sign * pair.value))
+                .collect(),
+            residuals: std::iter::once(known_residual)
+                .chain(pairs.iter().map(|pair| pair.residual))
+                .collect(),
+            eigenvectors: vectors.iter().map(|vector| graph.scatter(vector, 0.0)).collect(),
+            degree: graph.scatter(graph.degree(), 0.0),
+            mask: graph.mask(),
+            photos: taken.photos,
+            history: taken.history.to_vec(),
+            status: format!(
+                "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}",
+                taken.photos, options.eigenvectors,
+            ),
+        })
+    }
+}
+
+/// One column per eigenvector: `u / √(1 − λ)` (normalized cut), as in the commute-time embedding, where distances
+/// tell how long light takes to get from one pixel to another. `1 − λ` is not known better than to the residual, so
+/// no less than that divides an unresolved vector.
+fn features(cut: Cut, graph: &Graph, pairs: &[RitzPair], vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    // For the average cut λ is in units of degree.
+    let unit = if cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
+    pairs
+        .iter()
+        .zip(vectors)
+        .map(|(pair, vector)| {
+            let gap = match cut {
+                Cut::Normalized => 1.0 - pair.value,
+                Cut::Average => -pair.value / unit,
+            };
+            let weight = 1.0 / gap.max(pair.residual / unit).max(FLOOR).sqrt();
+            vector.iter().map(|value| weight * value).collect()
+        })
+        .collect()
+}
+
+/// An eigenvalue nearer to 1 than this counts as 1: no vector may outweigh the next by more than `1/√FLOOR`.
+const FLOOR: f64 = 1e-3;
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// Renames labels by first appearance.
+fn number_by_appearance(labels: &[usize]) -> Vec<u8> {
+    let mut names: Vec<usize> = Vec::new();
+    labels
+        .iter()
+        .map(|label| {
+            let name = names.iter().position(|seen| seen == label).unwrap_or_else(|| {
+                names.push(*label);
+                names.len() - 1
+            });
+            // Groups number 254 at most.
+            name as u8
+        })
+        .collect()
+}
