@@ -4,6 +4,7 @@
 #import features
 #import parameters
 #import sampler
+#import start
 #import warp
 #import eye
 #import surface
@@ -26,24 +27,17 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= parameters.paths) {
         return;
     }
-    let path = parameters.first_sample + id.x;
-    let pixel = parameters.first_pixel + path / parameters.samples;
-    let sample = path % parameters.samples;
+    let start = path_start(id.x);
+    let pixel = start.pixel;
+    let sample = start.sample;
     let first_slot = id.x * parameters.stride;
     // The slot of the connection from surface k is this plus k; that of the gathered one, plus k − 2.
     let connection_slot = first_slot + select(0u, ~0u, COAXIAL_PINHOLE);
     let gather_slot = connection_slot + parameters.max_bounces + 1u;
     let gathers = CHAINS && parameters.bucket_mask != 0u;
 
-    let corner = vec2u(pixel % parameters.start.resolution.x, pixel / parameters.start.resolution.x);
-    let u = sample4(pixel, sample, 0u);
-    let lens = eye_lens_point(parameters.start, u.zw);
-    let image = eye_image_point(parameters.start, vec2f(corner) + u.xy);
-    let towards = eye_direction(parameters.start, image, lens);
-    let start = eye_origin(parameters.start, lens);
-
-    var origin = start;
-    var direction = normalize(eye_to_world(parameters.start, towards));
+    var origin = start.origin;
+    var direction = start.direction;
     var throughput = vec3f(1.0);
     var direct = vec3f(0.0);
     var ambient = vec3f(0.0);
@@ -56,7 +50,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
     // lets through, and the probability with which the path followed it.
     var straight = true;
     var chain = 0u;
-    var footprint = footprint_at_eye(parameters.start, towards);
+    var footprint = footprint_at_eye(parameters.start, start.towards);
     var retraced = vec3f(1.0);
     var probability = 1.0;
     // Afterwards: density of the reverse path over that of this one, but for what happens at the connection.
@@ -106,7 +100,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
         }
 
         // The density with which paths come here by this chain: what this path and one that ends here have in common.
-        var first_density = eye_density(parameters.start, surface.position - start, surface.normal);
+        var first_density = eye_density(parameters.start, surface.position - start.origin, surface.normal);
         if (CHAINS && chain > 0u) {
             first_density = footprint_density(footprint);
         }
@@ -153,7 +147,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
             if (scatters && chain > 0u) {
                 let most = parameters.max_bounces - surfaces;
                 let draw = connection_sample(pixel, sample, vertex).z;
-                gathered = photons_gather(surface, frame, wo, most, is_direct, footprint, image, draw);
+                gathered = photons_gather(surface, frame, wo, most, is_direct, footprint, start.image, draw);
             }
             var reverse = gathered.density * parameters.end_to_start;
             if (straight) {

@@ -2,7 +2,7 @@
 // path per invocation; each chain that it finds goes to a slot of its own.
 #import parameters
 #import sampler
-#import eye
+#import start
 #import photons
 #import medium
 
@@ -14,22 +14,15 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= parameters.paths) {
         return;
     }
-    let path = parameters.first_sample + id.x;
-    let pixel = parameters.first_pixel + path / parameters.samples;
-    let sample = path % parameters.samples;
+    let start = path_start(id.x);
     let first_slot = id.x * (4u * parameters.stride + 1u);
     for (var index = 0u; index < parameters.stride; index += 1u) {
         records[first_slot + 4u * index + 1u] = vec4u(NONE);
     }
 
-    let corner = vec2u(pixel % parameters.start.resolution.x, pixel / parameters.start.resolution.x);
-    let u = sample4(pixel, sample, 0u);
-    let lens = eye_lens_point(parameters.start, u.zw);
-    let image = eye_image_point(parameters.start, vec2f(corner) + u.xy);
-    let towards = eye_direction(parameters.start, image, lens);
-    var origin = eye_origin(parameters.start, lens);
-    var direction = normalize(eye_to_world(parameters.start, towards));
-    var footprint = footprint_at_eye(parameters.start, towards);
+    var origin = start.origin;
+    var direction = start.direction;
+    var footprint = footprint_at_eye(parameters.start, start.towards);
     // Along the chain: what it lets through, over its probability; and that probability.
     var power = vec3f(parameters.scale);
     var probability = 1.0;
@@ -54,12 +47,12 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
         if (chain > 0u && bsdf_regular(surface.bsdf)) {
             let slot = first_slot + 4u * chain - 3u;
             let density = footprint_density(footprint) * probability;
-            records[slot] = vec4u(pixel | (chain << 28u), bitcast<vec3u>(surface.position));
+            records[slot] = vec4u(start.pixel | (chain << 28u), bitcast<vec3u>(surface.position));
             records[slot + 1u] = vec4u(bitcast<u32>(density), bitcast<vec3u>(power));
-            records[slot + 2u] = vec4u(bitcast<u32>(image.x), bitcast<vec3u>(-direction));
-            records[slot + 3u] = vec4u(bitcast<u32>(image.y), bitcast<vec3u>(surface.normal));
+            records[slot + 2u] = vec4u(bitcast<u32>(start.image.x), bitcast<vec3u>(-direction));
+            records[slot + 3u] = vec4u(bitcast<u32>(start.image.y), bitcast<vec3u>(surface.normal));
         }
-        let next = bsdf_sample(surface.bsdf, wo, sample4(pixel, sample, chain + passes + 1u));
+        let next = bsdf_sample(surface.bsdf, wo, sample4(start.pixel, start.sample, chain + passes + 1u));
         if (!(next.pdf > 0.0) || next.kind == REGULAR || chain == parameters.stride) {
             break;
         }

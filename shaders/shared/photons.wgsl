@@ -1,10 +1,10 @@
-// The map of an eye's specular chains: which of its pixels see a surface point through mirrors and glass. Made by
+// The map of an eye's specular chains: which of its pixels see a surface point through mirrors and glass. Traced by
 // `trace_photons`, sorted into a hash grid by `render::photons`, gathered here.
 #import parameters
 #import surface
 #import footprint
 
-// Laid out as `render::photons::Photon`; a test compares the two.
+// As `trace_photons` records it, and `render::photons::Photon` carries it: four words of four.
 struct Photon {
     // Pixel (28 bits) and surfaces of the chain (4 bits); position.
     place: vec4u,

@@ -35,6 +35,7 @@ shaders! {
     "shared" / "rng",
     "shared" / "sampler",
     "shared" / "side",
+    "shared" / "start",
     "shared" / "surface",
     "shared" / "texture",
     "shared" / "visibility",

@@ -23,7 +23,7 @@ type Photon = [[u32; 4]; 4];
 const MAX_CHAIN: u32 = 15;
 
 /// Photons in one bucket at most, so that no path loops longer than a device may: the brightest spots are thinned
-/// beyond that, at random and without bias.
+/// beyond that, evenly, the rest made as much brighter.
 const MAX_BUCKET: usize = 512;
 
 /// The chains of one eye, on the device.

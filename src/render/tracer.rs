@@ -35,7 +35,7 @@ pub struct Progress {
 pub struct TraceSummary {
     /// Light paths traced.
     pub paths: u64,
-    /// Rays traced for them: to the next surface, and to the pinhole.
+    /// Rays traced for them: to the next surface, and to the other end.
     pub rays: u64,
     /// Dispatches, and the longest one.
     pub dispatches: u32,
