@@ -1,17 +1,19 @@
 //! Lanczos and `eigs` on a gallery of small matrices, against the dense eigensolver.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
+mod comb;
 mod krylov_support;
 
 use std::ops::ControlFlow;
 
+use comb::Comb;
 use krylov_support::{Dense, spread};
+use krylux::Error;
 use krylux::krylov::{
     Eigs, EigsOptions, Factorization, Lanczos, Start, Status, Step, Verdict, Which, dot, eigs, eigs_from,
     keep_going,
 };
 use krylux::operator::{Operator, Symmetry};
-use krylux::{Error, Result};
 use proptest::prelude::*;
 
 fn solve(matrix: &mut Dense, count: usize, products: usize, which: Which) -> Eigs {
@@ -255,29 +257,11 @@ fn start_in_the_span_of_known_vectors_is_replaced() {
 
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
-    struct Comb(usize);
-    impl Operator for Comb {
-        fn rows(&self) -> usize {
-            self.0
-        }
-        fn cols(&self) -> usize {
-            self.0
-        }
-        fn symmetry(&self) -> Symmetry {
-            Symmetry::Symmetric
-        }
-        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-            for i in 0..x.len() {
-                y[i] = x[i] * (i as f64).cos() + x[x.len() - 1 - i];
-            }
-            Ok(())
-        }
-    }
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let options = EigsOptions { products: 20, ..EigsOptions::default() };
-            let found = eigs(&mut Comb(20_001), &options, &mut keep_going).unwrap();
+            let found = eigs(&mut Comb::indefinite(20_001), &options, &mut keep_going).unwrap();
             (found.values, found.vectors)
         })
     };

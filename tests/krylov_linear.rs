@@ -1,11 +1,13 @@
 //! Solvers of linear systems on the named gallery, against dense solutions; what each costs, and what it survives.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
+mod comb;
 mod krylov_gallery;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use comb::Comb;
 use krylov_gallery::{Dense, Named, diagonal, gallery, light_like, misfit, named, random, turned};
 use krylux::krylov::{
     Constraint, Diagonal, Given, METHODS, Method, Multiscale, Preconditioner, Side, Solution, SolveOptions,
@@ -667,28 +669,6 @@ fn named_rectangle() -> Dense {
     named("tall_consistent").matrix
 }
 
-/// A large symmetric operator without a matrix.
-pub struct Comb(pub usize);
-
-impl Operator for Comb {
-    fn rows(&self) -> usize {
-        self.0
-    }
-    fn cols(&self) -> usize {
-        self.0
-    }
-    fn symmetry(&self) -> Symmetry {
-        Symmetry::Symmetric
-    }
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        let last = x.len() - 1;
-        for i in 0..x.len() {
-            y[i] = x[i] * (2.0 + (i as f64).cos()) + 0.4 * x[last - i];
-        }
-        Ok(())
-    }
-}
-
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
     let n = 40_001;
@@ -698,7 +678,8 @@ fn results_do_not_depend_on_the_number_of_threads() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let options = SolveOptions { products: 9, rtol: 0.0, ..SolveOptions::default() };
-                let found = solve(facts.method, &mut Comb(n), &b, &options, &mut keep_solving).unwrap();
+                let found =
+                    solve(facts.method, &mut Comb::definite(n), &b, &options, &mut keep_solving).unwrap();
                 (found.x, found.history)
             })
         };

@@ -3,17 +3,19 @@
 #![allow(clippy::unwrap_used, reason = "in a test a panic is the report")]
 #![allow(unsafe_code, reason = "a global allocator that counts cannot be written without")]
 
+mod comb;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 
-use krylux::Result;
+use comb::Comb;
 use krylux::krylov::{
     Advance, Arnoldi, BlockLanczos, Constraint, Diagonal, EigsMethod, EigsOptions, Factorization,
     ForwardOnly, Lanczos, METHODS, Method, Multiscale, Preconditioner, Side, SolveOptions, Solver, Start,
     Which, eigs, eigs_from, keep_going,
 };
-use krylux::operator::{Operator, Symmetry};
+use krylux::operator::Operator;
 
 /// Counts allocations that could hold a vector of the test's space.
 struct Counting;
@@ -63,27 +65,6 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// `x ↦ D x + reversed x`: symmetric, and needs no memory.
-struct Comb;
-
-impl Operator for Comb {
-    fn rows(&self) -> usize {
-        N
-    }
-    fn cols(&self) -> usize {
-        N
-    }
-    fn symmetry(&self) -> Symmetry {
-        Symmetry::Symmetric
-    }
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        for i in 0..N {
-            y[i] = x[i] * (i as f64).cos() + x[N - 1 - i];
-        }
-        Ok(())
-    }
-}
-
 fn long_allocations(work: impl FnOnce()) -> usize {
     let before = LONG.load(SeqCst);
     work();
@@ -100,13 +81,13 @@ fn steps_allocate_no_long_vector_once_memory_is_set_aside() {
     let processes: [&mut dyn Factorization; 3] = [&mut lanczos, &mut block, &mut arnoldi];
     for process in processes {
         let without = long_allocations(|| {
-            process.expand(&mut Comb).unwrap();
+            process.expand(&mut Comb::indefinite(N)).unwrap();
         });
         assert_eq!(without, 1, "the new basis vector, and that only");
         process.expansion_mut().reserve(20);
         let with = long_allocations(|| {
             for _ in 1..20 {
-                process.expand(&mut Comb).unwrap();
+                process.expand(&mut Comb::indefinite(N)).unwrap();
             }
         });
         assert_eq!(with, 0, "{} products", process.products());
@@ -121,7 +102,7 @@ fn storage_is_what_the_table_of_methods_says() {
         let options =
             EigsOptions { count, which, products, method, tolerance: 0.0, ..EigsOptions::default() };
         long_allocations(|| {
-            eigs(&mut Comb, &options, &mut keep_going).unwrap();
+            eigs(&mut Comb::indefinite(N), &options, &mut keep_going).unwrap();
         })
     };
     // The answer's vectors (one), the start as drawn, as passed on, and as orthogonalized are on top of the table.
@@ -140,27 +121,6 @@ fn storage_is_what_the_table_of_methods_says() {
     assert!(run(EigsMethod::Power, 1, 12) <= 4 + 4);
 }
 
-/// `x ↦ D x + 0.4 reversed x` with `D > 1`: positive definite, and solvers have something to do for dozens of steps.
-struct Definite;
-
-impl Operator for Definite {
-    fn rows(&self) -> usize {
-        N
-    }
-    fn cols(&self) -> usize {
-        N
-    }
-    fn symmetry(&self) -> Symmetry {
-        Symmetry::Symmetric
-    }
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        for i in 0..N {
-            y[i] = x[i] * (2.0 + (i as f64).cos()) + 0.4 * x[N - 1 - i];
-        }
-        Ok(())
-    }
-}
-
 /// Bright and dark parts that no pattern in [0, 1] gives.
 fn picture() -> Vec<f64> {
     (0..N).map(|i| 1.5 + 2.0 * (i as f64 * 0.37).sin()).collect()
@@ -168,13 +128,13 @@ fn picture() -> Vec<f64> {
 
 fn white() -> Vec<f64> {
     let mut photo = vec![0.0; N];
-    Definite.apply(&vec![1.0; N], &mut photo).unwrap();
+    Comb::definite(N).apply(&vec![1.0; N], &mut photo).unwrap();
     photo
 }
 
 fn steps(solver: &mut dyn Solver, count: usize, what: &str) {
     for _ in 0..count {
-        let advance = solver.step(&mut ForwardOnly(&mut Definite)).unwrap();
+        let advance = solver.step(&mut ForwardOnly(&mut Comb::definite(N))).unwrap();
         assert_eq!(advance, Advance::Continuing, "{what}");
     }
 }
@@ -246,9 +206,9 @@ fn restarts_use_the_memory_that_they_set_free() {
         max_basis: Some(10),
         ..EigsOptions::default()
     };
-    eigs_from(&mut lanczos, &mut Comb, &options(12), &mut keep_going).unwrap();
+    eigs_from(&mut lanczos, &mut Comb::indefinite(N), &options(12), &mut keep_going).unwrap();
     let later = long_allocations(|| {
-        eigs_from(&mut lanczos, &mut Comb, &options(60), &mut keep_going).unwrap();
+        eigs_from(&mut lanczos, &mut Comb::indefinite(N), &options(60), &mut keep_going).unwrap();
     });
     // The answer itself: two vectors. The ten restarts ask for nothing.
     assert!(later <= 2 + 2, "{later}");
@@ -266,7 +226,7 @@ fn bits_do_not_depend_on_the_number_of_threads() {
                 let max_basis = matches!(method, EigsMethod::BlockLanczos { .. }).then_some(14);
                 let options =
                     EigsOptions { count: 1, products: 25, method, max_basis, ..EigsOptions::default() };
-                let found = eigs(&mut Comb, &options, &mut keep_going).unwrap();
+                let found = eigs(&mut Comb::indefinite(N), &options, &mut keep_going).unwrap();
                 (found.values, found.vectors, found.residuals)
             })
         };
