@@ -71,6 +71,16 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
+    /// A projector or camera refused a request, gave nothing usable, or is gone.
+    #[error("{device}: {fault}\n  help: {help}")]
+    Rig {
+        /// The device as the rig file names it, e.g. `camera` or `projector`.
+        device: String,
+        /// What happened.
+        fault: String,
+        /// What to do about it.
+        help: String,
+    },
     /// The tracer's canary: a path did not report that it finished, so its photo would be wrong.
     #[error(
         "{unfinished} of {total} light paths never finished: the driver stopped them silently, and the photo would be wrong\n  help: lower --max-bounces, or use another --adapter"

@@ -13,6 +13,7 @@
 //! cli → report → analysis → krylov → operator, sparse, image
 //!     ↘      ↘          ↘ transport → render → gpu, scene → image
 //!      cache → report, transport
+//!      measure → rig, journal, operator
 //! ```
 //!
 //! | in the paper | here |
@@ -20,6 +21,7 @@
 //! | photo = `A` · pattern, coaxial rig (section 2) | [`render`] traces it once, [`transport`] replays it |
 //! | Krylov subspace illumination (sections 3 and 4) | [`krylov`]: eigenpairs, linear systems, boxes, estimators |
 //! | light transport segmentation (section 5) | [`analysis::segment`] |
+//! | photos with real devices (sections 7 and 8) | [`measure`] makes them an operator, [`rig`] drives the devices, [`journal`] keeps every photo |
 //! | light transport compensation | [`analysis::compensate`](mod@analysis::compensate) |
 //!
 //! Units, conventions and the symmetric estimator stand in [`render`] and [`transport`].
@@ -56,10 +58,13 @@ pub mod cli;
 pub mod error;
 pub mod gpu;
 pub mod image;
+pub mod journal;
 pub mod krylov;
+pub mod measure;
 pub mod operator;
 pub mod render;
 pub mod report;
+pub mod rig;
 pub mod scene;
 pub mod sparse;
 pub mod transport;

@@ -1,0 +1,57 @@
+//! Where raw frames come from: a bench, or a journal before it.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
+
+/// One photo to be taken. Equal shots (of one rig and calibration) are one photo: a journal never takes it twice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// What is shown.
+    pub frame: Arc<Frame>,
+    /// The exposure to set, in seconds.
+    pub exposure: f64,
+    /// Tells repeated shots of the same frame apart, from 0: takes that are averaged, and the drift sentinel's whites.
+    pub take: u32,
+}
+
+/// What a session with a rig has cost so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Effort {
+    /// Frames shown on the projector.
+    pub shown: u64,
+    /// Frames taken that were good.
+    pub taken: u64,
+    /// Frames that came from the journal, at no cost.
+    pub replayed: u64,
+    /// Frames that did not come in time.
+    pub dropped: u64,
+    /// Frames handed out a second time, and refused.
+    pub repeated: u64,
+    /// Frames whose exposure began before the pattern had settled, and refused.
+    pub late: u64,
+    /// Times that the camera was restarted.
+    pub restarts: u64,
+    /// Seconds on the rig's clock.
+    pub seconds: f64,
+}
+
+/// Takes raw frames.
+pub trait Shots {
+    /// The projector that shows.
+    fn projector(&self) -> &ProjectorInfo;
+
+    /// The camera that sees.
+    fn camera(&self) -> &CameraInfo;
+
+    /// Takes this photo, or hands out the one already taken. What comes back was exposed while the frame was on screen, and
+    /// was never handed out for another shot.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when the rig fails for good; [`Error::Interrupted`](crate::Error::Interrupted).
+    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame>;
+
+    /// What it has cost so far.
+    fn effort(&self) -> Effort;
+}

@@ -1,0 +1,98 @@
+//! What projectors and cameras promise, hardware and virtual alike.
+
+use super::{Frame, RawFrame};
+use crate::error::Result;
+use crate::image::Resolution;
+
+/// What a projector is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProjectorInfo {
+    /// How it calls itself; part of every photo's key in a journal.
+    pub name: String,
+    /// Pixels that can be addressed.
+    pub resolution: Resolution,
+    /// 1 (gray) or 3.
+    pub channels: usize,
+    /// Bits of a level, 1 to 16: the brightest is `2^bits − 1`.
+    pub bits: u32,
+    /// Seconds from one refresh to the next: exposures are best whole multiples of it. 0: it shows steadily.
+    pub frame_time: f64,
+}
+
+/// What a camera is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraInfo {
+    /// How it calls itself; part of every photo's key in a journal.
+    pub name: String,
+    /// Pixels of a frame.
+    pub resolution: Resolution,
+    /// 1 (mono) or 3.
+    pub channels: usize,
+    /// Bits of a count, 1 to 16.
+    pub bits: u32,
+    /// The shortest and the longest exposure in seconds.
+    pub exposures: [f64; 2],
+}
+
+/// A frame is on screen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// When that was confirmed, in seconds on the rig's clock.
+    pub at: f64,
+}
+
+/// Something that shows frames.
+pub trait Projector {
+    /// What it is.
+    fn info(&self) -> &ProjectorInfo;
+
+    /// Shows `frame`, and returns when the device says that it is on screen (what the light does, see
+    /// [`crate::measure`]'s settle time).
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device, or the device is gone.
+    fn show(&mut self, frame: &Frame) -> Result<Shown>;
+}
+
+/// Something that counts light.
+pub trait Camera {
+    /// What it is.
+    fn info(&self) -> &CameraInfo;
+
+    /// Sets the exposure, in seconds, and returns what was really set.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when it is out of range, or the camera is gone.
+    fn configure(&mut self, exposure: f64) -> Result<f64>;
+
+    /// Takes one frame. `None`: none came in time (dropped on the way, or the camera hangs); try again.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when the camera is gone.
+    fn capture(&mut self) -> Result<Option<RawFrame>>;
+
+    /// Closes and opens the stream, as one does with a camera that hangs. The exposure stays.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when the camera does not come back.
+    fn restart(&mut self) -> Result<()>;
+}
+
+/// The time of a rig: the wall's for hardware, simulated for virtual devices.
+pub trait Clock {
+    /// Seconds since the rig was opened (or, in a resumed run, since it was first opened).
+    fn now(&self) -> f64;
+
+    /// Lets so many seconds pass.
+    fn sleep(&mut self, seconds: f64);
+}
+
+/// An open rig.
+pub struct Bench {
+    /// What shows.
+    pub projector: Box<dyn Projector>,
+    /// What sees.
+    pub camera: Box<dyn Camera>,
+    /// Its time.
+    pub clock: Box<dyn Clock>,
+}
