@@ -12,6 +12,7 @@
 #import medium
 #import photons
 #import visibility
+#import sight
 
 // `stride` slots a path. Slot 0: mark (16 bits), rays traced (8), surfaces met (8), and direct light that came back the way
 // it went. Then the connections from each surface, the first one left out where it is the direct light. Where there are
@@ -21,6 +22,8 @@
 
 // The numbers for connections come after those for vertices.
 const CONNECTIONS = 0x1000u;
+
+const FAR = 3.0e38;
 
 @compute @workgroup_size(64)
 fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
@@ -56,9 +59,14 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
     // Afterwards: density of the reverse path over that of this one, but for what happens at the connection.
     var odds = 0.0;
 
+    var hit: Hit;
+    if (SIGHT) {
+        hit = sight_trace(start.image, origin, direction, FAR, false);
+    } else {
+        hit = bvh_trace(origin, direction, FAR, false);
+    }
     loop {
         rays += 1u;
-        let hit = bvh_trace(origin, direction, 3.0e38, false);
         if (hit.triangle == NONE) {
             break;
         }
@@ -191,6 +199,10 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
         medium = medium_behind(medium, surface, next.direction);
         origin = select(before, behind, next.direction.z < 0.0);
         direction = leaving;
+
+        continuing {
+            hit = bvh_trace(origin, direction, FAR, false);
+        }
     }
 
     records[first_slot] = vec4u(parameters.mark | (min(rays, 255u) << 8u) | surfaces, bitcast<vec3u>(direct));

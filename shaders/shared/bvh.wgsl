@@ -72,7 +72,8 @@ fn bvh_intersect_node(
     return mask;
 }
 
-// Möller and Trumbore 1997, both sides. Shrinks `hit` if the triangle is nearer.
+// Möller and Trumbore 1997, both sides. Shrinks `hit` if the triangle is nearer; of two at the same distance the one of lower index
+// counts, whichever is met first.
 fn bvh_intersect_triangle(triangle: u32, origin: vec3f, direction: vec3f, hit: ptr<function, Hit>) {
     let corner = bitcast<vec3f>(bvh_triangle_texel(3u * triangle).xyz);
     let edge1 = bitcast<vec3f>(bvh_triangle_texel(3u * triangle + 1u).xyz);
@@ -85,7 +86,8 @@ fn bvh_intersect_triangle(triangle: u32, origin: vec3f, direction: vec3f, hit: p
     let v = dot(direction, q) * inverse;
     let t = dot(edge2, q) * inverse;
     // A ray in the triangle's plane gives NaN or infinity here, and no hit.
-    if (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < (*hit).distance) {
+    let nearer = t < (*hit).distance || (t == (*hit).distance && (*hit).triangle != NONE && triangle < (*hit).triangle);
+    if (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && nearer) {
         *hit = Hit(triangle, t, vec2f(u, v));
     }
 }

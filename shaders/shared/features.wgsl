@@ -19,3 +19,5 @@ override LENSES: bool = true;
 override COAXIAL_PINHOLE: bool = false;
 // Paths may end by Russian roulette.
 override ROULETTE: bool = true;
+// Rays from and to the pinhole that both ends share are traced by lists of what can be seen from it.
+override SIGHT: bool = false;

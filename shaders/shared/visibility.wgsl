@@ -2,6 +2,7 @@
 #import bvh
 #import surface
 #import medium
+#import sight
 
 // `value` is what gets through; `probability` that a sampled path had passed all that it passes.
 fn connection_light(origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
@@ -9,8 +10,15 @@ fn connection_light(origin: vec3f, target_point: vec3f, rays: ptr<function, u32>
     var light = Pass(vec3f(1.0), 1.0);
     if (!PASSABLE) {
         *rays += 1u;
-        let met = bvh_trace(origin, direction, distance(origin, target_point), true).triangle != NONE;
-        light.value = select(vec3f(1.0), vec3f(0.0), met);
+        let reach = distance(origin, target_point);
+        var met: Hit;
+        if (SIGHT) {
+            // The target is the pinhole, and that is where all geometry has its origin.
+            met = sight_trace(origin.xy / -origin.z, origin, direction, reach, true);
+        } else {
+            met = bvh_trace(origin, direction, reach, true);
+        }
+        light.value = select(vec3f(1.0), vec3f(0.0), met.triangle != NONE);
         return light;
     }
     var from_point = origin;

@@ -63,6 +63,8 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
+            // Geometry, textures and lists are read as storage textures: five in the largest kernel. Every desktop driver has eight.
+            max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()
         };
         let request = wgpu::DeviceDescriptor {

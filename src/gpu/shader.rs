@@ -35,6 +35,7 @@ shaders! {
     "shared" / "rng",
     "shared" / "sampler",
     "shared" / "side",
+    "shared" / "sight",
     "shared" / "start",
     "shared" / "surface",
     "shared" / "texture",

@@ -9,6 +9,8 @@ pub(super) struct Features {
     pub(super) lenses: bool,
     pub(super) coaxial_pinhole: bool,
     pub(super) roulette: bool,
+    /// Rays from and to the one pinhole go by lists ([`super::sight`]).
+    pub(super) sight: bool,
 }
 
 /// What of it the surfaces decide.
@@ -28,7 +30,7 @@ pub(super) struct SceneFeatures {
 
 impl Features {
     /// By the shader's names.
-    pub(super) fn constants(&self) -> [(&'static str, f64); 9] {
+    pub(super) fn constants(&self) -> [(&'static str, f64); 10] {
         let SceneFeatures { matte, corners, chains, passable, media } = self.scene;
         [
             ("MATTE", matte),
@@ -40,6 +42,7 @@ impl Features {
             ("LENSES", self.lenses),
             ("COAXIAL_PINHOLE", self.coaxial_pinhole),
             ("ROULETTE", self.roulette),
+            ("SIGHT", self.sight),
         ]
         .map(|(name, set)| (name, f64::from(u8::from(set))))
     }
@@ -52,7 +55,14 @@ mod tests {
     #[test]
     fn the_shaders_overrides_are_all_set_and_no_others() {
         let scene = SceneFeatures { matte: true, corners: true, chains: true, passable: true, media: true };
-        let features = Features { scene, ambient: true, lenses: true, coaxial_pinhole: true, roulette: true };
+        let features = Features {
+            scene,
+            ambient: true,
+            lenses: true,
+            coaxial_pinhole: true,
+            roulette: true,
+            sight: true,
+        };
         let module = crate::gpu::shader::module("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));
         let mut declared: Vec<_> =
             module.overrides.iter().filter_map(|(_, constant)| constant.name.clone()).collect();

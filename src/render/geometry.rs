@@ -19,6 +19,8 @@ pub(super) struct GpuScene {
     pub(super) textures: wgpu::Buffer,
     pub(super) texels: wgpu::TextureView,
     pub(super) srgb_table: wgpu::Buffer,
+    /// The triangles' corners in the pinhole's frame, in leaf order.
+    pub(super) corners_in_order: Vec<[Vec3; 3]>,
     /// Whether any surface emits light of its own.
     pub(super) ambient: bool,
     /// What the surfaces need of a kernel.
@@ -67,6 +69,7 @@ impl GpuScene {
             textures: gpu.storage("texture descriptions", &textures)?,
             texels: gpu.texel_array("textures", &pack_texels(scene))?,
             srgb_table: gpu.storage("sRGB table", &srgb_table())?,
+            corners_in_order: bvh.order.iter().map(|&index| positions[index as usize]).collect(),
             ambient: scene.materials.iter().any(|m| m.emission != Vec3::ZERO),
             features: features(scene, !corners.is_empty()),
         })

@@ -13,6 +13,7 @@ mod pipeline;
 mod rig;
 mod sampler;
 mod settings;
+mod sight;
 mod strategy;
 #[cfg(test)]
 mod tests;

@@ -13,6 +13,7 @@ use super::geometry::GpuScene;
 use super::materials::NONE;
 use super::parameters::{GpuEye, Parameters};
 use super::pipeline::{PhotonBuffers, Pipeline};
+use super::sight;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 
@@ -81,7 +82,8 @@ impl PhotonMap {
         let none = Self::empty(gpu)?;
         let words = 4 * u64::from(chain) + 1;
         let capacity = dispatches.capacity(gpu, words, total);
-        let output = kernel.output(gpu, scene, &none.buffers, u64::from(capacity) * words * 16)?;
+        let bytes = u64::from(capacity) * words * 16;
+        let output = kernel.output(gpu, scene, &none.buffers, &sight::none(gpu)?, bytes)?;
         let mut photons: Vec<Photon> = Vec::new();
         let mut done = 0;
         while done < total {

@@ -8,7 +8,8 @@ use super::parameters::Parameters;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, shader};
 
-/// A kernel whose group 0 is the scene and whose group 1 is its output, with the chains that it gathers from.
+/// A kernel whose group 0 is the scene and whose group 1 is its output, with what a strategy prepared for it: the chains to gather
+/// from and the lists to see by.
 pub(super) struct Pipeline {
     pipeline: wgpu::ComputePipeline,
     scene_layout: wgpu::BindGroupLayout,
@@ -42,8 +43,11 @@ impl Pipeline {
                     storage(true),
                 ],
             );
-            let output_layout =
-                bind_group_layout(gpu, "output", &[storage(false), storage(true), storage(true)]);
+            let output_layout = bind_group_layout(
+                gpu,
+                "output",
+                &[storage(false), storage(true), storage(true), TEXEL_ARRAY],
+            );
             let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(name),
                 bind_group_layouts: &[Some(&scene_layout), Some(&output_layout)],
@@ -64,12 +68,13 @@ impl Pipeline {
         })
     }
 
-    /// Buffers for `bytes` of results of this kernel over `scene`, with these chains to gather from.
+    /// Buffers for `bytes` of results of this kernel over `scene`, with these chains to gather from and lists to see by.
     pub(super) fn output(
         &self,
         gpu: &Gpu,
         scene: &GpuScene,
         chains: &PhotonBuffers,
+        sight: &wgpu::TextureView,
         bytes: u64,
     ) -> Result<Output> {
         let results = gpu.buffer("path records", bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
@@ -100,6 +105,7 @@ impl Pipeline {
                     results.as_entire_binding(),
                     chains.photons.as_entire_binding(),
                     chains.buckets.as_entire_binding(),
+                    view(sight),
                 ],
             );
             Output { parameters, results, readback, scene_group, output_group }

@@ -8,6 +8,7 @@ use super::parameters::{GpuEye, Parameters};
 use super::photons::PhotonMap;
 use super::rig::Rig;
 use super::settings::TraceSettings;
+use super::sight::{self, Sights};
 use crate::error::Result;
 use crate::gpu::Gpu;
 
@@ -17,6 +18,8 @@ pub(super) struct Strategy {
     pub(super) parameters: Parameters,
     pub(super) features: Features,
     pub(super) chains: PhotonMap,
+    /// What can be seen from the pinhole that both ends share, if they do and it is of use.
+    pub(super) sight: wgpu::TextureView,
     pub(super) layout: Layout,
 }
 
@@ -32,6 +35,7 @@ pub(super) struct Stage<'a> {
     pub(super) scene: &'a GpuScene,
     pub(super) rig: &'a Rig,
     pub(super) dispatches: &'a mut Dispatches,
+    pub(super) sights: &'a mut Sights,
 }
 
 impl Stage<'_> {
@@ -60,12 +64,20 @@ impl Stage<'_> {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
+        // Where light passes straight through, a ray has to look at all that it meets.
+        let has_sight = coaxial_pinhole && !self.scene.features.passable;
+        let sight = if has_sight {
+            self.sights.lists(self.gpu, self.scene, start.tangent)?
+        } else {
+            sight::none(self.gpu)?
+        };
         let features = Features {
             scene: self.scene.features,
             ambient,
             lenses: start.radius > 0.0 || end.radius > 0.0,
             coaxial_pinhole,
             roulette: settings.russian_roulette,
+            sight: has_sight,
         };
         let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
         let end_to_start =
@@ -117,6 +129,6 @@ impl Stage<'_> {
         parameters.bucket_mask = chains.bucket_mask;
         parameters.gather_radius = chains.radius;
         parameters.inverse_cell = chains.inverse_cell();
-        Ok(Strategy { parameters, features, chains, layout })
+        Ok(Strategy { parameters, features, chains, sight, layout })
     }
 }

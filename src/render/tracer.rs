@@ -15,6 +15,7 @@ use super::parameters::Parameters;
 use super::pipeline::Pipeline;
 use super::rig::Rig;
 use super::settings::{TraceSettings, check};
+use super::sight::Sights;
 use super::strategy::{Stage, Strategy};
 use crate::error::{Error, Result};
 use crate::gpu::{AdapterSummary, Gpu};
@@ -53,6 +54,7 @@ pub struct Tracer {
     /// The kernels that were needed so far.
     kernels: HashMap<Features, Pipeline>,
     dispatches: Dispatches,
+    sights: Sights,
 }
 
 impl Tracer {
@@ -69,6 +71,7 @@ impl Tracer {
             rig: Rig::new(scene),
             kernels: HashMap::new(),
             dispatches: Dispatches::default(),
+            sights: Sights::default(),
         })
     }
 
@@ -113,7 +116,13 @@ impl Tracer {
     }
 
     pub(super) fn stage(&mut self) -> Stage<'_> {
-        Stage { gpu: &self.gpu, scene: &self.scene, rig: &self.rig, dispatches: &mut self.dispatches }
+        Stage {
+            gpu: &self.gpu,
+            scene: &self.scene,
+            rig: &self.rig,
+            dispatches: &mut self.dispatches,
+            sights: &mut self.sights,
+        }
     }
 
     pub(super) fn run(
@@ -130,7 +139,8 @@ impl Tracer {
         let capacity = self.dispatches.capacity(&self.gpu, stride, paths);
         let bytes = u64::from(capacity) * stride * 16;
         let kernel = kernel(&self.gpu, &mut self.kernels, &strategy.features)?;
-        let slots = kernel.output(&self.gpu, &self.scene, &strategy.chains.buffers, bytes)?;
+        let slots =
+            kernel.output(&self.gpu, &self.scene, &strategy.chains.buffers, &strategy.sight, bytes)?;
         let mut size = BatchSize::new(capacity);
         let mut done = 0;
         while done < paths {
@@ -180,7 +190,8 @@ impl Tracer {
         let kernel = Pipeline::new(&self.gpu, "primary_regions", &template.features)?;
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);
-        let slots = kernel.output(&self.gpu, &self.scene, &template.chains.buffers, capacity * 4)?;
+        let slots =
+            kernel.output(&self.gpu, &self.scene, &template.chains.buffers, &template.sight, capacity * 4)?;
         let mut regions = Vec::with_capacity(resolution.pixels());
         while (regions.len() as u64) < total {
             let first_pixel = regions.len() as u32;

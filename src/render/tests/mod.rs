@@ -10,6 +10,7 @@ mod random;
 mod reciprocity;
 mod sampler;
 mod samples;
+mod sight;
 mod statistics;
 mod surface;
 mod texture;

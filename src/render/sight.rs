@@ -1,0 +1,306 @@
+//! What can be seen from the pinhole that camera and projector share: lists of triangles over a raster of the image plane.
+//!
+//! For each texel of the raster, all triangles that a ray between the pinhole and a point behind that texel could meet, up to
+//! the nearest one that covers the texel whole: behind that, nothing is seen and no light arrives. Conservative throughout, by
+//! margins far above rounding, so that a list finds exactly what the search tree would find.
+//!
+//! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986), doi:10.1109/MCG.1986.276832.
+
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::geometry::GpuScene;
+use crate::error::Result;
+use crate::gpu::Gpu;
+
+/// Texels in a row of the raster, one on each side beyond the field of view. As `SIGHT_SIDE` in `shaders/shared/sight.wgsl`.
+const SIDE: usize = 512;
+/// Triangles that a texel of the raster holds by itself.
+const INLINE: usize = 3;
+/// In texels: rays this near to a texel count as its own.
+const MARGIN: f64 = 1.0 / 32.0;
+/// Relative: a triangle that is behind another one by less is not hidden.
+const DEPTH_MARGIN: f64 = 1e-4;
+
+/// The lists on the device, by the field of view that they were made for.
+#[derive(Default)]
+pub(super) struct Sights {
+    made: HashMap<[u32; 2], wgpu::TextureView>,
+}
+
+impl Sights {
+    /// Of a scene seen from its pinhole; made when they are first asked for.
+    pub(super) fn lists(
+        &mut self,
+        gpu: &Gpu,
+        scene: &GpuScene,
+        tangent: [f32; 2],
+    ) -> Result<wgpu::TextureView> {
+        let key = tangent.map(f32::to_bits);
+        if let Some(made) = self.made.get(&key) {
+            return Ok(made.clone());
+        }
+        let made =
+            gpu.texel_array("lists of what the pinhole sees", &lists(&scene.corners_in_order, tangent))?;
+        self.made.insert(key, made.clone());
+        Ok(made)
+    }
+}
+
+/// A stand-in where no kernel looks: bindings may not be empty.
+pub(super) fn none(gpu: &Gpu) -> Result<wgpu::TextureView> {
+    gpu.texel_array("no lists of what the pinhole sees", &[])
+}
+
+/// Makes the lists, as `shaders/shared/sight.wgsl` reads them. `triangles` are given by their corners in the pinhole's frame (looking
+/// along −z) in the order of the search tree's leaves, `tangent` is half the extent of the image plane at distance 1.
+fn lists(triangles: &[[Vec3; 3]], tangent: [f32; 2]) -> Vec<[u32; 4]> {
+    let mut raster = Raster::new(triangles, tangent);
+    for (index, corners) in (0..).zip(triangles) {
+        raster.add(index, &corners.map(Vec3::as_dvec3));
+    }
+    raster.pack()
+}
+
+/// A triangle in a texel.
+struct Entry {
+    texel: u32,
+    triangle: u32,
+    /// At most this near: 1 over its least depth there.
+    nearest: f32,
+}
+
+struct Raster {
+    scale: DVec2,
+    near: f64,
+    /// Everything as near to the pinhole as this may be seen anywhere.
+    around: f64,
+    entries: Vec<Entry>,
+    everywhere: Vec<u32>,
+    /// By texel: 1 over the greatest depth of the nearest triangle that covers it.
+    covers: Vec<f32>,
+}
+
+impl Raster {
+    fn new(triangles: &[[Vec3; 3]], tangent: [f32; 2]) -> Self {
+        let extent = triangles.iter().flatten().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
+        let near = 1e-5 * f64::from(extent);
+        let tangent = DVec2::new(tangent[0].into(), tangent[1].into());
+        Self {
+            scale: 0.5 * (SIDE - 2) as f64 / tangent,
+            near,
+            around: near * (1.0 + 4.0 * tangent.length_squared()).sqrt(),
+            entries: Vec::new(),
+            everywhere: Vec::new(),
+            covers: vec![0.0; SIDE * SIDE],
+        }
+    }
+
+    fn add(&mut self, triangle: u32, corners: &[DVec3; 3]) {
+        if corners.iter().all(|corner| corner.z > -self.near) {
+            if self.touches_the_pinhole(corners) {
+                self.everywhere.push(triangle);
+            }
+            return;
+        }
+        let is_cut = corners.iter().any(|corner| corner.z > -self.near);
+        if is_cut && self.touches_the_pinhole(corners) {
+            self.everywhere.push(triangle);
+            return;
+        }
+        let seen: Vec<Corner> = clip(corners, self.near).iter().map(|corner| self.project(*corner)).collect();
+        self.cover(triangle, &seen);
+    }
+
+    /// Whether a triangle may come nearer to the pinhole than the near plane's corners: by its plane and its box.
+    fn touches_the_pinhole(&self, [a, b, c]: &[DVec3; 3]) -> bool {
+        let normal = (*b - *a).cross(*c - *a).normalize_or_zero();
+        let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
+        let boxed =
+            low.cmple(DVec3::splat(self.around)).all() && high.cmpge(DVec3::splat(-self.around)).all();
+        boxed && normal.dot(*a).abs() <= self.around
+    }
+
+    fn project(&self, point: DVec3) -> Corner {
+        let inverse = -1.0 / point.z;
+        let image = DVec2::new(point.x, point.y) * inverse;
+        Corner { at: image * self.scale + DVec2::splat(0.5 * SIDE as f64), inverse }
+    }
+
+    /// Enters a convex polygon into every texel that it touches.
+    fn cover(&mut self, triangle: u32, polygon: &[Corner]) {
+        let Some(plane) = InverseDepth::through(polygon) else { return };
+        let vertices = || polygon.iter().map(|corner| corner.inverse);
+        let (deepest, nearest) = (vertices().fold(f64::INFINITY, f64::min), vertices().fold(0.0, f64::max));
+        let ys = || polygon.iter().map(|corner| corner.at.y);
+        let Some(rows) = texels(ys().fold(f64::INFINITY, f64::min), ys().fold(f64::NEG_INFINITY, f64::max))
+        else {
+            return;
+        };
+        for row in rows {
+            let Some((left, right)) = extent_in_band(polygon, row as f64 - MARGIN, row as f64 + 1.0 + MARGIN)
+            else {
+                continue;
+            };
+            let Some(columns) = texels(left, right) else { continue };
+            for column in columns {
+                let texel = row * SIDE + column;
+                let (low, high) = plane.over(column, row);
+                if covers(polygon, column, row) {
+                    let farthest = (low.max(deepest) * (1.0 - DEPTH_MARGIN)) as f32;
+                    self.covers[texel] = self.covers[texel].max(farthest);
+                }
+                let nearest = (high.min(nearest) * (1.0 + DEPTH_MARGIN)) as f32;
+                if nearest >= self.covers[texel] {
+                    self.entries.push(Entry { texel: texel as u32, triangle, nearest });
+                }
+            }
+        }
+    }
+
+    /// The lists without what is hidden, nearest first.
+    fn pack(mut self) -> Vec<[u32; 4]> {
+        self.entries.retain(|entry| entry.nearest >= self.covers[entry.texel as usize]);
+        self.entries.sort_unstable_by(|a, b| {
+            (a.texel, b.nearest, a.triangle)
+                .partial_cmp(&(b.texel, a.nearest, b.triangle))
+                // Depths are finite: vertices lie behind the near plane.
+                .unwrap_or(std::cmp::Ordering::Equal)
+        });
+        let mut packed = vec![[0_u32; 4]; SIDE * SIDE];
+        let mut words = Vec::new();
+        let mut entries = self.entries.iter().peekable();
+        let mut list = Vec::new();
+        for (texel, head) in (0..).zip(&mut packed) {
+            list.clear();
+            while let Some(entry) = entries.next_if(|entry| entry.texel == texel) {
+                list.push(entry.triangle);
+            }
+            list.extend(&self.everywhere);
+            head[0] = list.len() as u32;
+            if list.len() <= INLINE {
+                head[1..=list.len()].copy_from_slice(&list);
+            } else {
+                // The texture's limit is far below u32::MAX words, and is checked when it is made.
+                head[1] = (4 * SIDE * SIDE + words.len()) as u32;
+                words.extend(&list);
+            }
+        }
+        words.resize(words.len().next_multiple_of(4), 0);
+        packed.extend(words.chunks_exact(4).map(|four| [four[0], four[1], four[2], four[3]]));
+        packed
+    }
+}
+
+/// A polygon's corner on the raster.
+#[derive(Clone, Copy)]
+struct Corner {
+    at: DVec2,
+    /// 1 over its depth: linear over the image of a plane.
+    inverse: f64,
+}
+
+/// The part of a triangle at a depth of `near` or more.
+fn clip(corners: &[DVec3; 3], near: f64) -> Vec<DVec3> {
+    let mut kept = Vec::with_capacity(4);
+    for (index, &from) in corners.iter().enumerate() {
+        let to = corners[(index + 1) % 3];
+        let inside = |point: DVec3| point.z <= -near;
+        if inside(from) {
+            kept.push(from);
+        }
+        if inside(from) != inside(to) {
+            kept.push(from.lerp(to, (-near - from.z) / (to.z - from.z)));
+        }
+    }
+    kept
+}
+
+/// The texels of one axis that a stretch touches, with the margin; none where it lies beside the raster.
+fn texels(low: f64, high: f64) -> Option<std::ops::RangeInclusive<usize>> {
+    let (low, high) = (low - MARGIN, high + MARGIN);
+    if !(low < SIDE as f64 && high >= 0.0) {
+        return None;
+    }
+    Some(low.max(0.0) as usize..=(high as usize).min(SIDE - 1))
+}
+
+/// From where to where a convex polygon reaches in x within `low ≤ y ≤ high`.
+fn extent_in_band(polygon: &[Corner], low: f64, high: f64) -> Option<(f64, f64)> {
+    let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut reach = |x: f64| {
+        left = left.min(x);
+        right = right.max(x);
+    };
+    for (index, corner) in polygon.iter().enumerate() {
+        let (from, to) = (corner.at, polygon[(index + 1) % polygon.len()].at);
+        if (low..=high).contains(&from.y) {
+            reach(from.x);
+        }
+        for level in [low, high] {
+            if (from.y < level) != (to.y < level) {
+                reach(from.x + (to.x - from.x) * (level - from.y) / (to.y - from.y));
+            }
+        }
+    }
+    (left <= right).then_some((left, right))
+}
+
+/// Whether a texel, with its margin, lies inside a convex polygon.
+fn covers(polygon: &[Corner], column: usize, row: usize) -> bool {
+    let [left, top] = [column, row].map(|index| index as f64 - MARGIN);
+    let [right, bottom] = [column, row].map(|index| index as f64 + 1.0 + MARGIN);
+    let (mut all_left, mut all_right) = (true, true);
+    for (index, corner) in polygon.iter().enumerate() {
+        let edge = polygon[(index + 1) % polygon.len()].at - corner.at;
+        for (x, y) in [(left, top), (right, top), (left, bottom), (right, bottom)] {
+            // NaN is on neither side: the texel is not covered.
+            let side = edge.perp_dot(DVec2::new(x, y) - corner.at);
+            all_left &= side < 0.0;
+            all_right &= side > 0.0;
+        }
+    }
+    all_left || all_right
+}
+
+/// 1 over the depth of a plane, over the raster.
+struct InverseDepth {
+    at: DVec2,
+    value: f64,
+    gradient: DVec2,
+}
+
+impl InverseDepth {
+    /// Through the corners of a polygon that is not seen edge on; edge on it covers nothing, and is nowhere nearer than its corners.
+    fn through(polygon: &[Corner]) -> Option<Self> {
+        let first = polygon.first()?;
+        let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };
+        let mut largest = 0.0;
+        for pair in polygon[1..].windows(2) {
+            let [a, b] = [pair[0].at - first.at, pair[1].at - first.at];
+            let area = a.perp_dot(b);
+            if area.abs() > largest {
+                largest = area.abs();
+                let [da, db] = [pair[0].inverse - first.inverse, pair[1].inverse - first.inverse];
+                best.gradient = DVec2::new(da * b.y - db * a.y, db * a.x - da * b.x) / area;
+            }
+        }
+        if largest < 1e-9 || !best.gradient.is_finite() {
+            // Nearly edge on: its gradient means nothing. Let it count as near as its nearest corner everywhere.
+            best.gradient = DVec2::splat(f64::INFINITY);
+        }
+        Some(best)
+    }
+
+    /// The least and the greatest over a texel with its margin.
+    fn over(&self, column: usize, row: usize) -> (f64, f64) {
+        if !self.gradient.is_finite() {
+            return (0.0, f64::INFINITY);
+        }
+        let centre = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+        let middle = self.value + self.gradient.dot(centre - self.at);
+        let reach = (self.gradient.x.abs() + self.gradient.y.abs()) * (0.5 + MARGIN);
+        (middle - reach, middle + reach)
+    }
+}
