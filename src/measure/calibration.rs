@@ -6,6 +6,10 @@ use crate::rig::{CameraInfo, ProjectorInfo};
 /// What is known of a rig's devices: all that turns counts into light and levels into a pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
+    /// The projector that it belongs to.
+    pub projector_info: ProjectorInfo,
+    /// The camera that it belongs to.
+    pub camera_info: CameraInfo,
     /// The light of each level relative to the brightest, with level 0's light subtracted: one ascending curve of `2^bits`
     /// values from 0 to 1 for each channel of the projector.
     pub projector: Vec<Vec<f64>>,
@@ -64,6 +68,8 @@ impl Calibration {
         let levels = 1_usize << projector.bits;
         let curve: Vec<f64> = (0..levels).map(|level| level as f64 / (levels - 1) as f64).collect();
         Self {
+            projector_info: projector.clone(),
+            camera_info: camera.clone(),
             projector: vec![curve; projector.channels],
             camera: CameraResponse {
                 black: 0.0,

@@ -18,7 +18,7 @@ pub struct Live {
     bench: Bench,
     settle: f64,
     tries: u32,
-    /// What is on screen, and when it has settled.
+    /// What is on screen, and when that was confirmed.
     shown: Option<(Arc<Frame>, f64)>,
     /// The exposure that was asked for, and the one that was set.
     exposure: Option<[f64; 2]>,
@@ -53,19 +53,19 @@ impl Live {
         }
     }
 
-    /// Puts `frame` on screen unless it is there.
+    /// Puts `frame` on screen unless it is there; when it has settled.
     fn show(&mut self, frame: &Arc<Frame>) -> Result<f64> {
-        if let Some((shown, ready)) = &self.shown
+        if let Some((shown, at)) = &self.shown
             && (Arc::ptr_eq(shown, frame) || shown == frame)
         {
-            return Ok(*ready);
+            return Ok(at + self.settle);
         }
         // Should it fail, nobody knows what is on screen.
         self.shown = None;
-        let ready = self.bench.projector.show(frame)?.at + self.settle;
-        self.shown = Some((Arc::clone(frame), ready));
+        let at = self.bench.projector.show(frame)?.at;
+        self.shown = Some((Arc::clone(frame), at));
         self.effort.shown += 1;
-        Ok(ready)
+        Ok(at + self.settle)
     }
 
     /// Sets the exposure unless it is set; what was really set.
@@ -146,8 +146,7 @@ impl Live {
 
     fn give_up(&self, refused: &[Refused], restarted: bool) -> Error {
         let number = |what| refused.iter().filter(|&&refused| refused == what).count();
-        let [dropped, repeated, late] =
-            [Refused::Dropped, Refused::Repeated, Refused::Late].map(number);
+        let [dropped, repeated, late] = [Refused::Dropped, Refused::Repeated, Refused::Late].map(number);
         let mut fault = format!(
             "no good frame in {} tries: {dropped} did not come, {repeated} came a second time, {late} were exposed \
              before the pattern had settled",
@@ -209,9 +208,13 @@ impl Shots for Live {
 
     fn follow(&mut self, shot: &Shot, frame: &RawFrame) -> Result<()> {
         let shown = self.bench.projector.restore(&shot.frame)?;
-        self.shown = Some((Arc::clone(&shot.frame), shown.at + self.settle));
+        self.shown = Some((Arc::clone(&shot.frame), shown.at));
         self.last = (Some(frame.id), frame.started);
         Ok(())
+    }
+
+    fn set_settle(&mut self, seconds: f64) {
+        self.settle = seconds;
     }
 
     fn effort(&self) -> Effort {

@@ -63,6 +63,10 @@ pub trait Shots {
         Ok(())
     }
 
+    /// How many seconds pass from now on between a frame's confirmation and the exposure. It is no part of a [`Shot`]: who
+    /// compares one frame at several times tells them apart by `take`. A journal without a rig ignores it.
+    fn set_settle(&mut self, seconds: f64);
+
     /// What it has cost so far.
     fn effort(&self) -> Effort;
 }

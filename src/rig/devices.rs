@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 
 /// What a projector is.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ProjectorInfo {
     /// How it calls itself; part of every photo's key in a journal.
     pub name: String,
@@ -20,7 +20,7 @@ pub struct ProjectorInfo {
 }
 
 /// What a camera is.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CameraInfo {
     /// How it calls itself; part of every photo's key in a journal.
     pub name: String,

@@ -4,13 +4,13 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
+use super::VirtualRig;
 use super::devices::{VirtualCameraHandle, VirtualClock, VirtualProjectorHandle};
 use super::optics::Optics;
 use super::screen::Screen;
 use super::sensor::Sensor;
 use super::view::View;
 use super::world::{Change, World};
-use super::VirtualRig;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{Bench, CameraInfo, Frame, ProjectorInfo, Stamp};

@@ -83,7 +83,12 @@ mod tests {
 
     /// Pearson's statistic of `draws` variates against the Poisson probabilities, and its degrees of freedom. Counts with
     /// less than 10 expected are put together with their neighbours.
-    fn chi_square(mean: f64, draws: usize, seed: u64, draw: &mut dyn FnMut(f64, &mut Pcg64) -> f64) -> [f64; 2] {
+    fn chi_square(
+        mean: f64,
+        draws: usize,
+        seed: u64,
+        draw: &mut dyn FnMut(f64, &mut Pcg64) -> f64,
+    ) -> [f64; 2] {
         let mut random = Pcg64::seed_from_u64(seed);
         let limit = (mean + 12.0 * mean.sqrt() + 12.0) as usize;
         let mut found = vec![0.0; limit + 1];

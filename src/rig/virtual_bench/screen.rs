@@ -53,8 +53,7 @@ fn gaussian(deviation: f64) -> Vec<f64> {
         return vec![1.0];
     }
     let reach = (4.0 * deviation).ceil() as usize;
-    let weights: Vec<f64> =
-        (0..=reach).map(|at| (-0.5 * (at as f64 / deviation).powi(2)).exp()).collect();
+    let weights: Vec<f64> = (0..=reach).map(|at| (-0.5 * (at as f64 / deviation).powi(2)).exp()).collect();
     let sum = 2.0 * weights.iter().sum::<f64>() - 1.0;
     weights.iter().map(|weight| weight / sum).collect()
 }
@@ -115,7 +114,11 @@ mod tests {
         let frame = Frame::new(resolution, 1, levels).expect("as many levels");
         let light = Screen::new(&spec, resolution).emit(&frame).plane(0);
         let moment = |power: i32| -> f64 {
-            light.iter().enumerate().map(|(pixel, light)| light * ((pixel % 31) as f64 - 15.0).powi(power)).sum()
+            light
+                .iter()
+                .enumerate()
+                .map(|(pixel, light)| light * ((pixel % 31) as f64 - 15.0).powi(power))
+                .sum()
         };
         assert!((moment(0) - 1.0).abs() < 1e-6 && moment(1).abs() < 1e-6);
         // The Gaussian is cut at four deviations, where 6e-5 of the light has 1e-3 of the variance.

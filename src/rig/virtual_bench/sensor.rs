@@ -54,8 +54,8 @@ impl Sensor {
             let mut random = generator(self.seed, id, row as u64);
             for (index, count) in counts.iter_mut().enumerate() {
                 let pixel = row * width + index / channels;
-                let mean =
-                    exposure * (self.sensitivity[pixel] * light[index % channels][pixel] + self.spec.dark_current);
+                let mean = exposure
+                    * (self.sensitivity[pixel] * light[index % channels][pixel] + self.spec.dark_current);
                 *count = self.count(mean, &mut random);
             }
         });
