@@ -13,6 +13,7 @@ mod display;
 mod drift;
 mod exposure;
 mod hdr;
+mod live;
 mod measurement;
 mod noise;
 mod operator;
@@ -26,6 +27,7 @@ mod signed;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
 pub use drift::DriftReport;
+pub use live::Live;
 pub use measurement::Measurement;
 pub use operator::MeasuredOperator;
 pub use options::{DirectBy, DitherBy, MeasureOptions, SignedBy};
