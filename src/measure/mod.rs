@@ -4,9 +4,11 @@
 //! [`Shots`]; what is known of the devices is a [`Calibration`].
 
 mod calibration;
+mod live;
 mod options;
 mod shots;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
+pub use live::Live;
 pub use options::{DirectBy, MeasureOptions, SignedBy};
 pub use shots::{Effort, Shot, Shots};
