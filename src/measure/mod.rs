@@ -3,7 +3,9 @@
 //! Each correction is a stage in a file of its own (O'Toole and Kutulakos, sections 7 and 8). Raw frames come from
 //! [`Shots`]; what is known of the devices is a [`Calibration`].
 
+pub mod calibrate;
 mod calibration;
+mod calibration_file;
 mod options;
 mod shots;
 
