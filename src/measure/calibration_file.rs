@@ -124,7 +124,7 @@ impl Calibration {
     pub fn identity(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.head().as_bytes());
-        let mut lengths = |length: usize, hasher: &mut blake3::Hasher| {
+        let lengths = |length: usize, hasher: &mut blake3::Hasher| {
             hasher.update(&(length as u64).to_le_bytes());
         };
         let numbers = |values: &[f64], hasher: &mut blake3::Hasher| {
