@@ -6,9 +6,11 @@
 pub mod calibrate;
 mod calibration;
 mod calibration_file;
+mod live;
 mod options;
 mod shots;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
+pub use live::Live;
 pub use options::{DirectBy, MeasureOptions, SignedBy};
 pub use shots::{Effort, Shot, Shots};

@@ -6,6 +6,11 @@
 
 mod devices;
 mod frame;
+mod virtual_bench;
 
-pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown};
+pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown, Stamp};
 pub use frame::{Frame, RawFrame};
+pub use virtual_bench::{
+    Ambient, Drift, Faults, Misregistration, Response, VirtualCamera, VirtualProjector, VirtualRig,
+    VirtualScene,
+};

@@ -200,13 +200,13 @@ fn gamma(points: &[(f64, f64, f64)]) -> Result<Measured> {
         }
         let step = products / slope_squares;
         gamma = (gamma + step.clamp(-0.5, 0.5)).clamp(0.05, 20.0);
-        if step.abs() < 1e-12 {
+        if step.abs() < 1e-9 {
             let chi: f64 = points.iter().map(|&(x, r, error)| ((r - x.powf(gamma)) / error).powi(2)).sum();
             let scale = (chi / (points.len() as f64 - 1.0).max(1.0)).max(1.0);
             return Ok(Measured::new(gamma, (scale / slope_squares).sqrt()));
         }
     }
-    Err(Error::Numerical("no exponent fits the projector's levels".into()))
+    Err(Error::Numerical(format!("no exponent fits the projector's levels {points:?}")))
 }
 
 /// Linear between the nearest two of ascending points, and level beyond the last.
