@@ -5,12 +5,11 @@
 //! its logarithm, so that black level and ambient light are no trouble). Pixels of like light are averaged into groups first.
 
 use super::least_squares::Normal;
-use super::sitting::percentile;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
-/// Pixels are put into so many groups by their light.
-const GROUPS: usize = 24;
+/// Pixels are put into so many groups by their light under white; one more is all of them under black.
+const GROUPS: usize = 25;
 
 /// Knots of the inverse response, over the range of counts.
 const KNOTS: usize = 33;
@@ -40,16 +39,18 @@ pub(super) struct Response {
     pub(super) curve: Option<Vec<f64>>,
 }
 
-/// Fits the response to `frames` at several exposures. `sorting` is a photo that is not among them, by which pixels are grouped;
-/// samples that reach `limit` leave their group out at that exposure. `full` is the largest count, `floor` about the black level.
+/// Fits the response to frames of white and of black at several exposures. `sorting` is a photo of white that is not among them,
+/// by which pixels are grouped; samples that reach `limit` leave their group out at that exposure. `full` is the largest
+/// count, `floor` about the black level.
 pub(super) fn response(
-    frames: &[RawFrame],
+    whites: &[RawFrame],
+    blacks: &[RawFrame],
     sorting: &RawFrame,
     floor: f64,
     limit: f64,
     full: f64,
 ) -> Result<Response> {
-    let points = points(frames, sorting, limit);
+    let points = points(whites, blacks, sorting, limit);
     let (black, black_error, departure) = line(&points, full - floor)?;
     if departure <= LINEAR_WITHIN {
         return Ok(Response { black, black_error, departure, curve: None });
@@ -59,26 +60,29 @@ pub(super) fn response(
     Ok(Response { black, black_error: dark.map_or(1.0, |point| point.error), departure, curve: Some(curve) })
 }
 
-fn points(frames: &[RawFrame], sorting: &RawFrame, limit: f64) -> Vec<Point> {
+fn points(whites: &[RawFrame], blacks: &[RawFrame], sorting: &RawFrame, limit: f64) -> Vec<Point> {
     let mut order: Vec<usize> = (0..sorting.counts.len()).collect();
+    let everywhere = order.clone();
     order.sort_by_key(|&sample| sorting.counts[sample]);
-    let groups: Vec<&[usize]> = order.chunks(order.len().div_ceil(GROUPS)).collect();
-    let mut points = Vec::new();
-    for frame in frames {
-        for (group, samples) in groups.iter().enumerate() {
-            let counts = || samples.iter().map(|&sample| f64::from(frame.counts[sample]));
-            // Highlights and their like in the brightest group need not cost the whole of it.
-            if percentile(counts(), 1.0) >= limit {
-                continue;
-            }
-            let number = samples.len() as f64;
-            let count = counts().sum::<f64>() / number;
-            // Shot noise of a camera of one electron per DN; real ones have more, and less noise for it.
-            let error = ((1.0 + count) / number).sqrt().max(0.02);
-            points.push(Point { group, exposure: frame.exposure, count, error });
-        }
+    let groups: Vec<&[usize]> = order.chunks(order.len().div_ceil(GROUPS - 1)).collect();
+    let of_white = whites.iter().flat_map(|frame| {
+        groups.iter().enumerate().map(move |(group, samples)| point(frame, group, samples, limit))
+    });
+    let of_black = blacks.iter().map(|frame| point(frame, GROUPS - 1, &everywhere, limit));
+    of_white.chain(of_black).flatten().collect()
+}
+
+/// The mean of some samples, unless one is saturated.
+fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Option<Point> {
+    let counts = || samples.iter().map(|&sample| f64::from(frame.counts[sample]));
+    if counts().any(|count| count >= limit) {
+        return None;
     }
-    points
+    let number = samples.len() as f64;
+    let count = counts().sum::<f64>() / number;
+    // Shot noise of a camera of one electron per DN; real ones have more, and less noise for it.
+    let error = ((1.0 + count) / number).sqrt().max(0.02);
+    Some(Point { group, exposure: frame.exposure, count, error })
 }
 
 /// The common intercept of one line for each group, its error, and the largest departure.
