@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::console::Console;
+use super::light::Light;
+use super::measured;
 use super::options::RunArgs;
 use crate::error::{Error, Result};
-use crate::render::{TraceSettings, Tracer};
 use crate::report::manifest::{self, Manifest, Status};
-use crate::scene::Scene;
-use crate::transport::Channels;
 
 const RECORD: &str = "run.json";
 
@@ -42,34 +42,6 @@ impl RunFolder {
         Ok(Self { path, manifest, started: Instant::now() })
     }
 
-    /// Notes what a run on a traced scene depends on.
-    pub(super) fn describe(
-        &mut self,
-        scene: &Scene,
-        tracer: &Tracer,
-        settings: &TraceSettings,
-        channels: Channels,
-    ) {
-        let adapter = tracer.adapter();
-        self.manifest.seed = Some(u64::from(settings.seed));
-        self.manifest.adapter = Some(manifest::Adapter {
-            name: adapter.name.clone(),
-            driver: format!("{} {}", adapter.driver, adapter.driver_version),
-            backend: "vulkan".into(),
-        });
-        self.manifest.scene = Some(manifest::Scene {
-            path: scene.path.display().to_string(),
-            hash: scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
-        });
-        self.manifest.resolution = Some(settings.resolution);
-        self.manifest.samples_per_pixel = Some(settings.samples);
-        self.manifest.max_bounces = Some(settings.max_bounces);
-        self.manifest.channels = Some(match channels {
-            Channels::Luma => "luma".into(),
-            Channels::Rgb => "rgb".into(),
-        });
-    }
-
     /// Notes the file that a run depends on where there is no scene: a matrix.
     ///
     /// # Errors
@@ -79,6 +51,21 @@ impl RunFolder {
         let hash = blake3::hash(&bytes).to_hex().to_string();
         self.manifest.scene = Some(manifest::Scene { path: path.display().to_string(), hash });
         Ok(())
+    }
+
+    /// Notes what a run on a rig has cost, and says it; then hands on what came of it. What it has cost is of interest above all
+    /// when it failed.
+    pub(super) fn record_rig<T>(
+        &mut self,
+        light: &mut Light<'_>,
+        found: Result<T>,
+        console: &Console,
+    ) -> anyhow::Result<T> {
+        self.manifest.rig = light.record(found.is_ok())?;
+        if let Some(rig) = &self.manifest.rig {
+            measured::say(rig, console)?;
+        }
+        Ok(found?)
     }
 
     /// Seconds since the run started.

@@ -4,16 +4,15 @@ use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
-use super::light::Light;
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs};
 use super::run_folder::RunFolder;
-use super::{Outcome, labels, simulation};
+use super::source::Source;
+use super::trace::TraceArgs;
 use crate::analysis::{Capture, Cut, SegmentOptions, Segmentation, adjusted_rand_index};
-use crate::render::Tracer;
 use crate::report::segmentation::{SegmentationRun, Truth};
-use crate::scene::Scene;
 use crate::transport::{Channels, Part};
 
 /// Segment a scene by how light travels in it: pixels that exchange light form a group
@@ -25,6 +24,21 @@ pub(super) struct Args {
     trace: TraceArgs,
     #[command(flatten)]
     operator: OperatorArgs,
+    #[command(flatten)]
+    question: Question,
+    /// Exit with 1 if the groups agree less than this with the scene's true labels (adjusted Rand index, at the number of
+    /// groups that the labels have)
+    #[arg(long, value_name = "X")]
+    min_rand_index: Option<f64>,
+    #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+/// What is asked, of whatever source.
+#[derive(clap::Args)]
+pub(super) struct Question {
     /// Photos to take at most
     #[arg(long, value_name = "N", default_value_t = 50)]
     photos: usize,
@@ -46,14 +60,6 @@ pub(super) struct Args {
     /// Mask pixels with less than this share of the median global light
     #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
     mask_below: f64,
-    /// Exit with 1 if the groups agree less than this with the scene's true labels (adjusted Rand index, at the number of
-    /// groups that the labels have)
-    #[arg(long, value_name = "X")]
-    min_rand_index: Option<f64>,
-    #[command(flatten)]
-    run: RunArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -62,8 +68,9 @@ enum CutArg {
     Average,
 }
 
-impl Args {
-    fn options(&self) -> SegmentOptions {
+impl Question {
+    /// As the library has it; `seed` for what is chosen by chance.
+    pub(super) fn options(&self, seed: u64) -> SegmentOptions {
         SegmentOptions {
             photos: self.photos,
             groups: self.groups.clone(),
@@ -74,21 +81,24 @@ impl Args {
             },
             mu: self.mu,
             mask_below: self.mask_below,
-            seed: u64::from(self.trace.seed),
+            seed,
             ..SegmentOptions::default()
         }
+    }
+
+    /// Which light.
+    pub(super) fn part(&self) -> Part {
+        if self.keep_direct { Part::Full } else { Part::Global }
     }
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // What is wrong with the options or the scene should show before anything is written or traced.
-    let capture = Capture::new(args.options())?;
-    let scene = simulation::load(&args.source, console)?;
-    let mut tracer = simulation::open(&scene, &args.trace, console)?;
-    let name = format!("{}-segment", simulation::short_name(&scene));
-    let mut folder = RunFolder::create(&args.run, &name)?;
-    folder.describe(&scene, &tracer, &args.trace.settings_for(&scene), Channels::Luma);
-    let outcome = segment(args, console, capture, &scene, &mut tracer, &mut folder);
+    let capture = Capture::new(args.question.options(args.trace.seed()))?;
+    let mut source = Source::open(&args.source, &args.trace, console)?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-segment", source.name()))?;
+    source.describe(&mut folder.manifest, Channels::Luma);
+    let outcome = segment(args, console, capture, &mut source, &mut folder);
     folder.close(outcome)
 }
 
@@ -96,25 +106,23 @@ fn segment(
     args: &Args,
     console: &Console,
     mut capture: Capture,
-    scene: &Scene,
-    tracer: &mut Tracer,
+    source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
-    let resolution = args.trace.settings().resolution;
-    let truth = folder.timed("true labels", |_| truth(tracer, scene, args))?;
-    let mut light = folder.timed("tracing and matrix", |_| {
-        Light::choose(tracer, scene, &args.trace, &args.operator, Channels::Luma, console)
-    })?;
+    let (name, resolution) = (source.name(), source.resolution());
+    let truth = folder.timed("true labels", |_| source.truth())?;
+    let mut light =
+        folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console))?;
     folder.manifest.noise = light.noise().map(Into::into);
 
-    let part = if args.keep_direct { Part::Full } else { Part::Global };
     let bar = console.bar("photos");
-    folder.timed("photos", |_| {
-        light.with_operator(part, console, |operator| {
+    let taken = folder.timed("photos", |_| {
+        light.with_operator(args.question.part(), console, |operator| {
             capture.run(operator, &mut |step| bar.at(step.products as u64, step.budget as u64))
         })
-    })?;
+    });
     drop(bar);
+    folder.record_rig(&mut light, taken, console)?;
     if console.check().is_break() {
         return Err(crate::Error::Interrupted.into());
     }
@@ -130,7 +138,7 @@ fn segment(
     }
     let white = light.white(console)?;
     let run = SegmentationRun {
-        title: format!("{} · light transport segmentation", simulation::short_name(scene)),
+        title: format!("{name} · light transport segmentation"),
         segmentation: &segmentation,
         resolution,
         white: &white,
@@ -153,20 +161,12 @@ fn segment(
         "eigenvalues": segmentation.eigenvalues,
         "residuals": segmentation.residuals,
         "noise": folder.manifest.noise,
+        "rig": folder.manifest.rig,
         "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),
         "adjusted_rand_index": scores.iter().map(|(k, s)| (k.to_string(), json!(s))).collect::<serde_json::Map<_, _>>(),
         "seconds": folder.seconds(),
     }))?;
     Ok((judge(args, &scores, truth.as_ref(), console)?, segmentation.status))
-}
-
-/// The scene's own labels, where its author gave some.
-fn truth(tracer: &mut Tracer, scene: &Scene, args: &Args) -> Result<Option<Truth>> {
-    if !scene.regions_are_labels {
-        return Ok(None);
-    }
-    let labels = labels::true_labels(tracer, scene, args.trace.settings().resolution)?;
-    Ok(Some(Truth { labels, regions: scene.regions.clone() }))
 }
 
 /// The adjusted Rand index of each number of groups.
