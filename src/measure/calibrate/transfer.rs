@@ -2,14 +2,17 @@
 //!
 //! Two frames of one shot differ by noise alone, so half the variance of their difference is that of one frame,
 //! `σ² = σ_read² + s/gain`, with `s` the signal in linear DN above black and the gain in electrons per DN: a line over `s`
-//! (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The rounding to whole counts is part of the read noise here,
-//! as it is part of every photo's.
+//! (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The variance of rounding to whole counts, 1/12, is known and taken
+//! off, as [`crate::measure`]'s noise model counts it by itself.
 
 use super::figure::Measured;
 use super::least_squares::Normal;
 use super::linear::Linear;
 use crate::error::Result;
 use crate::rig::RawFrame;
+
+/// Variance of rounding, in counts.
+const ROUNDING: f64 = 1.0 / 12.0;
 
 /// Bins of a pair's pixels, by signal.
 const BINS: usize = 12;
@@ -43,9 +46,10 @@ pub(super) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> 
     for _ in 0..6 {
         let mut normal = Normal::new(2);
         for point in &points {
-            let predicted = (estimate[0] * point.slope + estimate[1] * point.signal.max(0.0)).max(1e-9);
+            let predicted =
+                ((estimate[0] + ROUNDING) * point.slope + estimate[1] * point.signal.max(0.0)).max(1e-9);
             let weight = 0.5 * (point.samples - 1.0) / (predicted * predicted);
-            normal.add_full(&[point.slope, point.signal.max(0.0)], point.variance, weight);
+            normal.add_full(&[point.slope, point.signal], point.variance - point.slope * ROUNDING, weight);
         }
         let found = normal.solve()?;
         estimate = [found.values[0].max(1e-6), found.values[1].max(1e-9)];
