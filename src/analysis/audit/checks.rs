@@ -24,7 +24,8 @@ fn deviation(residual: &[f64], variance: &[f64], reference: &[f64]) -> (f64, f64
 /// Root mean square of residuals in units of their predicted standard errors; none where there is no noise.
 fn z(residual: &[f64], variance: &[f64]) -> Option<f64> {
     let pairs = residual.iter().zip(variance).filter(|(_, variance)| **variance > 0.0);
-    let (sum, count) = pairs.fold((0.0, 0), |(sum, count), (r, variance)| (sum + r * r / variance, count + 1));
+    let (sum, count) =
+        pairs.fold((0.0, 0), |(sum, count), (r, variance)| (sum + r * r / variance, count + 1));
     (count > 0).then(|| (sum / f64::from(count)).sqrt())
 }
 
@@ -32,8 +33,7 @@ pub(super) fn additivity(lit: &Seen, rest: &Seen, white: &Seen, bound: f64) -> C
     let pixels = 0..white.values.len();
     let residual: Vec<f64> =
         pixels.clone().map(|i| lit.values[i] + rest.values[i] - white.values[i]).collect();
-    let variance: Vec<f64> =
-        pixels.map(|i| lit.variance[i] + rest.variance[i] + white.variance[i]).collect();
+    let variance: Vec<f64> = pixels.map(|i| lit.variance[i] + rest.variance[i] + white.variance[i]).collect();
     let (figure, error) = deviation(&residual, &variance, &white.values);
     let z = z(&residual, &variance).map_or(String::new(), |z| format!(" (z {z:.2})"));
     Check::judged(
@@ -183,7 +183,8 @@ pub(super) fn noise_floor(white: &Seen) -> Check {
 }
 
 pub(super) fn drift(largest: f64) -> Check {
-    let meaning = "the most that the lamp's light has changed since the first white; photos are corrected for it";
+    let meaning =
+        "the most that the lamp's light has changed since the first white; photos are corrected for it";
     Check::told("drift", largest, 0.0, meaning.into())
 }
 

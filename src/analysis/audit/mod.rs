@@ -121,7 +121,8 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
     let mut random = Pcg64::seed_from_u64(options.seed);
     let mut patterns: Vec<Vec<f64>> = Vec::new();
     for _ in 0..options.patterns {
-        patterns.push(mask.iter().map(|&seen| f64::from(u8::from(seen && random.random::<bool>()))).collect());
+        patterns
+            .push(mask.iter().map(|&seen| f64::from(u8::from(seen && random.random::<bool>()))).collect());
     }
     let photos = patterns.iter().map(|pattern| subject.photograph(pattern)).collect::<Result<Vec<_>>>()?;
     let complement: Vec<f64> =

@@ -106,9 +106,28 @@ fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     Ok((found.values[0], found.error(0), largest / range))
 }
 
+/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best: a first guess, for the weights.
+fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
+    let (mut products, mut squares) = (0.0, 0.0);
+    for group in 0..GROUPS {
+        let logs: Vec<(f64, f64)> = points
+            .iter()
+            .filter(|point| point.group == group && point.count - floor > 0.01 * range)
+            .map(|point| (point.exposure.ln(), (point.count - floor).ln()))
+            .collect();
+        let count = logs.len().max(1) as f64;
+        let [x, y] = [0, 1]
+            .map(|axis| logs.iter().map(|log| if axis == 0 { log.0 } else { log.1 }).sum::<f64>() / count);
+        products += logs.iter().map(|log| (log.0 - x) * (log.1 - y)).sum::<f64>();
+        squares += logs.iter().map(|log| (log.0 - x).powi(2)).sum::<f64>();
+    }
+    if squares > 0.0 { (products / squares).clamp(0.2, 5.0) } else { 1.0 }
+}
+
 /// The inverse response as a function of counts, and the count at which it is 0.
 fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Vec<f64>)> {
-    let low = points.iter().map(|point| point.count).fold(f64::INFINITY, f64::min).min(floor);
+    let dark = points.iter().map(|point| point.count).fold(f64::INFINITY, f64::min);
+    let low = dark.min(floor);
     // Knots lie closer where counts are small: that is where a compressive response bends.
     let knot = |index: usize| low + (limit - low) * (index as f64 / (KNOTS - 1) as f64).powf(1.5);
     let knots: Vec<f64> = (0..KNOTS).map(knot).collect();
@@ -117,41 +136,44 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let share = (count - knots[at]) / (knots[at + 1] - knots[at]);
         (at, share)
     };
-    let mut slopes = vec![1.0; KNOTS - 1];
-    let mut values = Vec::new();
-    for _ in 0..8 {
-        let mut normal = Normal::new(KNOTS + GROUPS);
-        for point in points {
-            let (at, share) = place(point.count);
-            let error = (point.error * slopes[at]).max(1e-6);
-            let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
-            normal.add(&row, 0.0, error.powi(-2));
-        }
-        // The scale is free: the last knot keeps its count. Between data, slopes change as little as they can.
-        normal.add(&[(KNOTS - 1, 1.0)], limit - floor, 1e6);
-        for k in 1..KNOTS - 1 {
-            let [before, after] = [knots[k] - knots[k - 1], knots[k + 1] - knots[k]].map(f64::recip);
-            let row = [(k - 1, before), (k, -before - after), (k + 1, after)];
-            normal.add(&row, 0.0, 1e-1);
-        }
-        for group in 0..GROUPS {
-            normal.add(&[(KNOTS + group, 1.0)], 0.0, 1e-18);
-        }
-        values = normal.solve()?.values;
-        values.truncate(KNOTS);
-        // Light never falls as counts rise.
-        for k in 1..KNOTS {
-            values[k] = values[k].max(values[k - 1] + 1e-6 * (knots[k] - knots[k - 1]));
-        }
-        for k in 0..KNOTS - 1 {
-            slopes[k] = ((values[k + 1] - values[k]) / (knots[k + 1] - knots[k])).max(1e-4);
-        }
+    // Errors of counts are errors of light by the curve's slope. That of the fit itself would feed on itself: flat means
+    // certain, and certain flatter still.
+    let steep = exponent(points, dark, limit - dark).recip();
+    let slope = |count: f64| {
+        let share = ((count - dark) / (limit - dark)).clamp(1e-3, 1.0);
+        (steep * share.powf(steep - 1.0)).clamp(1e-3, 1e3)
+    };
+    let mut normal = Normal::new(KNOTS + GROUPS);
+    for point in points {
+        let (at, share) = place(point.count);
+        let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
+        normal.add(&row, 0.0, (point.error * slope(point.count)).powi(-2));
+    }
+    // The scale is free: the largest count keeps its value. Between data and beyond, slopes change as little as they can.
+    let largest = points.iter().map(|point| point.count).fold(dark, f64::max);
+    let (at, share) = place(largest);
+    normal.add(&[(at, 1.0 - share), (at + 1, share)], largest - dark, 1e6);
+    for k in 1..KNOTS - 1 {
+        let [before, after] = [knots[k] - knots[k - 1], knots[k + 1] - knots[k]].map(f64::recip);
+        normal.add(&[(k - 1, before), (k, -before - after), (k + 1, after)], 0.0, 1e-1);
+    }
+    let mut seen = [false; GROUPS];
+    points.iter().for_each(|point| seen[point.group] = true);
+    for group in (0..GROUPS).filter(|&group| !seen[group]) {
+        normal.add(&[(KNOTS + group, 1.0)], 0.0, 1.0);
+    }
+    let mut values = normal.solve()?.values;
+    values.truncate(KNOTS);
+    // Light never falls as counts rise.
+    for k in 1..KNOTS {
+        values[k] = values[k].max(values[k - 1] + 1e-6 * (knots[k] - knots[k - 1]));
     }
     let light = |count: f64| {
         let (at, share) = place(count);
         values[at] + share * (values[at + 1] - values[at])
     };
-    let first = slopes[0];
-    let black = knots[0] - values[0] / first;
+    // Where the curve starts flat, nothing can be extrapolated: black is what the darkest frames count.
+    let first = (values[1] - values[0]) / (knots[1] - knots[0]);
+    let black = if first > 0.2 { knots[0] - values[0] / first } else { dark };
     Ok((black, (0..=full as usize).map(|count| light(count as f64)).collect()))
 }

@@ -11,6 +11,9 @@ use super::linear::Linear;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
+/// Linear DN per count below which a response is flat.
+const FLAT: f64 = 0.2;
+
 /// Variance of rounding, in counts.
 const ROUNDING: f64 = 1.0 / 12.0;
 
@@ -83,6 +86,8 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
+        // Where the inverse response is flat, its slope is not known well enough to say what noise it makes of noise.
+        .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
             let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;
