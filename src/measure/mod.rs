@@ -4,9 +4,11 @@
 //! [`Shots`]; what is known of the devices is a [`Calibration`].
 
 mod calibration;
+mod journaled;
 mod options;
 mod shots;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
+pub use journaled::{Journaled, Opener, Pair};
 pub use options::{DirectBy, MeasureOptions, SignedBy};
 pub use shots::{Effort, Shot, Shots};

@@ -6,6 +6,8 @@
 
 mod devices;
 mod frame;
+mod stamp;
 
 pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown};
 pub use frame::{Frame, RawFrame};
+pub use stamp::Stamp;
