@@ -7,19 +7,18 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use super::console::Console;
-use super::light::Light;
 use super::operator::OperatorArgs;
-use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, TraceArgs, method};
+use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, method};
 use super::run_folder::RunFolder;
-use super::{Outcome, pattern, simulation};
+use super::source::Source;
+use super::trace::TraceArgs;
+use super::{Outcome, pattern};
 use crate::analysis::compensate::compensate;
 use crate::analysis::{CompensateOptions, Compensation, Precondition, Wish};
 use crate::error::Error;
-use crate::image::Image;
+use crate::image::{Image, Resolution};
 use crate::krylov::Method;
-use crate::render::Tracer;
 use crate::report::compensation::CompensationRun;
-use crate::scene::Scene;
 use crate::transport::{Channels, Part};
 
 /// Find what to project so that the scene looks like a target image
@@ -95,19 +94,17 @@ impl Args {
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // What is wrong with the options or the files should show before anything is written or traced.
     args.options().check()?;
-    let target = target(args)?;
-    let scene = simulation::load(&args.source, console)?;
-    let mut tracer = simulation::open(&scene, &args.trace, console)?;
-    let name = format!("{}-compensate", simulation::short_name(&scene));
-    let mut folder = RunFolder::create(&args.run, &name)?;
-    folder.describe(&scene, &tracer, &args.trace.settings_for(&scene), args.channels());
-    let outcome = answer(args, console, &target, &scene, &mut tracer, &mut folder);
+    let mut source = Source::open(&args.source, &args.trace, console)?;
+    let target = target(args, source.resolution())?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()))?;
+    source.describe(&mut folder.manifest, args.channels());
+    let outcome = answer(args, console, &target, &mut source, &mut folder);
     folder.close(outcome)
 }
 
 /// The target, of the right size and with values that make sense.
-fn target(args: &Args) -> Result<Image> {
-    let image = pattern::read_sized(&args.target, args.trace.settings().resolution)?;
+fn target(args: &Args, resolution: Resolution) -> Result<Image> {
+    let image = pattern::read_sized(&args.target, resolution)?;
     let unusable =
         |fault: String, help: &str| Error::Data { path: args.target.clone(), fault, help: help.into() };
     if image.channels() > args.channels().count() {
@@ -130,13 +127,12 @@ fn answer(
     args: &Args,
     console: &Console,
     target: &Image,
-    scene: &Scene,
-    tracer: &mut Tracer,
+    source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
-    let mut light = folder.timed("tracing and matrix", |_| {
-        Light::choose(tracer, scene, &args.trace, &args.operator, args.channels(), console)
-    })?;
+    let name = source.name();
+    let mut light =
+        folder.timed(source.preparation(), |_| source.light(&args.operator, args.channels(), console))?;
     folder.manifest.noise = light.noise().map(Into::into);
     let wish = Wish::new(target, &light.ambient(console)?)?;
     let bar = console.bar("photos");
@@ -155,7 +151,7 @@ fn answer(
     let method = args.method.facts().name;
     say(&found, method, console)?;
 
-    let title = format!("{} · light transport compensation", simulation::short_name(scene));
+    let title = format!("{name} · light transport compensation");
     let run = CompensationRun { title, found: &found, method, floor: args.floor };
     let seconds = folder.seconds();
     folder.manifest.outputs =

@@ -6,13 +6,14 @@ use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
-use super::light::Light;
 use super::matrix::PartArg;
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs, ViewArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs, ViewArgs};
 use super::run_folder::RunFolder;
-use super::{Outcome, simulation};
+use super::source::Source;
+use super::trace::TraceArgs;
 use crate::image::Resolution;
 use crate::krylov::{Eigs, EigsMethod, EigsOptions, Start, Verdict, Which, eigs};
 use crate::operator::Operator;
@@ -24,8 +25,9 @@ use crate::transport::Channels;
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The scene (.glb, .gltf, .obj), or a matrix (.npz of SciPy, .mtx, or a dense .npy)
-    #[arg(value_name = "SCENE|MATRIX")]
+    /// A scene (.glb, .gltf, .obj), a rig (.toml), the folder of a run on a rig, or a matrix (.npz of SciPy, .mtx, or a
+    /// dense .npy)
+    #[arg(value_name = "SOURCE|MATRIX")]
     source: PathBuf,
     #[command(flatten)]
     view: ViewArgs,
@@ -108,7 +110,7 @@ impl Args {
                 MethodArg::BlockLanczos => EigsMethod::BlockLanczos { block: self.block },
                 MethodArg::Arnoldi => EigsMethod::Arnoldi,
             },
-            start: Start::Rademacher { seed: u64::from(self.trace.seed) },
+            start: Start::Rademacher { seed: self.trace.seed() },
             ..EigsOptions::default()
         }
     }
@@ -119,7 +121,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         let mut operator = SparseOperator::new(sparse::read(&args.source)?);
         let stem = args.source.file_stem().unwrap_or_default().to_string_lossy();
         let mut folder = RunFolder::create(&args.run, &format!("{stem}-eigs"))?;
-        folder.manifest.seed = Some(u64::from(args.trace.seed));
+        folder.manifest.seed = Some(args.trace.seed());
         let outcome = folder
             .describe_file(&args.source)
             .map_err(Into::into)
@@ -127,19 +129,15 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         return folder.close(outcome);
     }
     let source = SourceArgs { source: args.source.clone(), view: args.view.clone() };
-    let scene = simulation::load(&source, console)?;
-    let mut tracer = simulation::open(&scene, &args.trace, console)?;
-    let name = simulation::short_name(&scene);
+    let mut source = Source::open(&source, &args.trace, console)?;
+    let (name, resolution) = (source.name(), source.resolution());
     let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"))?;
-    let settings = args.trace.settings_for(&scene);
-    folder.describe(&scene, &tracer, &settings, Channels::Luma);
-    let light = folder.timed("tracing and matrix", |_| {
-        Light::choose(&mut tracer, &scene, &args.trace, &args.operator, Channels::Luma, console)
-    });
+    source.describe(&mut folder.manifest, Channels::Luma);
+    let light = folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console));
     let outcome = light.and_then(|mut light| {
         folder.manifest.noise = light.noise().map(Into::into);
         light.with_operator(args.part.into(), console, |operator| {
-            answer(args, console, operator, &name, Some(settings.resolution), &mut folder)
+            answer(args, console, operator, &name, Some(resolution), &mut folder)
         })
     });
     folder.close(outcome)

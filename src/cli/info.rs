@@ -1,11 +1,13 @@
 //! `krylux info`: the adapters, and what is in a scene.
 
+use std::path::PathBuf;
+
 use anyhow::Result;
 use glam::Vec3;
 use serde_json::json;
 
 use super::console::Console;
-use super::options::{OutputArgs, SourceArgs, ViewArgs};
+use super::options::{OutputArgs, ViewArgs};
 use super::{Outcome, simulation};
 use crate::render;
 use crate::scene::Scene;
@@ -15,7 +17,7 @@ use crate::scene::Scene;
 pub(super) struct Args {
     /// A scene to describe as well
     #[arg(value_name = "SCENE")]
-    source: Option<std::path::PathBuf>,
+    source: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
     #[command(flatten)]
@@ -23,8 +25,8 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let source = args.source.clone().map(|source| SourceArgs { source, view: args.view.clone() });
-    let scene = source.map(|source| simulation::load(&source, console)).transpose()?;
+    let load = |source: &PathBuf| simulation::load(source, &args.view, console);
+    let scene = args.source.as_ref().map(load).transpose()?;
     if let Some(scene) = &scene {
         say_scene(scene, console)?;
     }

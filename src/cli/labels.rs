@@ -5,11 +5,15 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
-use super::options::{OutputArgs, SizeArgs, SourceArgs};
-use super::{Outcome, simulation};
+use super::options::{OutputArgs, SourceArgs};
+use super::simulation::Simulation;
+use super::source::Source;
+use super::trace::{SizeArgs, TraceArgs};
 use crate::image::Resolution;
 use crate::render::Tracer;
+use crate::report::segmentation::Truth;
 use crate::report::{npy, palette, picture};
 use crate::scene::Scene;
 
@@ -34,11 +38,13 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let resolution = args.size.resolution();
     args.files.iter().try_for_each(|file| picture::check_writable(file))?;
-    let scene = simulation::load(&args.source, console)?;
-    let mut tracer = Tracer::new(&scene, args.adapter.as_deref())?;
-    let labels = true_labels(&mut tracer, &scene, resolution)?;
+    let trace = TraceArgs::for_looking(args.size, args.adapter.clone());
+    let mut source = Source::open(&args.source, &trace, console)?;
+    let resolution = source.resolution();
+    let simulation = source.simulation()?;
+    let labels = true_labels(&mut simulation.tracer, &simulation.scene, resolution)?;
+    let scene = &simulation.scene;
     for file in &args.files {
         write(file, resolution, &labels)?;
         console.say(format_args!("wrote     {}", file.display()))?;
@@ -59,11 +65,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 /// The region that each pixel's centre sees.
-pub(super) fn true_labels(
-    tracer: &mut Tracer,
-    scene: &Scene,
-    resolution: Resolution,
-) -> crate::Result<Vec<u8>> {
+fn true_labels(tracer: &mut Tracer, scene: &Scene, resolution: Resolution) -> crate::Result<Vec<u8>> {
     if scene.regions.len() > usize::from(NO_REGION) {
         return Err(crate::Error::Scene {
             path: scene.path.clone(),
@@ -73,6 +75,16 @@ pub(super) fn true_labels(
     }
     let regions = tracer.regions(resolution)?;
     Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())
+}
+
+/// The labels of the scene's author, where there are any.
+pub(super) fn truth(simulation: &mut Simulation, resolution: Resolution) -> Result<Option<Truth>> {
+    let Simulation { scene, tracer, .. } = simulation;
+    if !scene.regions_are_labels {
+        return Ok(None);
+    }
+    let labels = true_labels(tracer, scene, resolution)?;
+    Ok(Some(Truth { labels, regions: scene.regions.clone() }))
 }
 
 fn write(file: &Path, resolution: Resolution, labels: &[u8]) -> crate::Result<()> {

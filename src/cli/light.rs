@@ -6,12 +6,10 @@ use anyhow::Result;
 
 use super::console::Console;
 use super::operator::{OperatorArg, OperatorArgs, in_words};
-use super::options::TraceArgs;
-use super::simulation;
+use super::simulation::Simulation;
 use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::render::{TraceSettings, Tracer};
-use crate::scene::Scene;
 use crate::transport::{
     Assembled, Channels, MatrixOperator, Noise, Part, Retraced, RetracedOperator, Simulated, Transport,
     predict,
@@ -25,21 +23,19 @@ pub(super) enum Light<'a> {
 
 impl<'a> Light<'a> {
     /// The operator that the options ask for; the matrix for `auto`, unless that would not fit the memory.
-    pub(super) fn choose(
-        tracer: &'a mut Tracer,
-        scene: &Scene,
-        trace: &TraceArgs,
+    pub(super) fn of_scene(
+        simulation: &'a mut Simulation,
         choice: &OperatorArgs,
         channels: Channels,
         console: &Console,
     ) -> Result<Self> {
-        let settings = trace.settings_for(scene);
+        let settings = simulation.settings;
         let retrace = match choice.operator {
             OperatorArg::Replay => false,
             OperatorArg::Retrace => true,
             OperatorArg::Auto => {
                 let limit = choice.memory();
-                let needed = predict(tracer, &settings, channels, limit)?.bytes;
+                let needed = predict(&mut simulation.tracer, &settings, channels, limit)?.bytes;
                 let exceeds = needed > limit as f64;
                 if exceeds {
                     let (needed, limit) = (in_words(needed as u64), in_words(limit));
@@ -51,9 +47,9 @@ impl<'a> Light<'a> {
             }
         };
         if retrace {
-            return Ok(Self::Retraced { tracer, settings, channels });
+            return Ok(Self::Retraced { tracer: &mut simulation.tracer, settings, channels });
         }
-        let traced = simulation::assemble(tracer, scene, trace, channels, console)?;
+        let traced = simulation.assemble(channels, console)?;
         Ok(Self::Replayed(Box::new(Simulated { traced })))
     }
 

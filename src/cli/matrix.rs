@@ -6,9 +6,11 @@ use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
-use super::options::{ChannelsArg, OutputArgs, SourceArgs, TraceArgs};
-use super::{Outcome, simulation};
+use super::options::{ChannelsArg, OutputArgs, SourceArgs};
+use super::source::Source;
+use super::trace::TraceArgs;
 use crate::report::{manifest, sparse};
 use crate::sparse::Csr;
 use crate::transport::{Bounces, Channels, Part, TransportMatrix};
@@ -55,11 +57,9 @@ impl From<PartArg> for Part {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     sparse::check_writable(&args.file)?;
-    let scene = simulation::load(&args.source, console)?;
-    let mut tracer = simulation::open(&scene, &args.trace, console)?;
+    let mut source = Source::open(&args.source, &args.trace, console)?;
     let channels = args.channels.into();
-    let traced =
-        simulation::assemble_layers(&mut tracer, &scene, &args.trace, channels, args.split_bounces, console)?;
+    let traced = source.simulation()?.assemble_layers(channels, args.split_bounces, console)?;
     let names: &[&str] = match channels {
         Channels::Luma => &[""],
         Channels::Rgb => &[".r", ".g", ".b"],

@@ -19,6 +19,8 @@ mod run_folder;
 mod segment;
 mod simulation;
 mod solve;
+mod source;
+mod trace;
 
 use std::process::ExitCode;
 

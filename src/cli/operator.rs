@@ -37,7 +37,7 @@ impl OperatorArgs {
 }
 
 /// `--cache` and `--no-cache`.
-#[derive(Args)]
+#[derive(Args, Default)]
 pub(super) struct CacheArgs {
     /// Where matrices are kept for later runs [default: KRYLUX_CACHE, or krylux in the user's cache folder]
     #[arg(long, value_name = "DIR")]

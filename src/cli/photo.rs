@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
 use super::noise::percent;
 use super::operator::OperatorArg;
-use super::options::{ChannelsArg, OutputArgs, SourceArgs, TraceArgs};
+use super::options::{ChannelsArg, OutputArgs, SourceArgs};
 use super::pattern::Pattern;
-use super::{Outcome, simulation};
-use crate::cache::Key;
+use super::simulation::Simulation;
+use super::source::Source;
+use super::trace::TraceArgs;
 use crate::image::Image;
 use crate::report::picture;
 use crate::transport::{Retraced, Simulated, Transport};
@@ -42,37 +44,11 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     args.files.iter().try_for_each(|file| picture::check_writable(file))?;
-    let scene = simulation::load(&args.source, console)?;
-    let settings = args.trace.settings_for(&scene);
-    let pattern = args.pattern.image(settings.projector.unwrap_or(settings.resolution))?;
-    let mut tracer = simulation::open(&scene, &args.trace, console)?;
-    let channels = args.channels.into();
-    let replayed = match args.operator {
-        OperatorArg::Retrace => None,
-        OperatorArg::Replay => {
-            Some(simulation::assemble(&mut tracer, &scene, &args.trace, channels, console)?)
-        }
-        // A single photo is never worth a matrix that is not there yet.
-        OperatorArg::Auto => {
-            let key = Key::new(&scene, tracer.adapter(), &settings, channels, false);
-            simulation::look_up(args.trace.cache.open().as_ref(), &key, console)
-        }
-    };
-    let is_replayed = replayed.is_some();
-    let (photo, noise) = match replayed {
-        Some(traced) => {
-            let noise = traced.noise.as_ref().map(|noise| noise.white_relative);
-            (Simulated { traced }.photograph(&pattern)?, noise)
-        }
-        None => {
-            let bar = console.bar("tracing");
-            let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
-            let mut rig = Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress };
-            let (photo, error) = rig.photograph_with_error(&pattern)?;
-            let noise = (settings.samples > 1).then(|| norm(&error) / norm(&photo));
-            (photo, noise.filter(|noise| noise.is_finite()))
-        }
-    };
+    let mut source = Source::open(&args.source, &args.trace, console)?;
+    let pattern = args.pattern.image(source.projector_resolution())?;
+    let simulation = source.simulation()?;
+    let settings = simulation.settings;
+    let Taken { photo, noise, is_replayed } = of_scene(args, simulation, &pattern, console)?;
     for file in &args.files {
         picture::write(file, &photo)?;
         console.say(format_args!("wrote     {}", file.display()))?;
@@ -92,6 +68,37 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "radiance": { "mean": mean, "min": low, "max": high },
     }))?;
     Ok(Outcome::Done)
+}
+
+/// A photo, and how far it is from the truth.
+struct Taken {
+    photo: Image,
+    /// Relative, where that is known.
+    noise: Option<f64>,
+    /// From a matrix, whose noise is that of the white photo.
+    is_replayed: bool,
+}
+
+fn of_scene(args: &Args, simulation: &mut Simulation, pattern: &Image, console: &Console) -> Result<Taken> {
+    let channels = args.channels.into();
+    let replayed = match args.operator {
+        OperatorArg::Retrace => None,
+        OperatorArg::Replay => Some(simulation.assemble(channels, console)?),
+        // A single photo is never worth a matrix that is not there yet.
+        OperatorArg::Auto => simulation.look_up(channels, console),
+    };
+    let Some(traced) = replayed else {
+        let bar = console.bar("tracing");
+        let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
+        let settings = simulation.settings;
+        let mut rig =
+            Retraced { tracer: &mut simulation.tracer, settings, channels, progress: &mut progress };
+        let (photo, error) = rig.photograph_with_error(pattern)?;
+        let noise = (settings.samples > 1).then(|| norm(&error) / norm(&photo));
+        return Ok(Taken { photo, noise: noise.filter(|noise| noise.is_finite()), is_replayed: false });
+    };
+    let noise = traced.noise.as_ref().map(|noise| noise.white_relative);
+    Ok(Taken { photo: Simulated { traced }.photograph(pattern)?, noise, is_replayed: true })
 }
 
 fn norm(image: &Image) -> f64 {

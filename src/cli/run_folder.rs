@@ -5,10 +5,7 @@ use std::time::Instant;
 
 use super::options::RunArgs;
 use crate::error::{Error, Result};
-use crate::render::{TraceSettings, Tracer};
 use crate::report::manifest::{self, Manifest, Status};
-use crate::scene::Scene;
-use crate::transport::Channels;
 
 const RECORD: &str = "run.json";
 
@@ -40,34 +37,6 @@ impl RunFolder {
         let manifest = Manifest::new(std::env::args());
         manifest.write(&path.join(RECORD))?;
         Ok(Self { path, manifest, started: Instant::now() })
-    }
-
-    /// Notes what a run on a traced scene depends on.
-    pub(super) fn describe(
-        &mut self,
-        scene: &Scene,
-        tracer: &Tracer,
-        settings: &TraceSettings,
-        channels: Channels,
-    ) {
-        let adapter = tracer.adapter();
-        self.manifest.seed = Some(u64::from(settings.seed));
-        self.manifest.adapter = Some(manifest::Adapter {
-            name: adapter.name.clone(),
-            driver: format!("{} {}", adapter.driver, adapter.driver_version),
-            backend: "vulkan".into(),
-        });
-        self.manifest.scene = Some(manifest::Scene {
-            path: scene.path.display().to_string(),
-            hash: scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
-        });
-        self.manifest.resolution = Some(settings.resolution);
-        self.manifest.samples_per_pixel = Some(settings.samples);
-        self.manifest.max_bounces = Some(settings.max_bounces);
-        self.manifest.channels = Some(match channels {
-            Channels::Luma => "luma".into(),
-            Channels::Rgb => "rgb".into(),
-        });
     }
 
     /// Notes the file that a run depends on where there is no scene: a matrix.

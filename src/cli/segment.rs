@@ -4,16 +4,15 @@ use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
-use super::light::Light;
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs, TraceArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs};
 use super::run_folder::RunFolder;
-use super::{Outcome, labels, simulation};
+use super::source::Source;
+use super::trace::TraceArgs;
 use crate::analysis::{Capture, Cut, SegmentOptions, Segmentation, adjusted_rand_index};
-use crate::render::Tracer;
 use crate::report::segmentation::{SegmentationRun, Truth};
-use crate::scene::Scene;
 use crate::transport::{Channels, Part};
 
 /// Segment a scene by how light travels in it: pixels that exchange light form a group
@@ -74,7 +73,7 @@ impl Args {
             },
             mu: self.mu,
             mask_below: self.mask_below,
-            seed: u64::from(self.trace.seed),
+            seed: self.trace.seed(),
             ..SegmentOptions::default()
         }
     }
@@ -83,12 +82,10 @@ impl Args {
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // What is wrong with the options or the scene should show before anything is written or traced.
     let capture = Capture::new(args.options())?;
-    let scene = simulation::load(&args.source, console)?;
-    let mut tracer = simulation::open(&scene, &args.trace, console)?;
-    let name = format!("{}-segment", simulation::short_name(&scene));
-    let mut folder = RunFolder::create(&args.run, &name)?;
-    folder.describe(&scene, &tracer, &args.trace.settings_for(&scene), Channels::Luma);
-    let outcome = segment(args, console, capture, &scene, &mut tracer, &mut folder);
+    let mut source = Source::open(&args.source, &args.trace, console)?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-segment", source.name()))?;
+    source.describe(&mut folder.manifest, Channels::Luma);
+    let outcome = segment(args, console, capture, &mut source, &mut folder);
     folder.close(outcome)
 }
 
@@ -96,15 +93,13 @@ fn segment(
     args: &Args,
     console: &Console,
     mut capture: Capture,
-    scene: &Scene,
-    tracer: &mut Tracer,
+    source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
-    let resolution = args.trace.settings().resolution;
-    let truth = folder.timed("true labels", |_| truth(tracer, scene, args))?;
-    let mut light = folder.timed("tracing and matrix", |_| {
-        Light::choose(tracer, scene, &args.trace, &args.operator, Channels::Luma, console)
-    })?;
+    let (name, resolution) = (source.name(), source.resolution());
+    let truth = folder.timed("true labels", |_| source.truth())?;
+    let mut light =
+        folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console))?;
     folder.manifest.noise = light.noise().map(Into::into);
 
     let part = if args.keep_direct { Part::Full } else { Part::Global };
@@ -130,7 +125,7 @@ fn segment(
     }
     let white = light.white(console)?;
     let run = SegmentationRun {
-        title: format!("{} · light transport segmentation", simulation::short_name(scene)),
+        title: format!("{name} · light transport segmentation"),
         segmentation: &segmentation,
         resolution,
         white: &white,
@@ -158,15 +153,6 @@ fn segment(
         "seconds": folder.seconds(),
     }))?;
     Ok((judge(args, &scores, truth.as_ref(), console)?, segmentation.status))
-}
-
-/// The scene's own labels, where its author gave some.
-fn truth(tracer: &mut Tracer, scene: &Scene, args: &Args) -> Result<Option<Truth>> {
-    if !scene.regions_are_labels {
-        return Ok(None);
-    }
-    let labels = labels::true_labels(tracer, scene, args.trace.settings().resolution)?;
-    Ok(Some(Truth { labels, regions: scene.regions.clone() }))
 }
 
 /// The adjusted Rand index of each number of groups.

@@ -1,22 +1,121 @@
 //! From a scene file to its light transport matrix, with everything that the user should see on the way.
 
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
 
 use super::console::Console;
 use super::noise;
-use super::options::{SourceArgs, TraceArgs};
+use super::options::ViewArgs;
+use super::trace::TraceArgs;
 use crate::cache::{Cache, Found, Key};
-use crate::render::{TraceSummary, Tracer};
+use crate::render::{TraceSettings, TraceSummary, Tracer};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::transport::{self, Assembled, Channels};
 
+/// A scene, with the device that traces it and the matrices that are there already.
+pub(super) struct Simulation {
+    pub(super) scene: Scene,
+    pub(super) tracer: Tracer,
+    pub(super) settings: TraceSettings,
+    cache: Option<Cache>,
+}
+
+impl Simulation {
+    /// Loads the scene, says what was ignored in it, and opens the adapter for it. Of `trace` only the adapter and the cache
+    /// count here; what is traced is in `settings`.
+    pub(super) fn open(
+        path: &Path,
+        view: &ViewArgs,
+        settings: TraceSettings,
+        trace: &TraceArgs,
+        console: &Console,
+    ) -> Result<Self> {
+        let scene = load(path, view, console)?;
+        let tracer = Tracer::new(&scene, trace.adapter.as_deref())?;
+        let adapter = tracer.adapter();
+        console.detail(format_args!(
+            "adapter   {} ({}), {}",
+            adapter.name, adapter.kind, adapter.driver_version
+        ));
+        // The scene's rig may say how many pixels its projector has.
+        let settings =
+            TraceSettings { projector: settings.projector.or(scene.projector_resolution), ..settings };
+        Ok(Self { scene, tracer, settings, cache: trace.cache.open() })
+    }
+
+    /// Names the matrix that tracing would make.
+    pub(super) fn key(&self, channels: Channels, split: bool) -> Key {
+        Key::new(&self.scene, self.tracer.adapter(), &self.settings, channels, split)
+    }
+
+    /// The matrix from the cache, if it is there and whole.
+    pub(super) fn look_up(&self, channels: Channels, console: &Console) -> Option<Assembled> {
+        look_up(self.cache.as_ref(), &self.key(channels, false), console)
+    }
+
+    /// Finds the light transport matrix in the cache or traces it, and says what that took.
+    pub(super) fn assemble(&mut self, channels: Channels, console: &Console) -> Result<Assembled> {
+        self.assemble_layers(channels, false, console)
+    }
+
+    /// As [`Simulation::assemble`]; if `split`, the second bounce is a layer of its own.
+    pub(super) fn assemble_layers(
+        &mut self,
+        channels: Channels,
+        split: bool,
+        console: &Console,
+    ) -> Result<Assembled> {
+        let start = Instant::now();
+        let key = self.key(channels, split);
+        let cached = look_up(self.cache.as_ref(), &key, console);
+        let is_new = cached.is_none();
+        let traced = match cached {
+            Some(cached) => cached,
+            None => {
+                let bar = console.bar("tracing");
+                let (tracer, settings) = (&mut self.tracer, &self.settings);
+                transport::assemble_layers(tracer, settings, channels, split, &mut |progress| {
+                    bar.at(progress.done, progress.total)
+                })?
+            }
+        };
+        if is_new {
+            say_traced(&traced.summary, console)?;
+        } else {
+            console.say(format_args!(
+                "traced    {} light paths, from the cache",
+                grouped(traced.summary.paths)
+            ))?;
+        }
+        console.say(format_args!(
+            "matrix    {} entries, {:.1} MiB, {:.2} s in all",
+            grouped(traced.matrix.nonzeros() as u64),
+            traced.matrix.bytes() as f64 / f64::from(1 << 20),
+            start.elapsed().as_secs_f64()
+        ))?;
+        noise::say_noise(traced.noise.as_ref(), console)?;
+        // What cannot be kept is no reason to fail: the next run traces again.
+        if let Some(cache) = self.cache.as_ref().filter(|_| is_new) {
+            match cache.store(&key, &traced) {
+                Ok(true) => {
+                    console.detail(format_args!("cache     {} in {}", key.hex(), cache.folder().display()));
+                }
+                Ok(false) => console.detail("cache     not kept: larger than the cache"),
+                Err(error) => {
+                    console.note(format_args!("note: the matrix is not kept for later runs: {error}"));
+                }
+            }
+        }
+        Ok(traced)
+    }
+}
+
 /// Loads the scene and says what was ignored in it.
-pub(super) fn load(source: &SourceArgs, console: &Console) -> Result<Scene> {
-    let view = &source.view;
+pub(super) fn load(path: &Path, view: &ViewArgs, console: &Console) -> Result<Scene> {
     let options = LoadOptions { camera: view.camera.as_deref(), rig: view.camera_file.as_deref() };
-    let scene = scene::load_with(&source.source, &options)?;
+    let scene = scene::load_with(path, &options)?;
     for warning in &scene.warnings {
         console.note(format_args!("warning: {}: {warning}", scene.path.display()));
     }
@@ -29,77 +128,8 @@ pub(super) fn load(source: &SourceArgs, console: &Console) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Opens the adapter for this scene.
-pub(super) fn open(scene: &Scene, trace: &TraceArgs, console: &Console) -> Result<Tracer> {
-    let tracer = Tracer::new(scene, trace.adapter.as_deref())?;
-    let adapter = tracer.adapter();
-    console.detail(format_args!("adapter   {} ({}), {}", adapter.name, adapter.kind, adapter.driver_version));
-    Ok(tracer)
-}
-
-/// Finds the light transport matrix in the cache or traces it, and says what that took.
-pub(super) fn assemble(
-    tracer: &mut Tracer,
-    scene: &Scene,
-    trace: &TraceArgs,
-    channels: Channels,
-    console: &Console,
-) -> Result<Assembled> {
-    assemble_layers(tracer, scene, trace, channels, false, console)
-}
-
-/// As [`assemble`]; if `split`, the second bounce is a layer of its own.
-pub(super) fn assemble_layers(
-    tracer: &mut Tracer,
-    scene: &Scene,
-    trace: &TraceArgs,
-    channels: Channels,
-    split: bool,
-    console: &Console,
-) -> Result<Assembled> {
-    let start = Instant::now();
-    let settings = trace.settings_for(scene);
-    let cache = trace.cache.open();
-    let key = Key::new(scene, tracer.adapter(), &settings, channels, split);
-    let cached = look_up(cache.as_ref(), &key, console);
-    let is_new = cached.is_none();
-    let traced = match cached {
-        Some(cached) => cached,
-        None => {
-            let bar = console.bar("tracing");
-            transport::assemble_layers(tracer, &settings, channels, split, &mut |progress| {
-                bar.at(progress.done, progress.total)
-            })?
-        }
-    };
-    if is_new {
-        say_traced(&traced.summary, console)?;
-    } else {
-        console
-            .say(format_args!("traced    {} light paths, from the cache", grouped(traced.summary.paths)))?;
-    }
-    console.say(format_args!(
-        "matrix    {} entries, {:.1} MiB, {:.2} s in all",
-        grouped(traced.matrix.nonzeros() as u64),
-        traced.matrix.bytes() as f64 / f64::from(1 << 20),
-        start.elapsed().as_secs_f64()
-    ))?;
-    noise::say_noise(traced.noise.as_ref(), console)?;
-    // What cannot be kept is no reason to fail: the next run traces again.
-    if let Some(cache) = cache.filter(|_| is_new) {
-        match cache.store(&key, &traced) {
-            Ok(true) => {
-                console.detail(format_args!("cache     {} in {}", key.hex(), cache.folder().display()));
-            }
-            Ok(false) => console.detail("cache     not kept: larger than the cache"),
-            Err(error) => console.note(format_args!("note: the matrix is not kept for later runs: {error}")),
-        }
-    }
-    Ok(traced)
-}
-
 /// The matrix from the cache, if it is there and whole.
-pub(super) fn look_up(cache: Option<&Cache>, key: &Key, console: &Console) -> Option<Assembled> {
+fn look_up(cache: Option<&Cache>, key: &Key, console: &Console) -> Option<Assembled> {
     match cache?.load(key) {
         Found::Whole(traced) => Some(*traced),
         Found::Missing => None,
@@ -111,7 +141,7 @@ pub(super) fn look_up(cache: Option<&Cache>, key: &Key, console: &Console) -> Op
 }
 
 /// The line about a finished trace.
-pub(super) fn say_traced(summary: &TraceSummary, console: &Console) -> Result<()> {
+fn say_traced(summary: &TraceSummary, console: &Console) -> Result<()> {
     let seconds = summary.tracing.as_secs_f64();
     console.detail(format_args!(
         "dispatch  {} of them, the longest {:.0} ms",
@@ -139,11 +169,11 @@ pub(super) fn grouped(number: u64) -> String {
     text
 }
 
-/// A short name for the scene: the file's, or the folder's where the file is just called `scene`.
-pub(super) fn short_name(scene: &Scene) -> String {
-    let stem = scene.path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+/// A short name for a file: its own, or its folder's where it is just called `scene`.
+pub(super) fn short_name(path: &Path) -> String {
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let folder =
-        scene.path.parent().and_then(|folder| folder.file_name()).map(|f| f.to_string_lossy().into_owned());
+        path.parent().and_then(|folder| folder.file_name()).map(|f| f.to_string_lossy().into_owned());
     match (stem, folder) {
         (Some(stem), Some(folder)) if stem == "scene" => folder,
         (Some(stem), _) => stem,

@@ -1,0 +1,93 @@
+//! The photos of a low-rank model: a Krylov process whose photos are kept.
+
+use super::LowRank;
+use crate::error::{Error, Result};
+use crate::krylov::{Arnoldi, Factorization, Lanczos, Start};
+use crate::operator::{Operator, Symmetry};
+
+/// How a low-rank model is captured.
+#[derive(Clone, Debug)]
+pub struct LowRankCapture {
+    /// Photos of the process, and so the rank `k` of `W Qᵀ`; at least 1.
+    pub photos: usize,
+    /// What is projected first; none: all ones, so that the white photo is among them, and the smooth patterns that global
+    /// light answers to come first.
+    pub start: Option<Start>,
+}
+
+impl Default for LowRankCapture {
+    fn default() -> Self {
+        Self { photos: 40, start: None }
+    }
+}
+
+/// Takes `photos` photos with `operator` (`n × n`, without its direct light) and keeps them as a model; `direct` is the direct image
+/// under white (`n`), or empty where it stays in the operator. Calls `watch` after each photo, with their number.
+///
+/// # Errors
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] when the operator is not square or `direct` has another length;
+/// whatever the operator fails with.
+pub fn capture(
+    operator: &mut dyn Operator,
+    direct: &[f64],
+    options: &LowRankCapture,
+    watch: &mut dyn FnMut(usize),
+) -> Result<LowRank> {
+    let n = operator.cols();
+    if options.photos == 0 {
+        return Err(Error::Option {
+            option: "--photos".into(),
+            fault: "no photo makes no model".into(),
+            help: "give at least 1; 40 is usual".into(),
+        });
+    }
+    let symmetric = operator.symmetry() == Symmetry::Symmetric;
+    let start = options.start.as_ref().map_or_else(|| vec![1.0; n], |start| start.vector(n));
+    let mut recorder = Recorder { operator, photos: Vec::with_capacity(options.photos) };
+    let basis = if symmetric {
+        run(Lanczos::new(&start, &[])?, &mut recorder, options.photos, watch)?
+    } else {
+        run(Arnoldi::new(&start, &[])?, &mut recorder, options.photos, watch)?
+    };
+    LowRank::new(basis, recorder.photos, direct.to_vec(), symmetric)
+}
+
+/// The basis after so many steps, or as many as the space has dimensions.
+fn run(
+    mut process: impl Factorization,
+    recorder: &mut Recorder<'_>,
+    photos: usize,
+    watch: &mut dyn FnMut(usize),
+) -> Result<Vec<Vec<f64>>> {
+    while process.steps() < photos && !process.is_exhausted() {
+        process.expand(recorder)?;
+        watch(process.steps());
+    }
+    Ok(process.basis().to_vec())
+}
+
+/// Keeps each product.
+struct Recorder<'a> {
+    operator: &'a mut dyn Operator,
+    photos: Vec<Vec<f64>>,
+}
+
+impl Operator for Recorder<'_> {
+    fn rows(&self) -> usize {
+        self.operator.rows()
+    }
+
+    fn cols(&self) -> usize {
+        self.operator.cols()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.operator.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.operator.apply(x, y)?;
+        self.photos.push(y.to_vec());
+        Ok(())
+    }
+}

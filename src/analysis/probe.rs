@@ -1,0 +1,222 @@
+//! Probing: the photo of a scene of which only some light paths are let through.
+//!
+//! A probing matrix `Π` (`n × n`) weighs each path by the projector pixel that it starts from and the camera pixel that it ends in; the
+//! photo is `(Π ∘ A) 1`. With patterns `r` of mean zero and the correlation `E[r_i r_j] = h(i − j)`, projected and, sign and all,
+//! multiplied into the photo as a mask, the mean of `r ∘ A r` is that photo for `Π_ij = h(i − j)`: no column of `A` is ever
+//! measured. Here `h` is a Gaussian of the distance in pixels, 1 at 0.
+//!
+//! O'Toole, Raskar and Kutulakos, *Primal-dual coding to probe light transport* (2012), doi:10.1145/2185520.2185535.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::operator::Operator;
+
+/// Which paths are let through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Probing {
+    /// Those that come back to the pixel that they started from: direct light, for a coaxial rig.
+    Direct,
+    /// All others.
+    Indirect,
+    /// Those that end near where they started: weight `exp(−d²/2σ²)` at distance `d`, both in pixels. Direct light is among them.
+    Near {
+        /// Standard deviation `σ` in pixels, above 0.
+        sigma: f64,
+    },
+    /// All others.
+    Far {
+        /// As of `Near`.
+        sigma: f64,
+    },
+    /// Indirect light from near by: `Near` less `Direct`, from the same photos.
+    NearIndirect {
+        /// As of `Near`.
+        sigma: f64,
+    },
+}
+
+impl Probing {
+    fn sigma(self) -> f64 {
+        match self {
+            Self::Direct | Self::Indirect => 0.0,
+            Self::Near { sigma } | Self::Far { sigma } | Self::NearIndirect { sigma } => sigma,
+        }
+    }
+
+    fn check(self) -> Result<()> {
+        let sigma = self.sigma();
+        // A Gaussian far wider than any projector lets everything through.
+        if (0.0..=4096.0).contains(&sigma) && (sigma > 0.0 || matches!(self, Self::Direct | Self::Indirect)) {
+            return Ok(());
+        }
+        Err(Error::Option {
+            option: "--sigma".into(),
+            fault: format!("{sigma} pixels"),
+            help: "give a distance above 0 and up to 4096 pixels".into(),
+        })
+    }
+
+    /// The weight of paths that end `distance` pixels from where they started.
+    pub fn weight(self, distance: f64) -> f64 {
+        let direct = f64::from(u8::from(distance == 0.0));
+        let near = |sigma: f64| (-0.5 * (distance / sigma).powi(2)).exp();
+        match self {
+            Self::Direct => direct,
+            Self::Indirect => 1.0 - direct,
+            Self::Near { sigma } => near(sigma),
+            Self::Far { sigma } => 1.0 - near(sigma),
+            Self::NearIndirect { sigma } => near(sigma) - direct,
+        }
+    }
+}
+
+/// A probed photo.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probed {
+    /// `(Π ∘ A) 1` (`n`), without bias.
+    pub values: Vec<f64>,
+    /// The standard error of each, from the spread of the samples (`n`).
+    pub standard_errors: Vec<f64>,
+    /// Photos taken (products with a signed pattern, and the white one where it is needed).
+    pub photos: usize,
+}
+
+/// Probes with `photos ≥ 2` random patterns and `operator` (`n × n`), at one product each: two each for
+/// [`Probing::NearIndirect`], which needs both kinds, and one more of white for what is a rest.
+///
+/// # Errors
+/// [`Error::Option`] naming `--photos` or `--sigma`; [`Error::Dimension`]; whatever the operator fails with.
+pub fn probe(
+    operator: &mut dyn Operator,
+    resolution: Resolution,
+    probing: Probing,
+    photos: usize,
+    seed: u64,
+) -> Result<Probed> {
+    probing.check()?;
+    let n = resolution.pixels();
+    if operator.rows() != n || operator.cols() != n {
+        return Err(Error::Dimension {
+            what: "the transport operator to be probed",
+            expected: format!("{n}x{n}"),
+            found: format!("{}x{}", operator.rows(), operator.cols()),
+        });
+    }
+    if photos < 2 {
+        return Err(Error::Option {
+            option: "--photos".into(),
+            fault: format!("{photos} tell no error"),
+            help: "give at least 2".into(),
+        });
+    }
+    let mut random = Pcg64::seed_from_u64(seed);
+    let kernel = kernel(probing.sigma());
+    let (mut mean, mut squares) = (vec![0.0; n], vec![0.0; n]);
+    let mut products = 0;
+    for index in 0..photos {
+        let signs = Signs::draw(resolution, kernel.len() / 2, &mut random);
+        let mut sample = correlation(operator, &signs.smoothed(&kernel))?;
+        products += 1;
+        if let Probing::NearIndirect { .. } = probing {
+            // The same signs, so that what both see alike makes no noise in the difference.
+            let direct = correlation(operator, &signs.smoothed(&[1.0]))?;
+            products += 1;
+            sample.iter_mut().zip(direct).for_each(|(near, direct)| *near -= direct);
+        }
+        for (i, value) in sample.into_iter().enumerate() {
+            let before = value - mean[i];
+            mean[i] += before / (index + 1) as f64;
+            squares[i] += before * (value - mean[i]);
+        }
+    }
+    if matches!(probing, Probing::Indirect | Probing::Far { .. }) {
+        let mut white = vec![0.0; n];
+        operator.apply(&vec![1.0; n], &mut white)?;
+        products += 1;
+        mean.iter_mut().zip(white).for_each(|(mean, white)| *mean = white - *mean);
+    }
+    let degrees = (photos * (photos - 1)) as f64;
+    let standard_errors = squares.iter().map(|square| (square / degrees).sqrt()).collect();
+    Ok(Probed { values: mean, standard_errors, photos: products })
+}
+
+/// `r ∘ A r`.
+fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
+    let mut photo = vec![0.0; pattern.len()];
+    operator.apply(pattern, &mut photo)?;
+    Ok(photo.iter().zip(pattern).map(|(photo, mask)| photo * mask).collect())
+}
+
+/// A Gaussian of standard deviation `σ/√2`, whose correlation with itself is one of `σ`; its squares add up to 1.
+fn kernel(sigma: f64) -> Vec<f64> {
+    let own = sigma / std::f64::consts::SQRT_2;
+    let reach = (4.0 * own).ceil() as i64;
+    let values: Vec<f64> = (-reach..=reach)
+        .map(|d| if d == 0 { 1.0 } else { (-0.5 * (d as f64 / own).powi(2)).exp() })
+        .collect();
+    let length = values.iter().map(|value| value * value).sum::<f64>().sqrt();
+    values.iter().map(|value| value / length).collect()
+}
+
+/// Random signs on a raster with a margin, so that patterns are as random at the edge as anywhere.
+struct Signs {
+    resolution: Resolution,
+    margin: usize,
+    values: Vec<f64>,
+}
+
+impl Signs {
+    fn draw(resolution: Resolution, margin: usize, random: &mut Pcg64) -> Self {
+        let count = (resolution.width + 2 * margin) * (resolution.height + 2 * margin);
+        let values = (0..count).map(|_| if random.random() { 1.0 } else { -1.0 }).collect();
+        Self { resolution, margin, values }
+    }
+
+    /// Convolved along rows, then along columns, without the margin.
+    fn smoothed(&self, kernel: &[f64]) -> Vec<f64> {
+        let Resolution { width, height } = self.resolution;
+        let stride = width + 2 * self.margin;
+        let first = self.margin - kernel.len() / 2;
+        let tap = |at: &dyn Fn(usize) -> f64| -> f64 {
+            kernel.iter().enumerate().map(|(k, weight)| weight * at(first + k)).sum()
+        };
+        let rows: Vec<f64> = (0..height + 2 * self.margin)
+            .flat_map(|y| (0..width).map(move |x| (x, y)))
+            .map(|(x, y)| tap(&|k| self.values[y * stride + x + k]))
+            .collect();
+        (0..height)
+            .flat_map(|y| (0..width).map(move |x| (x, y)))
+            .map(|(x, y)| tap(&|k| rows[(y + k) * width + x]))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_have_the_correlation_of_their_probing() {
+        let (sigma, resolution) = (1.5, Resolution::new(12, 9));
+        let kernel = kernel(sigma);
+        let mut random = Pcg64::seed_from_u64(5);
+        let draws = 20_000;
+        let mut sums = vec![0.0; resolution.pixels()];
+        for _ in 0..draws {
+            let pattern = Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel);
+            // Against a pixel at the corner, where a margin is needed.
+            sums.iter_mut().zip(&pattern).for_each(|(sum, value)| *sum += pattern[0] * value);
+        }
+        for (pixel, sum) in sums.iter().enumerate() {
+            let (x, y) = (pixel % resolution.width, pixel / resolution.width);
+            let expected = Probing::Near { sigma }.weight(((x * x + y * y) as f64).sqrt());
+            // A product of two such values has a variance of at most 3 and is Gaussian enough: 4.5 standard errors, and the
+            // kernel's sampling and its end at four deviations for the rest.
+            let error = (sum / f64::from(draws) - expected).abs();
+            assert!(error < 4.5 * (3.0 / f64::from(draws)).sqrt() + 1e-3, "({x}, {y}): {error}");
+        }
+    }
+}

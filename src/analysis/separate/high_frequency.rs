@@ -1,0 +1,186 @@
+//! Separation by shifted patterns of high frequency.
+//!
+//! Under a pattern that alternates faster than global light varies, half lit on average, a pixel sees `y = D p + G/2`, where `p` is
+//! the pattern at the pixel itself. Over the shifts `D` is the slope of `y` over `p` and `G` twice the rest: least squares, which is
+//! Nayar's `max − min` for two-valued patterns.
+
+use super::Separation;
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::operator::Operator;
+
+/// Separates by checkerboards with squares of `square` pixels, shifted in both directions by `square·2/shifts` pixels each
+/// time; `shifts²` photos with `operator` (`n × n`, all of its light). Nayar et al. take 5² of squares of 3 pixels and more.
+///
+/// # Errors
+/// [`Error::Option`] when `square` or `shifts` cannot be; [`Error::Dimension`]; whatever the operator fails with.
+pub fn checkerboards(
+    operator: &mut dyn Operator,
+    resolution: Resolution,
+    square: usize,
+    shifts: usize,
+) -> Result<Separation> {
+    if square == 0 || shifts < 2 || shifts > 2 * square {
+        return Err(Error::Option {
+            option: "--square".into(),
+            fault: format!("squares of {square} pixels cannot be shifted to {shifts} places"),
+            help: "give squares of at least 1 pixel, and from 2 to twice as many shifts".into(),
+        });
+    }
+    let offset = |shift: usize| shift * 2 * square / shifts;
+    let mut fit = Fit::new(operator, resolution)?;
+    for row in 0..shifts {
+        for column in 0..shifts {
+            let lit = |x: usize, y: usize| {
+                let squares = (x + offset(column)) / square + (y + offset(row)) / square;
+                f64::from(u8::from(squares.is_multiple_of(2)))
+            };
+            fit.take(operator, &pattern(resolution, lit))?;
+        }
+    }
+    Ok(fit.separation())
+}
+
+/// Separates by sinusoids with a period of `period` pixels at three phases, along rows and along columns: six photos with
+/// `operator` (`n × n`).
+///
+/// # Errors
+/// [`Error::Option`] when the period is below 2 pixels; [`Error::Dimension`]; whatever the operator fails with.
+pub fn sinusoids(operator: &mut dyn Operator, resolution: Resolution, period: f64) -> Result<Separation> {
+    if !(period >= 2.0 && period.is_finite()) {
+        return Err(Error::Option {
+            option: "--period".into(),
+            fault: format!("a period of {period} pixels"),
+            help: "give at least 2 pixels; 6 is usual".into(),
+        });
+    }
+    let mut fit = Fit::new(operator, resolution)?;
+    for along_rows in [true, false] {
+        for phase in 0..3 {
+            let shift = f64::from(phase) / 3.0;
+            let wave = |x: usize, y: usize| {
+                let at = if along_rows { x } else { y } as f64 + 0.5;
+                0.5 + 0.5 * (std::f64::consts::TAU * (at / period + shift)).cos()
+            };
+            fit.take(operator, &pattern(resolution, wave))?;
+        }
+    }
+    Ok(fit.separation())
+}
+
+fn pattern(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+    let value = &value;
+    (0..resolution.height).flat_map(|y| (0..resolution.width).map(move |x| value(x, y))).collect()
+}
+
+/// Pixel by pixel, the line `y = D p + G/2` through the photos so far.
+struct Fit {
+    photos: usize,
+    sums: Vec<Sums>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    p: f64,
+    y: f64,
+    pp: f64,
+    py: f64,
+}
+
+impl Fit {
+    fn new(operator: &dyn Operator, resolution: Resolution) -> Result<Self> {
+        let n = resolution.pixels();
+        if operator.rows() != n || operator.cols() != n {
+            return Err(Error::Dimension {
+                what: "the transport operator of a separation",
+                expected: format!("{n}x{n}"),
+                found: format!("{}x{}", operator.rows(), operator.cols()),
+            });
+        }
+        Ok(Self { photos: 0, sums: vec![Sums::default(); n] })
+    }
+
+    fn take(&mut self, operator: &mut dyn Operator, pattern: &[f64]) -> Result<()> {
+        let mut photo = vec![0.0; pattern.len()];
+        operator.apply(pattern, &mut photo)?;
+        self.photos += 1;
+        for ((sums, p), y) in self.sums.iter_mut().zip(pattern).zip(photo) {
+            sums.p += p;
+            sums.y += y;
+            sums.pp += p * p;
+            sums.py += p * y;
+        }
+        Ok(())
+    }
+
+    fn separation(self) -> Separation {
+        let count = self.photos as f64;
+        let line = |sums: &Sums| {
+            let spread = sums.pp - sums.p * sums.p / count;
+            // Where the pattern never changed nothing can be told apart: all of it is taken for direct light.
+            let direct = if spread > 1e-9 * count {
+                (sums.py - sums.p * sums.y / count) / spread
+            } else {
+                sums.y / sums.p.max(f64::MIN_POSITIVE)
+            };
+            (direct, 2.0 * (sums.y - direct * sums.p) / count)
+        };
+        let (direct, global) = self.sums.iter().map(line).unzip();
+        Separation { direct, global, standard_error: None, photos: self.photos }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::krylov::dot;
+    use crate::operator::Symmetry;
+
+    /// `diag(d) + u uᵀ/n` with `u` of ones: global light that is the same everywhere, as the method assumes.
+    struct Even;
+
+    impl Operator for Even {
+        fn rows(&self) -> usize {
+            8 * 12
+        }
+
+        fn cols(&self) -> usize {
+            8 * 12
+        }
+
+        fn symmetry(&self) -> Symmetry {
+            Symmetry::Symmetric
+        }
+
+        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+            let global = dot(x, &vec![1.0; x.len()]) / x.len() as f64;
+            for (i, y) in y.iter_mut().enumerate() {
+                *y = (1.0 + i as f64) * x[i] + global;
+            }
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn under_even_global_light_both_are_exact() -> Result<()> {
+        let resolution = Resolution::new(12, 8);
+        let found = [
+            checkerboards(&mut Even, resolution, 1, 2)?,
+            checkerboards(&mut Even, resolution, 2, 4)?,
+            // Periods fit the raster, so that each wave is half lit on average.
+            sinusoids(&mut Even, resolution, 4.0)?,
+        ];
+        for (separation, photos) in found.iter().zip([4, 16, 6]) {
+            assert_eq!(separation.photos, photos);
+            for i in 0..96 {
+                assert!((separation.direct[i] - 1.0 - i as f64).abs() < 1e-12, "direct at {i}");
+                assert!((separation.global[i] - 1.0).abs() < 1e-10, "global at {i}");
+            }
+        }
+        assert!(
+            checkerboards(&mut Even, resolution, 2, 5).is_err()
+                && sinusoids(&mut Even, resolution, 1.0).is_err()
+        );
+        Ok(())
+    }
+}
