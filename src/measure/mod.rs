@@ -5,10 +5,12 @@
 
 mod calibration;
 mod journaled;
+mod live;
 mod options;
 mod shots;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
 pub use journaled::{Journaled, Opener, Pair};
+pub use live::Live;
 pub use options::{DirectBy, MeasureOptions, SignedBy};
 pub use shots::{Effort, Shot, Shots};

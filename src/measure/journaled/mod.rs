@@ -114,7 +114,16 @@ impl<'a> Journaled<'a> {
         Ok(Some(frame))
     }
 
-    /// Takes a photo with the rig standing after `after`, and returns what it cost besides.
+    /// Should the pattern's record be damaged, it is known again now that it is asked for.
+    fn mend_pattern(&mut self, pattern: &[u8]) -> Result<()> {
+        let key = Key::of(&[b"pattern", pattern]);
+        if self.journal.is_writable() && self.journal.get(key)?.is_none() {
+            self.journal.pattern(pattern)?;
+        }
+        Ok(())
+    }
+
+    /// Takes a photo with the rig standing after `after`.
     fn take(&mut self, shot: &Shot, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
         let inner = match self.inner.take() {
             // A rig that stands there already goes on.
@@ -130,7 +139,7 @@ impl<'a> Journaled<'a> {
         };
         let (inner, _) = self.inner.insert((inner, after));
         let frame = inner.shoot(shot)?;
-        let stamp = Stamp { id: frame.id, time: inner.effort().seconds };
+        let stamp = Stamp::of(&frame);
         if let Some((_, stands)) = &mut self.inner {
             *stands = Some(stamp);
         }
@@ -156,6 +165,12 @@ impl<'a> Journaled<'a> {
         }
         if let Some(settle) = self.settle {
             inner.set_settle(settle);
+        }
+        let before = after.and_then(|stamp| self.order.key(stamp.id));
+        if let Some(key) = before
+            && let Some(pair) = Pair::read(&mut self.journal, key)?
+        {
+            inner.follow(&pair.shot, &pair.seen)?;
         }
         Ok(inner)
     }
@@ -190,6 +205,7 @@ impl Shots for Journaled<'_> {
         let pattern = photo::encode_frame(&shot.frame);
         let key = self.key(shot, &pattern);
         if let Some(frame) = self.replayed(key)? {
+            self.mend_pattern(&pattern)?;
             return Ok(frame);
         }
         let (after, before) = self.order.place(key, self.last);
@@ -200,7 +216,7 @@ impl Shots for Journaled<'_> {
         }
         frame.check()?;
         let pattern = self.journal.pattern(&pattern)?;
-        let note = Note::new(shot, pattern, &frame, stamp, self.effort());
+        let note = Note::new(shot, pattern, &frame, self.effort());
         self.journal.append(Kind::Photo, key, &note.encode(), &photo::encode_counts(&frame))?;
         self.order.insert(stamp, key);
         self.last = Some(stamp);

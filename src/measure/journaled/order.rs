@@ -48,6 +48,11 @@ impl Order {
         self.photos.values().map(|(_, key)| *key).filter(|key| seen.insert(*key)).collect()
     }
 
+    /// The photo of this number.
+    pub(super) fn key(&self, id: u64) -> Option<Key> {
+        self.photos.get(&id).map(|(_, key)| *key)
+    }
+
     /// The stamp of the photo taken last.
     pub(super) fn last(&self) -> Option<Stamp> {
         self.photos.values().next_back().map(|(stamp, _)| *stamp)

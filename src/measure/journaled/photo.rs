@@ -2,6 +2,7 @@
 //!
 //! Numbers of 64-bit precision are texts in the JSON, the shortest that reads back as the same bits.
 
+use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
@@ -27,9 +28,6 @@ pub(super) struct Note {
     pub(super) id: u64,
     #[serde(with = "exact")]
     started: f64,
-    /// The rig's clock when the photo was there.
-    #[serde(with = "exact")]
-    clock: f64,
     /// The wall's, in seconds since 1970.
     at: u64,
     /// What the session had cost by then.
@@ -37,7 +35,7 @@ pub(super) struct Note {
 }
 
 impl Note {
-    pub(super) fn new(shot: &Shot, pattern: Key, frame: &RawFrame, stamp: Stamp, effort: Effort) -> Self {
+    pub(super) fn new(shot: &Shot, pattern: Key, frame: &RawFrame, effort: Effort) -> Self {
         Self {
             pattern: pattern.to_string(),
             take: shot.take,
@@ -47,7 +45,6 @@ impl Note {
             channels: frame.channels,
             id: frame.id,
             started: frame.started,
-            clock: stamp.time,
             at: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
             effort,
         }
@@ -67,7 +64,7 @@ impl Note {
     }
 
     pub(super) fn stamp(&self) -> Stamp {
-        Stamp { id: self.id, time: self.clock }
+        Stamp { id: self.id, time: self.started + self.exposure }
     }
 
     pub(super) fn frame(&self, payload: &[u8]) -> Option<RawFrame> {
@@ -87,12 +84,10 @@ impl Note {
 /// What was shown, and what was seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
-    /// The frame on the projector.
-    pub shown: Frame,
-    /// The camera's.
+    /// The frame on the projector, and how it was to be photographed.
+    pub shot: Shot,
+    /// The camera's frame.
     pub seen: RawFrame,
-    /// Which of several photos of one frame it is.
-    pub take: u32,
 }
 
 impl Pair {
@@ -104,7 +99,8 @@ impl Pair {
         let pattern = Key::from_hex(&note.pattern).ok_or_else(|| misread(journal, "a photo"))?;
         let Some(pattern) = journal.get(pattern)? else { return Ok(None) };
         let shown = decode_frame(&pattern.payload).ok_or_else(|| misread(journal, "a pattern"))?;
-        Ok(Some(Self { shown, seen, take: note.take }))
+        let shot = Shot { frame: Arc::new(shown), exposure: note.asked_exposure, take: note.take };
+        Ok(Some(Self { shot, seen }))
     }
 }
 
