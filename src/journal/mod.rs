@@ -3,7 +3,7 @@
 //! What a run photographs is dear, so it is written down before anything is made of it. A run that is killed at any moment goes
 //! on from its journal without taking one photo twice; a finished one is repeated from it, or asked something else, with
 //! nothing attached. The journal knows keys and bytes only; what they mean is for those to say who write them
-//! ([`crate::measure`] for a rig, [`crate::transport`] for a scene).
+//! ([`crate::measure::Journaled`] for a rig, [`crate::transport::JournaledOperator`] for a scene).
 //!
 //! # On disk
 //!

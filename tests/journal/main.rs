@@ -3,6 +3,7 @@
 mod damage;
 mod faults;
 mod photos;
+mod products;
 
 use std::path::{Path, PathBuf};
 
