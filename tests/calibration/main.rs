@@ -1,5 +1,6 @@
 //! Calibration against the truth of virtual rigs: what a bench's captures tell must be what the bench was told to be.
 
+mod audits;
 mod scene;
 
 use std::ops::ControlFlow;
@@ -111,7 +112,8 @@ fn a_camera_that_compresses_light_is_found_out_and_straightened() {
     let truth = |count: f64| ((count - 64.0) / (16383.0 - 64.0)).max(0.0).powf(1.0 / 0.7);
     let scale = curve[12_000] / truth(12_000.0);
     let off = |count: usize| (curve[count] / scale - truth(count as f64)).abs();
-    let worst = (1500..15_000).step_by(50).map(off).fold(0.0, f64::max);
+    // White, at 0.99 of the plateau with shot noise above it, lets the fit see counts up to about 13 000.
+    let worst = (1500..13_000).step_by(50).map(off).fold(0.0, f64::max);
     println!(
         "departure {}, worst {worst:.2e}, black {}, gamma {}",
         report.camera.departure, report.camera.black, report.projector[0].gamma
