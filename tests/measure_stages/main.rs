@@ -8,4 +8,3 @@ mod quantization;
 mod replay;
 mod support;
 mod switched_off;
-mod virtual_bench;

@@ -63,7 +63,7 @@ fn averaging() {
 #[test]
 fn drift() {
     // 1 % in 50 seconds. The white photo's light is the unit: four takes of a second after four of black.
-    let rig = Rig { lamp: |t| 1.0 - 0.0002 * (t - 6.5), ..Rig::new(scene()).noisy() };
+    let rig = Rig { lamp: |t| 1.0 - 0.0002 * (t - 6.5), ..Rig::new(scene()) };
     let x = vector(54, 4);
     let truth = rig.matrix.apply(Part::Full, &x);
     let of = |sentinel_every| {
@@ -80,5 +80,5 @@ fn drift() {
         "drift: relative error {without:.4} without the sentinel, {with:.4} with; {:.1} % seen",
         100.0 * seen
     );
-    assert!(without > 5.0 * with && nothing == 0.0 && seen > 0.04);
+    assert!(without > 20.0 * with && nothing == 0.0 && seen > 0.04);
 }
