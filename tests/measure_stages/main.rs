@@ -8,3 +8,4 @@ mod quantization;
 mod replay;
 mod support;
 mod switched_off;
+mod virtual_bench;
