@@ -9,15 +9,21 @@
 //! | how does it look under another pattern? | [`mod@low_rank`] |
 //! | which light came from how far away? | [`mod@probe`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
+//! | is the source a linear, symmetric operator at all? | [`mod@audit`] |
 //! | how good are they? | [`adjusted_rand_index`] |
+//! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
+//! | how alike are two images? | [`mod@likeness`] |
 
 mod adjacency;
+pub mod audit;
 mod capture;
 pub mod compensate;
 mod graph;
 pub mod kmeans;
 mod laplacian;
+pub mod likeness;
 pub mod low_rank;
+pub mod plan;
 pub mod probe;
 mod rand_index;
 pub mod segment;
@@ -29,6 +35,7 @@ pub use capture::Capture;
 pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
 pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
+pub use likeness::Likeness;
 pub use low_rank::LowRank;
 pub use probe::{Probed, Probing};
 pub use rand_index::adjusted_rand_index;

@@ -17,7 +17,7 @@ pub struct Shot {
 }
 
 /// What a session with a rig has cost so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Effort {
     /// Frames shown on the projector.
     pub shown: u64,
@@ -51,6 +51,17 @@ pub trait Shots {
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the rig fails for good; [`Error::Interrupted`](crate::Error::Interrupted).
     fn shoot(&mut self, shot: &Shot) -> Result<RawFrame>;
+
+    /// Goes on after a photo that an interrupted session took: `shot` is put on screen again, and `frame` was the camera's
+    /// last. A journal says so once, before the first photo that it does not have; then a virtual rig that was opened after
+    /// that frame's [`Stamp`](crate::rig::Stamp) goes on as if there had been no interruption.
+    ///
+    /// # Errors
+    /// As [`Self::shoot`].
+    fn follow(&mut self, shot: &Shot, frame: &RawFrame) -> Result<()> {
+        let _ = (shot, frame);
+        Ok(())
+    }
 
     /// How many seconds pass from now on between a frame's confirmation and the exposure. It is no part of a [`Shot`]: who
     /// compares one frame at several times tells them apart by `take`. A journal without a rig ignores it.
