@@ -9,10 +9,13 @@
 //! | how does it look under another pattern? | [`mod@low_rank`] |
 //! | which light came from how far away? | [`mod@probe`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
+//! | is the source a linear, symmetric operator at all? | [`mod@audit`] |
 //! | how good are they? | [`adjusted_rand_index`] |
+//! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
 //! | how alike are two images? | [`mod@likeness`] |
 
 mod adjacency;
+pub mod audit;
 mod capture;
 pub mod compensate;
 mod graph;
@@ -20,6 +23,7 @@ pub mod kmeans;
 mod laplacian;
 pub mod likeness;
 pub mod low_rank;
+pub mod plan;
 pub mod probe;
 mod rand_index;
 pub mod segment;

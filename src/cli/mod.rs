@@ -2,6 +2,8 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod audit;
+mod brute_force;
 mod cache;
 mod compare;
 mod compensate;
@@ -11,11 +13,16 @@ mod info;
 mod labels;
 mod light;
 mod matrix;
+mod measured;
 mod noise;
 mod operator;
 mod options;
 mod pattern;
 mod photo;
+mod plan;
+mod rig;
+mod rig_info;
+mod rig_source;
 mod run_folder;
 mod segment;
 mod simulation;
@@ -45,6 +52,9 @@ enum Verb {
     Segment(segment::Args),
     Compensate(compensate::Args),
     Eigs(eigs::Args),
+    Audit(audit::Args),
+    Plan(plan::Args),
+    Rig(rig::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
     Labels(labels::Args),
@@ -69,6 +79,9 @@ pub fn main() -> ExitCode {
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
         Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
+        Verb::Audit(args) => audit::run(args, &console.with(&args.output)),
+        Verb::Rig(args) => rig::run(args, &console.with(args.output())),
+        Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
