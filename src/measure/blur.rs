@@ -106,9 +106,8 @@ mod tests {
             assert!((columns.iter().map(|column| column[i]).sum::<f64>() - 1.0).abs() < 1e-14);
             let expected: f64 = (0..n).map(|k| columns[k][i].powi(2) * (1.0 + k as f64)).sum();
             assert!((variance[i] - expected).abs() < 1e-12);
-            for k in 0..n {
-                assert!((columns[i][k] - columns[k][i]).abs() < 1e-16);
-            }
+            let row = columns.iter().map(|column| column[i]);
+            assert!(row.zip(&columns[i]).all(|(across, down)| (across - down).abs() < 1e-16));
         }
         assert!(Blur::new(resolution, 0.0).is_none());
     }

@@ -1,8 +1,8 @@
 //! Raw frames from an open bench, each exposed while its pattern was on screen, and none handed out twice.
 //!
-//! A camera's frame is trusted only if it is new (its number and its time are past those of every frame before), if its
-//! exposure is the one that was set, and if that began after the pattern had settled. What is not is counted, refused and
-//! taken anew, within a limit.
+//! A camera's frame is trusted only if it is new (its number is past that of every frame before), if its exposure is the one
+//! that was set, and if that began after the pattern had settled and after every frame before. What is not is counted,
+//! refused and taken anew, within a limit; a camera that hangs is restarted on the way.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub struct Live {
     shown: Option<(Arc<Frame>, f64)>,
     /// The exposure that was asked for, and the one that was set.
     exposure: Option<[f64; 2]>,
-    /// Number (until the camera is restarted) and time of the last frame that was new.
+    /// Number (not known after a restart, which may set it back) and time of the last frame that was new.
     last: (Option<u64>, f64),
     /// When the session began.
     opened: f64,
@@ -92,12 +92,13 @@ impl Live {
         let Some(frame) = self.bench.camera.capture()? else { return Ok(Err(Refused::Dropped)) };
         self.check_shape(&frame)?;
         let (last_id, last_started) = self.last;
-        if last_id.is_some_and(|last| frame.id <= last) || frame.started <= last_started {
+        let is_repeated = last_id.map_or(frame.started <= last_started, |last| frame.id <= last);
+        if is_repeated {
             return Ok(Err(Refused::Repeated));
         }
-        self.last = (Some(frame.id), frame.started);
+        self.last = (Some(frame.id), frame.started.max(last_started));
         let is_as_set = (frame.exposure - exposure).abs() <= EXPOSURE_TOLERANCE * exposure;
-        if frame.started < ready || !is_as_set {
+        if frame.started < ready || frame.started <= last_started || !is_as_set {
             return Ok(Err(Refused::Late));
         }
         Ok(Ok(frame))

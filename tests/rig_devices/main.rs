@@ -5,6 +5,7 @@
 mod faults;
 mod files;
 mod light;
+mod policy;
 mod resume;
 mod sensor;
 mod support;

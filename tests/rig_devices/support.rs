@@ -1,13 +1,13 @@
-//! A scene that needs no graphics device, rigs on it, and frames that tell which pattern was on.
+//! Scenes that need no graphics device, and rigs on them.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use krylux::image::Resolution;
+use krylux::image::{Image, Resolution};
 use krylux::measure::{Live, Shot};
 use krylux::rig::{Bench, Frame, RawFrame, Stamp, VirtualRig, VirtualScene};
 use krylux::sparse::Csr;
-use krylux::transport::{Given, Transport};
+use krylux::transport::{Channels, Given, Transport};
 
 /// A rig without fault on a scene of so many pixels.
 pub fn rig(width: usize, height: usize) -> VirtualRig {
@@ -26,6 +26,37 @@ pub fn diagonal(size: Resolution, diagonal: impl Fn(usize) -> f64) -> Box<dyn Tr
     );
     let matrix = matrix.expect("a diagonal is well formed");
     Box::new(Given::new(matrix, size).expect("one row and column for each pixel"))
+}
+
+/// A coloured sheet that glows by itself: each pixel reflects `colour` of its light, and adds `glow`.
+pub struct Sheet {
+    pub size: Resolution,
+    pub colour: [f32; 3],
+    pub glow: [f32; 3],
+}
+
+impl Transport for Sheet {
+    fn pattern_resolution(&self) -> Resolution {
+        self.size
+    }
+
+    fn photo_resolution(&self) -> Resolution {
+        self.size
+    }
+
+    fn channels(&self) -> Channels {
+        Channels::Rgb
+    }
+
+    fn photograph(&mut self, pattern: &Image) -> krylux::Result<Image> {
+        let channels = pattern.channels();
+        let sample = |index: usize| {
+            let (pixel, channel) = (index / 3, index % 3);
+            let light = pattern.samples()[pixel * channels + channel.min(channels - 1)];
+            self.glow[channel] + self.colour[channel] * light
+        };
+        Image::new(self.size, 3, (0..3 * self.size.pixels()).map(sample).collect())
+    }
 }
 
 /// The rig on a scene that is white all over.
@@ -53,11 +84,10 @@ pub fn live(rig: &VirtualRig, settle: f64, tries: u32) -> Live {
     Live::new(open(rig), settle, tries)
 }
 
-/// The bench set to an exposure, showing this frame, settled.
-pub fn showing(rig: &VirtualRig, frame: &Frame, exposure: f64) -> Bench {
-    let mut bench = open(rig);
+/// This bench set to an exposure, showing a frame of one level, settled.
+pub fn show(mut bench: Bench, rig: &VirtualRig, level: u16, exposure: f64) -> Bench {
     bench.camera.configure(exposure).expect("within the range");
-    bench.projector.show(frame).expect("it fits");
+    bench.projector.show(&flat(rig, level)).expect("it fits");
     bench.clock.sleep(rig.projector.latency);
     bench
 }
@@ -67,13 +97,18 @@ pub fn capture(bench: &mut Bench) -> RawFrame {
     bench.camera.capture().expect("a virtual camera is never gone").expect("it comes")
 }
 
+/// The counts of one frame.
+pub fn counts(bench: &mut Bench) -> Vec<f64> {
+    capture(bench).counts.into_iter().map(f64::from).collect()
+}
+
 /// Mean and variance of each pixel over many frames.
 pub fn moments(bench: &mut Bench, frames: usize) -> Vec<[f64; 2]> {
-    let taken: Vec<Vec<u16>> = (0..frames).map(|_| capture(bench).counts).collect();
+    let taken: Vec<Vec<f64>> = (0..frames).map(|_| counts(bench)).collect();
     let count = frames as f64;
     (0..taken[0].len())
         .map(|pixel| {
-            let values = || taken.iter().map(|counts| f64::from(counts[pixel]));
+            let values = || taken.iter().map(|counts| counts[pixel]);
             let mean = values().sum::<f64>() / count;
             let squares: f64 = values().map(|value| (value - mean).powi(2)).sum();
             [mean, squares / (count - 1.0)]

@@ -220,13 +220,14 @@ pub struct Misregistration {
 pub struct Ambient {
     /// Relative to the mean of the white photo.
     pub level: f64,
-    /// By which share of itself it swings, as a sine of time.
+    /// By which share of itself it swings, as a sine of time; a photo has the mean over its exposure.
     pub variation: f64,
     /// The sine's period in seconds.
     pub period: f64,
 }
 
-/// The projector's brightness at time `t`: `(1 + per_hour · t / 3600)(1 + swing · sin(2π t / period))`.
+/// The projector's brightness at time `t`: `(1 + per_hour · t / 3600)(1 + swing · sin(2π t / period))`. A photo has its mean
+/// over the exposure.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Drift {

@@ -125,8 +125,8 @@ impl World {
     fn light_during(&self, started: f64, exposure: f64) -> SeenLight {
         let ended = started + exposure;
         let middle = started + 0.5 * exposure;
-        let brightness = self.brightness(middle);
-        let ambient = self.ambient(middle);
+        let brightness = self.brightness(middle, exposure);
+        let ambient = self.ambient(middle, exposure);
         let mut light = self.own_light.clone();
         light.iter_mut().flatten().for_each(|value| *value += ambient);
         for (index, change) in self.changes.iter().enumerate() {
@@ -143,18 +143,25 @@ impl World {
         light
     }
 
-    /// The projector's light relative to that at the beginning.
-    fn brightness(&self, time: f64) -> f64 {
+    /// The projector's light relative to that at the beginning, on average while an exposure lasts.
+    fn brightness(&self, middle: f64, exposure: f64) -> f64 {
         let drift = &self.rig.drift;
-        (1.0 + drift.per_hour * time / 3600.0).max(0.0) * (1.0 + wave(drift.swing, drift.period, time))
+        let trend = (1.0 + drift.per_hour * middle / 3600.0).max(0.0);
+        trend * (1.0 + drift.swing * mean_sine(drift.period, middle, exposure))
     }
 
-    fn ambient(&self, time: f64) -> f64 {
+    fn ambient(&self, middle: f64, exposure: f64) -> f64 {
         let ambient = &self.rig.ambient;
-        self.ambient_unit * ambient.level * (1.0 + wave(ambient.variation, ambient.period, time))
+        let swing = ambient.variation * mean_sine(ambient.period, middle, exposure);
+        self.ambient_unit * ambient.level * (1.0 + swing)
     }
 }
 
-fn wave(swing: f64, period: f64, time: f64) -> f64 {
-    if swing == 0.0 { 0.0 } else { swing * (std::f64::consts::TAU * time / period).sin() }
+/// The mean of `sin(2π t / period)` over an exposure about `middle`; 0 without a period.
+fn mean_sine(period: f64, middle: f64, exposure: f64) -> f64 {
+    if period == 0.0 {
+        return 0.0;
+    }
+    let half = std::f64::consts::PI * exposure / period;
+    (std::f64::consts::TAU * middle / period).sin() * half.sin() / half
 }
