@@ -102,9 +102,12 @@ fn truth(stage: &Stage, part: Part) -> Vec<f64> {
     y
 }
 
+/// Switches a stage off.
+type Switch = fn(&mut MeasureOptions);
+
 #[test]
 fn each_stage_that_answers_need_makes_them_worse_when_it_is_off() {
-    let off: [(&str, fn(&mut MeasureOptions)); 3] = [
+    let off: [(&str, Switch); 3] = [
         ("ambient", |options| options.ambient = false),
         ("response", |options| options.response = false),
         ("registration", |options| options.registration = false),
