@@ -147,7 +147,7 @@ fn answer(
 ) -> Result<(Outcome, String)> {
     let name = source.name();
     let mut light = folder.timed(source.preparation(), |folder| {
-        source.light(&args.operator, args.channels(), folder, console)
+        source.light(&args.operator, args.channels(), Some(folder), console)
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let wish = Wish::new(target, &light.ambient(console)?)?;

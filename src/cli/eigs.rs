@@ -150,8 +150,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let (name, resolution) = (source.name(), source.resolution());
     let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"), console)?;
     source.describe(&mut folder.manifest, Channels::Luma);
-    let light = folder
-        .timed(source.preparation(), |folder| source.light(&args.operator, Channels::Luma, folder, console));
+    let light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, Channels::Luma, Some(folder), console)
+    });
     let outcome = light.and_then(|mut light| {
         folder.manifest.noise = light.noise().map(Into::into);
         let found = light.with_operator(args.question.part(), console, |operator| {

@@ -116,7 +116,7 @@ fn segment(
         folder.keep(replay::TRUTH, truth)?;
     }
     let mut light = folder.timed(source.preparation(), |folder| {
-        source.light(&args.operator, Channels::Luma, folder, console)
+        source.light(&args.operator, Channels::Luma, Some(folder), console)
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
 

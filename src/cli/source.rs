@@ -128,18 +128,27 @@ impl Source {
         }
     }
 
-    /// What photos are taken by; each is in the journal of `folder` before it is used.
+    /// What photos are taken by; with a run's folder, each is in its journal before it is used, and none is taken twice.
     pub(super) fn light(
         &mut self,
         choice: &OperatorArgs,
         channels: Channels,
-        folder: &RunFolder,
+        folder: Option<&RunFolder>,
         console: &Console,
     ) -> Result<Light<'_>> {
         if let (Self::Rig(_) | Self::Run(_), Some(option)) = (&*self, choice.given()) {
             return Err(not_for_rigs(option));
         }
         let about = self.about(channels);
+        let Some(folder) = folder else {
+            return match self {
+                Self::Scene(simulation) => Light::of_scene(simulation, choice, channels, console),
+                Self::Rig(rig) => {
+                    Ok(Light::Measured(Box::new(rig.measured(Some(channels), None, console)?)))
+                }
+                Self::Run(run) => run.light(channels, console),
+            };
+        };
         match self {
             Self::Scene(simulation) => {
                 let identity = simulation.identity(Identity::new(), channels);
