@@ -45,6 +45,11 @@ settle = 0.02
 sentinel_every = 5
 "#;
 
+/// Photos with their counts, in the order of the file.
+type Photos = Vec<(Key, Vec<u8>)>;
+/// Files by name.
+type Results = BTreeMap<String, Vec<u8>>;
+
 /// A folder with the rig and its matrix.
 struct Bench(tempfile::TempDir);
 
@@ -95,7 +100,7 @@ impl Bench {
     }
 
     /// Photos in the order of the file, with their counts.
-    fn photos(&self, run: &str) -> Vec<(Key, Vec<u8>)> {
+    fn photos(&self, run: &str) -> Photos {
         let mut journal = Journal::read_only(&self.path(run).join("journal")).expect("there is a journal");
         assert!(journal.torn().is_none() && journal.damages().is_empty());
         let photos = journal.entries().iter().filter(|entry| entry.kind == Kind::Photo);
@@ -110,7 +115,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 /// All arrays and tables of a run, by name.
-fn results(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+fn results(folder: &Path) -> Results {
     let files = fs::read_dir(folder).expect("it is there").map(|file| file.expect("it can be listed").path());
     let is_result = |path: &PathBuf| path.extension().is_some_and(|it| it == "npy" || it == "csv");
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -159,7 +164,7 @@ fn a_thousand_kills_lose_no_photo_double_none_and_change_no_result() {
 /// Kills half of all; how often at each number of photos.
 fn kill_runs(
     bench: &Bench,
-    expected: &(Vec<(Key, Vec<u8>)>, BTreeMap<String, Vec<u8>>),
+    expected: &(Photos, Results),
     seed: u64,
     longest: f64,
 ) -> BTreeMap<Option<usize>, usize> {

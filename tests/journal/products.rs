@@ -66,10 +66,10 @@ fn products_are_taken_once_and_replayed_without_the_operator() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let taken = Cell::new(0);
     let run = |journal: &RefCell<Journal>| {
-        let operator =
-            |name| JournaledOperator::new(journal, name, Box::new(Counted(&taken))).expect("there is room");
-        products(&mut [operator("full, channel 0"), operator("global, channel 0")])
-            .expect("they can be taken")
+        let (mut full, mut global) = (Counted(&taken), Counted(&taken));
+        let full = JournaledOperator::new(journal, "full, channel 0", &mut full);
+        let global = JournaledOperator::new(journal, "global, channel 0", &mut global);
+        products(&mut [full, global]).expect("they can be taken")
     };
     let open = || RefCell::new(Journal::resume(folder.path(), &identity()).expect("nobody else has it"));
     let first = run(&open());
