@@ -96,7 +96,7 @@ fn over_an_exposure_of_whole_periods_a_swing_averages_out() {
     let mut rig = rig(2, 2);
     rig.ambient = Ambient { level: 0.2, variation: 1.0, period: 0.02 };
     let mut bench = show(open(&rig), &rig, 0, 0.1);
-    bench.clock.sleep(0.0073);
+    bench.clock.sleep(0.0123);
     assert_close(counts(&mut bench)[0] / WHITE, 0.2);
     bench.camera.configure(0.005).expect("within the range");
     let found = counts(&mut bench)[0] / WHITE / 0.05;
