@@ -16,8 +16,10 @@ mod operator;
 mod options;
 mod pattern;
 mod photo;
+mod probe;
 mod run_folder;
 mod segment;
+mod separate;
 mod simulation;
 mod solve;
 mod source;
@@ -44,6 +46,8 @@ enum Verb {
     Photo(photo::Args),
     Segment(segment::Args),
     Compensate(compensate::Args),
+    Separate(separate::Args),
+    Probe(probe::Args),
     Eigs(eigs::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
@@ -68,6 +72,8 @@ pub fn main() -> ExitCode {
         Verb::Photo(args) => photo::run(args, &console.with(&args.output)),
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
         Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
+        Verb::Separate(args) => separate::run(args, &console.with(&args.output)),
+        Verb::Probe(args) => probe::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),

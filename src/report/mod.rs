@@ -8,7 +8,7 @@
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `report.html` | [`html`], with plots by [`plot`] |
 //! | `run.json` | [`manifest`] |
-//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`solution`] |
+//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`probing`], [`solution`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
@@ -26,12 +26,15 @@ pub mod npy;
 mod oklab;
 pub mod palette;
 pub mod picture;
+mod planes;
 pub mod plot;
 pub mod png;
+pub mod probing;
 mod raster;
 mod residuals;
 mod run;
 pub mod segmentation;
+pub mod separation;
 pub mod solution;
 pub mod sparse;
 mod spectrum;

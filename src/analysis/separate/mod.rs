@@ -3,7 +3,7 @@
 //! | by | photos | exact where |
 //! |---|---|---|
 //! | [`checkerboards`] | `shifts²` | global light does not see the squares |
-//! | [`sinusoids`] | 3 a direction | global light does not see the waves |
+//! | [`sinusoids`] | 3 or more a direction | global light does not see the waves |
 //! | [`random_patterns`] | any number | always on average; the noise falls as `1/√photos` |
 //! | [`from_capture`] | the white one | the same, from the photos of a Krylov capture |
 //!
@@ -12,9 +12,11 @@
 //! The other two estimate the diagonal of `A`, which a coaxial rig's direct light is (and so see mirrors as they are).
 //! A simulator knows each bounce and needs none of this: [`crate::transport::Part`], [`crate::transport::Layer`].
 
+mod by;
 mod high_frequency;
 mod statistical;
 
+pub use by::{SeparateBy, separate};
 pub use high_frequency::{checkerboards, sinusoids};
 pub use statistical::{from_capture, random_patterns};
 
