@@ -17,6 +17,7 @@ mod options;
 mod pattern;
 mod photo;
 mod probe;
+mod relight;
 mod run_folder;
 mod segment;
 mod separate;
@@ -47,6 +48,7 @@ enum Verb {
     Segment(segment::Args),
     Compensate(compensate::Args),
     Separate(separate::Args),
+    Relight(relight::Args),
     Probe(probe::Args),
     Eigs(eigs::Args),
     Solve(solve::Args),
@@ -73,6 +75,7 @@ pub fn main() -> ExitCode {
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
         Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
         Verb::Separate(args) => separate::run(args, &console.with(&args.output)),
+        Verb::Relight(args) => relight::run(args, &console.with(&args.output)),
         Verb::Probe(args) => probe::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),

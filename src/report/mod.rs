@@ -8,7 +8,8 @@
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `report.html` | [`html`], with plots by [`plot`] |
 //! | `run.json` | [`manifest`] |
-//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`probing`], [`solution`] |
+//! | `model/` | [`model`] |
+//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
@@ -22,6 +23,7 @@ pub mod eigenpairs;
 pub mod exr;
 pub mod html;
 pub mod manifest;
+pub mod model;
 pub mod npy;
 mod oklab;
 pub mod palette;
@@ -31,6 +33,7 @@ pub mod plot;
 pub mod png;
 pub mod probing;
 mod raster;
+pub mod relighting;
 mod residuals;
 mod run;
 pub mod segmentation;
