@@ -2,6 +2,7 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod brute_force;
 mod cache;
 mod compare;
 mod compensate;
@@ -11,13 +12,17 @@ mod info;
 mod labels;
 mod light;
 mod matrix;
+mod measured;
 mod noise;
 mod operator;
 mod options;
 mod pattern;
 mod photo;
+mod plan;
 mod probe;
 mod relight;
+mod rig_info;
+mod rig_source;
 mod run_folder;
 mod segment;
 mod separate;
@@ -51,6 +56,7 @@ enum Verb {
     Relight(relight::Args),
     Probe(probe::Args),
     Eigs(eigs::Args),
+    Plan(plan::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
     Labels(labels::Args),
@@ -78,6 +84,7 @@ pub fn main() -> ExitCode {
         Verb::Relight(args) => relight::run(args, &console.with(&args.output)),
         Verb::Probe(args) => probe::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
+        Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),

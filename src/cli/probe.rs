@@ -86,15 +86,17 @@ fn answer(
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     let (name, resolution, seed) = (source.name(), source.resolution(), args.trace.seed());
+    let unit = source.unit();
     let mut light = folder
         .timed(source.preparation(), |_| source.light(&args.operator, args.channels.into(), console))?;
     folder.manifest.noise = light.noise().map(Into::into);
-    let found: Vec<Probed> = folder.timed("photos", |_| {
+    let found: crate::Result<Vec<Probed>> = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |channels| {
             let one = |operator: &mut dyn Operator| probe(operator, resolution, probing, args.photos, seed);
-            channels.iter_mut().map(|operator| one(operator)).collect::<crate::Result<Vec<_>>>()
+            channels.iter_mut().map(|operator| one(operator)).collect()
         })
-    })?;
+    });
+    let found = folder.record_rig(&mut light, found, console)?;
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
     }
@@ -117,7 +119,7 @@ fn answer(
         probing,
         photos,
         resolution,
-        unit: "W/(m² sr)",
+        unit,
         values: &values,
         standard_errors: &standard_errors,
         truth: truth.as_ref(),

@@ -142,7 +142,7 @@ fn answer(
 ) -> Result<(Outcome, String)> {
     let (name, resolution) = (source.name(), source.resolution());
     let channels: Channels = args.channels.into();
-    let preparation = source.preparation();
+    let (preparation, unit) = (source.preparation(), source.unit());
     let mut light = folder.timed(preparation, |_| match args.bounces {
         // Bounces are layers of a matrix.
         true => {
@@ -160,8 +160,8 @@ fn answer(
     };
     let measured = match args.by(is_scene) {
         Some(by) => {
-            let found = folder.timed("photos", |_| measured(&mut light, resolution, by, seed, console))?;
-            Some((by, found))
+            let found = folder.timed("photos", |_| measured(&mut light, resolution, by, seed, console));
+            Some((by, folder.record_rig(&mut light, found, console)?))
         }
         None => None,
     };
@@ -205,7 +205,7 @@ fn answer(
         method,
         photos: taken,
         resolution,
-        unit: "W/(m² sr)",
+        unit,
         direct: &direct,
         global: &global,
         standard_error: standard_error.as_ref(),

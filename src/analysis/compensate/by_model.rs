@@ -9,8 +9,11 @@ use crate::krylov::{Constraint, keep_solving};
 /// Products with the model for each answer; they cost no photo.
 const PRODUCTS: usize = 300;
 
-/// What to project so that the photo is `target` times the peak, by a model `Â` of the light (one for each channel), and corrected by
-/// `corrections` photos of the scene itself:
+/// A correction that leaves more than this share of the residual is the last one.
+const STALLED: f64 = 0.98;
+
+/// What to project so that the photo is `target` times the peak, by a model `Â` of the light (one for each channel), and corrected by at
+/// most `corrections` photos of the scene itself:
 ///
 /// ```text
 /// x₀ = argmin ‖b − Â x‖,   xₜ = argmin ‖(b − (A xₜ₋₁ − Â xₜ₋₁)) − Â x‖   over floor ≤ x ≤ 1
@@ -18,7 +21,8 @@ const PRODUCTS: usize = 300;
 ///
 /// Each correction photographs the answer before it and takes what the model missed there off the wish: an error `e` of the model
 /// leaves `e^(t+1)` after `t` photos, as iterative refinement does. `photograph_it` takes the photo of a pattern, plane by plane, without ambient
-/// light; without corrections it is never called. [`CompensateOptions::photos`] is of no account.
+/// light; without corrections it is never called, and it is called no more when a photo was hardly better than the one before.
+/// [`CompensateOptions::photos`] is of no account.
 ///
 /// In the answer `observed` is what the corrected model predicts, and `residual` follows from it; `history` has what the photos
 /// themselves showed, of each answer but the last. There is no baseline.
@@ -39,7 +43,8 @@ pub fn compensate_by_model(
     let b = wish.light(peak)?;
     let scale = norm_of(&b);
     let mut missed: Vec<Vec<f64>> = vec![vec![0.0; wish.pixels()]; model.len()];
-    let mut history = Vec::new();
+    let mut history: Vec<CompensationRow> = Vec::new();
+    let mut stalled = false;
     loop {
         let goal = combined(&b, &missed, |b, missed| b - missed);
         let mut run = Run { wish, white: &white, b: &goal, options, preparation: 0 };
@@ -47,12 +52,13 @@ pub fn compensate_by_model(
         let answer: Vec<Vec<f64>> = solutions.iter().map(|found| found.x.clone()).collect();
         let pattern = clipped(&answer, options.floor);
         let modelled = photograph(model, &pattern)?;
-        if history.len() < corrections {
+        if history.len() < corrections && !stalled {
             let photo = photograph_it(&pattern)?;
-            history.push(CompensationRow {
-                photo: history.len() + 1,
-                residual: residual_norm(&b, &photo) / scale,
-            });
+            let residual = residual_norm(&b, &photo) / scale;
+            // The last answer before the end is predicted well enough by the photos of those before it.
+            stalled = residual <= options.rtol
+                || history.last().is_some_and(|before| residual > STALLED * before.residual);
+            history.push(CompensationRow { photo: history.len() + 1, residual });
             missed = combined(&photo, &modelled, |photo, modelled| photo - modelled);
             continue;
         }
@@ -72,9 +78,9 @@ pub fn compensate_by_model(
             residual,
             unclipped_residual: run.total(solutions.iter().map(|found| found.residual)),
             uncompensated_residual,
+            photos: history.len(),
             history,
             baseline: Vec::new(),
-            photos: corrections,
             preparation: 0,
             status,
             // No further photo of the model's could make it better, so this is as good as the model.

@@ -18,11 +18,12 @@ use crate::transport::{Bounces, Part};
 /// Products for the best approximation of each rank, beyond four times the rank: converged to well below a per cent.
 const EXTRA_PRODUCTS: usize = 40;
 
-/// Captures every channel; `[camera, projector]` are the sizes of photos and patterns.
+/// Captures every channel of a source of this name, whose photos are in this unit; `[camera, projector]` are the sizes of photos and
+/// patterns.
 pub(super) fn model(
     light: &mut Light<'_>,
     photos: usize,
-    source: &str,
+    [source, unit]: [&str; 2],
     [resolution, projector]: [Resolution; 2],
     console: &Console,
 ) -> Result<SavedModel> {
@@ -45,7 +46,9 @@ pub(super) fn model(
         let mut found = Vec::new();
         for (index, (operator, direct)) in channels.iter_mut().zip(direct).enumerate() {
             // A coaxial rig's photos come back to where they were projected from.
-            let mut watch = |taken: usize| drop(bar.at((index * photos + taken) as u64, total as u64));
+            let mut watch = |taken: usize| {
+                let _ = bar.at((index * photos + taken) as u64, total as u64);
+            };
             found.push(match direct {
                 Direct::Diagonal(diagonal) => capture(operator, &diagonal, &options, &mut watch)?,
                 Direct::Matrix(matrix) => {
@@ -64,7 +67,7 @@ pub(super) fn model(
         ambient,
         resolution,
         projector,
-        unit: "W/(m² sr)".into(),
+        unit: unit.to_owned(),
         source: source.to_owned(),
     })
 }

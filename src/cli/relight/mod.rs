@@ -71,6 +71,19 @@ impl Args {
         Questions { patterns: &self.patterns, dual: self.dual, photographs: &self.photographs }
     }
 
+    /// A rig takes no true photos beside those of the capture.
+    fn check_for_scene(&self, is_scene: bool) -> Result<()> {
+        if is_scene || self.max_error.is_none() {
+            return Ok(());
+        }
+        Err(Error::Option {
+            option: "--max-error".into(),
+            fault: "a rig does not know the true photos of patterns that it never showed".into(),
+            help: "leave it out, or give a scene".into(),
+        }
+        .into())
+    }
+
     /// A model is what it is: what says how it is captured must not be given with it.
     fn check_for_model(&self) -> Result<()> {
         let given = [
@@ -102,6 +115,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // What is wrong with a file should show before anything is traced.
     args.questions().patterns(source.projector_resolution(), source.resolution())?;
     args.questions().photographs(source.resolution(), args.channels().count())?;
+    args.check_for_scene(matches!(source, Source::Scene(_)))?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-relight", source.name()))?;
     source.describe(&mut folder.manifest, args.channels());
     let outcome = captured(args, console, &mut source, &mut folder);
@@ -130,12 +144,15 @@ fn captured(
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     let (name, resolution, projector) = (source.name(), source.resolution(), source.projector_resolution());
+    let unit = source.unit();
     let mut light: Light<'_> =
         folder.timed(source.preparation(), |_| source.light(&args.operator, args.channels(), console))?;
     folder.manifest.noise = light.noise().map(Into::into);
     let photos = args.photos.unwrap_or(40);
-    let model = folder
-        .timed("photos", |_| capture::model(&mut light, photos, &name, [resolution, projector], console))?;
+    let model = folder.timed("photos", |_| {
+        capture::model(&mut light, photos, [&name, unit], [resolution, projector], console)
+    });
+    let model = folder.record_rig(&mut light, model, console)?;
     let rank = rank_of(&model);
     folder.manifest.photos = rank as u64;
     // As soon as it is there: what follows can be asked again.
