@@ -23,6 +23,8 @@
 //! | light transport segmentation (section 5) | [`analysis::segment`] |
 //! | photos with real devices (sections 7 and 8) | [`measure`] makes them an operator, [`rig`] drives the devices, [`journal`] keeps every photo |
 //! | light transport compensation | [`analysis::compensate`](mod@analysis::compensate) |
+//! | *Optical computing* (2010): low-rank relighting | [`analysis::low_rank`](mod@analysis::low_rank) |
+//! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
 //!
 //! Units, conventions and the symmetric estimator stand in [`render`] and [`transport`].
 //!

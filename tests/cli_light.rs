@@ -102,9 +102,9 @@ fn light_is_separated_exactly_where_a_simulator_knows_it() {
     ] {
         assert!(relative(&total(parts), &white) < 1e-5, "{parts:?}");
     }
-    // Probing of global light alone: 60 patterns leave some ten per cent, against what the matrix says.
-    let error = number(&found["near_indirect_error"]);
-    assert!(error < 0.2, "{error}");
+    // Probing is as far from what the matrix says as it tells; wide patterns leave some tens of independent values.
+    let [error, noise] = ["near_indirect_error", "near_indirect_noise"].map(|name| number(&found[name]));
+    assert!((0.6..1.6).contains(&(error / noise)), "{error} {noise}");
     for name in ["direct.exr", "global.png", "near-indirect.png", "report.html", "run.json"] {
         assert!(bench.path("run").join(name).exists(), "{name}");
     }
@@ -165,11 +165,13 @@ fn every_method_is_compared_with_the_first_bounce_and_fails_on_a_mirror_ball_as_
     };
     let room = compared("cornell");
     let ball = compared("mirror-ball");
-    // A matte room: a few per cent. The ball shows the squares as sharp as the wall itself, and so they count as direct light.
+    // A matte room: a few per cent. The ball throws the squares about as sharp as the projector does.
     assert!(error(&room, "checkerboards", 16) < 0.06, "{room}");
     assert!(error(&ball, "checkerboards", 16) > 2.0 * error(&room, "checkerboards", 16), "{ball}");
-    // Noise falls with the root of the photos: four times as many, half of it; a tenth of slack for chance.
-    assert!(error(&ball, "random", 129) < 0.6 * error(&ball, "random", 33), "{ball}");
+    // The variance of random patterns falls as one over the photos, beyond the bias that stays: light that returns to its own
+    // pixel. From 4 to 32 of them that is to a tenth of what 128 do not take away; chance leaves it below a quarter.
+    let excess = |photos| error(&ball, "random", photos).powi(2) - error(&ball, "random", 129).powi(2);
+    assert!(excess(33) < 0.25 * excess(5), "{ball}");
     let csv = std::fs::read_to_string(bench.path("mirror-ball/errors.csv")).expect("it is written");
     assert_eq!(csv.lines().count(), 1 + ball.as_array().expect("rows").len());
     let page = std::fs::read_to_string(bench.path("mirror-ball/report.html")).expect("it is written");
@@ -198,12 +200,10 @@ fn a_captured_scene_is_relit_later_without_a_photo_and_without_a_device() {
     let relit = bench.plane("run/relit-1.npy");
     // Without ambient light the error is that of the files.
     assert!((relative(&relit, &truth) - error).abs() < 1e-5, "{error}");
-    // It is far better than no global light at all, and cannot be better than the best of its rank.
+    // W Qᵀ has this rank, so that the best of it is no worse; symmetry can only add knowledge.
     let row = &found["matrix"];
-    assert!(
-        number(&row["error"]) >= 0.9 * number(&row["optimal"])
-            && number(&row["error"]) <= number(&row["one_sided"])
-    );
+    assert!(number(&row["one_sided"]) >= number(&row["optimal"]), "{row}");
+    assert!(number(&row["error"]) <= number(&row["one_sided"]), "{row}");
 
     let photo = bench.name("true.npy");
     let arguments = [
@@ -290,11 +290,11 @@ fn a_new_target_on_a_captured_scene_takes_no_photo_or_a_few() {
     let arguments = ["compensate", &out, "--target", &target, "--photos", "0", "-o", &bench.name("none")];
     let none = bench.json(&arguments);
     assert_eq!(none["photos"], 0);
-    // What the model promises holds on the scene itself, within the model's error.
+    // What the model promises holds on the scene itself, within the model's error: some per cent of a photo.
     let seen = photograph(&bench, &corner, &bench.name("none/compensation.npy"), &traced, "seen.npy");
     let wished = bench.plane("none/target.npy");
     let error = relative(&seen, &wished);
-    assert!((error - number(&none["relative_residual"])).abs() < 0.02, "{error} {none}");
+    assert!((error - number(&none["relative_residual"])).abs() < 0.04, "{error} {none}");
     assert!(error < number(&none["relative_residual_uncompensated"]), "{none}");
     // Photos correct what the model does not know.
     let arguments = [

@@ -24,7 +24,7 @@ pub struct SeparationRun<'a> {
     pub title: String,
     /// The method with its setting, in words.
     pub method: String,
-    /// Photos that it took.
+    /// Photos that the method took; those of `reach` are beside them.
     pub photos: usize,
     /// Pixels of all images.
     pub resolution: Resolution,
@@ -204,7 +204,12 @@ impl SeparationRun<'_> {
                 outcome: if self.good { Outcome::Good } else { Outcome::Short },
                 sentence: self.sentence(),
             },
-            facts: run::facts(manifest, self.photos, more, seconds),
+            facts: run::facts(
+                manifest,
+                self.photos + self.reach.map_or(0, |reach| reach.photos),
+                more,
+                seconds,
+            ),
             sections,
             footer: manifest.command.join(" "),
         })
@@ -255,13 +260,13 @@ impl SeparationRun<'_> {
             vec![row.setting.clone(), row.photos.to_string(), percent(row.error), percent(row.global_error)]
         };
         let table = Block::Table {
-            headers: ["method", "photos", "error of direct", "error of global"].map(String::from).to_vec(),
+            headers: ["method", "photos", "direct", "global"].map(String::from).to_vec(),
             rows: self.comparison.iter().map(row).collect(),
-            caption: "Relative to the exact light of each kind, in the 2-norm".into(),
+            caption: "Errors of direct and global light, relative to the exact ones".into(),
         };
         Section {
             title: "Every method at several photo counts".into(),
-            text: "Against the exact first bounce. Random patterns are right on average, but noisy; what is left of the others is light that comes back to where it started, or that is as sharp as the pattern.".into(),
+            text: "Against the exact first bounce. Random patterns are right on average for the light that comes back to its own pixel, and their noise falls with more of them; checkerboards and sinusoids keep what is as sharp as they are; the patterns of one capture all carry the signs of its start, so that more of them hardly help.".into(),
             blocks: vec![Block::Plot { svg: plot.render(), caption: String::new() }, table],
         }
     }

@@ -51,13 +51,13 @@ impl SeparateBy {
     pub fn in_words(self) -> String {
         match self {
             Self::Checkerboards { square, shifts } => {
-                format!("checkerboards, squares of {square} px at {shifts}×{shifts} places")
+                format!("checkerboards of {square} px at {shifts}×{shifts} places")
             }
             Self::Sinusoids { period, phases } => {
-                format!("sinusoids, period of {period} px at {phases} phases a direction")
+                format!("sinusoids of {period} px at 2×{phases} phases")
             }
-            Self::Random { photos } => format!("{photos} patterns of random signs"),
-            Self::Capture { photos } => format!("a Krylov capture of {photos} photos from random signs"),
+            Self::Random { photos } => format!("{photos} random patterns"),
+            Self::Capture { photos } => format!("a capture of {photos} photos"),
         }
     }
 

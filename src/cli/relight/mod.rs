@@ -113,7 +113,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let mut source = Source::open(&args.source, &args.trace, console)?;
     // What is wrong with a file should show before anything is traced.
-    args.questions().patterns(source.projector_resolution(), source.resolution())?;
+    args.questions().patterns(source.projector_resolution(), source.resolution(), args.channels().count())?;
     args.questions().photographs(source.resolution(), args.channels().count())?;
     args.check_for_scene(matches!(source, Source::Scene(_)))?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-relight", source.name()))?;
@@ -126,7 +126,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn from_model(args: &Args, console: &Console) -> Result<Outcome> {
     args.check_for_model()?;
     let model = SavedModel::read(&args.source.source)?;
-    args.questions().patterns(model.projector, model.resolution)?;
+    args.questions().patterns(model.projector, model.resolution, model.channels.len())?;
     args.questions().photographs(model.resolution, model.channels.len())?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-relight", model.source))?;
     folder.describe_file(&SavedModel::record_path(&args.source.source))?;

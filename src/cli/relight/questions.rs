@@ -35,8 +35,14 @@ pub(super) struct Answers {
 }
 
 impl Questions<'_> {
-    /// The patterns, white where none is given, by name. For dual photographs they must fit the camera, too.
-    pub(super) fn patterns(&self, projector: Resolution, camera: Resolution) -> Result<Vec<(String, Image)>> {
+    /// The patterns, white where none is given, by name, for a model of so many channels. For dual photographs they must fit the
+    /// camera, too.
+    pub(super) fn patterns(
+        &self,
+        projector: Resolution,
+        camera: Resolution,
+        channels: usize,
+    ) -> Result<Vec<(String, Image)>> {
         let white = [Pattern::White];
         let patterns = if self.patterns.is_empty() { &white } else { self.patterns };
         let mut found = Vec::new();
@@ -44,7 +50,16 @@ impl Questions<'_> {
             if self.dual {
                 pattern.image(camera)?;
             }
-            found.push((pattern.to_string(), pattern.image(projector)?));
+            let (name, image) = (pattern.to_string(), pattern.image(projector)?);
+            if image.channels() > channels {
+                return Err(Error::Option {
+                    option: "--pattern".into(),
+                    fault: format!("{name} is coloured, but the model is gray"),
+                    help: "give a gray pattern, or capture with --channels rgb".into(),
+                }
+                .into());
+            }
+            found.push((name, image));
         }
         Ok(found)
     }
@@ -63,15 +78,16 @@ impl Questions<'_> {
         console: &Console,
     ) -> Result<Answers> {
         let mut answers = Answers { relit: Vec::new(), duals: Vec::new(), reduced: Vec::new() };
-        for (name, pattern) in self.patterns(model.projector, model.resolution)? {
+        let channels = model.channels.len();
+        for (name, pattern) in self.patterns(model.projector, model.resolution, channels)? {
             answers.relit.push(relit(model, light.as_deref_mut(), &name, pattern, console)?);
         }
         if self.dual {
-            for (name, pattern) in self.patterns(model.resolution, model.resolution)? {
+            for (name, pattern) in self.patterns(model.resolution, model.resolution, channels)? {
                 answers.duals.push(dual(model, light.as_deref_mut(), name, &pattern, console)?);
             }
         }
-        for (name, mut photo) in self.photographs(model.resolution, model.channels.len())? {
+        for (name, mut photo) in self.photographs(model.resolution, channels)? {
             for (photo, ambient) in photo.iter_mut().zip(model.ambient.planes()) {
                 photo.iter_mut().zip(ambient).for_each(|(photo, ambient)| *photo -= ambient);
             }
@@ -109,18 +125,6 @@ fn plane(pattern: &Image, channel: usize) -> Vec<f64> {
     pattern.plane(channel.min(pattern.channels() - 1))
 }
 
-fn fits(model: &SavedModel, pattern: &Image, name: &str) -> Result<()> {
-    if pattern.channels() > model.channels.len() {
-        return Err(Error::Option {
-            option: "--pattern".into(),
-            fault: format!("{name} is coloured, but the model is gray"),
-            help: "give a gray pattern, or capture with --channels rgb".into(),
-        }
-        .into());
-    }
-    Ok(())
-}
-
 /// The true products with all of the light, where it is simulated.
 fn truth(
     light: Option<&mut Light<'_>>,
@@ -142,7 +146,6 @@ fn relit(
     pattern: Image,
     console: &Console,
 ) -> Result<Relit> {
-    fits(model, &pattern, name)?;
     let by_rank = |rank: usize| -> Planes {
         let each = model.channels.iter().enumerate();
         each.map(|(channel, of)| of.truncated(rank).relight(&plane(&pattern, channel))).collect()

@@ -1,5 +1,9 @@
 //! `krylux separate`: direct and global light.
 
+mod comparison;
+mod photos;
+mod planes;
+
 use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
@@ -13,16 +17,13 @@ use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
 use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
-use crate::analysis::low_rank::{LowRankCapture, capture};
-use crate::analysis::probe::{Probing, probe};
-use crate::analysis::separate::{SeparateBy, Separation, from_capture, separate};
+use crate::analysis::separate::{SeparateBy, Separation};
 use crate::error::Error;
-use crate::image::Resolution;
-use crate::krylov::Start;
-use crate::operator::Operator;
-use crate::report::separation::{ComparisonRow, Planes, Reach, SeparationRun, relative_error};
-use crate::sparse::Csr;
-use crate::transport::{Bounces, Channels, Part, Simulated};
+use crate::report::separation::{Planes, SeparationRun, relative_error};
+use crate::transport::{Channels, Simulated};
+use comparison::compare;
+pub(super) use photos::weigh;
+use photos::{bounces, exact, measured, reach};
 
 /// Separate direct and global light, and the global light by bounces and by how far it went
 #[derive(clap::Args)]
@@ -166,7 +167,7 @@ fn answer(
         None => None,
     };
     let bounces = if args.bounces { Some(bounces(&light)?) } else { None };
-    let (method, photos, direct, global, standard_error, truth) = match (&measured, exact) {
+    let (method, photos, direct, global, standard_error, truth) = match (&measured, exact.clone()) {
         (Some((by, found)), exact) => {
             let errors: Option<Planes> = found.iter().map(|found| found.standard_error.clone()).collect();
             let of = |part: fn(&Separation) -> &Vec<f64>| found.iter().map(|f| part(f).clone()).collect();
@@ -179,15 +180,11 @@ fn answer(
     };
     let reach =
         folder.timed("probing", |_| reach(args, is_scene, &mut light, resolution, &global, console))?;
-    let comparison = match args.compare {
-        true => {
-            let exact = match &truth {
-                Some(truth) => [truth.clone(), difference(&sum(&direct, &global), truth)],
-                None => [direct.clone(), global.clone()],
-            };
+    let comparison = match exact.filter(|_| args.compare) {
+        Some(exact) => {
             folder.timed("comparison", |_| compare(args, &mut light, resolution, &exact, console))?
         }
-        false => Vec::new(),
+        None => Vec::new(),
     };
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
@@ -203,7 +200,7 @@ fn answer(
     let run = SeparationRun {
         title: format!("{name} · direct and global light"),
         method,
-        photos: taken,
+        photos,
         resolution,
         unit,
         direct: &direct,
@@ -229,6 +226,7 @@ fn answer(
         "photos": photos,
         "photos_near_far": reach.as_ref().map_or(0, |reach| reach.photos),
         "relative_error": error,
+        "near_indirect_noise": reach.as_ref().map(|reach| reach.noise),
         "near_indirect_error": reach.as_ref().and_then(|reach| reach.error),
         "comparison": comparison,
         "seconds": folder.seconds(),
@@ -262,173 +260,4 @@ fn say(run: &SeparationRun<'_>, console: &Console) -> Result<()> {
         ))?;
     }
     Ok(())
-}
-
-/// One bounce, and two and more, under white.
-fn exact(light: &mut Light<'_>, console: &Console) -> Result<[Planes; 2]> {
-    let mut white = |part| -> Result<Planes> {
-        light.with_channels(part, console, |channels| {
-            channels
-                .iter_mut()
-                .map(|operator| {
-                    let mut photo = vec![0.0; operator.rows()];
-                    operator.apply(&vec![1.0; operator.cols()], &mut photo)?;
-                    Ok(photo)
-                })
-                .collect()
-        })
-    };
-    Ok([white(Part::Direct)?, white(Part::Global)?])
-}
-
-fn measured(
-    light: &mut Light<'_>,
-    resolution: Resolution,
-    by: SeparateBy,
-    seed: u64,
-    console: &Console,
-) -> Result<Vec<Separation>> {
-    light.with_channels(Part::Full, console, |channels| {
-        let one = |operator| Ok(separate(operator, resolution, by, seed)?);
-        channels.iter_mut().map(|operator| one(operator)).collect()
-    })
-}
-
-/// The second bounce, and the rest, from the layers of the matrix.
-fn bounces(light: &Light<'_>) -> Result<[Planes; 2]> {
-    let Some(traced) = light.matrix() else { return Ok([Vec::new(), Vec::new()]) };
-    let matrix = &traced.matrix;
-    let (rows, count) = (matrix.resolution().pixels(), matrix.channels().count());
-    let mut found = [Bounces::Two, Bounces::Rest].map(|_| vec![vec![0.0; rows]; count]);
-    for layer in matrix.layers() {
-        let planes = match layer.bounces() {
-            Bounces::Two => &mut found[0],
-            Bounces::Rest => &mut found[1],
-            Bounces::One | Bounces::Global => continue,
-        };
-        for (channel, plane) in planes.iter_mut().enumerate() {
-            layer.to_csr(channel)?.entries().for_each(|(row, _, weight)| plane[row] += weight);
-        }
-    }
-    Ok(found)
-}
-
-/// Near and far indirect light, by probing what is not direct.
-fn reach(
-    args: &Args,
-    is_scene: bool,
-    light: &mut Light<'_>,
-    resolution: Resolution,
-    global: &Planes,
-    console: &Console,
-) -> Result<Option<Reach>> {
-    let photos = args.probes.unwrap_or(if is_scene { 100 } else { 0 });
-    if photos == 0 {
-        return Ok(None);
-    }
-    let square = light.with_operator(Part::Global, console, |operator| operator.rows() == operator.cols());
-    if !square {
-        console.note(
-            "note: near and far indirect light are left out: projector and camera differ in their pixels",
-        );
-        return Ok(None);
-    }
-    let sigma = args.sigma.unwrap_or_else(|| (resolution.width as f64 / 16.0).max(1.0));
-    let (seed, probing) = (args.trace.seed(), Probing::Near { sigma });
-    let found = light.with_channels(Part::Global, console, |channels| {
-        let one = |operator: &mut dyn Operator| probe(operator, resolution, probing, photos, seed);
-        channels.iter_mut().map(|operator| one(operator)).collect::<crate::Result<Vec<_>>>()
-    })?;
-    let near: Planes = found.iter().map(|found| found.values.clone()).collect();
-    let errors: Planes = found.iter().map(|found| found.standard_errors.clone()).collect();
-    let nothing = vec![vec![0.0; resolution.pixels()]; near.len()];
-    let size =
-        |planes: &Planes| -> f64 { planes.iter().flatten().map(|value| value * value).sum::<f64>().sqrt() };
-    let error = match light.matrix() {
-        Some(traced) => {
-            let mut truth = nothing;
-            for (channel, plane) in truth.iter_mut().enumerate() {
-                weigh(&traced.matrix.to_csr(Part::Global, channel)?, resolution, probing, plane);
-            }
-            Some(relative_error(&near, &truth))
-        }
-        None => None,
-    };
-    Ok(Some(Reach {
-        far: difference(global, &near),
-        noise: size(&errors) / size(&near),
-        near,
-        sigma,
-        photos,
-        error,
-    }))
-}
-
-/// `(Π ∘ A) 1`, from the matrix itself.
-pub(super) fn weigh(matrix: &Csr, resolution: Resolution, probing: Probing, sums: &mut [f64]) {
-    let place = |pixel: usize| [(pixel % resolution.width) as f64, (pixel / resolution.width) as f64];
-    matrix.entries().for_each(|(row, column, weight)| {
-        let ([x, y], [u, v]) = (place(row), place(column));
-        sums[row] += probing.weight((x - u).hypot(y - v)) * weight;
-    });
-}
-
-/// Every method at several photo counts.
-fn compare(
-    args: &Args,
-    light: &mut Light<'_>,
-    resolution: Resolution,
-    exact: &[Planes; 2],
-    console: &Console,
-) -> Result<Vec<ComparisonRow>> {
-    const COUNTS: [usize; 6] = [4, 8, 16, 32, 64, 128];
-    let seed = args.trace.seed();
-    let boards =
-        [(1, 2), (2, 4), (3, 6), (4, 8)].map(|(square, shifts)| SeparateBy::Checkerboards { square, shifts });
-    let waves = [3, 6, 12].map(|phases| SeparateBy::Sinusoids { period: args.period, phases });
-    let random = COUNTS.map(|photos| SeparateBy::Random { photos });
-    let mut rows = Vec::new();
-    let mut row = |by: SeparateBy, found: &[Separation]| {
-        let of = |part: fn(&Separation) -> &Vec<f64>| -> Planes {
-            found.iter().map(|f| part(f).clone()).collect()
-        };
-        rows.push(ComparisonRow {
-            method: by.name(),
-            setting: by.in_words(),
-            photos: by.photos(),
-            error: relative_error(&of(|found| &found.direct), &exact[0]),
-            global_error: relative_error(&of(|found| &found.global), &exact[1]),
-        });
-    };
-    for by in boards.into_iter().chain(waves).chain(random) {
-        row(by, &measured(light, resolution, by, seed, console)?);
-    }
-    // One capture answers for all counts: its first photos are those of a shorter one.
-    let white = sum(&exact[0], &exact[1]);
-    let captured = light.with_channels(Part::Full, console, |channels| {
-        let most = COUNTS[COUNTS.len() - 1];
-        let start = Some(Start::Rademacher { seed });
-        let options = LowRankCapture { photos: most, start };
-        let one = |operator| capture(operator, &[], &options, &mut |_| {});
-        channels.iter_mut().map(|operator| one(operator)).collect::<crate::Result<Vec<_>>>()
-    })?;
-    for photos in COUNTS {
-        let models = captured.iter().zip(&white);
-        let found = models.map(|(model, white)| from_capture(&model.truncated(photos), white));
-        row(SeparateBy::Capture { photos }, &found.collect::<crate::Result<Vec<_>>>()?);
-    }
-    Ok(rows)
-}
-
-fn sum(a: &Planes, b: &Planes) -> Planes {
-    combined(a, b, |a, b| a + b)
-}
-
-fn difference(a: &Planes, b: &Planes) -> Planes {
-    combined(a, b, |a, b| a - b)
-}
-
-fn combined(a: &Planes, b: &Planes, with: fn(f64, f64) -> f64) -> Planes {
-    let plane = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(&a, &b)| with(a, b)).collect();
-    a.iter().zip(b).map(plane).collect()
 }
