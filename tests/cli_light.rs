@@ -153,7 +153,7 @@ fn every_method_is_compared_with_the_first_bounce_and_fails_on_a_mirror_ball_as_
     let bench = Bench::new();
     let compared = |name: &str| {
         let (scene, out) = (scene(name), bench.name(name));
-        let traced = ["--size", "48", "--spp", "48", "--probes", "0"];
+        let traced = ["--size", "32", "--spp", "32", "--probes", "0"];
         bench.json(&[&["separate", &scene, "--compare", "-o", &out], &traced[..]].concat())["comparison"]
             .clone()
     };

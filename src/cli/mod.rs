@@ -2,6 +2,7 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod audit;
 mod brute_force;
 mod cache;
 mod compare;
@@ -21,6 +22,7 @@ mod photo;
 mod plan;
 mod probe;
 mod relight;
+mod rig;
 mod rig_info;
 mod rig_source;
 mod run_folder;
@@ -56,7 +58,9 @@ enum Verb {
     Relight(relight::Args),
     Probe(probe::Args),
     Eigs(eigs::Args),
+    Audit(audit::Args),
     Plan(plan::Args),
+    Rig(rig::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
     Labels(labels::Args),
@@ -84,6 +88,8 @@ pub fn main() -> ExitCode {
         Verb::Relight(args) => relight::run(args, &console.with(&args.output)),
         Verb::Probe(args) => probe::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
+        Verb::Audit(args) => audit::run(args, &console.with(&args.output)),
+        Verb::Rig(args) => rig::run(args, &console.with(args.output())),
         Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),

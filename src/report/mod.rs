@@ -9,13 +9,15 @@
 //! | `report.html` | [`html`], with plots by [`plot`] |
 //! | `run.json` | [`manifest`] |
 //! | `model/` | [`model`] |
-//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`] |
+//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
 
 pub mod atomic;
+pub mod audit;
 mod axis;
+pub mod calibration;
 pub mod clock;
 pub mod colormap;
 pub mod compensation;

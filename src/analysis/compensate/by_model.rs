@@ -12,6 +12,9 @@ const PRODUCTS: usize = 300;
 /// A correction that leaves more than this share of the residual is the last one.
 const STALLED: f64 = 0.98;
 
+/// Takes the photo of a pattern, a plane for each channel of either, without ambient light.
+pub type Photograph<'a> = dyn FnMut(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + 'a;
+
 /// What to project so that the photo is `target` times the peak, by a model `Â` of the light (one for each channel), and corrected by at
 /// most `corrections` photos of the scene itself:
 ///
@@ -20,9 +23,8 @@ const STALLED: f64 = 0.98;
 /// ```
 ///
 /// Each correction photographs the answer before it and takes what the model missed there off the wish: an error `e` of the model
-/// leaves `e^(t+1)` after `t` photos, as iterative refinement does. `photograph_it` takes the photo of a pattern, plane by plane, without ambient
-/// light; without corrections it is never called, and it is called no more when a photo was hardly better than the one before.
-/// [`CompensateOptions::photos`] is of no account.
+/// leaves `e^(t+1)` after `t` photos, as iterative refinement does. `photograph_it` is never called without corrections, and no more
+/// once a photo was hardly better than the one before. [`CompensateOptions::photos`] is of no account.
 ///
 /// In the answer `observed` is what the corrected model predicts, and `residual` follows from it; `history` has what the photos
 /// themselves showed, of each answer but the last. There is no baseline.
@@ -34,7 +36,7 @@ pub fn compensate_by_model(
     wish: &Wish,
     options: &CompensateOptions,
     corrections: usize,
-    photograph_it: &mut dyn FnMut(&[Vec<f64>]) -> Result<Vec<Vec<f64>>>,
+    photograph_it: &mut Photograph<'_>,
 ) -> Result<Compensation> {
     options.check()?;
     wish.fits(model)?;

@@ -4,7 +4,7 @@ mod by_model;
 mod options;
 mod wish;
 
-pub use by_model::compensate_by_model;
+pub use by_model::{Photograph, compensate_by_model};
 pub use options::{CompensateOptions, Precondition};
 pub use wish::Wish;
 use wish::{norm_of, residual_norm};
