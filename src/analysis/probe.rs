@@ -158,6 +158,13 @@ pub fn probe(
     Ok(Probed { values: mean, standard_errors, photos: products })
 }
 
+/// `count` patterns of random signs under a Gaussian (`n` each), whose correlation is a Gaussian of `sigma` pixels and 1 at 0.
+pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, seed: u64) -> Vec<Vec<f64>> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let kernel = kernel(sigma);
+    (0..count).map(|_| Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel)).collect()
+}
+
 /// `r ∘ A r`.
 fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
     let mut photo = vec![0.0; pattern.len()];

@@ -139,7 +139,12 @@ mod tests {
     fn any_photo_is_reduced_to_its_direct_light() -> Result<()> {
         // Pixel 3 is black: it sends nothing back directly, and what it was lit with cannot be known.
         let direct: Vec<f64> = (0..8).map(|i| if i == 3 { 0.0 } else { 1.0 + 0.25 * i as f64 }).collect();
-        let model = capture(&mut RankTwo, &direct, &LowRankCapture { photos: 2, start: None }, &mut |_| {})?;
+        let model = capture(
+            &mut RankTwo,
+            &direct,
+            &LowRankCapture { photos: 2, ..LowRankCapture::default() },
+            &mut |_| {},
+        )?;
         for seed in 0..3 {
             let pattern: Vec<f64> =
                 (0..8).map(|i| if i == 3 { 0.0 } else { ((seed + 5 * i) % 7) as f64 / 7.0 }).collect();

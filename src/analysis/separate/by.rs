@@ -97,7 +97,11 @@ pub fn separate(
         SeparateBy::Sinusoids { period, phases } => sinusoids(operator, resolution, period, phases),
         SeparateBy::Random { photos } => random_patterns(operator, photos, seed),
         SeparateBy::Capture { photos } => {
-            let options = LowRankCapture { photos, start: Some(Start::Rademacher { seed }) };
+            let options = LowRankCapture {
+                photos,
+                start: Some(Start::Rademacher { seed }),
+                ..LowRankCapture::default()
+            };
             let model = capture(operator, &[], &options, &mut |_| {})?;
             let mut white = vec![0.0; resolution.pixels()];
             operator.apply(&vec![1.0; resolution.pixels()], &mut white)?;

@@ -5,7 +5,9 @@ use anyhow::Result;
 use super::super::console::Console;
 use super::super::light::Light;
 use crate::analysis::LowRank;
-use crate::analysis::low_rank::{ErrorRow, LowRankCapture, capture, error_curve as curve_of, optimal_errors};
+use crate::analysis::low_rank::{
+    ErrorRow, LowRankCapture, capture, error_curve as curve_of, optimal_errors, smooth_starts,
+};
 use crate::error::Error;
 use crate::image::Resolution;
 use crate::krylov::{LowRankOptions, Start, randomized_svd};
@@ -18,11 +20,21 @@ use crate::transport::{Bounces, Part};
 /// Products for the best approximation of each rank, beyond four times the rank: converged to well below a per cent.
 const EXTRA_PRODUCTS: usize = 40;
 
+/// How the photos are chosen.
+pub(super) struct Process {
+    /// Photos in all.
+    pub(super) photos: usize,
+    /// Patterns that are projected before any photo comes back.
+    pub(super) block: usize,
+    /// Chooses all of these but the first, white.
+    pub(super) seed: u64,
+}
+
 /// Captures every channel of a source of this name, whose photos are in this unit; `[camera, projector]` are the sizes of photos and
 /// patterns.
 pub(super) fn model(
     light: &mut Light<'_>,
-    photos: usize,
+    Process { photos, block, seed }: Process,
     [source, unit]: [&str; 2],
     [resolution, projector]: [Resolution; 2],
     console: &Console,
@@ -40,7 +52,8 @@ pub(super) fn model(
     let ambient = light.ambient(console)?;
     let direct = direct(light, console)?;
     let bar = console.bar("photos");
-    let options = LowRankCapture { photos, start: None };
+    let beside = smooth_starts(projector, block.max(1) - 1, seed);
+    let options = LowRankCapture { photos, start: None, beside };
     let total = photos * direct.len();
     let channels = light.with_channels(Part::Global, console, |channels| {
         let mut found = Vec::new();

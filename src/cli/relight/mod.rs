@@ -25,6 +25,9 @@ use crate::report::relighting::{RankRow, RelightingRun};
 use crate::transport::Channels;
 use questions::{Answers, Questions};
 
+/// Enough to tell the twelve cups of a carton apart.
+const BLOCK: usize = 12;
+
 /// Capture light transport in a few dozen photos, and relight the scene with any pattern
 ///
 /// The run's folder keeps the model. Given as SOURCE, it relights with other patterns without any photo, and without a
@@ -41,6 +44,10 @@ pub(super) struct Args {
     /// Photos of the capture [default: 40]
     #[arg(long, value_name = "N")]
     photos: Option<usize>,
+    /// Patterns of the capture that are chosen beforehand, white and smooth random ones; the others are photos projected back. 1 is
+    /// white alone, as for rigs that are not coaxial [default: 12]
+    #[arg(long, value_name = "N")]
+    block: Option<usize>,
     /// Relight with it: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file; may be given several
     /// times [default: white]
     #[arg(long = "pattern", value_name = "PATTERN")]
@@ -88,6 +95,7 @@ impl Args {
     fn check_for_model(&self) -> Result<()> {
         let given = [
             (self.photos.is_some(), "--photos"),
+            (self.block.is_some(), "--block"),
             (self.channels.is_some(), "--channels"),
             (self.max_error.is_some(), "--max-error"),
         ];
@@ -148,9 +156,13 @@ fn captured(
     let mut light: Light<'_> =
         folder.timed(source.preparation(), |_| source.light(&args.operator, args.channels(), console))?;
     folder.manifest.noise = light.noise().map(Into::into);
-    let photos = args.photos.unwrap_or(40);
+    let process = capture::Process {
+        photos: args.photos.unwrap_or(40),
+        block: args.block.unwrap_or(BLOCK),
+        seed: args.trace.seed(),
+    };
     let model = folder.timed("photos", |_| {
-        capture::model(&mut light, photos, [&name, unit], [resolution, projector], console)
+        capture::model(&mut light, process, [&name, unit], [resolution, projector], console)
     });
     let model = folder.record_rig(&mut light, model, console)?;
     let rank = rank_of(&model);

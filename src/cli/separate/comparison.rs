@@ -49,7 +49,7 @@ pub(super) fn compare(
     let captured = light.with_channels(Part::Full, console, |channels| {
         let most = COUNTS[COUNTS.len() - 1];
         let start = Some(Start::Rademacher { seed });
-        let options = LowRankCapture { photos: most, start };
+        let options = LowRankCapture { photos: most, start, ..LowRankCapture::default() };
         let one = |operator| capture(operator, &[], &options, &mut |_| {});
         channels.iter_mut().map(|operator| one(operator)).collect::<crate::Result<Vec<_>>>()
     })?;
