@@ -59,7 +59,7 @@ fn audited(
         patterns: args.patterns,
         tolerance: args.tolerance,
         asymmetry: args.asymmetry,
-        seed: u64::from(args.trace.seed()),
+        seed: args.trace.seed(),
         ..AuditOptions::default()
     };
     let mut light =
