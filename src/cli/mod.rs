@@ -15,6 +15,7 @@ mod operator;
 mod options;
 mod pattern;
 mod photo;
+mod reproduce;
 mod run_folder;
 mod segment;
 mod simulation;
@@ -46,6 +47,7 @@ enum Verb {
     Eigs(eigs::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
+    Reproduce(reproduce::Args),
     Labels(labels::Args),
     Info(info::Args),
     Cache(cache::Args),
@@ -69,6 +71,7 @@ pub fn main() -> ExitCode {
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
+        Verb::Reproduce(args) => reproduce::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
         Verb::Info(args) => info::run(args, &console.with(&args.output)),
         Verb::Cache(args) => cache::run(args, &console.with(args.output())),

@@ -26,7 +26,7 @@ mod zigzag;
 pub use analytic::{inside_sphere, parallel_plates, plane};
 pub use cornell::cornell;
 pub use corner::corner;
-pub use egg_carton::{carton, carton_eggs};
+pub use egg_carton::{carton, carton_eggs, nine_cells};
 pub use mirror::mirror;
 pub use model::{Model, Part};
 pub use tessellated_box::tessellated_box;
