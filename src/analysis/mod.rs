@@ -10,6 +10,7 @@
 //! | which light came from how far away? | [`mod@probe`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
 //! | how good are they? | [`adjusted_rand_index`] |
+//! | how alike are two images? | [`mod@likeness`] |
 
 mod adjacency;
 mod capture;
@@ -17,6 +18,7 @@ pub mod compensate;
 mod graph;
 pub mod kmeans;
 mod laplacian;
+pub mod likeness;
 pub mod low_rank;
 pub mod probe;
 mod rand_index;
@@ -29,6 +31,7 @@ pub use capture::Capture;
 pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
 pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
+pub use likeness::Likeness;
 pub use low_rank::LowRank;
 pub use probe::{Probed, Probing};
 pub use rand_index::adjusted_rand_index;

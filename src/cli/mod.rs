@@ -3,6 +3,7 @@
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
 mod cache;
+mod compare;
 mod compensate;
 mod console;
 mod eigs;
@@ -49,6 +50,7 @@ enum Verb {
     Matrix(matrix::Args),
     Reproduce(reproduce::Args),
     Labels(labels::Args),
+    Compare(compare::Args),
     Info(info::Args),
     Cache(cache::Args),
 }
@@ -73,6 +75,7 @@ pub fn main() -> ExitCode {
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
         Verb::Reproduce(args) => reproduce::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
+        Verb::Compare(args) => compare::run(args, &console.with(&args.output)),
         Verb::Info(args) => info::run(args, &console.with(&args.output)),
         Verb::Cache(args) => cache::run(args, &console.with(args.output())),
     };

@@ -52,6 +52,17 @@ pub trait Shots {
     /// [`Error::Rig`](crate::Error::Rig) when the rig fails for good; [`Error::Interrupted`](crate::Error::Interrupted).
     fn shoot(&mut self, shot: &Shot) -> Result<RawFrame>;
 
+    /// Goes on after a photo that an interrupted session took: `shot` is put on screen again, and `frame` was the camera's
+    /// last. A journal says so once, before the first photo that it does not have; then a virtual rig that was opened after
+    /// that frame's [`Stamp`](crate::rig::Stamp) goes on as if there had been no interruption.
+    ///
+    /// # Errors
+    /// As [`Self::shoot`].
+    fn follow(&mut self, shot: &Shot, frame: &RawFrame) -> Result<()> {
+        let _ = (shot, frame);
+        Ok(())
+    }
+
     /// How many seconds pass from now on between a frame's confirmation and the exposure. It is no part of a [`Shot`]: who
     /// compares one frame at several times tells them apart by `take`. A journal without a rig ignores it.
     fn set_settle(&mut self, seconds: f64);

@@ -1,7 +1,7 @@
 //! What projectors and cameras promise, hardware and virtual alike.
 
 use super::{Frame, RawFrame};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Resolution;
 
 /// What a projector is.
@@ -34,11 +34,61 @@ pub struct CameraInfo {
     pub exposures: [f64; 2],
 }
 
+impl ProjectorInfo {
+    /// The brightest level.
+    pub fn highest(&self) -> u16 {
+        ((1_u32 << self.bits) - 1) as u16
+    }
+
+    /// That a frame fits the projector.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when it has another size, another number of channels, or higher levels.
+    pub fn check(&self, frame: &Frame) -> Result<()> {
+        let highest = frame.levels().iter().copied().max().unwrap_or(0);
+        if (frame.resolution(), frame.channels()) == (self.resolution, self.channels)
+            && highest <= self.highest()
+        {
+            return Ok(());
+        }
+        Err(Error::Rig {
+            device: self.name.clone(),
+            fault: format!(
+                "it cannot show a frame of {} with {} channels and levels up to {highest}",
+                frame.resolution(),
+                frame.channels()
+            ),
+            help: format!(
+                "it shows frames of {} with {} channels and levels up to {}",
+                self.resolution,
+                self.channels,
+                self.highest()
+            ),
+        })
+    }
+}
+
 /// A frame is on screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
     /// When that was confirmed, in seconds on the rig's clock.
     pub at: f64,
+}
+
+/// The last frame of a session, for another to go on after it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stamp {
+    /// Its number.
+    pub id: u64,
+    /// When its exposure ended, in seconds on the rig's clock.
+    pub time: f64,
+}
+
+impl Stamp {
+    /// That of this frame.
+    pub fn of(frame: &RawFrame) -> Self {
+        Self { id: frame.id, time: frame.started + frame.exposure }
+    }
 }
 
 /// Something that shows frames.
@@ -52,6 +102,15 @@ pub trait Projector {
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device, or the device is gone.
     fn show(&mut self, frame: &Frame) -> Result<Shown>;
+
+    /// Shows the frame that an interrupted session had left on screen, so that another can go on from there. A virtual
+    /// projector takes no time for that: in its time, there was no interruption.
+    ///
+    /// # Errors
+    /// As [`Self::show`].
+    fn restore(&mut self, frame: &Frame) -> Result<Shown> {
+        self.show(frame)
+    }
 }
 
 /// Something that counts light.

@@ -5,7 +5,14 @@
 //! same three traits, [`Projector`], [`Camera`] and [`Clock`]; together they are a [`Bench`].
 
 mod devices;
+mod file;
 mod frame;
+mod virtual_bench;
 
-pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown};
+pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown, Stamp};
+pub use file::{RigFile, RigKind};
 pub use frame::{Frame, RawFrame};
+pub use virtual_bench::{
+    Ambient, Drift, Faults, Misregistration, Response, VirtualCamera, VirtualProjector, VirtualRig,
+    VirtualScene,
+};

@@ -13,6 +13,7 @@
 mod assemble;
 mod choice;
 mod combine;
+mod given;
 mod layer;
 mod matrix;
 mod noise;
@@ -26,6 +27,7 @@ mod tests;
 
 pub use assemble::{Assembled, assemble, assemble_layers};
 pub use choice::{Prediction, predict};
+pub use given::Given;
 pub use layer::{Bounces, Layer};
 pub use matrix::{Part, TransportMatrix};
 pub use noise::Noise;
@@ -87,7 +89,7 @@ impl Channels {
 }
 
 /// Relative luminance of a linear Rec. 709 colour.
-fn luminance([red, green, blue]: [f32; 3]) -> f32 {
+pub(crate) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
     red * 0.2126 + green * 0.7152 + blue * 0.0722
 }
 

@@ -1,0 +1,187 @@
+//! That values make sense: each error names the file, the key, the range, and what to do.
+
+use std::path::PathBuf;
+
+use crate::error::Error;
+use crate::measure::MeasureOptions;
+use crate::rig::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector};
+
+/// Checks the values of one file.
+pub(super) struct Check {
+    /// The file.
+    pub(super) path: PathBuf,
+}
+
+type Checked = Result<(), Error>;
+
+impl Check {
+    /// An error about the file.
+    pub(super) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
+        Error::Data { path: self.path.clone(), fault: fault.into(), help: help.into() }
+    }
+
+    /// That `value` lies from `low` to `high`. NaN never does.
+    pub(super) fn range(&self, key: &str, value: f64, low: f64, high: f64) -> Checked {
+        if (low..=high).contains(&value) {
+            return Ok(());
+        }
+        let range = if high == f64::MAX { format!("at least {low}") } else { format!("{low} to {high}") };
+        Err(self.fault(format!("{key} is {value}"), format!("give {range}")))
+    }
+
+    fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
+        values
+            .iter()
+            .try_for_each(|&(key, value, low, high)| self.range(&format!("{table}.{key}"), value, low, high))
+    }
+
+    /// A response: a gamma, or a curve from 0 to 1 that never falls.
+    fn response(&self, table: &str, gamma: Option<f64>, curve: Option<&[f64]>) -> Checked {
+        self.range(&format!("{table}.gamma"), gamma.unwrap_or(1.0), 0.1, 10.0)?;
+        let Some(curve) = curve else { return Ok(()) };
+        if gamma.is_some() {
+            return Err(self.fault(
+                format!("{table} has both gamma and curve"),
+                "give one response: a gamma, or a curve",
+            ));
+        }
+        let ends = (curve.first(), curve.last());
+        if curve.len() < 2 || ends != (Some(&0.0), Some(&1.0)) || !curve.is_sorted() {
+            return Err(self.fault(
+                format!("{table}.curve is no response"),
+                "give at least two values, the first 0, the last 1, none less than the one before",
+            ));
+        }
+        Ok(())
+    }
+
+    fn channels(&self, table: &str, channels: usize) -> Checked {
+        if channels == 1 || channels == 3 {
+            return Ok(());
+        }
+        Err(self.fault(format!("{table}.channels is {channels}"), "give 1 (gray) or 3 (red, green, blue)"))
+    }
+
+    /// A sine with a period.
+    fn wave(&self, table: &str, key: &str, swing: f64, period: f64) -> Checked {
+        self.range(&format!("{table}.{key}"), swing, 0.0, 1.0)?;
+        self.range(&format!("{table}.period"), period, 0.0, 1e9)?;
+        if swing > 0.0 && period == 0.0 {
+            return Err(self.fault(
+                format!("{table}.{key} is {swing}, but {table}.period is missing"),
+                "give its period in seconds",
+            ));
+        }
+        Ok(())
+    }
+
+    pub(super) fn projector(&self, spec: &VirtualProjector) -> Checked {
+        self.channels("projector", spec.channels)?;
+        self.response("projector", spec.gamma, spec.curve.as_deref())?;
+        self.ranges(
+            "projector",
+            &[
+                ("bits", spec.bits.into(), 1.0, 12.0),
+                ("black_level", spec.black_level, 0.0, 0.9),
+                ("vignetting", spec.vignetting, 0.0, 1.0),
+                ("blur", spec.blur, 0.0, 100.0),
+                ("latency", spec.latency, 0.0, 60.0),
+                ("frame_time", spec.frame_time, 0.0, 60.0),
+            ],
+        )
+    }
+
+    pub(super) fn camera(&self, spec: &VirtualCamera) -> Checked {
+        self.channels("camera", spec.channels)?;
+        self.response("camera", spec.gamma, spec.curve.as_deref())?;
+        self.range("camera.bits", spec.bits.into(), 8.0, 16.0)?;
+        let highest = f64::from((1_u32 << spec.bits) - 1);
+        for side in spec.size.unwrap_or([1, 1]) {
+            self.range("camera.size", side as f64, 1.0, 16384.0)?;
+        }
+        let [shortest, longest] = spec.exposures;
+        self.ranges(
+            "camera",
+            &[
+                ("black_level", spec.black_level, 0.0, highest / 2.0),
+                ("saturation", spec.highest().into(), (spec.black_level + 1.0).ceil(), highest),
+                ("full_well", spec.full_well, 1.0, 1e9),
+                ("white_fill", spec.white_fill, 1e-6, 1e6),
+                ("white_exposure", spec.white_exposure, 1e-9, 1e6),
+                ("read_noise", spec.read_noise, 0.0, spec.full_well),
+                ("dark_current", spec.dark_current, 0.0, 1e9),
+                ("vignetting", spec.vignetting, 0.0, 1.0),
+                ("exposures[0]", shortest, 1e-9, 1e6),
+                ("exposures[1]", longest, shortest, 1e6),
+                ("exposure_step", spec.exposure_step, 0.0, longest),
+                ("readout", spec.readout, 0.0, 60.0),
+                ("timeout", spec.timeout, 0.0, 3600.0),
+                ("shift[0]", spec.shift[0], -1e5, 1e5),
+                ("shift[1]", spec.shift[1], -1e5, 1e5),
+                ("rotation", spec.rotation, -360.0, 360.0),
+                ("scale", spec.scale, 0.01, 100.0),
+                ("distortion", spec.distortion, -0.3, 10.0),
+            ],
+        )?;
+        let Some(homography) = spec.homography else { return Ok(()) };
+        if spec.shift != [0.0; 2] || spec.rotation != 0.0 || spec.scale != 1.0 {
+            return Err(self.fault(
+                "camera has a homography, and shift, rotation or scale as well",
+                "give the homography alone, or leave it out",
+            ));
+        }
+        let [a, b, c] = homography.map(glam::DVec3::from_array);
+        if !a.dot(b.cross(c)).is_normal() {
+            return Err(self.fault(
+                "camera.homography cannot be inverted",
+                "give the three rows of an invertible matrix, e.g. [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+            ));
+        }
+        Ok(())
+    }
+
+    pub(super) fn ambient(&self, spec: &Ambient) -> Checked {
+        self.range("ambient.level", spec.level, 0.0, 1e6)?;
+        self.wave("ambient", "variation", spec.variation, spec.period)
+    }
+
+    pub(super) fn drift(&self, spec: &Drift) -> Checked {
+        self.range("drift.per_hour", spec.per_hour, -1e3, 1e3)?;
+        self.wave("drift", "swing", spec.swing, spec.period)
+    }
+
+    pub(super) fn faults(&self, spec: &Faults) -> Checked {
+        let shares = [
+            ("dropped", spec.dropped, 0.0, 1.0),
+            ("repeated", spec.repeated, 0.0, 1.0),
+            ("late", spec.late, 0.0, 1.0),
+            ("early", spec.early, 0.0, 1.0),
+        ];
+        self.ranges("faults", &shares)?;
+        let sum: f64 = shares.iter().map(|share| share.1).sum();
+        if sum > 1.0 {
+            return Err(self.fault(
+                format!("the chances of [faults] add up to {sum}"),
+                "give dropped, repeated, late and early such that they add up to 1 at most",
+            ));
+        }
+        Ok(())
+    }
+
+    pub(super) fn measurement(&self, options: &MeasureOptions) -> Checked {
+        for &exposure in &options.exposures {
+            self.range("measurement.exposures", exposure, 1e-9, 1e6)?;
+        }
+        self.ranges(
+            "measurement",
+            &[
+                ("bit_planes", options.bit_planes.into(), 1.0, 32.0),
+                ("takes", options.takes.into(), 1.0, 1e6),
+                ("black_takes", options.black_takes.into(), 1.0, 1e6),
+                ("blur", options.blur, 0.0, 1e3),
+                ("settle", options.settle.unwrap_or(0.0), 0.0, 3600.0),
+                ("tries", options.tries.into(), 1.0, 1e6),
+            ],
+        )
+    }
+}

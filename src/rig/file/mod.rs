@@ -1,0 +1,162 @@
+//! A rig file: one TOML file that describes a rig and how it is measured.
+//!
+//! ```toml
+//! kind = "virtual"                # what is behind it
+//! calibration = "my-rig"          # the folder that `krylux rig calibrate` wrote, relative to this file
+//! seed = 1
+//!
+//! [scene]                         # what a virtual rig lights and sees
+//! file = "scene.glb"
+//! size = [64, 64]
+//!
+//! [projector]                     # VirtualProjector
+//! [camera]                        # VirtualCamera
+//! [ambient]                       # Ambient
+//! [drift]                         # Drift
+//! [faults]                        # Faults
+//! [measurement]                   # MeasureOptions
+//! ```
+//!
+//! What is left out is ideal. The file that says where camera and projector *stand* in a scene (its poses, see
+//! [`crate::scene::load_with`]) is another one; a virtual rig may name it as `scene.camera_file`.
+
+mod check;
+mod nearest;
+mod parse;
+mod scene;
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector, VirtualRig};
+use crate::error::{Error, Result};
+use crate::measure::MeasureOptions;
+use check::Check;
+use nearest::nearest;
+use parse::parse;
+use scene::SceneTable;
+
+/// What stands in a rig file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigFile {
+    /// The file.
+    pub path: PathBuf,
+    /// BLAKE3 of its bytes.
+    pub hash: [u8; 32],
+    /// The folder of its calibration, where it names one.
+    pub calibration: Option<PathBuf>,
+    /// How it is measured.
+    pub measurement: MeasureOptions,
+    /// What is behind it.
+    pub kind: RigKind,
+}
+
+/// What is behind a rig file.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum RigKind {
+    /// A simulated scene.
+    Virtual(VirtualRig),
+}
+
+/// What there is, and what will be.
+const KINDS: [&str; 3] = ["virtual", "x11", "aravis"];
+
+/// A virtual rig as it stands in its file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct VirtualTables {
+    #[serde(rename = "kind")]
+    _kind: String,
+    calibration: Option<PathBuf>,
+    #[serde(default)]
+    seed: u64,
+    scene: SceneTable,
+    #[serde(default)]
+    projector: VirtualProjector,
+    #[serde(default)]
+    camera: VirtualCamera,
+    #[serde(default)]
+    ambient: Ambient,
+    #[serde(default)]
+    drift: Drift,
+    #[serde(default)]
+    faults: Faults,
+    #[serde(default)]
+    measurement: MeasureOptions,
+}
+
+impl RigFile {
+    /// Reads a rig file.
+    ///
+    /// # Errors
+    /// [`Error::Read`] when it cannot be read; [`Error::Data`] when it cannot be used: that names the line or the key, what
+    /// it may be, and for a name that is not known the one that is nearest.
+    pub fn load(path: &Path) -> Result<Self> {
+        let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
+        let check = Check { path: path.to_path_buf() };
+        if !metadata.is_file() {
+            return Err(check.fault("not a file", "give a rig file in TOML"));
+        }
+        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        Self::from_bytes(path, &bytes)
+    }
+
+    /// As [`Self::load`], of `bytes` that stand, or stood, in the file at `path`.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let check = Check { path: path.to_path_buf() };
+        let text = std::str::from_utf8(bytes)
+            .map_err(|_| check.fault("not UTF-8 text", "give a rig file in TOML"))?;
+        let hash = *blake3::hash(bytes).as_bytes();
+        check_kind(&check, text)?;
+        let tables: VirtualTables = parse(path, text)?;
+        check.projector(&tables.projector)?;
+        check.camera(&tables.camera)?;
+        check.ambient(&tables.ambient)?;
+        check.drift(&tables.drift)?;
+        check.faults(&tables.faults)?;
+        check.measurement(&tables.measurement)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let VirtualTables { seed, projector, camera, ambient, drift, faults, .. } = tables;
+        let scene = tables.scene.into_scene(&check, folder)?;
+        let rig = VirtualRig { scene, projector, camera, ambient, drift, faults, seed };
+        Ok(Self {
+            path: path.to_path_buf(),
+            hash,
+            calibration: tables.calibration.map(|calibration| folder.join(calibration)),
+            measurement: tables.measurement,
+            kind: RigKind::Virtual(rig),
+        })
+    }
+}
+
+/// That the file says what kind of rig it describes, and that there is such a kind.
+fn check_kind(check: &Check, text: &str) -> Result<()> {
+    let table: toml::Table = parse(&check.path, text)?;
+    let known = KINDS.join(", ");
+    match table.get("kind").map(|kind| kind.as_str()) {
+        Some(Some("virtual")) => Ok(()),
+        Some(Some(kind)) if KINDS.contains(&kind) => Err(check.fault(
+            format!("kind = \"{kind}\" is not supported by this build yet"),
+            "give kind = \"virtual\", a simulated scene behind imperfect devices",
+        )),
+        Some(Some(kind)) => {
+            let meant = nearest(kind, &KINDS).map_or_else(String::new, |kind| format!("; did you mean \"{kind}\"?"));
+            Err(check.fault(format!("unknown kind \"{kind}\"{meant}"), format!("known kinds: {known}")))
+        }
+        Some(None) => Err(check.fault("kind is no text", format!("give kind = \"virtual\"; known kinds: {known}"))),
+        None if table.contains_key("camera") && !table.contains_key("scene") => Err(check.fault(
+            "it does not say what kind of rig it describes",
+            "begin a rig file with kind = \"virtual\"; a file that says where camera and projector stand is given as \
+             --camera-file",
+        )),
+        None => Err(check.fault(
+            "it does not say what kind of rig it describes",
+            format!("begin it with kind = \"virtual\"; known kinds: {known}"),
+        )),
+    }
+}

@@ -1,0 +1,116 @@
+//! Opening a virtual rig.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+use super::VirtualRig;
+use super::devices::{VirtualCameraHandle, VirtualClock, VirtualProjectorHandle};
+use super::optics::Optics;
+use super::screen::Screen;
+use super::sensor::Sensor;
+use super::view::View;
+use super::world::{Change, World};
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::rig::{Bench, CameraInfo, Frame, ProjectorInfo, Stamp};
+use crate::transport::Transport;
+
+impl VirtualRig {
+    /// The projector, as it presents itself.
+    pub fn projector_info(&self) -> ProjectorInfo {
+        let (resolution, spec) = (self.scene.size(), &self.projector);
+        ProjectorInfo {
+            name: "virtual projector".into(),
+            resolution,
+            channels: spec.channels,
+            bits: spec.bits,
+            frame_time: spec.frame_time,
+        }
+    }
+
+    /// The camera, as it presents itself.
+    pub fn camera_info(&self) -> CameraInfo {
+        let spec = &self.camera;
+        let size = spec.size.map(|[width, height]| Resolution::new(width, height));
+        CameraInfo {
+            name: "virtual camera".into(),
+            resolution: size.unwrap_or(self.scene.size()),
+            channels: spec.channels,
+            bits: spec.bits,
+            exposures: spec.exposures,
+        }
+    }
+
+    /// Opens the rig on this light transport, that of its [`scene`](Self::scene), of [`channels`](Self::channels) channels. The
+    /// screen shows level 0. `after` the last frame of an earlier session it goes on as if that had never ended (see
+    /// [`Projector::restore`](crate::rig::Projector::restore)).
+    ///
+    /// The light transport's units do not matter: the camera's sensitivity is relative to the white photo.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when the transport does not fit, or white is dark; and what keeps the transport from being
+    /// photographed.
+    pub fn open(&self, light: Box<dyn Transport>, after: Option<Stamp>) -> Result<Bench> {
+        self.check_light(light.as_ref())?;
+        let (projector, camera) = (self.projector_info(), self.camera_info());
+        let optics = Optics::new(camera.resolution, light.photo_resolution(), &self.camera.misregistration());
+        let mut view = View::new(light, optics, camera.channels)?;
+        let screen = Screen::new(&self.projector, projector.resolution);
+        let frame = |level| Frame::filled(projector.resolution, projector.channels, level);
+        let white = view.lit_by(&screen.emit(&frame(projector.highest())))?.concat();
+        let black = view.lit_by(&screen.emit(&frame(0)))?;
+        let sensor =
+            Sensor::new(&self.camera, camera.resolution, self.seed, &white).ok_or_else(|| Error::Rig {
+                device: camera.name.clone(),
+                fault: "it sees nothing even when the projector shows white".into(),
+                help: "correct where camera and projector stand, or the camera's shift, scale or homography"
+                    .into(),
+            })?;
+        let own_light = view.unlit()?;
+        let change = Change { asked: 0.0, confirmed: 0.0, appears: f64::NEG_INFINITY, light: black };
+        let world = Rc::new(RefCell::new(World {
+            rig: self.clone(),
+            camera: camera.resolution,
+            view,
+            screen,
+            sensor,
+            own_light,
+            ambient_unit: white.iter().sum::<f64>() / white.len() as f64,
+            exposure: camera.exposures[0],
+            now: after.map_or(0.0, |stamp| stamp.time + self.camera.readout),
+            id: after.map_or(0, |stamp| stamp.id),
+            changes: VecDeque::from([change]),
+            handed_out: None,
+            restarted_at: None,
+        }));
+        Ok(Bench {
+            projector: Box::new(VirtualProjectorHandle { info: projector, world: Rc::clone(&world) }),
+            camera: Box::new(VirtualCameraHandle {
+                info: camera,
+                step: self.camera.exposure_step,
+                world: Rc::clone(&world),
+            }),
+            clock: Box::new(VirtualClock { world }),
+        })
+    }
+
+    fn check_light(&self, light: &dyn Transport) -> Result<()> {
+        let size = self.scene.size();
+        let sizes = [light.pattern_resolution(), light.photo_resolution()];
+        let channels = self.channels().count();
+        let fault = if sizes != [size; 2] {
+            let [pattern, photo] = sizes;
+            format!("it is {size}, but its scene takes patterns of {pattern} and makes photos of {photo}")
+        } else if light.channels().count() < channels {
+            format!("it has {channels} channels, but its scene is gray")
+        } else {
+            return Ok(());
+        };
+        Err(Error::Rig {
+            device: "virtual rig".into(),
+            fault,
+            help: "give a coaxial scene of the size and channels that the rig file says".into(),
+        })
+    }
+}

@@ -1,0 +1,143 @@
+//! The light that a virtual projector emits for a frame.
+
+use super::optics::vignette;
+use super::{Response, VirtualProjector};
+use crate::image::{Image, Resolution};
+use crate::rig::Frame;
+
+/// Levels to light.
+pub(super) struct Screen {
+    /// Light of each level, relative to white.
+    light: Vec<f64>,
+    vignette: Vec<f64>,
+    /// The blur's weights at 0, ±1, ±2, …; one weight: no blur.
+    kernel: Vec<f64>,
+    resolution: Resolution,
+}
+
+impl Screen {
+    /// That of this projector, of so many pixels.
+    pub(super) fn new(spec: &VirtualProjector, resolution: Resolution) -> Self {
+        let highest = (1_u32 << spec.bits) - 1;
+        let response: Response = spec.response();
+        let light = (0..=highest)
+            .map(|level| {
+                let light = response.at(f64::from(level) / f64::from(highest));
+                spec.black_level + (1.0 - spec.black_level) * light
+            })
+            .collect();
+        let vignette = vignette(resolution, spec.vignetting);
+        Self { light, vignette, kernel: gaussian(spec.blur), resolution }
+    }
+
+    /// The pattern of light for this frame, which fits the screen.
+    pub(super) fn emit(&self, frame: &Frame) -> Image {
+        let channels = frame.channels();
+        let mut pattern = Image::filled(self.resolution, channels, 0.0);
+        for channel in 0..channels {
+            let levels = frame.levels().iter().skip(channel).step_by(channels);
+            let light: Vec<f64> = levels.map(|&level| self.light[usize::from(level)]).collect();
+            let light = blur(light, self.resolution, &self.kernel);
+            let samples = pattern.samples_mut().iter_mut().skip(channel).step_by(channels);
+            for ((sample, light), vignette) in samples.zip(light).zip(&self.vignette) {
+                *sample = (light * vignette) as f32;
+            }
+        }
+        pattern
+    }
+}
+
+/// Weights of a Gaussian averaged over pixels' distances 0, 1, …, to four standard deviations; they add up to 1 with both sides.
+fn gaussian(deviation: f64) -> Vec<f64> {
+    if deviation == 0.0 {
+        return vec![1.0];
+    }
+    let reach = (4.0 * deviation).ceil() as usize;
+    let weights: Vec<f64> = (0..=reach).map(|at| (-0.5 * (at as f64 / deviation).powi(2)).exp()).collect();
+    let sum = 2.0 * weights.iter().sum::<f64>() - 1.0;
+    weights.iter().map(|weight| weight / sum).collect()
+}
+
+/// Blurs along both axes. The light at the border stays inside: mirrored.
+fn blur(light: Vec<f64>, resolution: Resolution, kernel: &[f64]) -> Vec<f64> {
+    if kernel.len() == 1 {
+        return light;
+    }
+    let Resolution { width, height } = resolution;
+    let along = |from: &[f64], of: usize, step: usize, start: &dyn Fn(usize) -> usize| -> Vec<f64> {
+        let line = |pixel: usize| (start(pixel), pixel % width, pixel / width);
+        (0..from.len())
+            .map(|pixel| {
+                let (first, x, y) = line(pixel);
+                let at = if step == 1 { x } else { y } as i64;
+                let value = |offset: i64| from[first + mirrored(at + offset, of) * step];
+                let sides = kernel.iter().enumerate().skip(1);
+                sides.fold(kernel[0] * value(0), |sum, (offset, weight)| {
+                    sum + weight * (value(offset as i64) + value(-(offset as i64)))
+                })
+            })
+            .collect()
+    };
+    let rows = along(&light, width, 1, &|pixel| pixel / width * width);
+    along(&rows, height, width, &|pixel| pixel % width)
+}
+
+/// The index that a mirror at both ends of `0..of` shows at `at`.
+fn mirrored(at: i64, of: usize) -> usize {
+    let of = of as i64;
+    let at = at.rem_euclid(2 * of);
+    at.min(2 * of - 1 - at) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_become_light_by_the_response_above_the_black_level() {
+        let spec =
+            VirtualProjector { bits: 2, gamma: Some(2.0), black_level: 0.1, ..VirtualProjector::default() };
+        let resolution = Resolution::new(4, 1);
+        let frame = Frame::new(resolution, 1, vec![0, 1, 2, 3]).expect("four levels");
+        let light = Screen::new(&spec, resolution).emit(&frame);
+        for (found, expected) in light.samples().iter().zip([0.1, 0.2, 0.5, 1.0]) {
+            assert!((found - expected).abs() < 1e-7, "{found} for {expected}");
+        }
+    }
+
+    #[test]
+    fn blur_keeps_the_light_and_spreads_it_by_its_deviation() {
+        let (resolution, spec) =
+            (Resolution::new(31, 31), VirtualProjector { blur: 1.3, ..VirtualProjector::default() });
+        let mut levels = vec![0; 31 * 31];
+        levels[15 * 31 + 15] = 255;
+        let frame = Frame::new(resolution, 1, levels).expect("as many levels");
+        let light = Screen::new(&spec, resolution).emit(&frame).plane(0);
+        let moment = |power: i32| -> f64 {
+            light
+                .iter()
+                .enumerate()
+                .map(|(pixel, light)| light * ((pixel % 31) as f64 - 15.0).powi(power))
+                .sum()
+        };
+        assert!((moment(0) - 1.0).abs() < 1e-6 && moment(1).abs() < 1e-6);
+        // The Gaussian is cut at four deviations, where 6e-5 of the light has 1e-3 of the variance.
+        assert!((moment(2).sqrt() - 1.3).abs() < 2e-3, "{}", moment(2).sqrt());
+        let corner = Frame::new(resolution, 1, {
+            let mut levels = vec![0; 31 * 31];
+            levels[0] = 255;
+            levels
+        });
+        let light = Screen::new(&spec, resolution).emit(&corner.expect("as many levels")).plane(0);
+        assert!((light.iter().sum::<f64>() - 1.0).abs() < 1e-6, "none is lost at the border");
+    }
+
+    #[test]
+    fn vignetting_darkens_the_corner_by_its_share() {
+        let spec = VirtualProjector { vignetting: 0.2, ..VirtualProjector::default() };
+        let resolution = Resolution::new(401, 301);
+        let light = Screen::new(&spec, resolution).emit(&Frame::filled(resolution, 1, 255)).plane(0);
+        // The corner pixel's centre lies half a pixel inside the corner: 1 in 200 of the way, 1 in 100 in the square.
+        assert!((light[0] - 0.8).abs() < 0.2 * 0.012 && light[150 * 401 + 200] == 1.0);
+    }
+}

@@ -1,0 +1,50 @@
+//! From what a projector emits to what falls on the camera's sensor: the scene, and the camera's optics.
+
+use super::optics::Optics;
+use crate::error::Result;
+use crate::image::Image;
+use crate::transport::{Transport, luminance};
+
+/// Light on the sensor, in the photo's units: a plane for each of the camera's channels.
+pub(super) type SeenLight = Vec<Vec<f64>>;
+
+/// A scene behind a camera's optics.
+pub(super) struct View {
+    transport: Box<dyn Transport>,
+    optics: Optics,
+    channels: usize,
+    /// The photo without any light of the projector.
+    unlit: Image,
+}
+
+impl View {
+    /// What a camera of 1 or 3 channels sees of a scene of at least as many.
+    pub(super) fn new(mut transport: Box<dyn Transport>, optics: Optics, channels: usize) -> Result<Self> {
+        let nothing = Image::filled(transport.pattern_resolution(), 1, 0.0);
+        let unlit = transport.photograph(&nothing)?;
+        Ok(Self { transport, optics, channels, unlit })
+    }
+
+    /// What a pattern adds to the scene's own light.
+    pub(super) fn lit_by(&mut self, pattern: &Image) -> Result<SeenLight> {
+        let mut photo = self.transport.photograph(pattern)?;
+        for (sample, unlit) in photo.samples_mut().iter_mut().zip(self.unlit.samples()) {
+            *sample -= unlit;
+        }
+        self.on_sensor(&photo)
+    }
+
+    /// The scene's own light.
+    pub(super) fn unlit(&self) -> Result<SeenLight> {
+        self.on_sensor(&self.unlit)
+    }
+
+    fn on_sensor(&self, photo: &Image) -> Result<SeenLight> {
+        if self.channels == 1 && photo.channels() == 3 {
+            let gray = photo.samples().chunks_exact(3).map(|rgb| luminance([rgb[0], rgb[1], rgb[2]]));
+            let gray = Image::new(photo.resolution(), 1, gray.collect())?;
+            return Ok(vec![self.optics.see(&gray, 0)]);
+        }
+        Ok((0..self.channels).map(|channel| self.optics.see(photo, channel)).collect())
+    }
+}

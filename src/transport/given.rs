@@ -1,0 +1,70 @@
+//! Photos by a matrix that came from elsewhere.
+
+use super::{Channels, Transport};
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+use crate::sparse::Csr;
+
+/// A given matrix as a rig of one channel, whose photo has as many pixels as its pattern. There is no ambient light.
+#[derive(Clone, Debug)]
+pub struct Given {
+    matrix: Csr,
+    resolution: Resolution,
+}
+
+impl Given {
+    /// `matrix` has a row and a column for each pixel.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when it has not.
+    pub fn new(matrix: Csr, resolution: Resolution) -> Result<Self> {
+        let pixels = resolution.pixels();
+        if (matrix.rows(), matrix.cols()) != (pixels, pixels) {
+            return Err(Error::Dimension {
+                what: "rows and columns of the light transport matrix",
+                expected: format!("{pixels} each, for {resolution} pixels,"),
+                found: format!("{}x{}", matrix.rows(), matrix.cols()),
+            });
+        }
+        Ok(Self { matrix, resolution })
+    }
+}
+
+impl Transport for Given {
+    fn pattern_resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    fn photo_resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    fn channels(&self) -> Channels {
+        Channels::Luma
+    }
+
+    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        let planes = super::planes(pattern, self.resolution, Channels::Luma)?;
+        let pattern = &planes[0];
+        let row = |row| {
+            let (columns, weights) = self.matrix.row(row);
+            columns.iter().zip(weights).map(|(&column, weight)| weight * pattern[column as usize]).sum()
+        };
+        super::from_planes(self.resolution, &[(0..self.matrix.rows()).map(row).collect()])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_photo_is_the_product_with_the_given_matrix() {
+        let matrix = Csr::new(2, vec![0, 2, 3], vec![0, 1, 0], vec![1.0, 0.5, 0.25]);
+        let mut given =
+            Given::new(matrix.expect("well formed"), Resolution::new(2, 1)).expect("of two pixels");
+        let pattern = Image::new(Resolution::new(2, 1), 1, vec![2.0, 4.0]).expect("two samples");
+        assert_eq!(given.photograph(&pattern).expect("it fits").samples(), [4.0, 0.5]);
+        assert!(Given::new(given.matrix.clone(), Resolution::new(2, 2)).is_err());
+    }
+}

@@ -1,0 +1,185 @@
+//! Rig files: what is shipped loads, and what is wrong is named.
+
+use std::path::{Path, PathBuf};
+
+use krylux::Error;
+use krylux::image::Resolution;
+use krylux::rig::{RigFile, RigKind, VirtualRig, VirtualScene};
+use proptest::prelude::*;
+
+const WHOLE: &str = "kind = \"virtual\"\n[scene]\nmatrix = \"a.npz\"\nsize = [4, 3]\n";
+
+fn shipped(name: &str) -> RigFile {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/rigs").join(name);
+    RigFile::load(&path).expect("shipped rigs load")
+}
+
+fn virtual_rig(file: &RigFile) -> &VirtualRig {
+    match &file.kind {
+        RigKind::Virtual(rig) => rig,
+        other => panic!("not virtual: {other:?}"),
+    }
+}
+
+fn from(text: &str) -> krylux::Result<RigFile> {
+    RigFile::from_bytes(Path::new("folder/my.toml"), text.as_bytes())
+}
+
+/// The fault and the help of the error about this file.
+#[track_caller]
+fn refused(text: &str) -> [String; 2] {
+    match from(text) {
+        Err(Error::Data { path, fault, help }) => {
+            assert_eq!(path, Path::new("folder/my.toml"), "the error names the file");
+            [fault, help]
+        }
+        other => panic!("not an error about the file: {other:?}"),
+    }
+}
+
+#[test]
+fn every_shipped_rig_loads_and_its_scene_is_there() {
+    for name in ["ideal.toml", "realistic.toml", "one-bit.toml", "faulty.toml"] {
+        let file = shipped(name);
+        let VirtualScene::File { path, size, .. } = &virtual_rig(&file).scene else {
+            panic!("{name} is on a scene")
+        };
+        assert!(path.is_file() && *size == Resolution::new(64, 64), "{name}");
+    }
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/rigs");
+    assert_eq!(folder.read_dir().expect("it is there").count(), 4, "each shipped rig is tested");
+}
+
+#[test]
+fn the_shipped_rigs_are_what_their_names_say() {
+    let file = shipped("realistic.toml");
+    let rig = virtual_rig(&file);
+    assert_eq!((rig.projector.bits, rig.projector.gamma, rig.camera.bits), (8, Some(2.2), 14));
+    assert!(rig.projector.black_level > 0.0);
+    assert_eq!((rig.camera.full_well, rig.camera.read_noise, rig.ambient.level), (60e3, 5.0, 0.1));
+    assert_eq!(rig.camera.shift[0].hypot(rig.camera.shift[1]), 0.5);
+    assert_eq!(virtual_rig(&shipped("one-bit.toml")).projector.bits, 1);
+    let file = shipped("ideal.toml");
+    let ideal = virtual_rig(&file);
+    let mut expected = VirtualRig::ideal(ideal.scene.clone());
+    expected.projector.bits = 12;
+    assert_eq!(*ideal, expected);
+    let faults = &virtual_rig(&shipped("faulty.toml")).faults.clone();
+    assert!(
+        faults.dropped > 0.0 && faults.repeated > 0.0 && faults.late > 0.0 && !faults.freeze_after.is_empty()
+    );
+}
+
+#[test]
+fn a_rig_file_needs_little_and_paths_are_relative_to_it() {
+    let file =
+        from(&WHOLE.replace("[scene]", "calibration = \"found\"\nseed = 9\n[scene]")).expect("it is whole");
+    assert_eq!(file.calibration, Some(PathBuf::from("folder/found")));
+    assert_eq!(
+        file.hash,
+        *blake3::hash(WHOLE.replace("[scene]", "calibration = \"found\"\nseed = 9\n[scene]").as_bytes())
+            .as_bytes()
+    );
+    let scene = VirtualScene::Matrix { path: "folder/a.npz".into(), size: Resolution::new(4, 3) };
+    let expected = VirtualRig { seed: 9, ..VirtualRig::ideal(scene) };
+    assert_eq!(*virtual_rig(&file), expected, "what is left out is ideal");
+    assert_eq!(file.measurement, krylux::measure::MeasureOptions::default());
+}
+
+#[test]
+fn unknown_keys_are_named_with_the_line_and_the_nearest_known_key() {
+    for (added, expected) in [
+        (
+            "[camera]\nbits = 12\nful_well = 3.0\n",
+            "line 7, in [camera]: unknown key `ful_well`; did you mean `full_well`?",
+        ),
+        ("[projector]\ngama = 2.2\n", "line 6, in [projector]: unknown key `gama`; did you mean `gamma`?"),
+        (
+            "[measurement]\nblack_take = 2\n",
+            "line 6, in [measurement]: unknown key `black_take`; did you mean `black_takes`?",
+        ),
+        ("[faults]\nfreezes = 2\n", "line 6, in [faults]: unknown key `freezes`"),
+        ("[ambiant]\nlevel = 2\n", "line 5: unknown key `ambiant`; did you mean `ambient`?"),
+        ("sample = 4\n", "line 5, in [scene]: unknown key `sample`; did you mean `samples`?"),
+    ] {
+        let [fault, help] = refused(&format!("{WHOLE}{added}"));
+        assert!(fault.starts_with(expected), "{fault}");
+        assert!(help.starts_with("known here: "), "{help}");
+    }
+}
+
+#[test]
+fn values_out_of_range_are_named_with_their_range() {
+    for (added, fault, help) in [
+        ("[camera]\nbits = 20\n", "camera.bits is 20", "give 8 to 16"),
+        ("[projector]\nbits = 0\n", "projector.bits is 0", "give 1 to 12"),
+        ("[projector]\nchannels = 2\n", "projector.channels is 2", "give 1 (gray) or 3 (red, green, blue)"),
+        ("[projector]\nblur = nan\n", "projector.blur is NaN", "give 0 to 100"),
+        ("[camera]\nexposures = [2, 1]\n", "camera.exposures[1] is 1", "give 2 to 1000000"),
+        (
+            "[faults]\ndropped = 0.6\nlate = 0.6\n",
+            "the chances of [faults] add up to 1.2",
+            "give dropped, repeated, late and early such that they add up to 1 at most",
+        ),
+        (
+            "[drift]\nswing = 0.1\n",
+            "drift.swing is 0.1, but drift.period is missing",
+            "give its period in seconds",
+        ),
+        ("[measurement]\ntries = 0\n", "measurement.tries is 0", "give 1 to 1000000"),
+    ] {
+        assert_eq!(refused(&format!("{WHOLE}{added}")), [fault, help], "{added}");
+    }
+    let contradictions = [
+        "[projector]\ngamma = 2.0\ncurve = [0.0, 1.0]\n",
+        "[projector]\ncurve = [0.0, 0.7, 0.5, 1.0]\n",
+        "[camera]\ncurve = [0.1, 1.0]\n",
+        "[camera]\nhomography = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\nrotation = 1\n",
+        "[camera]\nhomography = [[1, 0, 0], [0, 1, 0], [1, 1, 0]]\n",
+        "file = \"scene.glb\"\n",
+        "samples = 3\n",
+    ];
+    for added in contradictions {
+        refused(&format!("{WHOLE}{added}"));
+    }
+}
+
+#[test]
+fn a_file_of_another_kind_is_told_apart() {
+    let pose = "[camera]\nposition = [0, 0, 0]\n";
+    assert!(refused(pose)[1].contains("--camera-file"), "a file of poses is recognized");
+    assert_eq!(refused("")[0], "it does not say what kind of rig it describes");
+    assert_eq!(refused("kind = \"x11\"\n")[0], "kind = \"x11\" is not supported by this build yet");
+    assert_eq!(refused("kind = \"vitrual\"\n")[0], "unknown kind \"vitrual\"; did you mean \"virtual\"?");
+    assert!(refused("kind = 3\n")[0].contains("no text"));
+    assert!(refused("kind = \"virtual\"\n")[0].contains("missing field `scene`"));
+    assert!(matches!(RigFile::load(Path::new("/nowhere/rig.toml")), Err(Error::Read { .. })));
+    assert!(matches!(RigFile::load(Path::new("/")), Err(Error::Data { .. })), "a folder");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_stands_in_a_rig_file_it_loads_or_is_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = RigFile::from_bytes(Path::new("a.toml"), &bytes);
+    }
+
+    #[test]
+    fn a_shipped_rig_with_damage_loads_or_is_refused_by_name(
+        name in prop::sample::select(vec!["realistic.toml", "faulty.toml"]),
+        edits in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>(), "[\\PC\n]{0,6}"), 1..4),
+    ) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/rigs").join(name);
+        let mut text: Vec<char> = std::fs::read_to_string(&path).expect("it is there").chars().collect();
+        for (from, length, with) in edits {
+            let from = from.index(text.len() + 1);
+            let to = from + length.index(20).min(text.len() - from);
+            text.splice(from..to, with.chars());
+        }
+        let text: String = text.into_iter().collect();
+        if let Err(error) = RigFile::from_bytes(&path, text.as_bytes()) {
+            prop_assert!(error.to_string().contains(name) && error.to_string().contains("help:"));
+        }
+    }
+}
