@@ -55,6 +55,8 @@ enum FigureArg {
     Fig11,
     /// Compensation out of focus
     Fig12,
+    /// Bit planes of a projector of one bit
+    Fig13,
     /// All of them
     All,
 }
@@ -78,6 +80,7 @@ impl Args {
                 FigureArg::Fig10 => *figure == Figure::Fig10,
                 FigureArg::Fig11 => *figure == Figure::Fig11,
                 FigureArg::Fig12 => *figure == Figure::Fig12,
+                FigureArg::Fig13 => *figure == Figure::Fig13,
                 FigureArg::All => true,
             })
         };

@@ -25,11 +25,13 @@ pub enum Figure {
     Fig11,
     /// Compensation out of focus.
     Fig12,
+    /// Bit planes.
+    Fig13,
 }
 
 impl Figure {
     /// All of them, in order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Fig2,
         Self::Fig4,
         Self::Fig5,
@@ -39,6 +41,7 @@ impl Figure {
         Self::Fig10,
         Self::Fig11,
         Self::Fig12,
+        Self::Fig13,
     ];
 
     /// Its name on the command line: `fig2`.
@@ -53,6 +56,7 @@ impl Figure {
             Self::Fig10 => "fig10",
             Self::Fig11 => "fig11",
             Self::Fig12 => "fig12",
+            Self::Fig13 => "fig13",
         }
     }
 
@@ -68,6 +72,7 @@ impl Figure {
             Self::Fig10 => "Figure 10: the photos of a compensation",
             Self::Fig11 => "Figure 11: compensation",
             Self::Fig12 => "Figure 12: compensation out of focus",
+            Self::Fig13 => "Figure 13: bit planes",
         }
     }
 
@@ -107,6 +112,10 @@ impl Figure {
             Self::Fig12 => {
                 "The same with a projector out of focus: what is to be projected has its edges enhanced, and looks \
                  sharp where it lands."
+            }
+            Self::Fig13 => {
+                "A projector of one bit shows a sinusoid as stripes. In bit planes, each of what those before could not \
+                 show, the weighted sum of the photos is that of the sinusoid; but each photo adds its noise."
             }
         }
     }

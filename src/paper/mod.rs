@@ -21,9 +21,11 @@ mod check;
 mod components;
 mod contest;
 mod dense;
+mod devices;
 mod fig10;
 mod fig11;
 mod fig12;
+mod fig13;
 mod fig2;
 mod fig4;
 mod fig5;
@@ -57,6 +59,7 @@ pub fn reproduce(figure: Figure, bench: &mut Bench<'_>) -> Result<Reproduced> {
         Figure::Fig10 => fig10::reproduce(bench),
         Figure::Fig11 => fig11::reproduce(bench),
         Figure::Fig12 => fig12::reproduce(bench),
+        Figure::Fig13 => fig13::reproduce(bench),
     }?;
     made.seconds = start.elapsed().as_secs_f64();
     Ok(made)
