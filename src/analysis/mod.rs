@@ -10,6 +10,7 @@
 //! | which light came from how far away? | [`mod@probe`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
 //! | how good are they? | [`adjusted_rand_index`] |
+//! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
 //! | how alike are two images? | [`mod@likeness`] |
 
 mod adjacency;
@@ -20,6 +21,7 @@ pub mod kmeans;
 mod laplacian;
 pub mod likeness;
 pub mod low_rank;
+pub mod plan;
 pub mod probe;
 mod rand_index;
 pub mod segment;

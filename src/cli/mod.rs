@@ -2,6 +2,7 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod brute_force;
 mod cache;
 mod compare;
 mod compensate;
@@ -11,12 +12,16 @@ mod info;
 mod labels;
 mod light;
 mod matrix;
+mod measured;
 mod noise;
 mod operator;
 mod options;
 mod pattern;
 mod photo;
+mod plan;
 mod reproduce;
+mod rig_info;
+mod rig_source;
 mod run_folder;
 mod segment;
 mod simulation;
@@ -46,6 +51,7 @@ enum Verb {
     Segment(segment::Args),
     Compensate(compensate::Args),
     Eigs(eigs::Args),
+    Plan(plan::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
     Reproduce(reproduce::Args),
@@ -71,6 +77,7 @@ pub fn main() -> ExitCode {
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
         Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
+        Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
         Verb::Reproduce(args) => reproduce::run(args, &console.with(&args.output)),

@@ -24,6 +24,21 @@ pub(super) struct Args {
     trace: TraceArgs,
     #[command(flatten)]
     operator: OperatorArgs,
+    #[command(flatten)]
+    question: Question,
+    /// Exit with 1 if the groups agree less than this with the scene's true labels (adjusted Rand index, at the number of
+    /// groups that the labels have)
+    #[arg(long, value_name = "X")]
+    min_rand_index: Option<f64>,
+    #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+/// What is asked, of whatever source.
+#[derive(clap::Args)]
+pub(super) struct Question {
     /// Photos to take at most
     #[arg(long, value_name = "N", default_value_t = 50)]
     photos: usize,
@@ -45,14 +60,6 @@ pub(super) struct Args {
     /// Mask pixels with less than this share of the median global light
     #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
     mask_below: f64,
-    /// Exit with 1 if the groups agree less than this with the scene's true labels (adjusted Rand index, at the number of
-    /// groups that the labels have)
-    #[arg(long, value_name = "X")]
-    min_rand_index: Option<f64>,
-    #[command(flatten)]
-    run: RunArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -61,8 +68,9 @@ enum CutArg {
     Average,
 }
 
-impl Args {
-    fn options(&self) -> SegmentOptions {
+impl Question {
+    /// As the library has it; `seed` for what is chosen by chance.
+    pub(super) fn options(&self, seed: u64) -> SegmentOptions {
         SegmentOptions {
             photos: self.photos,
             groups: self.groups.clone(),
@@ -73,15 +81,20 @@ impl Args {
             },
             mu: self.mu,
             mask_below: self.mask_below,
-            seed: self.trace.seed(),
+            seed,
             ..SegmentOptions::default()
         }
+    }
+
+    /// Which light.
+    pub(super) fn part(&self) -> Part {
+        if self.keep_direct { Part::Full } else { Part::Global }
     }
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // What is wrong with the options or the scene should show before anything is written or traced.
-    let capture = Capture::new(args.options())?;
+    let capture = Capture::new(args.question.options(args.trace.seed()))?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-segment", source.name()))?;
     source.describe(&mut folder.manifest, Channels::Luma);
@@ -102,14 +115,14 @@ fn segment(
         folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console))?;
     folder.manifest.noise = light.noise().map(Into::into);
 
-    let part = if args.keep_direct { Part::Full } else { Part::Global };
     let bar = console.bar("photos");
-    folder.timed("photos", |_| {
-        light.with_operator(part, console, |operator| {
+    let taken = folder.timed("photos", |_| {
+        light.with_operator(args.question.part(), console, |operator| {
             capture.run(operator, &mut |step| bar.at(step.products as u64, step.budget as u64))
         })
-    })?;
+    });
     drop(bar);
+    folder.record_rig(&mut light, taken, console)?;
     if console.check().is_break() {
         return Err(crate::Error::Interrupted.into());
     }
@@ -148,6 +161,7 @@ fn segment(
         "eigenvalues": segmentation.eigenvalues,
         "residuals": segmentation.residuals,
         "noise": folder.manifest.noise,
+        "rig": folder.manifest.rig,
         "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),
         "adjusted_rand_index": scores.iter().map(|(k, s)| (k.to_string(), json!(s))).collect::<serde_json::Map<_, _>>(),
         "seconds": folder.seconds(),
