@@ -14,6 +14,7 @@ mod light;
 mod matrix;
 mod measured;
 mod noise;
+mod opener;
 mod operator;
 mod options;
 mod pattern;

@@ -45,6 +45,9 @@ pub(super) struct RunArgs {
     /// Write into a folder that holds an earlier run
     #[arg(long)]
     pub(super) overwrite: bool,
+    /// Open the report when it is written
+    #[arg(long)]
+    pub(super) open: bool,
 }
 
 /// How much is said, and how.

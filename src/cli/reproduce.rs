@@ -64,6 +64,8 @@ enum FigureArg {
 #[derive(Clone, Copy, ValueEnum)]
 enum RigArg {
     Ideal,
+    Virtual,
+    Both,
 }
 
 impl Args {
@@ -90,6 +92,8 @@ impl Args {
     fn rigs(&self) -> &'static [Rig] {
         match self.rig {
             RigArg::Ideal => &[Rig::Ideal],
+            RigArg::Virtual => &[Rig::Virtual],
+            RigArg::Both => &[Rig::Ideal, Rig::Virtual],
         }
     }
 }

@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::console::Console;
 use super::light::Light;
 use super::measured;
+use super::opener;
 use super::options::RunArgs;
 use crate::error::{Error, Result};
 use crate::report::manifest::{self, Manifest, Status};
@@ -17,6 +18,8 @@ pub(super) struct RunFolder {
     pub(super) path: PathBuf,
     pub(super) manifest: Manifest,
     started: Instant,
+    /// Show the report in the end.
+    open: bool,
 }
 
 impl RunFolder {
@@ -39,7 +42,7 @@ impl RunFolder {
         std::fs::create_dir_all(&path).map_err(Error::writing(&path))?;
         let manifest = Manifest::new(std::env::args());
         manifest.write(&path.join(RECORD))?;
-        Ok(Self { path, manifest, started: Instant::now() })
+        Ok(Self { path, manifest, started: Instant::now(), open: wanted.open })
     }
 
     /// Notes the file that a run depends on where there is no scene: a matrix.
@@ -88,6 +91,9 @@ impl RunFolder {
             Ok((result, message)) => {
                 self.manifest.finish(Status::Done, message);
                 self.manifest.write(&record)?;
+                if self.open {
+                    opener::open(&self.path.join("report.html"));
+                }
                 Ok(result)
             }
             Err(error) => {

@@ -1,12 +1,13 @@
-//! Where the figures' photos come from: scenes made in memory and traced once, seen by an ideal rig.
+//! Where the figures' photos come from: scenes made in memory and traced once, seen by an ideal rig or by virtual devices.
 
 use std::ops::ControlFlow;
 use std::rc::Rc;
 
+use super::devices::Devices;
 use crate::analysis::MASKED;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::operator::Adjoint;
+use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Lens, Scene, builtin};
 use crate::transport::{Assembled, Channels, MatrixOperator, Part, assemble};
@@ -16,6 +17,8 @@ use crate::transport::{Assembled, Channels, MatrixOperator, Part, assemble};
 pub enum Rig {
     /// Nothing: any real pattern, and photos of the light itself.
     Ideal,
+    /// A projector of 8 bits and a camera of 14 with their usual faults, calibrated from captures.
+    Virtual,
 }
 
 impl Rig {
@@ -23,6 +26,7 @@ impl Rig {
     pub fn name(self) -> &'static str {
         match self {
             Self::Ideal => "ideal",
+            Self::Virtual => "virtual",
         }
     }
 }
@@ -46,6 +50,8 @@ pub(super) enum Set {
     /// The corner, by a projector whose lens is wide open and focused behind it.
     Defocused,
     TwoSheets,
+    FacingSheets,
+    Room,
     Carton,
     CartonEggs,
 }
@@ -58,12 +64,14 @@ impl Set {
             Self::Defocused => {
                 let mut scene = builtin::corner().to_scene();
                 let mut projector = scene.camera.clone();
-                // Walls from 0.6 to 1.2 m away: at 128 pixels a side blurred over discs of 3 to 5 pixels' radius.
-                projector.lens = Lens { radius: 0.035, focus: 2.4 };
+                // Walls from 0.6 to 1.2 m away: at 128 pixels a side blurred over discs of 1 to 3 pixels' radius.
+                projector.lens = Lens { radius: 0.015, focus: 2.4 };
                 scene.projector = Some(projector);
                 scene
             }
             Self::TwoSheets => builtin::two_sheets().to_scene(),
+            Self::FacingSheets => builtin::facing_sheets().to_scene(),
+            Self::Room => builtin::white_room().to_scene(),
             Self::Carton => builtin::nine_cells(false).to_scene(),
             Self::CartonEggs => builtin::nine_cells(true).to_scene(),
         }
@@ -104,12 +112,14 @@ pub struct Bench<'a> {
     options: BenchOptions,
     watch: &'a mut Watch<'a>,
     stages: Vec<(Set, Resolution, Rc<Stage>)>,
+    /// Calibrated before a stage.
+    devices: Vec<(Rc<Stage>, Devices)>,
 }
 
 impl<'a> Bench<'a> {
     /// Nothing is traced yet.
     pub fn new(options: BenchOptions, watch: &'a mut Watch<'a>) -> Self {
-        Self { options, watch, stages: Vec::new() }
+        Self { options, watch, stages: Vec::new(), devices: Vec::new() }
     }
 
     /// The rig.
@@ -146,18 +156,70 @@ impl<'a> Bench<'a> {
     /// Lets `work` take photos of `stage` by the rig.
     pub(super) fn with_rig<T>(
         &mut self,
-        stage: &Stage,
+        stage: &Rc<Stage>,
         part: Part,
         work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
     ) -> Result<T> {
         self.check()?;
         match self.options.rig {
             Rig::Ideal => work(&mut stage.ideal(part)),
+            Rig::Virtual => {
+                let mut measurement = self.devices(stage)?.measurement(stage)?;
+                let symmetry = stage.ideal(part).symmetry();
+                work(&mut Declared { operator: &mut measurement.operator(part, 0), symmetry })
+            }
         }
+    }
+
+    /// The devices before a stage, calibrated at the first time.
+    fn devices(&mut self, stage: &Rc<Stage>) -> Result<&Devices> {
+        let known = self.devices.iter().position(|(known, _)| Rc::ptr_eq(known, stage));
+        let at = match known {
+            Some(at) => at,
+            None => {
+                let watch = &mut *self.watch;
+                let devices = Devices::set_up(stage, &mut || watch(1, 1))?;
+                self.devices.push((Rc::clone(stage), devices));
+                self.devices.len() - 1
+            }
+        };
+        Ok(&self.devices[at].1)
     }
 
     /// Whether to go on.
     fn check(&mut self) -> Result<()> {
         if (self.watch)(1, 1).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// A measured operator, which takes every rig for coaxial, with what is known of this one. It has no transpose beyond that.
+struct Declared<'a> {
+    operator: &'a mut dyn Adjoint,
+    symmetry: Symmetry,
+}
+
+impl Operator for Declared<'_> {
+    fn rows(&self) -> usize {
+        self.operator.rows()
+    }
+    fn cols(&self) -> usize {
+        self.operator.cols()
+    }
+    fn symmetry(&self) -> Symmetry {
+        self.symmetry
+    }
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.operator.apply(x, y)
+    }
+}
+
+impl Adjoint for Declared<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        match self.symmetry {
+            Symmetry::Symmetric => self.operator.apply(y, x),
+            Symmetry::General => Err(Error::Numerical(
+                "the transpose of a rig that is not coaxial cannot be photographed".into(),
+            )),
+        }
     }
 }

@@ -14,17 +14,21 @@ pub(super) struct Wish {
     pub(super) light: Vec<f64>,
     pub(super) peak: f64,
     white: Vec<f64>,
+    /// What the rig reads for 1 W/(m² sr), told by the white photo.
+    unit: f64,
 }
 
 impl Wish {
     /// `target` (in [0, 1]) times half the median of the white photo: all but the brightest parts can be had.
-    pub(super) fn new(operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
+    pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
         let mut white = vec![0.0; target.len()];
         operator.apply(&vec![1.0; target.len()], &mut white)?;
-        let mut sorted = white.clone();
+        let truth = stage.photo(&vec![1.0; target.len()]);
+        let unit = white.iter().sum::<f64>() / truth.iter().sum::<f64>();
+        let mut sorted = truth;
         sorted.sort_by(f64::total_cmp);
         let peak = 0.5 * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        Ok(Self { light: target.iter().map(|value| peak * value).collect(), peak, white })
+        Ok(Self { light: target.iter().map(|value| peak * value).collect(), peak, white, unit })
     }
 
     /// `‖b − A x‖ / ‖b‖` by the light itself, whatever the rig measured.
@@ -83,7 +87,10 @@ pub(super) fn enter(
 ) -> Result<Entry> {
     let mut options = wish.options(method, photos)?;
     if scaled {
-        options.preconditioner = Some(std::sync::Arc::new(Diagonal::new(wish.white.clone())?));
+        // Dark pixels are known by noise only.
+        let floor = 1e-3 * wish.white.iter().copied().fold(0.0, f64::max);
+        let white = wish.white.iter().map(|value| value.max(floor)).collect();
+        options.preconditioner = Some(std::sync::Arc::new(Diagonal::new(white)?));
     }
     let mut entry =
         Entry { answered: Vec::new(), displayed: Vec::new(), pattern: Vec::new(), shots: Vec::new() };
@@ -97,7 +104,8 @@ pub(super) fn enter(
         }
         std::ops::ControlFlow::Continue(())
     };
-    let found = solve_adjoint(method, &mut recorded, &wish.light, &options, &mut watch)?;
+    let wanted: Vec<f64> = wish.light.iter().map(|light| wish.unit * light).collect();
+    let found = solve_adjoint(method, &mut recorded, &wanted, &options, &mut watch)?;
     entry.pattern = found.x;
     entry.shots = recorded.shots;
     Ok(entry)
@@ -114,7 +122,8 @@ pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
 /// Wolfe); `x` is by accelerated gradients, and how good it is matters only to how sharp the bound is.
 pub(super) fn optimum(stage: &Stage, wish: &Wish, products: usize) -> Result<(f64, f64)> {
     let operator = &mut stage.ideal(Part::Full);
-    let options = wish.options(Method::Fista, products)?;
+    let mut options = wish.options(Method::Fista, products)?;
+    options.diagonal = Some(stage.photo(&vec![1.0; stage.pixels()]));
     let x = solve_adjoint(Method::Fista, operator, &wish.light, &options, &mut keep_solving)?.x;
     let (mut seen, mut gradient) = (vec![0.0; x.len()], vec![0.0; x.len()]);
     operator.apply(&x, &mut seen)?;

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::rc::Rc;
 
 use super::bench::Stage;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::measure::calibrate::{CalibrateOptions, calibrate};
 use crate::measure::{Calibration, Live, MeasureOptions, Measurement, Shots};
@@ -73,9 +73,7 @@ pub(super) fn measure_known(
 
 fn read(name: &str, bytes: &[u8]) -> Result<(VirtualRig, MeasureOptions)> {
     let file = RigFile::from_bytes(Path::new(name), bytes)?;
-    let RigKind::Virtual(rig) = file.kind else {
-        return Err(Error::Numerical(format!("{name} describes no virtual rig")));
-    };
+    let RigKind::Virtual(rig) = file.kind;
     Ok((rig, file.measurement))
 }
 

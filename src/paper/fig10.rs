@@ -29,7 +29,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         ),
     ] {
         let entry = bench.with_rig(&stage, Part::Full, |operator| {
-            let wish = Wish::new(operator, &target)?;
+            let wish = Wish::new(&stage, operator, &target)?;
             enter(&stage, operator, &wish, (method, false), PHOTOS)
         })?;
         checks.push(Check::at_most(

@@ -22,7 +22,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     let stage = bench.stage(Set::Corner, side)?;
     let target = picture(side);
     let (wish, entries) = bench.with_rig(&stage, Part::Full, |operator| {
-        let wish = Wish::new(operator, &target)?;
+        let wish = Wish::new(&stage, operator, &target)?;
         let mut enter = |method| enter(&stage, operator, &wish, method, MORE);
         let entries = [
             enter((Method::Minres, false))?,

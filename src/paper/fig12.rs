@@ -22,7 +22,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     let stage = bench.stage(Set::Defocused, side)?;
     let target = picture(side);
     let (wish, entries) = bench.with_rig(&stage, Part::Full, |operator| {
-        let wish = Wish::new(operator, &target)?;
+        let wish = Wish::new(&stage, operator, &target)?;
         let mut enter = |method| enter(&stage, operator, &wish, (method, false), PHOTOS);
         let entries = [enter(Method::Gmres)?, enter(Method::KrylovBox)?, enter(Method::Jacobi)?];
         Ok((wish, entries))
@@ -69,7 +69,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         figure: Figure::Fig12,
         rig: bench.rig(),
         setting: format!(
-            "corner by a lens of 70 mm focused at 2.4 m, {}, 12 photos beside the white one",
+            "corner by a projector lens of 30 mm focused at 2.4 m, {}, 12 photos beside the white one",
             stage.resolution
         ),
         checks,

@@ -38,7 +38,8 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
 
     let pattern = sinusoid(side);
     let truth = stage.photo(&pattern);
-    let take = |rig: &VirtualRig, planes: u32, seconds: f64| photo(rig, &stage, &options, &pattern, planes, seconds);
+    let take =
+        |rig: &VirtualRig, planes: u32, seconds: f64| photo(rig, &stage, &options, &pattern, planes, seconds);
     let off = |photo: &[f64]| error(photo, &truth) / norm(&truth);
 
     let plain = take(rig, 1, BRIGHT)?;
@@ -70,8 +71,16 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         ),
         Check::stated("error of plain one bit, %", 100.0 * off(&plain)),
         Check::stated("error by 8 bit planes, %", 100.0 * off(&decomposed)),
-        Check::at_most("best number of bit planes in dim light, at equal light in total", least(&dim), f64::from(MOST) - 1.0),
-        Check::at_least("read noise of 8 bit planes over that of one photo, over what is predicted", grown / predicted, 0.8),
+        Check::at_most(
+            "best number of bit planes in dim light, at equal light in total",
+            least(&dim),
+            f64::from(MOST) - 1.0,
+        ),
+        Check::at_least(
+            "read noise of 8 bit planes over that of one photo, over what is predicted",
+            grown / predicted,
+            0.8,
+        ),
         Check::at_most("the same", grown / predicted, 1.25),
         Check::stated("read noise of 8 bit planes over that of one photo, predicted", predicted),
     ];
@@ -157,7 +166,11 @@ fn panels(stage: &Stage, pattern: &[f64], truth: &[f64], plain: &[f64], decompos
     let light = |values: &[f64]| Content::Light { values: values.to_vec(), white: Some(white) };
     let less = |photo: &[f64]| Content::Signed(photo.iter().zip(truth).map(|(a, b)| a - b).collect());
     vec![
-        panel("pattern", "What is to be projected, 0 to 1", Content::Light { values: pattern.to_vec(), white: Some(1.0) }),
+        panel(
+            "pattern",
+            "What is to be projected, 0 to 1",
+            Content::Light { values: pattern.to_vec(), white: Some(1.0) },
+        ),
         panel("truth", "Its photo, W/(m² sr)", light(truth)),
         panel("plain", "By a projector of one bit", light(plain)),
         panel("decomposed", "In 8 bit planes", light(decomposed)),

@@ -16,13 +16,13 @@ const DENSE_SIDE: usize = 32;
 const PHOTOS: usize = 50;
 
 pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
-    let small = bench.stage(Set::Corner, DENSE_SIDE.min(bench.side(SIDE)))?;
+    let small = bench.stage(Set::Room, DENSE_SIDE.min(bench.side(SIDE)))?;
     let (_, exact) = dense::principal(&small.traced.matrix.to_csr(Part::Full, 0)?)?;
     let from_small = bench.with_rig(&small, Part::Full, iterate)?;
     let dense_overlap = overlap(&from_small.vector, &exact);
 
     let side = bench.side(SIDE);
-    let stage = bench.stage(Set::Corner, side)?;
+    let stage = bench.stage(Set::Room, side)?;
     let reference = reference(&stage)?;
     let found = bench.with_rig(&stage, Part::Full, iterate)?;
     let least = found.vector.iter().copied().fold(f64::INFINITY, f64::min);
@@ -46,7 +46,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     Ok(Reproduced {
         figure: Figure::Fig2,
         rig: bench.rig(),
-        setting: format!("corner, {}, {PHOTOS} photos from white", stage.resolution),
+        setting: format!("a white room, {}, {PHOTOS} photos from white", stage.resolution),
         checks,
         panels: panels(&stage, &found.vector, &reference),
         plots: vec![Curves {

@@ -6,6 +6,7 @@ use super::bench::{Bench, Set, Stage};
 use super::check::Check;
 use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
 use super::purity::{horizontal_share, purity};
+use crate::analysis::segment::segment;
 use crate::analysis::{Capture, SegmentOptions, Segmentation};
 use crate::error::Result;
 use crate::krylov::keep_going;
@@ -39,6 +40,25 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
             HORIZONTAL,
         ));
     }
+    // A crease as sharp as the zigzag's exchanges most of its light within itself; a sheet that is bent does not.
+    let bent_stage = bench.stage(Set::TwoSheets, side)?;
+    let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
+    let bent =
+        bench.with_rig(&bent_stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    let mut bent_panels = Vec::new();
+    for (groups, labels) in bent.labels.iter().filter(|(groups, _)| *groups > 2) {
+        checks.push(Check::at_least(
+            format!("the same, of sheets that are bent instead of folded, {groups} groups"),
+            horizontal_share(labels, &bent_stage.truth, bent_stage.resolution),
+            HORIZONTAL,
+        ));
+        bent_panels.push(Panel {
+            name: format!("bent-groups-{groups}"),
+            caption: format!("{groups} groups of sheets that are bent instead of folded"),
+            resolution: bent_stage.resolution,
+            content: Content::Labels(labels.clone()),
+        });
+    }
     checks.extend([
         Check::stated("second eigenvalue of the normalized cut", found.eigenvalues[1]),
         Check::stated("third eigenvalue", found.eigenvalues.get(2).copied().unwrap_or(f64::NAN)),
@@ -46,12 +66,15 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     Ok(Reproduced {
         figure: Figure::Fig4,
         rig: bench.rig(),
-        setting: format!("zigzag, {}, {PHOTOS} photos, 10 eigenvectors", stage.resolution),
+        setting: format!(
+            "zigzag and two-sheets, {}, {PHOTOS} photos and 10 eigenvectors each",
+            stage.resolution
+        ),
         checks,
-        panels: panels(&stage, &found),
+        panels: panels(&stage, &found).into_iter().chain(bent_panels).collect(),
         plots: vec![plot(curve)],
         strips: Vec::new(),
-        photos: found.photos,
+        photos: found.photos + bent.photos,
         seconds: 0.0,
     })
 }

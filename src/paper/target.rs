@@ -1,6 +1,6 @@
 //! What a scene is to look like: a picture made by arithmetic, so that none has to be shipped.
 
-/// A picture of `side × side` values in [0.15, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer
+/// A picture of `side × side` values in [0.02, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer
 /// to the right, and a staircase of grays. It has edges in all directions and large even areas.
 pub(super) fn picture(side: usize) -> Vec<f64> {
     let pixels = (0..side).flat_map(|row| (0..side).map(move |column| (row, column)));
@@ -19,11 +19,11 @@ fn value(x: f64, y: f64) -> f64 {
         return 1.0;
     }
     if from_center < 0.26 {
-        return 0.2;
+        return 0.02;
     }
     if y > 0.86 {
         // Six steps of gray.
-        return 0.15 + 0.17 * (6.0 * x).floor().min(5.0);
+        return 0.02 + 0.19 * (6.0 * x).floor().min(5.0);
     }
     if (0.72..0.82).contains(&y) {
         // Bars of a twelfth, a sixteenth and a twenty-fourth of the width.
@@ -34,7 +34,7 @@ fn value(x: f64, y: f64) -> f64 {
         } else {
             24.0
         };
-        return if (bars * x) as usize % 2 == 0 { 0.9 } else { 0.25 };
+        return if (bars * x) as usize % 2 == 0 { 0.9 } else { 0.1 };
     }
     0.35 + 0.3 * x + 0.1 * (1.0 - y)
 }
@@ -46,7 +46,7 @@ mod tests {
     #[test]
     fn values_can_be_projected_and_edges_are_there() {
         let picture = picture(100);
-        assert!(picture.iter().all(|value| (0.15..=1.0).contains(value)));
+        assert!(picture.iter().all(|value| (0.02..=1.0).contains(value)));
         let edges = picture.windows(2).filter(|pair| (pair[0] - pair[1]).abs() > 0.1).count();
         assert!(edges > 500, "{edges} of 10,000 neighbours differ");
     }

@@ -1,4 +1,5 @@
-//! `report.html`: one self-contained page with what a run found. No script, nothing fetched from elsewhere.
+//! `report.html`: one self-contained page with what a run found. Nothing is fetched from elsewhere; a small script enlarges
+//! pictures and reads pixels out, and without it all is there to be read.
 
 use std::path::Path;
 
@@ -240,6 +241,11 @@ impl Page<'_> {
 
     fn outcome_of(&self, number: &Number) -> &'static str {
         number.outcome.as_ref().map_or("stated", |outcome| self.outcome(outcome))
+    }
+
+    /// Zoom and pixel read-out: what the page does not depend on.
+    fn script(&self) -> &'static str {
+        include_str!("report.js")
     }
 
     fn base64(&self, png: &[u8]) -> String {
