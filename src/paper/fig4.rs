@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::bench::{Bench, Set, Stage};
 use super::check::Check;
 use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
-use super::purity::{horizontal_share, purity};
+use super::purity::{bands, purity};
 use crate::analysis::segment::segment;
 use crate::analysis::{Capture, SegmentOptions, Segmentation};
 use crate::error::Result;
@@ -16,7 +16,7 @@ use crate::transport::Part;
 const SIDE: usize = 100;
 const PHOTOS: usize = 50;
 const PURE: f64 = 0.99;
-/// A border without a direction would have ½.
+/// Pixels that belong to the group of most of their row: borders are noisy, and may be bent.
 const HORIZONTAL: f64 = 0.9;
 
 pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
@@ -33,12 +33,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         Check::at_most("fewest photos from which on the purity stays there", fewest, 12.0),
     ];
     for groups in [6, 10] {
-        let share = horizontal_share(labels(groups), &stage.truth, stage.resolution);
-        checks.push(Check::at_least(
-            format!("share of the borders within a sheet that run horizontally, {groups} groups"),
-            share,
-            HORIZONTAL,
-        ));
+        checks.extend(are_bands("", groups, labels(groups), &stage));
     }
     // A crease as sharp as the zigzag's exchanges most of its light within itself; a sheet that is bent does not.
     let bent_stage = bench.stage(Set::TwoSheets, side)?;
@@ -47,11 +42,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         bench.with_rig(&bent_stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
     let mut bent_panels = Vec::new();
     for (groups, labels) in bent.labels.iter().filter(|(groups, _)| *groups > 2) {
-        checks.push(Check::at_least(
-            format!("the same, of sheets that are bent instead of folded, {groups} groups"),
-            horizontal_share(labels, &bent_stage.truth, bent_stage.resolution),
-            HORIZONTAL,
-        ));
+        checks.extend(are_bands("bent sheets: ", *groups, labels, &bent_stage));
         bent_panels.push(Panel {
             name: format!("bent-groups-{groups}"),
             caption: format!("{groups} groups of sheets that are bent instead of folded"),
@@ -77,6 +68,23 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         photos: found.photos + bent.photos,
         seconds: 0.0,
     })
+}
+
+/// Whether each group spans a sheet's width, and borders run along the rows.
+fn are_bands(what: &str, groups: usize, labels: &[u8], stage: &Stage) -> [Check; 2] {
+    let found = bands(labels, &stage.truth, stage.resolution);
+    [
+        Check::at_least(
+            format!("{what}groups that are horizontal bands, of {groups}"),
+            found.count as f64,
+            groups as f64,
+        ),
+        Check::at_least(
+            format!("{what}share of pixels in the group of most of their row, {groups} groups"),
+            found.share,
+            HORIZONTAL,
+        ),
+    ]
 }
 
 /// The segmentation at the full number of photos, and the purity of two groups after each photo until then. All are from

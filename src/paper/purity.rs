@@ -1,6 +1,6 @@
-//! How pure groups are, and how their borders run.
+//! How pure groups are, and how far they are horizontal bands.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::analysis::MASKED;
 use crate::image::Resolution;
@@ -16,21 +16,36 @@ pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
     if all == 0 { f64::NAN } else { most as f64 / all as f64 }
 }
 
-/// Of all neighbours in one region but in different groups, the share of those one above the other: 1 where every border
-/// within a region runs horizontally, ½ for borders without a direction. NaN where there is none.
-pub(super) fn horizontal_share(labels: &[u8], truth: &[u8], resolution: Resolution) -> f64 {
-    let Resolution { width, height } = resolution;
-    let parted = |a: usize, b: usize| {
-        truth[a] == truth[b] && labels[a] != labels[b] && labels[a] != MASKED && labels[b] != MASKED
-    };
-    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let (mut above, mut beside) = (0_usize, 0_usize);
-    for (x, y) in pixels {
-        let at = y * width + x;
-        above += usize::from(y + 1 < height && parted(at, at + width));
-        beside += usize::from(x + 1 < width && parted(at, at + 1));
+/// How far groups are horizontal bands.
+pub(super) struct Bands {
+    /// Groups that most pixels of some row of a region belong to. What is narrower than half of its region in every row, and so
+    /// no band, is not among them.
+    pub(super) count: usize,
+    /// The share of pixels that belong to the group of most of their row, in their region. 1 for borders along the rows.
+    pub(super) share: f64,
+}
+
+/// Looks at each row of each region by itself; masked pixels do not count.
+pub(super) fn bands(labels: &[u8], truth: &[u8], resolution: Resolution) -> Bands {
+    let mut found = BTreeSet::new();
+    let (mut agreeing, mut all) = (0_usize, 0_usize);
+    for (labels, truth) in labels.chunks(resolution.width).zip(truth.chunks(resolution.width)) {
+        let mut counts: BTreeMap<u8, BTreeMap<u8, usize>> = BTreeMap::new();
+        for (&label, &region) in labels.iter().zip(truth).filter(|&(&l, &r)| l != MASKED && r != MASKED) {
+            *counts.entry(region).or_default().entry(label).or_default() += 1;
+        }
+        for row in counts.values() {
+            let total: usize = row.values().sum();
+            all += total;
+            if let Some((&label, &most)) = row.iter().max_by_key(|(_, count)| **count) {
+                agreeing += most;
+                if 2 * most > total {
+                    found.insert(label);
+                }
+            }
+        }
     }
-    above as f64 / (above + beside) as f64
+    Bands { count: found.len(), share: agreeing as f64 / all as f64 }
 }
 
 #[cfg(test)]
@@ -46,11 +61,15 @@ mod tests {
     }
 
     #[test]
-    fn borders_between_regions_do_not_count() {
-        let resolution = Resolution::new(2, 2);
-        // Rows: groups 0 1 above groups 2 3, of the regions 0 (left) and 1 (right).
-        assert_eq!(horizontal_share(&[0, 1, 2, 3], &[0, 1, 0, 1], resolution), 1.0);
-        assert_eq!(horizontal_share(&[0, 1, 0, 1], &[0, 0, 0, 0], resolution), 0.0);
-        assert_eq!(horizontal_share(&[0, 1, 2, 3], &[0; 4], resolution), 0.5);
+    fn bands_span_their_region_and_spots_do_not() {
+        let resolution = Resolution::new(4, 2);
+        // Two regions side by side, each of two bands.
+        let found = bands(&[0, 0, 1, 1, 2, 2, 3, 3], &[0, 0, 1, 1, 0, 0, 1, 1], resolution);
+        assert_eq!((found.count, found.share), (4, 1.0));
+        // One region, with a spot of one pixel.
+        let found = bands(&[0, 7, 0, 0, 0, 0, 0, 0], &[0; 8], resolution);
+        assert_eq!((found.count, found.share), (1, 0.875));
+        // Upright halves are no bands.
+        assert_eq!(bands(&[0, 0, 1, 1, 0, 0, 1, 1], &[0; 8], resolution).count, 0);
     }
 }
