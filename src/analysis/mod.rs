@@ -9,11 +9,13 @@
 //! | how does it look under another pattern? | [`mod@low_rank`] |
 //! | which light came from how far away? | [`mod@probe`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
+//! | is the source a linear, symmetric operator at all? | [`mod@audit`] |
 //! | how good are they? | [`adjusted_rand_index`] |
 //! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
 //! | how alike are two images? | [`mod@likeness`] |
 
 mod adjacency;
+pub mod audit;
 mod capture;
 pub mod compensate;
 mod graph;

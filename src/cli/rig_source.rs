@@ -35,19 +35,27 @@ impl RigSource {
     /// Reads the file, what it names, and the calibration. Options of the tracer that are given stand in the place of what the file
     /// of a virtual rig says of its scene; where nothing is traced they are refused.
     pub(super) fn open(args: &SourceArgs, trace: &TraceArgs, console: &Console) -> Result<Self> {
+        let mut source = Self::uncalibrated(args, trace, console)?;
+        match &source.file.calibration {
+            Some(folder) => {
+                source.calibration = Calibration::load(folder)?;
+                let devices = &source.devices;
+                source.calibration.check(&devices.projector_info(), &devices.camera_info())?;
+            }
+            None => console.note(format_args!(
+                "note: {} names no calibration, so its devices are taken as ideal; `krylux rig calibrate` measures them",
+                args.source.display()
+            )),
+        }
+        Ok(source)
+    }
+
+    /// As [`Self::open`], with devices taken as ideal whatever the file says of a calibration: there may be none yet.
+    pub(super) fn uncalibrated(args: &SourceArgs, trace: &TraceArgs, console: &Console) -> Result<Self> {
         let file = RigFile::load(&args.source)?;
         let RigKind::Virtual(mut devices) = file.kind.clone();
         let simulation = scene_of(&mut devices.scene, &args.source, &args.view, trace, console)?;
-        let calibration = match &file.calibration {
-            Some(folder) => Calibration::load(folder)?,
-            None => {
-                console.note(format_args!(
-                    "note: {} names no calibration, so its devices are taken as ideal; `krylux rig calibrate` measures them",
-                    args.source.display()
-                ));
-                Calibration::ideal(&devices.projector_info(), &devices.camera_info())
-            }
-        };
+        let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
         Ok(Self { file, calibration, devices, simulation })
     }
 
