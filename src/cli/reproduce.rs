@@ -99,7 +99,7 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let mut folder = RunFolder::create(&args.run, "reproduce")?;
+    let mut folder = RunFolder::create(&args.run, "reproduce", console)?;
     let outcome = reproduce(args, console, &mut folder);
     folder.close(outcome)
 }

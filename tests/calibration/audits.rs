@@ -45,7 +45,9 @@ fn an_ideal_bench_passes() {
 fn every_imperfection_at_once_passes_after_calibration_and_not_before() {
     let scene = Folded::new(Resolution::new(64, 64), 0.3);
     let rig = realistic(&scene);
-    let before = audited(&rig, &scene, ideal(&rig), MeasureOptions::default());
+    // An exposure chosen without knowing the noise saturates, and that would be all there is to say.
+    let short = MeasureOptions { exposures: vec![0.1], ..MeasureOptions::default() };
+    let before = audited(&rig, &scene, ideal(&rig), short);
     let names = failed(&before);
     assert!(names.contains(&"homogeneity") && names.contains(&"symmetry"), "{names:?}");
     let (calibration, _) =

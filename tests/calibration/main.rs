@@ -1,6 +1,7 @@
 //! Calibration against the truth of virtual rigs: what a bench's captures tell must be what the bench was told to be.
 
 mod audits;
+mod folders;
 mod scene;
 
 use std::ops::ControlFlow;
