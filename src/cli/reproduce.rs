@@ -11,6 +11,7 @@ use super::Outcome;
 use super::console::Console;
 use super::options::{OutputArgs, RunArgs};
 use super::run_folder::RunFolder;
+use crate::error::Error;
 use crate::paper::{self, Bench, BenchOptions, Figure, Reproduced, Rig};
 use crate::report::gallery::Gallery;
 
@@ -99,6 +100,14 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if args.run.resume {
+        return Err(Error::Option {
+            option: "--resume".into(),
+            fault: "figures are made anew each time, and keep no journal".into(),
+            help: "leave it out, and add --overwrite to write into the same folder".into(),
+        }
+        .into());
+    }
     let mut folder = RunFolder::create(&args.run, "reproduce", console)?;
     let outcome = reproduce(args, console, &mut folder);
     folder.close(outcome)

@@ -34,7 +34,7 @@ fn value(x: f64, y: f64) -> f64 {
         } else {
             24.0
         };
-        return if (bars * x) as usize % 2 == 0 { 0.9 } else { 0.1 };
+        return if ((bars * x) as usize).is_multiple_of(2) { 0.9 } else { 0.1 };
     }
     0.35 + 0.3 * x + 0.1 * (1.0 - y)
 }
