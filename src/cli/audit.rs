@@ -9,9 +9,10 @@ use super::light::Light;
 use super::operator::OperatorArgs;
 use super::options::{OutputArgs, RunArgs, SourceArgs};
 use super::run_folder::RunFolder;
-use super::source::Source;
+use super::source::{Source, not_for_runs};
 use super::trace::TraceArgs;
 use crate::analysis::audit::{Audit, AuditOptions, Exact, audit};
+use crate::error::Error;
 use crate::image::Resolution;
 use crate::report::audit::AuditRun;
 use crate::transport::{Channels, Part};
@@ -41,8 +42,19 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if args.run.resume {
+        return Err(Error::Option {
+            option: "--resume".into(),
+            fault: "an audit asks whether a photo taken twice is the same, so it keeps none".into(),
+            help: "audit anew, with --overwrite or into another folder".into(),
+        }
+        .into());
+    }
     let mut source = Source::open(&args.source, &args.trace, console)?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-audit", source.name()))?;
+    if let Source::Run(_) = source {
+        return Err(not_for_runs(&args.source.source));
+    }
+    let mut folder = RunFolder::create(&args.run, &format!("{}-audit", source.name()), console)?;
     source.describe(&mut folder.manifest, Channels::Luma);
     let outcome = audited(args, console, &mut source, &mut folder);
     folder.close(outcome)
@@ -62,8 +74,8 @@ fn audited(
         seed: args.trace.seed(),
         ..AuditOptions::default()
     };
-    let mut light =
-        folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console))?;
+    let mut light = folder
+        .timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, None, console))?;
     folder.manifest.noise = light.noise().map(Into::into);
     let found = folder.timed("photos", |_| check(&mut light, resolution, &options, console));
     // What failed by saturation has no white photo whose noise could be told.

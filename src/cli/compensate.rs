@@ -142,7 +142,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     args.options(true).check()?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let target = args.question.target(source.resolution(), args.channels())?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels());
     let outcome = answer(args, console, &target, &mut source, &mut folder);
     folder.close(outcome)
@@ -156,8 +156,9 @@ fn answer(
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     let name = source.name();
-    let mut light =
-        folder.timed(source.preparation(), |_| source.light(&args.operator, args.channels(), console))?;
+    let mut light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, args.channels(), Some(folder), console)
+    })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let wish = Wish::new(target, &light.ambient(console)?)?;
     let options = args.options(light.is_simulated());

@@ -10,11 +10,13 @@ mod compensate;
 mod console;
 mod eigs;
 mod info;
+mod journal;
 mod labels;
 mod light;
 mod matrix;
 mod measured;
 mod noise;
+mod opener;
 mod operator;
 mod options;
 mod pattern;
@@ -22,6 +24,8 @@ mod photo;
 mod plan;
 mod probe;
 mod relight;
+mod replay;
+mod reproduce;
 mod rig;
 mod rig_info;
 mod rig_source;
@@ -63,6 +67,7 @@ enum Verb {
     Rig(rig::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
+    Reproduce(reproduce::Args),
     Labels(labels::Args),
     Compare(compare::Args),
     Info(info::Args),
@@ -93,6 +98,7 @@ pub fn main() -> ExitCode {
         Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
+        Verb::Reproduce(args) => reproduce::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
         Verb::Compare(args) => compare::run(args, &console.with(&args.output)),
         Verb::Info(args) => info::run(args, &console.with(&args.output)),

@@ -72,7 +72,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         PathsArg::NearIndirect => Probing::NearIndirect { sigma },
     };
     probing.check()?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-probe", source.name()))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-probe", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels.into());
     let outcome = answer(args, probing, console, &mut source, &mut folder);
     folder.close(outcome)
@@ -87,8 +87,9 @@ fn answer(
 ) -> Result<(Outcome, String)> {
     let (name, resolution, seed) = (source.name(), source.resolution(), args.trace.seed());
     let unit = source.unit();
-    let mut light = folder
-        .timed(source.preparation(), |_| source.light(&args.operator, args.channels.into(), console))?;
+    let mut light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, args.channels.into(), Some(folder), console)
+    })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let found: crate::Result<Vec<Probed>> = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |channels| {

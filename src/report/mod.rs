@@ -10,6 +10,7 @@
 //! | `run.json` | [`manifest`] |
 //! | `model/` | [`model`] |
 //! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | the paper's figures beside what it says of them | [`gallery`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
@@ -23,6 +24,7 @@ pub mod colormap;
 pub mod compensation;
 pub mod eigenpairs;
 pub mod exr;
+pub mod gallery;
 pub mod html;
 pub mod manifest;
 pub mod model;

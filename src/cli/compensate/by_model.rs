@@ -36,7 +36,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let wish = Wish::new(&target, &model.ambient)?;
     if args.model.is_none() {
         refuse_trace(args)?;
-        let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", model.source))?;
+        let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", model.source), console)?;
         folder.describe_file(&SavedModel::record_path(path))?;
         folder.manifest.resolution = Some(model.resolution);
         let outcome = folder
@@ -49,7 +49,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let mut source = Source::open(&args.source, &args.trace, console)?;
     fits(&source, &model)?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
     source.describe(&mut folder.manifest, channels);
     let name = source.name();
     let outcome = corrected(args, console, &mut source, channels, &mut model, &wish, &options, &mut folder)
@@ -99,8 +99,9 @@ fn corrected(
     options: &CompensateOptions,
     folder: &mut RunFolder,
 ) -> Result<Compensation> {
-    let mut light =
-        folder.timed(source.preparation(), |_| source.light(&args.operator, channels, console))?;
+    let mut light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, channels, Some(folder), console)
+    })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let found = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |operators| {

@@ -124,7 +124,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     args.questions().patterns(source.projector_resolution(), source.resolution(), args.channels().count())?;
     args.questions().photographs(source.resolution(), args.channels().count())?;
     args.check_for_scene(matches!(source, Source::Scene(_)))?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-relight", source.name()))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-relight", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels());
     let outcome = captured(args, console, &mut source, &mut folder);
     folder.close(outcome)
@@ -136,7 +136,7 @@ fn from_model(args: &Args, console: &Console) -> Result<Outcome> {
     let model = SavedModel::read(&args.source.source)?;
     args.questions().patterns(model.projector, model.resolution, model.channels.len())?;
     args.questions().photographs(model.resolution, model.channels.len())?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-relight", model.source))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-relight", model.source), console)?;
     folder.describe_file(&SavedModel::record_path(&args.source.source))?;
     folder.manifest.resolution = Some(model.resolution);
     let outcome = folder
@@ -153,8 +153,11 @@ fn captured(
 ) -> Result<(Outcome, String)> {
     let (name, resolution, projector) = (source.name(), source.resolution(), source.projector_resolution());
     let unit = source.unit();
-    let mut light: Light<'_> =
-        folder.timed(source.preparation(), |_| source.light(&args.operator, args.channels(), console))?;
+    // A simulator is also asked for the truth, hundreds of times: that is no journal's business.
+    let kept = !matches!(source, Source::Scene(_));
+    let mut light: Light<'_> = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, args.channels(), kept.then_some(&*folder), console)
+    })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let process = capture::Process {
         photos: args.photos.unwrap_or(40),

@@ -63,7 +63,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         .or_else(|| rig.file.calibration.clone())
         .unwrap_or_else(|| path.with_file_name(format!("{}-calibration", simulation::short_name(path))));
     std::fs::create_dir_all(&folder).map_err(Error::writing(&folder))?;
-    let bench = rig.bench(None, console)?;
+    let bench = rig.bench(console)?;
     let mut shots = Live::new(bench, 0.0, rig.file.measurement.tries);
     let options = CalibrateOptions {
         takes: args.takes,

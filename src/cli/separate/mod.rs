@@ -128,7 +128,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let is_scene = matches!(source, Source::Scene(_));
     args.check(is_scene)?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-separate", source.name()))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-separate", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels.into());
     let outcome = answer(args, console, is_scene, &mut source, &mut folder);
     folder.close(outcome)
@@ -144,13 +144,13 @@ fn answer(
     let (name, resolution) = (source.name(), source.resolution());
     let channels: Channels = args.channels.into();
     let (preparation, unit) = (source.preparation(), source.unit());
-    let mut light = folder.timed(preparation, |_| match args.bounces {
-        // Bounces are layers of a matrix.
+    let mut light = folder.timed(preparation, |folder| match args.bounces {
+        // Bounces are layers of a matrix. A simulator is also asked for the truth, hundreds of times: that is no journal's business.
         true => {
             let traced = source.simulation()?.assemble_layers(channels, true, console)?;
             Ok(Light::Replayed(Box::new(Simulated { traced })))
         }
-        false => source.light(&args.operator, channels, console),
+        false => source.light(&args.operator, channels, (!is_scene).then_some(&*folder), console),
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let seed = args.trace.seed();
