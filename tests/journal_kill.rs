@@ -146,7 +146,8 @@ fn a_thousand_kills_lose_no_photo_double_none_and_change_no_result() {
 
     let landed: Vec<BTreeMap<Option<usize>, usize>> = std::thread::scope(|scope| {
         let (bench, expected) = (&bench, &expected);
-        let workers = [1, 2, 3, 4].map(|seed| scope.spawn(move || kill_runs(bench, expected, seed, 0.5 * whole)));
+        let workers =
+            [1, 2, 3, 4].map(|seed| scope.spawn(move || kill_runs(bench, expected, seed, 0.5 * whole)));
         workers.map(|worker| worker.join().expect("no assertion failed")).into()
     });
     let mut places: BTreeMap<Option<usize>, usize> = BTreeMap::new();

@@ -1,5 +1,7 @@
 //! `krylux compensate`: what to project, so that the scene looks like a target.
 
+mod by_model;
+
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -19,6 +21,7 @@ use crate::error::Error;
 use crate::image::{Image, Resolution};
 use crate::krylov::Method;
 use crate::report::compensation::CompensationRun;
+use crate::report::model::SavedModel;
 use crate::transport::{Channels, Part};
 
 /// Find what to project so that the scene looks like a target image
@@ -31,6 +34,10 @@ pub(super) struct Args {
     /// The radiance that 1 in the target stands for, in W/(m² sr), or in DN/s on a rig [default: half the median of the white photo]
     #[arg(long, value_name = "L")]
     peak: Option<f64>,
+    /// The folder of a `krylux relight` run on this source: its model of the light answers, and --photos only correct it. Given as
+    /// SOURCE itself, it answers without any photo
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
     #[command(flatten)]
     trace: TraceArgs,
     /// One gray system, or red, green and blue as three
@@ -128,6 +135,9 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if args.model.is_some() || SavedModel::is_in(&args.source.source) {
+        return by_model::run(args, console);
+    }
     // What is wrong with the options or the files should show before anything is written or traced.
     args.options(true).check()?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
@@ -165,12 +175,23 @@ fn answer(
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
     }
+    finish(args, console, &found, &name, folder)
+}
+
+/// Says what was found, and writes it.
+fn finish(
+    args: &Args,
+    console: &Console,
+    found: &Compensation,
+    name: &str,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
     folder.manifest.photos = (found.photos + found.preparation) as u64;
     let method = args.question.method.facts().name;
-    say(&found, method, console)?;
+    say(found, method, console)?;
 
     let title = format!("{name} · light transport compensation");
-    let run = CompensationRun { title, found: &found, method, floor: args.question.floor };
+    let run = CompensationRun { title, found, method, floor: args.question.floor };
     let seconds = folder.seconds();
     folder.manifest.outputs =
         folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;

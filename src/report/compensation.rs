@@ -122,6 +122,19 @@ impl CompensationRun<'_> {
             ("Peak", format!("{:.5} W/(m² sr)", found.peak)),
             ("Photos before the method's", found.preparation.to_string()),
         ];
+        let mut sections = vec![Section {
+            title: "Seen and projected".into(),
+            text: "Photos are developed alike. Errors are of all channels together.".into(),
+            blocks: vec![Block::Figures(figures)],
+        }];
+        // A model of the light answers without a photo.
+        if !found.history.is_empty() {
+            sections.push(Section {
+                title: "Convergence".into(),
+                text: "Residuals are relative to the light wished. The photos that show target and result, and those of the baseline, are not the method's and are not counted.".into(),
+                blocks: vec![self.convergence()],
+            });
+        }
         Report {
             title: self.title.clone(),
             verdict: Verdict {
@@ -129,18 +142,7 @@ impl CompensationRun<'_> {
                 sentence: self.sentence(),
             },
             facts: run::facts(manifest, found.photos, more, seconds),
-            sections: vec![
-                Section {
-                    title: "Seen and projected".into(),
-                    text: "Photos are developed alike. Errors are of all channels together.".into(),
-                    blocks: vec![Block::Figures(figures)],
-                },
-                Section {
-                    title: "Convergence".into(),
-                    text: "Residuals are relative to the light wished. The photos that show target and result, and those of the baseline, are not the method's and are not counted.".into(),
-                    blocks: vec![self.convergence()],
-                },
-            ],
+            sections,
             footer: manifest.command.join(" "),
         }
     }

@@ -1,8 +1,10 @@
 //! Light transport compensation: what to project so that the scene looks as wanted.
 
+mod by_model;
 mod options;
 mod wish;
 
+pub use by_model::{Photograph, compensate_by_model};
 pub use options::{CompensateOptions, Precondition};
 pub use wish::Wish;
 use wish::{norm_of, residual_norm};

@@ -17,6 +17,7 @@ mod analytic;
 mod cornell;
 mod corner;
 mod egg_carton;
+mod facing_sheets;
 mod glb;
 mod icosphere;
 mod mirror;
@@ -24,17 +25,20 @@ mod mirror_ball;
 mod model;
 mod tessellated_box;
 mod two_sheets;
+mod white_room;
 mod zigzag;
 
 pub use analytic::{inside_sphere, parallel_plates, plane};
 pub use cornell::cornell;
 pub use corner::corner;
-pub use egg_carton::{carton, carton_eggs};
+pub use egg_carton::{carton, carton_eggs, nine_cells};
+pub use facing_sheets::facing_sheets;
 pub use mirror::mirror;
 pub use mirror_ball::mirror_ball;
 pub use model::{Model, Part};
 pub use tessellated_box::tessellated_box;
 pub use two_sheets::two_sheets;
+pub use white_room::white_room;
 pub use zigzag::zigzag;
 
 /// Every shipped scene; the file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
