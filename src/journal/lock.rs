@@ -3,6 +3,7 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
 use std::path::Path;
+use std::time::Duration;
 
 use crate::error::{Error, Result};
 
@@ -18,7 +19,7 @@ pub(super) fn take(path: &Path) -> Result<File> {
     };
     let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
     let mut file = opened.map_err(unusable)?;
-    match file.try_lock() {
+    match patiently(&file) {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut holder = String::new();
@@ -37,4 +38,16 @@ pub(super) fn take(path: &Path) -> Result<File> {
     // The same: a full disk is for the journal itself to report.
     let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
     Ok(file)
+}
+
+/// A lock outlives its holder for a moment: while the system clears up after a killed process, or until a child that was just forked
+/// has become its own program. Whoever works with the journal holds it for longer.
+fn patiently(file: &File) -> std::result::Result<(), TryLockError> {
+    for _ in 0..50 {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),
+            taken_or_broken => return taken_or_broken,
+        }
+    }
+    file.try_lock()
 }

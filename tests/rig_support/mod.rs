@@ -1,11 +1,13 @@
 //! Rigs on shipped scenes: each scene is traced once for all tests of a binary.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
+use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use krylux::analysis::plan::{Planner, Twin};
 use krylux::image::Image;
-use krylux::measure::{Calibration, MeasureOptions};
+use krylux::measure::calibrate::{CalibrateOptions, calibrate};
+use krylux::measure::{Calibration, Live, MeasureOptions};
 use krylux::report::npy;
 use krylux::rig::{RigFile, RigKind, VirtualRig};
 use krylux::transport::{Assembled, Channels};
@@ -23,7 +25,7 @@ pub struct Stage {
     pub calibration: Calibration,
 }
 
-/// The rig of `assets/rigs/realistic.toml`, every imperfection on, with a calibration that is exactly known.
+/// The rig of `assets/rigs/realistic.toml`, every imperfection on, calibrated from captures alone.
 pub fn realistic(scene: &'static str) -> &'static Stage {
     static STAGES: Mutex<Vec<(&'static str, &'static Stage)>> = Mutex::new(Vec::new());
     let mut stages = STAGES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -33,7 +35,7 @@ pub fn realistic(scene: &'static str) -> &'static Stage {
     let file = RigFile::load(&common::root().join("assets/rigs/realistic.toml")).expect("shipped rigs load");
     let RigKind::Virtual(rig) = file.kind else { unreachable!("it is a virtual one") };
     let twin = Twin::Traced(traced(scene));
-    let calibration = known(&rig);
+    let calibration = captured(&rig, &twin);
     let stage = Box::leak(Box::new(Stage { rig, measurement: file.measurement, twin, calibration }));
     stages.push((scene, stage));
     stage
@@ -68,6 +70,14 @@ impl Stage {
     pub fn planner<'a>(&'a self, rig: &'a VirtualRig, measurement: &'a MeasureOptions) -> Planner<'a> {
         Planner { rig, twin: &self.twin, calibration: &self.calibration, measurement }
     }
+}
+
+/// A calibration as `krylux rig calibrate` finds it, in front of this scene.
+fn captured(rig: &VirtualRig, twin: &Twin) -> Calibration {
+    let bench = rig.open(twin.transport(), None).expect("it fits its scene");
+    let mut shots = Live::new(bench, 0.0, MeasureOptions::default().tries);
+    let mut go_on = |_| ControlFlow::Continue(());
+    calibrate(&mut shots, &CalibrateOptions::default(), &mut go_on).expect("it can be calibrated").0
 }
 
 /// A calibration from what the rig's file says: what captures would find, but for their noise. Vignetting and blur are in no
