@@ -6,7 +6,7 @@
 //! | `.exr` layers, 32-bit floats | [`exr`] |
 //! | `.png` for people | [`png`], after [`tone`], [`colormap`] or [`palette`] chose the colours |
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
-//! | `report.html` | [`html`], with plots by [`plot`] |
+//! | `report.html` | [`html`], with plots by [`plot`] and [`scatter`] |
 //! | `run.json` | [`manifest`] |
 //! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`solution`] |
 //!
@@ -31,6 +31,7 @@ pub mod png;
 mod raster;
 mod residuals;
 mod run;
+pub mod scatter;
 pub mod segmentation;
 pub mod solution;
 pub mod sparse;

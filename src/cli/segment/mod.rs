@@ -1,5 +1,10 @@
 //! `krylux segment`: light transport segmentation, from the scene to the report.
 
+mod photos;
+mod verdict;
+
+use std::str::FromStr;
+
 use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
@@ -11,9 +16,12 @@ use super::options::{OutputArgs, RunArgs, SourceArgs};
 use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
-use crate::analysis::{Capture, Cut, SegmentOptions, Segmentation, adjusted_rand_index};
-use crate::report::segmentation::{SegmentationRun, Truth};
-use crate::transport::{Channels, Part};
+use crate::analysis::segment::feature_view;
+use crate::analysis::{Capture, Cut, SegmentOptions};
+use crate::image::Resolution;
+use crate::report::segmentation::{SegmentationExtras, SegmentationRun};
+use crate::transport::Channels;
+use photos::{DirectArg, Question};
 
 /// Segment a scene by how light travels in it: pixels that exchange light form a group
 #[derive(clap::Args)]
@@ -39,9 +47,27 @@ pub(super) struct Args {
     /// Added to every edge of the graph, in units of A: very small groups are worth less
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     mu: f64,
-    /// Keep the direct light, as a rig that cannot tell it apart would
-    #[arg(long)]
+    /// How direct light, which tells nothing of groups, is told apart
+    #[arg(long, value_enum, default_value = "simulator")]
+    direct: DirectArg,
+    /// Photos of direct light where it is measured: of random patterns, or of squares shifted to as many places
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    direct_photos: usize,
+    /// Pixels of a square's side, for --direct patterns
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    direct_square: usize,
+    /// The same as --direct keep
+    #[arg(long, conflicts_with = "direct")]
     keep_direct: bool,
+    /// Blur patterns and photos alike by a Gaussian of so many pixels: less noise, and still symmetric
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
+    blur: f64,
+    /// Show where these pixels lie in the space of eigenvectors, and how far apart
+    #[arg(long, value_name = "X,Y;X,Y;...", value_delimiter = ';')]
+    features: Vec<Pixel>,
+    /// Light each group alone, one more photo for each: how much of its light stays within it
+    #[arg(long)]
+    evidence: bool,
     /// Mask pixels with less than this share of the median global light
     #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
     mask_below: f64,
@@ -61,7 +87,50 @@ enum CutArg {
     Average,
 }
 
+/// `--features`: a column and a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pixel(usize, usize);
+
+impl FromStr for Pixel {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parsed =
+            text.split_once(',').and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
+        let (x, y) = parsed.ok_or_else(|| format!("`{text}` is no pixel; write column,row as in 20,35"))?;
+        Ok(Self(x, y))
+    }
+}
+
 impl Args {
+    fn chosen(&self) -> Vec<(usize, usize)> {
+        self.features.iter().map(|&Pixel(x, y)| (x, y)).collect()
+    }
+
+    /// Whether a pixel is in the picture is known before any photo.
+    fn check_pixels(&self, resolution: Resolution) -> crate::Result<()> {
+        let outside = |&(x, y): &(usize, usize)| x >= resolution.width || y >= resolution.height;
+        match self.chosen().into_iter().find(outside) {
+            None => Ok(()),
+            Some((x, y)) => Err(crate::Error::Option {
+                option: "--features".into(),
+                fault: format!("pixel {x},{y} is outside of the picture"),
+                help: format!("it has {resolution} pixels; columns and rows are counted from 0"),
+            }),
+        }
+    }
+
+    fn question(&self, resolution: Resolution) -> Question {
+        Question {
+            direct: if self.keep_direct { DirectArg::Keep } else { self.direct },
+            direct_photos: self.direct_photos,
+            square: self.direct_square,
+            blur: self.blur,
+            resolution,
+            seed: self.trace.seed(),
+        }
+    }
+
     fn options(&self) -> SegmentOptions {
         SegmentOptions {
             photos: self.photos,
@@ -83,16 +152,19 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // What is wrong with the options or the scene should show before anything is written or traced.
     let capture = Capture::new(args.options())?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
+    let question = args.question(source.resolution());
+    question.check()?;
+    args.check_pixels(source.resolution())?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-segment", source.name()))?;
     source.describe(&mut folder.manifest, Channels::Luma);
-    let outcome = segment(args, console, capture, &mut source, &mut folder);
+    let outcome = segment(args, console, (capture, &question), &mut source, &mut folder);
     folder.close(outcome)
 }
 
 fn segment(
     args: &Args,
     console: &Console,
-    mut capture: Capture,
+    (mut capture, question): (Capture, &Question),
     source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
@@ -102,35 +174,40 @@ fn segment(
         folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console))?;
     folder.manifest.noise = light.noise().map(Into::into);
 
-    let part = if args.keep_direct { Part::Full } else { Part::Global };
     let bar = console.bar("photos");
-    folder.timed("photos", |_| {
-        light.with_operator(part, console, |operator| {
-            capture.run(operator, &mut |step| bar.at(step.products as u64, step.budget as u64))
+    let taken = folder.timed("photos", |_| {
+        light.with_operator(question.part(), console, |operator| {
+            question.ask(operator, &mut capture, args.evidence, &mut |step| {
+                bar.at(step.products as u64, step.budget as u64)
+            })
         })
     })?;
     drop(bar);
     if console.check().is_break() {
         return Err(crate::Error::Interrupted.into());
     }
-    let segmentation = folder.timed("groups", |_| capture.segmentation())?;
-    folder.manifest.photos = segmentation.photos as u64;
-    say(&segmentation, console)?;
-
-    let scores = score(&segmentation, truth.as_ref())?;
-    for &(groups, score) in &scores {
-        console.say(format_args!(
-            "groups    {groups:>3}: adjusted Rand index {score:.4} against the true labels"
-        ))?;
-    }
+    let segmentation = &taken.segmentation;
+    let features = match args.chosen().as_slice() {
+        [] => None,
+        chosen => Some(feature_view(segmentation, resolution, chosen)?),
+    };
+    let extras = SegmentationExtras {
+        direct: taken.direct.as_ref(),
+        features: features.as_ref(),
+        evidence: &taken.evidence,
+    };
+    folder.manifest.photos = (segmentation.photos + extras.photos()) as u64;
+    let scores = verdict::score(segmentation, truth.as_ref())?;
+    verdict::say(&taken, &scores, console)?;
     let white = light.white(console)?;
     let run = SegmentationRun {
         title: format!("{name} · light transport segmentation"),
-        segmentation: &segmentation,
+        segmentation,
         resolution,
         white: &white,
         truth: truth.as_ref(),
         scores: &scores,
+        extras,
     };
     let seconds = folder.seconds();
     let files = folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
@@ -144,65 +221,20 @@ fn segment(
         "folder": folder.path,
         "report": report,
         "photos": segmentation.photos,
+        "photos_direct": taken.direct.as_ref().map(|direct| direct.photos),
         "status": segmentation.status,
+        "regions": segmentation.regions,
         "eigenvalues": segmentation.eigenvalues,
         "residuals": segmentation.residuals,
         "noise": folder.manifest.noise,
         "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),
         "adjusted_rand_index": scores.iter().map(|(k, s)| (k.to_string(), json!(s))).collect::<serde_json::Map<_, _>>(),
+        "evidence": taken.evidence.iter().map(|of| {
+            json!({ "groups": of.groups, "photos": of.photos.len(), "cut": of.cut(), "kept": of.kept(), "exchange": of.exchange })
+        }).collect::<Vec<_>>(),
+        "features": features.as_ref().map(|view| json!({ "pixels": view.pixels, "coordinates": view.coordinates, "distances": view.distances })),
         "seconds": folder.seconds(),
     }))?;
-    Ok((judge(args, &scores, truth.as_ref(), console)?, segmentation.status))
-}
-
-/// The adjusted Rand index of each number of groups.
-fn score(segmentation: &Segmentation, truth: Option<&Truth>) -> Result<Vec<(usize, f64)>> {
-    let Some(truth) = truth else { return Ok(Vec::new()) };
-    let score =
-        |(groups, labels): &(usize, Vec<u8>)| Ok((*groups, adjusted_rand_index(labels, &truth.labels)?));
-    segmentation.labels.iter().map(score).collect()
-}
-
-fn say(segmentation: &Segmentation, console: &Console) -> Result<()> {
-    console.say(format_args!("photos    {}", segmentation.status))?;
-    let masked = segmentation.mask.iter().filter(|&&masked| masked).count();
-    if masked > 0 {
-        let share = 100.0 * masked as f64 / segmentation.mask.len() as f64;
-        console.say(format_args!("masked    {masked} pixels without global light ({share:.1} %)"))?;
-    }
-    console.say("          eigenvalue   residual")?;
-    for (index, (value, residual)) in segmentation.eigenvalues.iter().zip(&segmentation.residuals).enumerate()
-    {
-        console.say(format_args!("  {:>6}  {value:>10.6}   {residual:.1e}", index + 1))?;
-    }
-    Ok(())
-}
-
-/// Whether the groups are as good as the user demanded.
-fn judge(args: &Args, scores: &[(usize, f64)], truth: Option<&Truth>, console: &Console) -> Result<Outcome> {
-    let Some(wanted) = args.min_rand_index else { return Ok(Outcome::Done) };
-    let Some(truth) = truth else {
-        return Err(crate::Error::Option {
-            option: "--min-rand-index".into(),
-            fault: "the scene has no true labels to compare with".into(),
-            help: "give regions by `region` in the extras of its nodes, meshes or primitives".into(),
-        }
-        .into());
-    };
-    let regions = truth.seen();
-    let Some(&(_, score)) = scores.iter().find(|(groups, _)| *groups == regions) else {
-        return Err(crate::Error::Option {
-            option: "--min-rand-index".into(),
-            fault: format!(
-                "the scene shows {regions} labelled regions, but --groups does not ask for {regions}"
-            ),
-            help: format!("add --groups {regions}"),
-        }
-        .into());
-    };
-    if score < wanted {
-        console.note(format_args!("the adjusted Rand index {score:.4} is below {wanted}"));
-        return Ok(Outcome::NotGoodEnough);
-    }
-    Ok(Outcome::Done)
+    let outcome = verdict::judge(args.min_rand_index, &scores, truth.as_ref(), console)?;
+    Ok((outcome, segmentation.status.clone()))
 }
