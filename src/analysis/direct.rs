@@ -10,10 +10,10 @@ use crate::operator::{Operator, Symmetry};
 
 /// How the direct light is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DirectBy {
+pub enum DirectMethod {
     /// By Nayar's checkerboards with squares of so many pixels, shifted to as many places: `shifts²` photos
     /// ([`checkerboards`]). Too much light is direct where global light sees the squares.
-    Patterns {
+    Checkerboards {
         /// Pixels of a square's side.
         square: usize,
         /// Places in each direction.
@@ -33,12 +33,12 @@ pub enum DirectBy {
 pub fn measure_direct(
     operator: &mut dyn Operator,
     resolution: Resolution,
-    by: DirectBy,
+    by: DirectMethod,
     seed: u64,
 ) -> Result<Separation> {
     match by {
-        DirectBy::Patterns { square, shifts } => checkerboards(operator, resolution, square, shifts),
-        DirectBy::Estimator { photos } => random_patterns(operator, photos, seed),
+        DirectMethod::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
+        DirectMethod::Estimator { photos } => random_patterns(operator, photos, seed),
     }
 }
 

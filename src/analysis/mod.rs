@@ -11,18 +11,23 @@
 //! | which light came from how far away? | [`mod@probe`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
 //! | how good are they? | [`adjusted_rand_index`] |
+//! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
+//! | how alike are two images? | [`mod@likeness`] |
 
 pub mod compensate;
 pub mod direct;
 pub mod kmeans;
+pub mod likeness;
 pub mod low_rank;
+pub mod plan;
 pub mod probe;
 mod rand_index;
 pub mod segment;
 pub mod separate;
 
 pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
-pub use direct::{Blurred, DirectBy, WithoutDirect, measure_direct};
+pub use direct::{Blurred, DirectMethod, WithoutDirect, measure_direct};
+pub use likeness::Likeness;
 pub use low_rank::LowRank;
 pub use probe::{Probed, Probing};
 pub use rand_index::adjusted_rand_index;

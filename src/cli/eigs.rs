@@ -20,7 +20,7 @@ use crate::operator::Operator;
 use crate::report::eigenpairs::EigenpairsRun;
 use crate::report::sparse;
 use crate::sparse::SparseOperator;
-use crate::transport::Channels;
+use crate::transport::{Channels, Part};
 
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
 #[derive(clap::Args)]
@@ -35,7 +35,18 @@ pub(super) struct Args {
     trace: TraceArgs,
     #[command(flatten)]
     operator: OperatorArgs,
-    /// Which light of a scene
+    #[command(flatten)]
+    question: Question,
+    #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+/// What is asked, of whatever source.
+#[derive(clap::Args)]
+pub(super) struct Question {
+    /// Which light of a scene or rig
     #[arg(long, value_enum, default_value = "full")]
     part: PartArg,
     /// How they are found
@@ -56,10 +67,6 @@ pub(super) struct Args {
     /// Done when each residual norm is at most this share of the matrix norm
     #[arg(long, value_name = "X", default_value_t = 1e-8)]
     tolerance: f64,
-    #[command(flatten)]
-    run: RunArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -90,8 +97,9 @@ enum WhichArg {
     Li,
 }
 
-impl Args {
-    fn options(&self) -> EigsOptions {
+impl Question {
+    /// As the library has it; `seed` for the starting vector.
+    pub(super) fn options(&self, seed: u64) -> EigsOptions {
         EigsOptions {
             count: self.count,
             which: match self.which {
@@ -110,9 +118,14 @@ impl Args {
                 MethodArg::BlockLanczos => EigsMethod::BlockLanczos { block: self.block },
                 MethodArg::Arnoldi => EigsMethod::Arnoldi,
             },
-            start: Start::Rademacher { seed: self.trace.seed() },
+            start: Start::Rademacher { seed },
             ..EigsOptions::default()
         }
+    }
+
+    /// Which light.
+    pub(super) fn part(&self) -> Part {
+        self.part.into()
     }
 }
 
@@ -125,7 +138,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         let outcome = folder
             .describe_file(&args.source)
             .map_err(Into::into)
-            .and_then(|()| answer(args, console, &mut operator, &stem, None, &mut folder));
+            .and_then(|()| Ok(photograph(args, console, &mut operator, &mut folder)?))
+            .and_then(|found| {
+                interrupted(console)?;
+                report(args, console, &found, &stem, None, &mut folder)
+            });
         return folder.close(outcome);
     }
     let source = SourceArgs { source: args.source.clone(), view: args.view.clone() };
@@ -136,9 +153,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let light = folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console));
     let outcome = light.and_then(|mut light| {
         folder.manifest.noise = light.noise().map(Into::into);
-        light.with_operator(args.part.into(), console, |operator| {
-            answer(args, console, operator, &name, Some(resolution), &mut folder)
-        })
+        let found = light.with_operator(args.question.part(), console, |operator| {
+            photograph(args, console, operator, &mut folder)
+        });
+        let found = folder.record_rig(&mut light, found, console)?;
+        interrupted(console)?;
+        report(args, console, &found, &name, Some(resolution), &mut folder)
     });
     folder.close(outcome)
 }
@@ -148,29 +168,39 @@ fn is_matrix(source: &Path) -> bool {
     matches!(extension.as_deref(), Some("npz" | "mtx" | "npy"))
 }
 
-fn answer(
+fn photograph(
     args: &Args,
     console: &Console,
     operator: &mut dyn Operator,
+    folder: &mut RunFolder,
+) -> crate::Result<Eigs> {
+    let bar = console.bar("photos");
+    folder.timed("photos", |_| {
+        eigs(operator, &args.question.options(args.trace.seed()), &mut |step| {
+            bar.at(step.products as u64, step.budget as u64)
+        })
+    })
+}
+
+fn interrupted(console: &Console) -> Result<()> {
+    if console.check().is_break() { Err(crate::Error::Interrupted.into()) } else { Ok(()) }
+}
+
+fn report(
+    args: &Args,
+    console: &Console,
+    found: &Eigs,
     name: &str,
     resolution: Option<Resolution>,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
-    let bar = console.bar("photos");
-    let found = folder.timed("photos", |_| {
-        eigs(operator, &args.options(), &mut |step| bar.at(step.products as u64, step.budget as u64))
-    })?;
-    drop(bar);
-    if console.check().is_break() {
-        return Err(crate::Error::Interrupted.into());
-    }
     folder.manifest.photos = found.stats.products as u64;
     let verdicts: Vec<String> = found.verdicts.iter().map(|verdict| word(*verdict).to_owned()).collect();
     let good = found.verdicts.iter().all(|&verdict| verdict == Verdict::Converged)
-        && found.values.len() == args.count;
-    say(&found, &verdicts, console)?;
+        && found.values.len() == args.question.count;
+    say(found, &verdicts, console)?;
     let title = format!("{name} · eigenpairs");
-    let run = EigenpairsRun { title, found: &found, resolution, verdicts: &verdicts, good };
+    let run = EigenpairsRun { title, found, resolution, verdicts: &verdicts, good };
     let seconds = folder.seconds();
     folder.manifest.outputs =
         folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
@@ -187,6 +217,7 @@ fn answer(
         "residuals": found.residuals,
         "bounds": found.bounds,
         "noise": folder.manifest.noise,
+        "rig": folder.manifest.rig,
         "verdicts": verdicts,
         "seconds": folder.seconds(),
     }))?;

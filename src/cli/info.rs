@@ -1,4 +1,4 @@
-//! `krylux info`: the adapters, and what is in a scene.
+//! `krylux info`: the adapters, and what is in a scene or a rig file.
 
 use std::path::PathBuf;
 
@@ -8,15 +8,17 @@ use serde_json::json;
 
 use super::console::Console;
 use super::options::{OutputArgs, ViewArgs};
-use super::{Outcome, simulation};
+use super::source::is_rig;
+use super::{Outcome, rig_info, simulation};
 use crate::render;
+use crate::rig::RigFile;
 use crate::scene::Scene;
 
-/// Show the graphics adapters and their limits, and what is in a scene
+/// Show the graphics adapters and their limits, and what is in a scene or a rig file
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// A scene to describe as well
-    #[arg(value_name = "SCENE")]
+    /// A scene (.glb, .gltf, .obj) or a rig (.toml) to describe as well
+    #[arg(value_name = "SOURCE")]
     source: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
@@ -25,8 +27,16 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let load = |source: &PathBuf| simulation::load(source, &args.view, console);
-    let scene = args.source.as_ref().map(load).transpose()?;
+    let mut scene = None;
+    let mut rig = None;
+    match &args.source {
+        Some(path) if is_rig(path) => rig = Some(RigFile::load(path)?),
+        Some(path) => scene = Some(simulation::load(path, &args.view, console)?),
+        None => {}
+    }
+    if let Some(rig) = &rig {
+        rig_info::say(rig, console)?;
+    }
     if let Some(scene) = &scene {
         say_scene(scene, console)?;
     }
@@ -46,8 +56,10 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "version": env!("CARGO_PKG_VERSION"),
         "adapters": adapters,
         "scene": scene.as_ref().map(describe),
+        "rig": rig.as_ref().map(rig_info::describe),
     }))?;
-    if adapters.is_empty() {
+    // A rig may do without.
+    if adapters.is_empty() && rig.is_none() {
         return Err(render::no_adapter().into());
     }
     Ok(Outcome::Done)

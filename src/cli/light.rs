@@ -1,24 +1,28 @@
-//! A scene's light transport as a verb uses it: replayed from a matrix, or traced anew for each photo.
+//! Light transport as a verb uses it: replayed from a matrix, traced anew for each photo, or measured by a rig.
 
 use std::cell::RefCell;
 
 use anyhow::Result;
 
 use super::console::Console;
+use super::measured::Measured;
 use super::operator::{OperatorArg, OperatorArgs, in_words};
 use super::simulation::Simulation;
 use crate::image::{Image, Resolution};
+use crate::measure::Measurement;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::render::{TraceSettings, Tracer};
+use crate::report::manifest;
 use crate::transport::{
     Assembled, Channels, MatrixOperator, Noise, Part, Retraced, RetracedOperator, Simulated, Transport,
     predict,
 };
 
-/// Either operator. For equal settings both give equal photos, to rounding.
+/// What photos are taken by. For equal settings the first two give equal photos, to rounding.
 pub(super) enum Light<'a> {
     Replayed(Box<Simulated>),
     Retraced { tracer: &'a mut Tracer, settings: TraceSettings, channels: Channels },
+    Measured(Box<Measured>),
 }
 
 impl<'a> Light<'a> {
@@ -57,13 +61,26 @@ impl<'a> Light<'a> {
     pub(super) fn matrix(&self) -> Option<&Assembled> {
         match self {
             Self::Replayed(rig) => Some(&rig.traced),
-            Self::Retraced { .. } => None,
+            Self::Retraced { .. } | Self::Measured(_) => None,
         }
+    }
+
+    /// Whether photos cost nothing but computing.
+    pub(super) fn is_simulated(&self) -> bool {
+        !matches!(self, Self::Measured(_))
     }
 
     /// What is known of the matrix's noise.
     pub(super) fn noise(&self) -> Option<&Noise> {
         self.matrix()?.noise.as_ref()
+    }
+
+    /// What a run on a rig has cost so far; see [`Measured::record`].
+    pub(super) fn record(&mut self, whole: bool) -> Result<Option<manifest::Rig>> {
+        match self {
+            Self::Replayed(_) | Self::Retraced { .. } => Ok(None),
+            Self::Measured(rig) => rig.record(whole).map(Some),
+        }
     }
 
     /// Lets `work` multiply with a part of the first channel.
@@ -97,16 +114,26 @@ impl<'a> Light<'a> {
                 };
                 work(&mut (0..channels.count()).map(operator).collect::<Vec<_>>())
             }
+            Self::Measured(rig) => {
+                let channels = rig.measurement.channels();
+                let measurement = RefCell::new(&mut rig.measurement);
+                let operator =
+                    |channel| ChannelOperator::Measured { measurement: &measurement, part, channel };
+                work(&mut (0..channels).map(operator).collect::<Vec<_>>())
+            }
         }
     }
 
     /// The photo without projector.
     pub(super) fn ambient(&mut self, console: &Console) -> Result<Image> {
-        if let Self::Replayed(rig) = self {
-            return Ok(rig.traced.ambient.clone());
+        match self {
+            Self::Replayed(rig) => Ok(rig.traced.ambient.clone()),
+            Self::Retraced { .. } => {
+                let resolution = self.pattern_resolution();
+                self.photograph(&Image::filled(resolution, 1, 0.0), console)
+            }
+            Self::Measured(rig) => Ok(rig.measurement.ambient()?.to_image()?),
         }
-        let resolution = self.pattern_resolution();
-        self.photograph(&Image::filled(resolution, 1, 0.0), console)
     }
 
     /// The photo under an all-ones pattern.
@@ -119,6 +146,7 @@ impl<'a> Light<'a> {
         match self {
             Self::Replayed(rig) => rig.pattern_resolution(),
             Self::Retraced { tracer, settings, .. } => tracer.projector_resolution(settings),
+            Self::Measured(rig) => rig.measurement.resolution(),
         }
     }
 
@@ -133,11 +161,12 @@ impl<'a> Light<'a> {
                     Retraced { tracer, settings: *settings, channels: *channels, progress: &mut progress };
                 Ok(rig.photograph(pattern)?)
             }
+            Self::Measured(rig) => Ok(rig.measurement.photograph(pattern)?.to_image()?),
         }
     }
 }
 
-/// One channel of a light. Channels that are traced anew take turns with the one device.
+/// One channel of a light. Channels that are traced anew, or measured, take turns with the one device.
 pub(super) enum ChannelOperator<'a> {
     Replayed(MatrixOperator<'a>),
     Retraced {
@@ -147,6 +176,11 @@ pub(super) enum ChannelOperator<'a> {
         part: Part,
         channel: usize,
         console: &'a Console,
+    },
+    Measured {
+        measurement: &'a RefCell<&'a mut Measurement>,
+        part: Part,
+        channel: usize,
     },
 }
 
@@ -163,6 +197,9 @@ impl ChannelOperator<'_> {
                 };
                 work(&mut RetracedOperator { retraced, part: *part, channel: *channel })
             }
+            Self::Measured { measurement, part, channel } => {
+                work(&mut measurement.borrow_mut().operator(*part, *channel))
+            }
         }
     }
 
@@ -176,6 +213,10 @@ impl ChannelOperator<'_> {
                 let symmetry =
                     if tracer.symmetric(settings) { Symmetry::Symmetric } else { Symmetry::General };
                 (pixels.map(Resolution::pixels), symmetry)
+            }
+            // Rigs are coaxial.
+            Self::Measured { measurement, .. } => {
+                ([measurement.borrow().resolution().pixels(); 2], Symmetry::Symmetric)
             }
         }
     }

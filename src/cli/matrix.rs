@@ -6,16 +6,19 @@ use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
-use super::Outcome;
 use super::console::Console;
 use super::options::{ChannelsArg, OutputArgs, SourceArgs};
+use super::rig_source::RigSource;
+use super::simulation::Simulation;
 use super::source::Source;
 use super::trace::TraceArgs;
+use super::{Outcome, brute_force, measured};
+use crate::error::Error;
 use crate::report::{manifest, sparse};
 use crate::sparse::Csr;
 use crate::transport::{Bounces, Channels, Part, TransportMatrix};
 
-/// Write the light transport matrix, traced once, as a sparse matrix
+/// Write the light transport matrix as a sparse matrix: a scene's is traced once, a rig's photographed pixel by pixel
 #[derive(clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
@@ -28,6 +31,9 @@ pub(super) struct Args {
     /// Write three matrices, which add up to the whole: FILE_direct, FILE_second (bounce) and FILE_rest
     #[arg(long, conflicts_with = "part")]
     split_bounces: bool,
+    /// Photos that a rig may take: one for each of its projector's pixels, and a few more [default: 4096]
+    #[arg(long, value_name = "N")]
+    photos: Option<usize>,
     /// One matrix weighted by luminance, or three, in files named FILE.r, FILE.g and FILE.b
     #[arg(long, value_enum, default_value = "luma")]
     channels: ChannelsArg,
@@ -57,15 +63,25 @@ impl From<PartArg> for Part {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     sparse::check_writable(&args.file)?;
-    let mut source = Source::open(&args.source, &args.trace, console)?;
+    match Source::open(&args.source, &args.trace, console)? {
+        Source::Scene(mut simulation) => of_scene(args, &mut simulation, console),
+        Source::Rig(mut rig) => of_rig(args, &mut rig, console),
+    }
+}
+
+fn of_scene(args: &Args, simulation: &mut Simulation, console: &Console) -> Result<Outcome> {
     let channels = args.channels.into();
-    let traced = source.simulation()?.assemble_layers(channels, args.split_bounces, console)?;
-    let names: &[&str] = match channels {
-        Channels::Luma => &[""],
-        Channels::Rgb => &[".r", ".g", ".b"],
-    };
+    if args.photos.is_some() {
+        return Err(Error::Option {
+            option: "--photos".into(),
+            fault: "a scene's matrix is traced, not photographed".into(),
+            help: "leave it out; --spp says how many light paths are traced".into(),
+        }
+        .into());
+    }
+    let traced = simulation.assemble_layers(channels, args.split_bounces, console)?;
     let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
-    for (channel, name) in names.iter().enumerate() {
+    for (channel, name) in names(channels).iter().enumerate() {
         for (bounces, csr) in matrices(args, &traced.matrix, channel)? {
             let file = with_suffix(&args.file, &format!("{bounces}{name}"));
             sparse::write(&file, &csr)?;
@@ -86,6 +102,53 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "noise": traced.noise.as_ref().map(manifest::Noise::from),
     }))?;
     Ok(Outcome::Done)
+}
+
+fn of_rig(args: &Args, rig: &mut RigSource, console: &Console) -> Result<Outcome> {
+    if args.split_bounces {
+        return Err(Error::Option {
+            option: "--split-bounces".into(),
+            fault: "a photo does not tell how often its light has bounced".into(),
+            help: "give --part direct or --part global, which are told apart by shifted patterns".into(),
+        }
+        .into());
+    }
+    let (channels, resolution) = (Channels::from(args.channels), rig.resolution());
+    brute_force::check(resolution, channels, args.photos)?;
+    let mut measured = rig.measured(Some(channels), console)?;
+    let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
+    for (channel, name) in names(channels).iter().enumerate() {
+        let bar = console.bar("photos");
+        let mut operator = measured.measurement.operator(args.part.into(), channel);
+        let csr = brute_force::columns(&mut operator, &mut |done, total| bar.at(done, total))?;
+        drop(bar);
+        let file = with_suffix(&args.file, name);
+        sparse::write(&file, &csr)?;
+        nonzeros.push(csr.weights().len());
+        console.say(format_args!("wrote     {}", file.display()))?;
+        files.push(file);
+    }
+    let record = measured.record(true)?;
+    measured::say(&record, console)?;
+    console.summary(&json!({
+        "verb": "matrix",
+        "files": files,
+        "resolution": resolution,
+        "projector_resolution": resolution,
+        "rows": resolution.pixels(),
+        "columns": resolution.pixels(),
+        "nonzeros": nonzeros,
+        "rig": record,
+    }))?;
+    Ok(Outcome::Done)
+}
+
+/// What the files of a matrix's channels are called beside its name.
+fn names(channels: Channels) -> &'static [&'static str] {
+    match channels {
+        Channels::Luma => &[""],
+        Channels::Rgb => &[".r", ".g", ".b"],
+    }
 }
 
 /// What is to be written of a channel, each with what its file's name gets.

@@ -2,7 +2,9 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod brute_force;
 mod cache;
+mod compare;
 mod compensate;
 mod console;
 mod eigs;
@@ -10,11 +12,15 @@ mod info;
 mod labels;
 mod light;
 mod matrix;
+mod measured;
 mod noise;
 mod operator;
 mod options;
 mod pattern;
 mod photo;
+mod plan;
+mod rig_info;
+mod rig_source;
 mod run_folder;
 mod segment;
 mod simulation;
@@ -44,9 +50,11 @@ enum Verb {
     Segment(segment::Args),
     Compensate(compensate::Args),
     Eigs(eigs::Args),
+    Plan(plan::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
     Labels(labels::Args),
+    Compare(compare::Args),
     Info(info::Args),
     Cache(cache::Args),
 }
@@ -67,9 +75,11 @@ pub fn main() -> ExitCode {
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
         Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
+        Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
+        Verb::Compare(args) => compare::run(args, &console.with(&args.output)),
         Verb::Info(args) => info::run(args, &console.with(&args.output)),
         Verb::Cache(args) => cache::run(args, &console.with(args.output())),
     };

@@ -30,6 +30,12 @@ pub(super) enum OperatorArg {
 }
 
 impl OperatorArgs {
+    /// The first option given that is not what it is by itself.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let given = [(self.operator != OperatorArg::Auto, "--operator"), (self.memory.is_some(), "--memory")];
+        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+    }
+
     /// The limit in bytes.
     pub(super) fn memory(&self) -> u64 {
         self.memory.map_or_else(half_of_the_memory, |Bytes(bytes)| bytes)

@@ -28,6 +28,14 @@ pub(super) struct ViewArgs {
     pub(super) camera_file: Option<PathBuf>,
 }
 
+impl ViewArgs {
+    /// The first option given.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let given = [(self.camera.is_some(), "--camera"), (self.camera_file.is_some(), "--camera-file")];
+        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+    }
+}
+
 /// Where a run leaves its folder.
 #[derive(Args)]
 pub(super) struct RunArgs {

@@ -11,8 +11,9 @@ use super::noise::percent;
 use super::operator::OperatorArg;
 use super::options::{ChannelsArg, OutputArgs, SourceArgs};
 use super::pattern::Pattern;
+use super::rig_source::RigSource;
 use super::simulation::Simulation;
-use super::source::Source;
+use super::source::{self, Source};
 use super::trace::TraceArgs;
 use crate::image::Image;
 use crate::report::picture;
@@ -28,9 +29,9 @@ pub(super) struct Args {
     /// What is projected: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file
     #[arg(long, value_name = "PATTERN", default_value = "white")]
     pattern: Pattern,
-    /// Gray or coloured
-    #[arg(long, value_enum, default_value = "rgb")]
-    channels: ChannelsArg,
+    /// Gray or coloured [default: rgb; a rig's photo is what its camera sees]
+    #[arg(long, value_enum)]
+    channels: Option<ChannelsArg>,
     /// Trace for this one photo, or build the matrix and multiply (the same photo, to rounding); auto multiplies if the
     /// matrix is in the cache
     #[arg(long, value_enum, default_value = "auto")]
@@ -46,27 +47,30 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     args.files.iter().try_for_each(|file| picture::check_writable(file))?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let pattern = args.pattern.image(source.projector_resolution())?;
-    let simulation = source.simulation()?;
-    let settings = simulation.settings;
-    let Taken { photo, noise, is_replayed } = of_scene(args, simulation, &pattern, console)?;
+    let Taken { photo, noise, of, facts } = match &mut source {
+        Source::Scene(simulation) => of_scene(args, simulation, &pattern, console)?,
+        Source::Rig(rig) => of_rig(args, rig, &pattern, console)?,
+    };
     for file in &args.files {
         picture::write(file, &photo)?;
         console.say(format_args!("wrote     {}", file.display()))?;
     }
     let (mean, low, high) = statistics(&photo);
-    console.say(format_args!("radiance  mean {mean:.5}, from {low:.5} to {high:.5} W/(m² sr)"))?;
+    let unit = source.unit();
+    console.say(format_args!("radiance  mean {mean:.5}, from {low:.5} to {high:.5} {unit}"))?;
     if let Some(noise) = noise {
-        let of = if is_replayed { "the white photo" } else { "the photo" };
         console.say(format_args!("noise     {} % of {of}", percent(noise)))?;
     }
-    console.summary(&json!({
+    let mut summary = json!({
         "verb": "photo",
         "files": args.files,
-        "resolution": settings.resolution,
-        "samples_per_pixel": settings.samples,
+        "resolution": photo.resolution(),
         "noise": noise,
         "radiance": { "mean": mean, "min": low, "max": high },
-    }))?;
+        "unit": unit,
+    });
+    summary[facts.0] = facts.1;
+    console.summary(&summary)?;
     Ok(Outcome::Done)
 }
 
@@ -75,30 +79,50 @@ struct Taken {
     photo: Image,
     /// Relative, where that is known.
     noise: Option<f64>,
-    /// From a matrix, whose noise is that of the white photo.
-    is_replayed: bool,
+    /// What the noise is relative to.
+    of: &'static str,
+    /// What the summary has about how it was taken, by name.
+    facts: (&'static str, serde_json::Value),
 }
 
 fn of_scene(args: &Args, simulation: &mut Simulation, pattern: &Image, console: &Console) -> Result<Taken> {
-    let channels = args.channels.into();
+    let channels = args.channels.unwrap_or(ChannelsArg::Rgb).into();
+    let settings = simulation.settings;
+    let facts = ("samples_per_pixel", json!(settings.samples));
     let replayed = match args.operator {
         OperatorArg::Retrace => None,
         OperatorArg::Replay => Some(simulation.assemble(channels, console)?),
         // A single photo is never worth a matrix that is not there yet.
         OperatorArg::Auto => simulation.look_up(channels, console),
     };
-    let Some(traced) = replayed else {
-        let bar = console.bar("tracing");
-        let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
-        let settings = simulation.settings;
-        let mut rig =
-            Retraced { tracer: &mut simulation.tracer, settings, channels, progress: &mut progress };
-        let (photo, error) = rig.photograph_with_error(pattern)?;
-        let noise = (settings.samples > 1).then(|| norm(&error) / norm(&photo));
-        return Ok(Taken { photo, noise: noise.filter(|noise| noise.is_finite()), is_replayed: false });
-    };
-    let noise = traced.noise.as_ref().map(|noise| noise.white_relative);
-    Ok(Taken { photo: Simulated { traced }.photograph(pattern)?, noise, is_replayed: true })
+    if let Some(traced) = replayed {
+        let noise = traced.noise.as_ref().map(|noise| noise.white_relative);
+        let photo = Simulated { traced }.photograph(pattern)?;
+        return Ok(Taken { photo, noise, of: "the white photo", facts });
+    }
+    let bar = console.bar("tracing");
+    let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
+    let mut rig = Retraced { tracer: &mut simulation.tracer, settings, channels, progress: &mut progress };
+    let (photo, error) = rig.photograph_with_error(pattern)?;
+    let noise = (settings.samples > 1).then(|| norm(&error) / norm(&photo));
+    Ok(Taken { photo, noise: noise.filter(|noise| noise.is_finite()), of: "the photo", facts })
+}
+
+/// The light of the pattern alone: the black photo, with all other light, is subtracted if the rig file does not say otherwise.
+fn of_rig(args: &Args, rig: &mut RigSource, pattern: &Image, console: &Console) -> Result<Taken> {
+    if args.operator != OperatorArg::Auto {
+        return Err(source::not_for_rigs("--operator"));
+    }
+    let mut measured = rig.measured(args.channels.map(Into::into), console)?;
+    let photo = measured.measurement.photograph(pattern)?;
+    let noise = norm(&photo.errors_to_image()?) / norm(&photo.to_image()?);
+    let facts = ("rig", json!(measured.record(true)?));
+    Ok(Taken {
+        photo: photo.to_image()?,
+        noise: Some(noise).filter(|noise| noise.is_finite()),
+        of: "the photo",
+        facts,
+    })
 }
 
 fn norm(image: &Image) -> f64 {

@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::console::Console;
+use super::light::Light;
+use super::measured;
 use super::options::RunArgs;
 use crate::error::{Error, Result};
 use crate::report::manifest::{self, Manifest, Status};
@@ -48,6 +51,21 @@ impl RunFolder {
         let hash = blake3::hash(&bytes).to_hex().to_string();
         self.manifest.scene = Some(manifest::Scene { path: path.display().to_string(), hash });
         Ok(())
+    }
+
+    /// Notes what a run on a rig has cost, and says it; then hands on what came of it. What it has cost is of interest above all
+    /// when it failed.
+    pub(super) fn record_rig<T>(
+        &mut self,
+        light: &mut Light<'_>,
+        found: Result<T>,
+        console: &Console,
+    ) -> anyhow::Result<T> {
+        self.manifest.rig = light.record(found.is_ok())?;
+        if let Some(rig) = &self.manifest.rig {
+            measured::say(rig, console)?;
+        }
+        Ok(found?)
     }
 
     /// Seconds since the run started.

@@ -94,7 +94,6 @@ impl TraceArgs {
 
     /// The settings for a virtual rig's scene, where its file says `settings`. The seed is left to it: equal devices see
     /// equal scenes.
-    #[allow(dead_code, reason = "rig files are opened from the next commit on")]
     pub(super) fn settings_of_rig(&self, settings: TraceSettings) -> TraceSettings {
         self.over(settings)
     }
@@ -105,7 +104,6 @@ impl TraceArgs {
     }
 
     /// The first option given that says what is traced, or how: a source that traces nothing has no use for it.
-    #[allow(dead_code, reason = "rig files are opened from the next commit on")]
     pub(super) fn given(&self) -> Option<&'static str> {
         let given = [
             (self.size.size.is_some(), "--size"),

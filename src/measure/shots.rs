@@ -17,7 +17,7 @@ pub struct Shot {
 }
 
 /// What a session with a rig has cost so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Effort {
     /// Frames shown on the projector.
     pub shown: u64,

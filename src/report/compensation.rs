@@ -149,7 +149,7 @@ impl CompensationRun<'_> {
         let found = self.found;
         let (ours, theirs) = (rows(&found.history), rows(&found.baseline));
         let mut lines: Vec<(&str, &[residuals::Row])> = vec![(self.method, &ours)];
-        if self.method != "jacobi" {
+        if self.method != "jacobi" && !theirs.is_empty() {
             lines.push(("projected Jacobi", &theirs));
         }
         let mut marks = vec![(found.uncompensated_residual, "uncompensated".to_owned())];

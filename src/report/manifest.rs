@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{atomic, clock};
 use crate::error::{Error, Result};
+use crate::measure::{Effort, MeasureOptions};
 
 /// The version of the record's own format.
 pub const FORMAT: u32 = 1;
@@ -50,6 +51,9 @@ pub struct Manifest {
     /// How far the matrix is from the true one.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub noise: Option<Noise>,
+    /// What a run on a rig cost, and how its photos were made.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub rig: Option<Rig>,
     /// Photos taken.
     pub photos: u64,
     /// What took how long, in the order in which it happened.
@@ -87,6 +91,26 @@ impl From<&crate::transport::Noise> for Noise {
     fn from(noise: &crate::transport::Noise) -> Self {
         Self { operator: noise.operator, global: noise.global, white: noise.white_relative }
     }
+}
+
+/// What a run on a rig cost, and how its photos were made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rig {
+    /// The calibration's folder; none: the devices were taken as ideal.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub calibration: Option<String>,
+    /// The stages between counts and light, and how each was set.
+    pub measurement: MeasureOptions,
+    /// Different patterns shown.
+    pub patterns: u64,
+    /// Frames and time.
+    pub effort: Effort,
+    /// The standard error of the white photo, relative to it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub noise: Option<f64>,
+    /// By which share white has changed during the run, as the drift sentinel saw it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub drift: Option<f64>,
 }
 
 /// The graphics adapter.
@@ -136,6 +160,7 @@ impl Manifest {
             max_bounces: None,
             channels: None,
             noise: None,
+            rig: None,
             photos: 0,
             timings: Vec::new(),
             outputs: Vec::new(),

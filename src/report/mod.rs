@@ -39,3 +39,5 @@ mod spectrum;
 mod srgb;
 mod svg;
 pub mod tone;
+
+pub(crate) use run::stages;

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::manifest::Manifest;
+use super::manifest::{Manifest, Rig};
+use crate::measure::{DirectBy, MeasureOptions};
 
 /// The files of a run's folder, noted by name as they are asked for.
 pub(super) struct Files<'a> {
@@ -37,6 +38,7 @@ pub(super) fn facts(
         let [matrix, global] = [noise.operator, noise.global].map(|share| 100.0 * share);
         ("Noise of the matrix", format!("{matrix:.2} %, {global:.2} % without direct light"))
     }));
+    facts.extend(manifest.rig.iter().flat_map(rig_facts));
     facts.extend(more);
     facts.extend(manifest.seed.map(|seed| ("Seed", seed.to_string())));
     facts.extend(manifest.adapter.as_ref().map(|adapter| ("Adapter", adapter.name.clone())));
@@ -44,4 +46,54 @@ pub(super) fn facts(
     facts.push(("Started", manifest.started.clone()));
     facts.push(("krylux", manifest.version.clone()));
     facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+/// What a run on a rig cost, and how its photos were made.
+fn rig_facts(rig: &Rig) -> Vec<(&'static str, String)> {
+    let effort = &rig.effort;
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    let mut facts = vec![
+        ("Patterns", rig.patterns.to_string()),
+        ("Frames", format!("{} shown, {} taken", effort.shown, effort.taken)),
+        ("Time on the rig", format!("{:.1} s", effort.seconds)),
+    ];
+    if effort.replayed > 0 {
+        facts.push(("From the journal", format!("{} frames", effort.replayed)));
+    }
+    if effort.dropped + effort.repeated + effort.late + effort.restarts > 0 {
+        facts.push((
+            "Refused",
+            format!(
+                "{} dropped, {} repeated, {} late; {} restarts",
+                effort.dropped, effort.repeated, effort.late, effort.restarts
+            ),
+        ));
+    }
+    facts.push(("Calibration", rig.calibration.clone().unwrap_or("none: devices taken as ideal".into())));
+    facts.push(("Stages", stages(&rig.measurement)));
+    facts.extend(rig.noise.map(|noise| ("Noise of the white photo", percent(noise))));
+    facts.extend(rig.drift.map(|drift| ("Drift of the lamp", percent(drift))));
+    facts
+}
+
+/// The stages between counts and light, in words.
+pub(crate) fn stages(options: &MeasureOptions) -> String {
+    let times = |count: u32, what: &str| (count > 1).then(|| format!("{count} {what}"));
+    let named = |on: bool, name: &str| on.then(|| name.to_owned());
+    let parts = [
+        times(options.takes, "takes"),
+        times(options.bit_planes, "bit planes"),
+        match options.exposures.len() as u32 {
+            0 => times(options.brackets, "exposures at most"),
+            exposures => times(exposures, "exposures"),
+        },
+        named(options.ambient, "ambient light subtracted"),
+        named(options.response, "responses undone"),
+        named(options.registration, "registered"),
+        named(options.direct == DirectBy::Patterns, "direct light by patterns"),
+        (options.blur > 0.0).then(|| format!("blur of {} pixels", options.blur)),
+        (options.sentinel_every > 0)
+            .then(|| format!("white again every {} patterns", options.sentinel_every)),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }

@@ -28,6 +28,11 @@ impl Given {
         }
         Ok(Self { matrix, resolution })
     }
+
+    /// The matrix.
+    pub fn matrix(&self) -> &Csr {
+        &self.matrix
+    }
 }
 
 impl Transport for Given {

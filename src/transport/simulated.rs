@@ -1,5 +1,7 @@
 //! Photos by replay: products with the frozen matrix.
 
+use std::sync::Arc;
+
 use super::{Assembled, Channels, Part, Transport, from_planes, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -25,14 +27,38 @@ impl Transport for Simulated {
     }
 
     fn photograph(&mut self, pattern: &Image) -> Result<Image> {
-        let lit = planes(pattern, self.pattern_resolution(), self.channels())?;
-        let mut photo = vec![vec![0.0; self.photo_resolution().pixels()]; lit.len()];
-        for (channel, (pattern, plane)) in lit.iter().zip(&mut photo).enumerate() {
-            self.traced.matrix.apply(Part::Full, channel, pattern, plane);
-            for (value, ambient) in plane.iter_mut().zip(self.traced.ambient.plane(channel)) {
-                *value += ambient;
-            }
-        }
-        from_planes(self.photo_resolution(), &photo)
+        photograph(&self.traced, pattern)
     }
+}
+
+/// A traced scene that several rigs look at.
+impl Transport for Arc<Assembled> {
+    fn pattern_resolution(&self) -> Resolution {
+        self.matrix.projector_resolution()
+    }
+
+    fn photo_resolution(&self) -> Resolution {
+        self.matrix.resolution()
+    }
+
+    fn channels(&self) -> Channels {
+        self.matrix.channels()
+    }
+
+    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        photograph(self, pattern)
+    }
+}
+
+fn photograph(traced: &Assembled, pattern: &Image) -> Result<Image> {
+    let matrix = &traced.matrix;
+    let lit = planes(pattern, matrix.projector_resolution(), matrix.channels())?;
+    let mut photo = vec![vec![0.0; matrix.resolution().pixels()]; lit.len()];
+    for (channel, (pattern, plane)) in lit.iter().zip(&mut photo).enumerate() {
+        matrix.apply(Part::Full, channel, pattern, plane);
+        for (value, ambient) in plane.iter_mut().zip(traced.ambient.plane(channel)) {
+            *value += ambient;
+        }
+    }
+    from_planes(matrix.resolution(), &photo)
 }

@@ -48,7 +48,7 @@ pub struct Compensation {
     pub uncompensated_residual: f64,
     /// A row for each photo of the method; before clipping.
     pub history: Vec<CompensationRow>,
-    /// The same for projected Jacobi with as many photos.
+    /// The same for projected Jacobi with as many photos; empty where it is not asked for.
     pub baseline: Vec<CompensationRow>,
     /// Photos that the method took. Those that only show a result (`observed`, `uncompensated`, and all of the baseline) are
     /// not among them.
@@ -89,6 +89,7 @@ pub fn compensate<O: Adjoint>(
     let photos = solutions.iter().map(|found| found.stats.products).max().unwrap_or(0);
     let baseline = match options.method {
         Method::Jacobi => solutions.clone(),
+        _ if !options.baseline => Vec::new(),
         _ => run.solve_all(channels, Method::Jacobi, photos.max(1), &mut keep_solving)?,
     };
 

@@ -20,6 +20,8 @@ pub struct CompensateOptions {
     /// symmetric operators, and
     /// nothing for those inside a box, which scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
+    /// Whether projected Jacobi is given as many photos, to be compared with. On a rig these are dear. Default true.
+    pub baseline: bool,
 }
 
 /// An approximate inverse from the photos that are there.
@@ -35,7 +37,15 @@ pub enum Precondition {
 
 impl Default for CompensateOptions {
     fn default() -> Self {
-        Self { method: Method::KrylovBox, photos: 20, rtol: 1e-3, floor: 0.0, peak: None, precondition: None }
+        Self {
+            method: Method::KrylovBox,
+            photos: 20,
+            rtol: 1e-3,
+            floor: 0.0,
+            peak: None,
+            precondition: None,
+            baseline: true,
+        }
     }
 }
 

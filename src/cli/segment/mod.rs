@@ -1,12 +1,10 @@
 //! `krylux segment`: light transport segmentation, from the scene to the report.
 
 mod photos;
+mod question;
 mod verdict;
 
-use std::str::FromStr;
-
 use anyhow::Result;
-use clap::ValueEnum;
 use serde_json::json;
 
 use super::Outcome;
@@ -16,12 +14,12 @@ use super::options::{OutputArgs, RunArgs, SourceArgs};
 use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
+use crate::analysis::Capture;
 use crate::analysis::segment::feature_view;
-use crate::analysis::{Capture, Cut, SegmentOptions};
-use crate::image::Resolution;
 use crate::report::segmentation::{SegmentationExtras, SegmentationRun};
 use crate::transport::Channels;
-use photos::{DirectArg, Question};
+use photos::{Graph, LightArgs};
+pub(super) use question::Question;
 
 /// Segment a scene by how light travels in it: pixels that exchange light form a group
 #[derive(clap::Args)]
@@ -32,45 +30,10 @@ pub(super) struct Args {
     trace: TraceArgs,
     #[command(flatten)]
     operator: OperatorArgs,
-    /// Photos to take at most
-    #[arg(long, value_name = "N", default_value_t = 50)]
-    photos: usize,
-    /// Numbers of groups, all from the same photos
-    #[arg(long, value_name = "K,K,...", value_delimiter = ',', default_value = "2,6,10")]
-    groups: Vec<usize>,
-    /// Eigenvectors that the groups are made from
-    #[arg(long, value_name = "N", default_value_t = 10)]
-    eigenvectors: usize,
-    /// Weigh the light across a cut against each side's light, or against its number of pixels
-    #[arg(long, value_enum, default_value = "normalized")]
-    cut: CutArg,
-    /// Added to every edge of the graph, in units of A: very small groups are worth less
-    #[arg(long, value_name = "X", default_value_t = 0.0)]
-    mu: f64,
-    /// How direct light, which tells nothing of groups, is told apart
-    #[arg(long, value_enum, default_value = "simulator")]
-    direct: DirectArg,
-    /// Photos of direct light where it is measured: of random patterns, or of squares shifted to as many places
-    #[arg(long, value_name = "N", default_value_t = 16)]
-    direct_photos: usize,
-    /// Pixels of a square's side, for --direct patterns
-    #[arg(long, value_name = "N", default_value_t = 4)]
-    direct_square: usize,
-    /// The same as --direct keep
-    #[arg(long, conflicts_with = "direct")]
-    keep_direct: bool,
-    /// Blur patterns and photos alike by a Gaussian of so many pixels: less noise, and still symmetric
-    #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
-    blur: f64,
-    /// Show where these pixels lie in the space of eigenvectors, and how far apart
-    #[arg(long, value_name = "X,Y;X,Y;...", value_delimiter = ';')]
-    features: Vec<Pixel>,
-    /// Light each group alone, one more photo for each: how much of its light stays within it
-    #[arg(long)]
-    evidence: bool,
-    /// Mask pixels with less than this share of the median global light
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
-    mask_below: f64,
+    #[command(flatten)]
+    question: Question,
+    #[command(flatten)]
+    light: LightArgs,
     /// Exit with 1 if the groups agree less than this with the scene's true labels (adjusted Rand index, at the number of
     /// groups that the labels have)
     #[arg(long, value_name = "X")]
@@ -81,90 +44,21 @@ pub(super) struct Args {
     pub(super) output: OutputArgs,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum CutArg {
-    Normalized,
-    Average,
-}
-
-/// `--features`: a column and a row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Pixel(usize, usize);
-
-impl FromStr for Pixel {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parsed =
-            text.split_once(',').and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
-        let (x, y) = parsed.ok_or_else(|| format!("`{text}` is no pixel; write column,row as in 20,35"))?;
-        Ok(Self(x, y))
-    }
-}
-
-impl Args {
-    fn chosen(&self) -> Vec<(usize, usize)> {
-        self.features.iter().map(|&Pixel(x, y)| (x, y)).collect()
-    }
-
-    /// Whether a pixel is in the picture is known before any photo.
-    fn check_pixels(&self, resolution: Resolution) -> crate::Result<()> {
-        let outside = |&(x, y): &(usize, usize)| x >= resolution.width || y >= resolution.height;
-        match self.chosen().into_iter().find(outside) {
-            None => Ok(()),
-            Some((x, y)) => Err(crate::Error::Option {
-                option: "--features".into(),
-                fault: format!("pixel {x},{y} is outside of the picture"),
-                help: format!("it has {resolution} pixels; columns and rows are counted from 0"),
-            }),
-        }
-    }
-
-    fn question(&self, resolution: Resolution) -> Question {
-        Question {
-            direct: if self.keep_direct { DirectArg::Keep } else { self.direct },
-            direct_photos: self.direct_photos,
-            square: self.direct_square,
-            blur: self.blur,
-            resolution,
-            seed: self.trace.seed(),
-        }
-    }
-
-    fn options(&self) -> SegmentOptions {
-        SegmentOptions {
-            photos: self.photos,
-            groups: self.groups.clone(),
-            eigenvectors: self.eigenvectors,
-            cut: match self.cut {
-                CutArg::Normalized => Cut::Normalized,
-                CutArg::Average => Cut::Average,
-            },
-            mu: self.mu,
-            mask_below: self.mask_below,
-            seed: self.trace.seed(),
-            ..SegmentOptions::default()
-        }
-    }
-}
-
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // What is wrong with the options or the scene should show before anything is written or traced.
-    let capture = Capture::new(args.options())?;
+    let capture = Capture::new(args.question.options(args.trace.seed()))?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
-    let question = args.question(source.resolution());
-    question.check()?;
-    args.check_pixels(source.resolution())?;
+    let graph = args.light.graph(&args.question, source.resolution(), args.trace.seed())?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-segment", source.name()))?;
     source.describe(&mut folder.manifest, Channels::Luma);
-    let outcome = segment(args, console, (capture, &question), &mut source, &mut folder);
+    let outcome = segment(args, console, (capture, &graph), &mut source, &mut folder);
     folder.close(outcome)
 }
 
 fn segment(
     args: &Args,
     console: &Console,
-    (mut capture, question): (Capture, &Question),
+    (mut capture, graph): (Capture, &Graph),
     source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
@@ -176,18 +70,19 @@ fn segment(
 
     let bar = console.bar("photos");
     let taken = folder.timed("photos", |_| {
-        light.with_operator(question.part(), console, |operator| {
-            question.ask(operator, &mut capture, args.evidence, &mut |step| {
+        light.with_operator(graph.part, console, |operator| {
+            graph.photograph(operator, &mut capture, &mut |step| {
                 bar.at(step.products as u64, step.budget as u64)
             })
         })
-    })?;
+    });
     drop(bar);
+    let taken = folder.record_rig(&mut light, taken, console)?;
     if console.check().is_break() {
         return Err(crate::Error::Interrupted.into());
     }
     let segmentation = &taken.segmentation;
-    let features = match args.chosen().as_slice() {
+    let features = match args.light.chosen().as_slice() {
         [] => None,
         chosen => Some(feature_view(segmentation, resolution, chosen)?),
     };
@@ -227,6 +122,7 @@ fn segment(
         "eigenvalues": segmentation.eigenvalues,
         "residuals": segmentation.residuals,
         "noise": folder.manifest.noise,
+        "rig": folder.manifest.rig,
         "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),
         "adjusted_rand_index": scores.iter().map(|(k, s)| (k.to_string(), json!(s))).collect::<serde_json::Map<_, _>>(),
         "evidence": taken.evidence.iter().map(|of| {

@@ -1,9 +1,8 @@
 //! Scenes whose light transport is known in closed form.
 
-use std::collections::HashMap;
+use glam::{Vec3, vec3};
 
-use glam::{DVec3, Vec3, dvec3, vec3};
-
+use super::icosphere::icosphere;
 use super::model::{Model, Part, camera_along_z, matte};
 use crate::scene::Scene;
 
@@ -42,10 +41,7 @@ pub fn parallel_plates(side: f32, separation: f32, albedo: f32) -> Scene {
 ///
 /// In the limit of a true sphere every point sees every other alike: once the light has bounced, it is uniform.
 pub fn inside_sphere(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
-    let (mut vertices, mut triangles) = icosahedron();
-    for _ in 0..subdivisions.min(8) {
-        triangles = split(&mut vertices, &triangles);
-    }
+    let (vertices, triangles) = icosphere(subdivisions);
     let mut part = Part::new("sphere", None);
     part.positions = vertices.iter().map(|vertex| (f64::from(radius) * *vertex).as_vec3()).collect();
     part.triangles = triangles;
@@ -55,46 +51,4 @@ pub fn inside_sphere(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
 fn matte_scene(name: &'static str, parts: Vec<Part>, albedo: f32, tan_half_fov: f32) -> Scene {
     let materials = vec![matte("matte", Vec3::splat(albedo))];
     Model { name, parts, materials, camera: camera_along_z(Vec3::ZERO, tan_half_fov) }.to_scene()
-}
-
-/// Vertices on the unit sphere; triangles counter-clockwise as seen from inside.
-fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
-    let mut vertices = Vec::new();
-    for (one, long) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
-        vertices.extend([dvec3(0.0, one, long), dvec3(one, long, 0.0), dvec3(long, 0.0, one)]);
-    }
-    // Faces are the triples at the edge length, 2, of each other.
-    let adjacent = |a: usize, b: usize| (vertices[a].distance(vertices[b]) - 2.0).abs() < 1e-9;
-    let mut triangles = Vec::new();
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                if adjacent(a, b) && adjacent(b, c) && adjacent(c, a) {
-                    let outwards =
-                        (vertices[b] - vertices[a]).cross(vertices[c] - vertices[a]).dot(vertices[a]) > 0.0;
-                    let [a, b, c] = [a as u32, b as u32, c as u32];
-                    triangles.push(if outwards { [a, c, b] } else { [a, b, c] });
-                }
-            }
-        }
-    }
-    (vertices.into_iter().map(DVec3::normalize).collect(), triangles)
-}
-
-/// Splits each triangle at the middles of its edges, which move out to the sphere.
-fn split(vertices: &mut Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
-    let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
-    let mut middle = |a: u32, b: u32| {
-        *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
-            vertices.push((vertices[a as usize] + vertices[b as usize]).normalize());
-            vertices.len() as u32 - 1
-        })
-    };
-    let mut finer = Vec::with_capacity(4 * triangles.len());
-    for &[a, b, c] in triangles {
-        let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
-        finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-    }
-    finer
 }

@@ -5,6 +5,7 @@
 //! | `zigzag` | two folded sheets that exchange no light |
 //! | `corner` | two planes at a right angle |
 //! | `mirror` | a wall and a mirror at a right angle |
+//! | `mirror-ball` | a mirror ball on the floor of a white room |
 //! | `cornell` | a coloured box with two blocks |
 //! | `two-sheets` | two curved sheets of paper that exchange no light |
 //! | `carton` | an egg carton of twelve cups that exchange no light |
@@ -17,7 +18,9 @@ mod cornell;
 mod corner;
 mod egg_carton;
 mod glb;
+mod icosphere;
 mod mirror;
+mod mirror_ball;
 mod model;
 mod tessellated_box;
 mod two_sheets;
@@ -28,6 +31,7 @@ pub use cornell::cornell;
 pub use corner::corner;
 pub use egg_carton::{carton, carton_eggs};
 pub use mirror::mirror;
+pub use mirror_ball::mirror_ball;
 pub use model::{Model, Part};
 pub use tessellated_box::tessellated_box;
 pub use two_sheets::two_sheets;
@@ -35,5 +39,5 @@ pub use zigzag::zigzag;
 
 /// Every shipped scene; the file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
 pub fn shipped() -> Vec<Model> {
-    vec![zigzag(), corner(), mirror(), cornell(), two_sheets(), carton(), carton_eggs()]
+    vec![zigzag(), corner(), mirror(), mirror_ball(), cornell(), two_sheets(), carton(), carton_eggs()]
 }

@@ -1,0 +1,56 @@
+//! Eigenvalues on the twin.
+
+use super::{Cost, Planner};
+use crate::error::Result;
+use crate::krylov::{Eigs, EigsOptions, Monitor, eigs, keep_going, norm};
+use crate::operator::Operator;
+use crate::transport::Part;
+
+/// Eigenvalues on the twin, and how far they are off.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct EigenvaluesTrial {
+    /// What it took.
+    pub cost: Cost,
+    /// The difference of each from that without any device between, relative to the largest one's magnitude. The units are made
+    /// equal by the norms of the white photos.
+    pub errors: Vec<f64>,
+}
+
+impl Planner<'_> {
+    /// The eigenpairs without any device between, by the same method and photos.
+    ///
+    /// # Errors
+    /// As [`eigs`].
+    pub fn ideal_eigenpairs(&self, part: Part, options: &EigsOptions) -> Result<Eigs> {
+        eigs(&mut self.twin.operator(part, 0)?, options, &mut keep_going)
+    }
+
+    /// The eigenpairs of the twin with the noise of this seed. `ideal` is [`Planner::ideal_eigenpairs`].
+    ///
+    /// # Errors
+    /// As [`eigs`], and whatever the rig fails with.
+    pub fn eigenvalues(
+        &self,
+        part: Part,
+        options: &EigsOptions,
+        ideal: &Eigs,
+        seed: u64,
+        monitor: &mut Monitor<'_>,
+    ) -> Result<EigenvaluesTrial> {
+        let mut measurement = self.measure(seed)?.in_luma();
+        let found = eigs(&mut measurement.operator(part, 0), options, monitor)?;
+        let mut full = self.twin.operator(Part::Full, 0)?;
+        let mut white = vec![0.0; full.rows()];
+        full.apply(&vec![1.0; full.cols()], &mut white)?;
+        let scale = match measurement.white()?.planes.first() {
+            Some(plane) => norm(&white) / norm(&plane.values),
+            None => f64::NAN,
+        };
+        let largest = ideal.values.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        let errors = found.values.iter().zip(&ideal.values);
+        Ok(EigenvaluesTrial {
+            cost: Cost::of(&measurement, found.stats.products),
+            errors: errors.map(|(found, ideal)| (scale * found - ideal) / largest).collect(),
+        })
+    }
+}

@@ -1,0 +1,173 @@
+//! What a virtual rig looks at: light transport that is known exactly.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::image::Image;
+use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::rig::{VirtualProjector, VirtualRig};
+use crate::sparse::{Csr, SparseOperator};
+use crate::transport::{Assembled, Given, MatrixOperator, Part, Transport};
+
+/// Light transport that many rigs can look at, one after the other.
+#[derive(Clone, Debug)]
+pub enum Twin {
+    /// A traced scene.
+    Traced(Arc<Assembled>),
+    /// A given matrix.
+    Given(Given),
+}
+
+impl Twin {
+    /// For a rig to be opened on.
+    pub fn transport(&self) -> Box<dyn Transport> {
+        match self {
+            Self::Traced(traced) => Box::new(Arc::clone(traced)),
+            Self::Given(given) => Box::new(given.clone()),
+        }
+    }
+
+    /// One channel as the Krylov methods see it, in the matrix's own units.
+    ///
+    /// # Errors
+    /// None that a well-formed matrix can cause.
+    pub fn operator(&self, part: Part, channel: usize) -> Result<TwinOperator<'_>> {
+        Ok(match self {
+            Self::Traced(traced) => {
+                TwinOperator::Traced(MatrixOperator { matrix: &traced.matrix, part, channel })
+            }
+            Self::Given(given) => TwinOperator::Given(SparseOperator::new(part_of(given.matrix(), part)?)),
+        })
+    }
+
+    /// The light that is there without a pattern, in the units of [`Twin::operator`] times [`range_of`]: the scene's own, the
+    /// rig's ambient light, and the projector's black level.
+    ///
+    /// # Errors
+    /// None that a well-formed matrix can cause.
+    pub(super) fn ambient(&self, rig: &VirtualRig, channel: usize) -> Result<Vec<f64>> {
+        let mut operator = self.operator(Part::Full, channel)?;
+        let mut white = vec![0.0; operator.rows()];
+        operator.apply(&vec![1.0; operator.cols()], &mut white)?;
+        let mean = white.iter().sum::<f64>() / white.len() as f64;
+        let own = match self {
+            Self::Traced(traced) => traced.ambient.plane(channel),
+            Self::Given(_) => vec![0.0; white.len()],
+        };
+        let black = rig.projector.black_level;
+        Ok(white.iter().zip(own).map(|(white, own)| own + rig.ambient.level * mean + black * white).collect())
+    }
+}
+
+/// What a pattern of 1 stands for, in units of the projector's white: its brightest level less its black one.
+pub(super) fn range_of(rig: &VirtualRig) -> f64 {
+    1.0 - rig.projector.black_level
+}
+
+/// What the projector makes of a pattern in `[0, 1]`: each pixel at the level nearest in light.
+pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
+    let response = projector.response();
+    let top = (1_u32 << projector.bits) - 1;
+    let levels: Vec<f64> = (0..=top).map(|level| response.at(f64::from(level) / f64::from(top))).collect();
+    let nearest = |&value: &f32| {
+        let value = f64::from(value);
+        let above = levels.partition_point(|&level| level < value).min(levels.len() - 1);
+        let below = above.saturating_sub(1);
+        if value - levels[below] < levels[above] - value { levels[below] } else { levels[above] }
+    };
+    pattern.samples().iter().map(nearest).collect()
+}
+
+/// The diagonal, or all but that: of a coaxial rig the direct light and the rest.
+fn part_of(matrix: &Csr, part: Part) -> Result<Csr> {
+    if part == Part::Full {
+        return Ok(matrix.clone());
+    }
+    let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+    for row in 0..matrix.rows() {
+        let (of_row, values) = matrix.row(row);
+        for (&column, &weight) in of_row.iter().zip(values) {
+            if (column as usize == row) == (part == Part::Direct) {
+                columns.push(column);
+                weights.push(weight);
+            }
+        }
+        row_start.push(columns.len());
+    }
+    Csr::new(matrix.cols(), row_start, columns, weights)
+}
+
+/// One channel of a [`Twin`].
+pub enum TwinOperator<'a> {
+    /// Of a traced scene.
+    Traced(MatrixOperator<'a>),
+    /// Of a given matrix.
+    Given(SparseOperator),
+}
+
+impl TwinOperator<'_> {
+    fn inner(&mut self) -> &mut dyn Adjoint {
+        match self {
+            Self::Traced(operator) => operator,
+            Self::Given(operator) => operator,
+        }
+    }
+}
+
+impl Operator for TwinOperator<'_> {
+    fn rows(&self) -> usize {
+        match self {
+            Self::Traced(operator) => operator.rows(),
+            Self::Given(operator) => operator.rows(),
+        }
+    }
+
+    fn cols(&self) -> usize {
+        match self {
+            Self::Traced(operator) => operator.cols(),
+            Self::Given(operator) => operator.cols(),
+        }
+    }
+
+    /// Rigs are coaxial; a given matrix may be symmetric to its own precision only.
+    fn symmetry(&self) -> Symmetry {
+        match self {
+            Self::Traced(operator) => operator.symmetry(),
+            Self::Given(_) => Symmetry::Symmetric,
+        }
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.inner().apply(x, y)
+    }
+}
+
+impl Adjoint for TwinOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.inner().apply_adjoint(y, x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    #[test]
+    fn a_pattern_is_shown_at_the_levels_nearest_in_light() {
+        let projector = VirtualProjector { bits: 2, gamma: Some(2.0), ..VirtualProjector::default() };
+        let pattern = Image::new(Resolution::new(4, 1), 1, vec![0.0, 0.06, 0.2, 0.9]);
+        let found = shown(&projector, &pattern.expect("four samples"));
+        for (found, expected) in found.iter().zip([0.0, 1.0 / 9.0, 1.0 / 9.0, 1.0]) {
+            assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
+        }
+    }
+
+    #[test]
+    fn direct_and_global_light_of_a_given_matrix_add_up_to_it() {
+        let matrix =
+            Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![4.0, 1.0, 2.0, 8.0]).expect("well formed");
+        let weights = |part| part_of(&matrix, part).expect("well formed").weights().to_vec();
+        assert_eq!([weights(Part::Direct), weights(Part::Global)], [vec![4.0, 8.0], vec![1.0, 2.0]]);
+    }
+}

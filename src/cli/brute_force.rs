@@ -1,0 +1,89 @@
+//! A matrix by as many photos as it has columns: on a small rig the plain truth that everything else can be held against.
+
+use std::ops::ControlFlow;
+
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::operator::Operator;
+use crate::sparse::Csr;
+use crate::transport::Channels;
+
+/// Photos that may be taken where the user does not say.
+const PHOTOS: usize = 4096;
+
+/// Refuses what would take more photos than are allowed.
+///
+/// # Errors
+/// [`Error::Option`] naming `--photos`.
+pub(super) fn check(resolution: Resolution, channels: Channels, allowed: Option<usize>) -> Result<()> {
+    let needed = resolution.pixels() * channels.count();
+    if needed <= allowed.unwrap_or(PHOTOS) {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: "--photos".into(),
+        fault: format!(
+            "a matrix of {resolution} pixels takes {needed} photos, one for each column, but {} are allowed",
+            allowed.unwrap_or(PHOTOS)
+        ),
+        help: format!("give --photos {needed} if the rig has so much time, or fewer pixels"),
+    })
+}
+
+/// The matrix, column by column. Entries that are not 0 to the last bit are kept, noise and all: what is noise and what is light
+/// is not for this to say.
+///
+/// # Errors
+/// [`Error::Interrupted`], and what keeps a photo from being taken.
+pub(super) fn columns(
+    operator: &mut dyn Operator,
+    progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
+) -> Result<Csr> {
+    let (rows, count) = (operator.rows(), operator.cols());
+    let mut entries: Vec<Vec<(u32, f64)>> = vec![Vec::new(); rows];
+    let (mut pattern, mut photo) = (vec![0.0; count], vec![0.0; rows]);
+    for column in 0..count {
+        pattern[column] = 1.0;
+        operator.apply(&pattern, &mut photo)?;
+        pattern[column] = 0.0;
+        for (entries, &value) in entries.iter_mut().zip(&photo).filter(|(_, value)| **value != 0.0) {
+            entries.push((column as u32, value));
+        }
+        if progress(column as u64 + 1, count as u64).is_break() {
+            return Err(Error::Interrupted);
+        }
+    }
+    let mut row_start = vec![0];
+    for row in &entries {
+        row_start.push(row_start[row_start.len() - 1] + row.len());
+    }
+    let (columns, weights) = entries.concat().into_iter().unzip();
+    Csr::new(count, row_start, columns, weights)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::SparseOperator;
+
+    #[test]
+    fn columns_are_those_of_the_operator() {
+        let matrix = Csr::new(3, vec![0, 2, 3], vec![0, 2, 1], vec![1.0, -0.5, 4.0]);
+        let matrix = matrix.expect("well formed");
+        let mut steps = Vec::new();
+        let found = columns(&mut SparseOperator::new(matrix.clone()), &mut |done, total| {
+            steps.push((done, total));
+            ControlFlow::Continue(())
+        });
+        assert_eq!(found.expect("no product fails"), matrix);
+        assert_eq!(steps, [(1, 3), (2, 3), (3, 3)]);
+    }
+
+    #[test]
+    fn too_many_photos_are_refused_with_their_number() {
+        let refused = |side, allowed| check(Resolution::new(side, side), Channels::Luma, allowed);
+        assert!(refused(64, None).is_ok() && refused(8, Some(64)).is_ok());
+        let error = refused(65, None).expect_err("4225 photos").to_string();
+        assert!(error.contains("--photos") && error.contains("4225"), "{error}");
+    }
+}

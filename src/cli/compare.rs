@@ -1,0 +1,161 @@
+//! `krylux compare`: how alike two images are.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use serde_json::json;
+
+use super::Outcome;
+use super::console::Console;
+use super::options::OutputArgs;
+use crate::analysis::likeness::{Likeness, data_range, likeness};
+use crate::error::Error;
+use crate::image::Image;
+use crate::report::colormap::{paint_signed, robust_range};
+use crate::report::{npy, picture};
+
+/// Compare two images: RMSE, relative RMSE, PSNR and SSIM; exit status 1 past a threshold
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// An image: .npy, .exr, .png or .jpg (the last two decoded to linear values in [0, 1])
+    #[arg(value_name = "A")]
+    image: PathBuf,
+    /// The reference, of the same size and channels
+    #[arg(value_name = "B")]
+    reference: PathBuf,
+    /// The data range of PSNR and SSIM [default: from the least to the greatest value of B]
+    #[arg(long, value_name = "L")]
+    range: Option<f64>,
+    /// Exit status 1 if the RMSE is above this
+    #[arg(long, value_name = "X")]
+    max_rmse: Option<f64>,
+    /// Exit status 1 if the RMSE is above this share of B's root mean square
+    #[arg(long, value_name = "X")]
+    max_relative_rmse: Option<f64>,
+    /// Exit status 1 if the PSNR is below this, in dB
+    #[arg(long, value_name = "DB")]
+    min_psnr: Option<f64>,
+    /// Exit status 1 if SSIM is below this
+    #[arg(long, value_name = "X")]
+    min_ssim: Option<f64>,
+    /// Where A − B goes: .npy and .exr keep the values, .png shows them in blue (below) and red (above); may be given
+    /// several times
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
+    files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    args.files.iter().try_for_each(|file| picture::check_writable(file))?;
+    let image = picture::read(&args.image)?;
+    let reference = picture::read(&args.reference)?;
+    let found = compared(args, &image, &reference)?;
+    let misses = misses(args, &found)?;
+    for file in &args.files {
+        write_difference(file, &image, &reference)?;
+    }
+    say(&found, console)?;
+    misses.iter().for_each(|miss| console.note(miss));
+    console.summary(&json!({
+        "verb": "compare",
+        "rmse": found.rmse,
+        "relative_rmse": found.relative_rmse,
+        "largest": found.largest,
+        // JSON has no infinity: equal images have none.
+        "psnr": Some(found.psnr).filter(|psnr| psnr.is_finite()),
+        "ssim": found.ssim,
+        "range": found.range,
+        "files": args.files,
+        "alike": misses.is_empty(),
+    }))?;
+    Ok(if misses.is_empty() { Outcome::Done } else { Outcome::NotGoodEnough })
+}
+
+fn compared(args: &Args, image: &Image, reference: &Image) -> Result<Likeness> {
+    let shape = |image: &Image| (image.resolution(), image.channels());
+    if shape(image) != shape(reference) {
+        let in_words = |image: &Image| format!("{} pixels of {}", image.resolution(), channels(image));
+        return Err(Error::Data {
+            path: args.image.clone(),
+            fault: format!(
+                "it has {}, but {} has {}",
+                in_words(image),
+                args.reference.display(),
+                in_words(reference)
+            ),
+            help: "give two images of one size, both gray or both coloured".into(),
+        }
+        .into());
+    }
+    Ok(likeness(image, reference, args.range.unwrap_or_else(|| data_range(reference)))?)
+}
+
+fn channels(image: &Image) -> &'static str {
+    if image.channels() == 1 { "one channel" } else { "three channels" }
+}
+
+/// What is worse than asked for.
+fn misses(args: &Args, found: &Likeness) -> Result<Vec<String>> {
+    if args.min_ssim.is_some() && found.ssim.is_none() {
+        return Err(Error::Option {
+            option: "--min-ssim".into(),
+            fault: "the images are smaller than SSIM's window, 11x11 pixels".into(),
+            help: "use --max-relative-rmse or --min-psnr".into(),
+        }
+        .into());
+    }
+    let above = [
+        ("the RMSE", found.rmse, args.max_rmse),
+        ("the relative RMSE", found.relative_rmse, args.max_relative_rmse),
+    ];
+    let below = [("the PSNR", found.psnr, args.min_psnr), ("SSIM", found.ssim.unwrap_or(1.0), args.min_ssim)];
+    // Negated comparisons, so that a threshold of NaN is missed and not passed.
+    let above = above
+        .into_iter()
+        .filter_map(|(name, value, most)| {
+            most.filter(|&most| !(value <= most)).map(|most| (name, value, most))
+        })
+        .map(|(name, value, most)| format!("{name}, {value:.5}, is above {most}"));
+    let below = below
+        .into_iter()
+        .filter_map(|(name, value, least)| {
+            least.filter(|&least| !(value >= least)).map(|least| (name, value, least))
+        })
+        .map(|(name, value, least)| format!("{name}, {value:.5}, is below {least}"));
+    Ok(above.chain(below).collect())
+}
+
+fn say(found: &Likeness, console: &Console) -> Result<()> {
+    console.say(format_args!(
+        "rmse      {:.5e}, {} % of B's root mean square; {:.5e} at most",
+        found.rmse,
+        super::noise::percent(found.relative_rmse),
+        found.largest
+    ))?;
+    console.say(format_args!("psnr      {:.2} dB, for a data range of {:.5}", found.psnr, found.range))?;
+    match found.ssim {
+        Some(ssim) => console.say(format_args!("ssim      {ssim:.5}")),
+        None => console.say("ssim      none: the images are smaller than its window, 11x11 pixels"),
+    }
+}
+
+/// `A − B`; as a picture, the mean over the channels.
+fn write_difference(file: &Path, image: &Image, reference: &Image) -> Result<()> {
+    let samples = image.samples().iter().zip(reference.samples());
+    let difference = Image::new(image.resolution(), image.channels(), samples.map(|(a, b)| a - b).collect())?;
+    match file.extension().and_then(|extension| extension.to_str()) {
+        Some("npy") => npy::write_image(file, &difference)?,
+        Some("png") => {
+            let count = difference.channels();
+            let mean: Vec<f64> = difference
+                .samples()
+                .chunks_exact(count)
+                .map(|pixel| pixel.iter().map(|&value| f64::from(value)).sum::<f64>() / count as f64)
+                .collect();
+            paint_signed(difference.resolution(), &mean, None, robust_range(&mean, None))?.write_png(file)?;
+        }
+        _ => picture::write(file, &difference)?,
+    }
+    Ok(())
+}

@@ -1,0 +1,165 @@
+//! The camera's figures, from white and black frames at many exposures.
+
+use std::sync::Arc;
+
+use super::figure::Measured;
+use super::least_squares::Normal;
+use super::linear::Linear;
+use super::report::CameraFigures;
+use super::response::response;
+use super::saturation::{limit, plateau};
+use super::sitting::{Sitting, percentile};
+use super::transfer::transfer;
+use crate::error::{Error, Result};
+use crate::rig::{Frame, RawFrame};
+
+/// Exposures of the series: from white's, down by factors of √2.
+const SERIES: i32 = 15;
+
+/// Pairs of frames of a black projector at the shortest exposure.
+const DARK_PAIRS: usize = 4;
+
+/// Standard deviations of noise that saturation is kept away from.
+const MARGIN: f64 = 4.0;
+
+/// What is known of a camera.
+#[derive(Clone, Debug)]
+pub(super) struct Camera {
+    pub(super) linear: Linear,
+    /// Counts from here on may be saturated.
+    pub(super) limit: f64,
+    pub(super) figures: CameraFigures,
+    /// Relative noise of one white photo at an average pixel.
+    pub(super) white_noise: f64,
+}
+
+/// Measures the camera. `exposure` is the one at which `white` fills the range.
+///
+/// # Errors
+/// [`Error::Rig`] when frames cannot be taken; [`Error::Numerical`] when they do not tell.
+pub(super) fn camera(sitting: &mut Sitting<'_>, white: &Arc<Frame>, exposure: f64) -> Result<Camera> {
+    let full = sitting.full();
+    let shortest = sitting.camera().exposures[0];
+    let black = sitting.filled(0);
+    let dark: Vec<[RawFrame; 2]> = (0..DARK_PAIRS)
+        .map(|_| Ok([sitting.shoot(&black, shortest)?, sitting.shoot(&black, shortest)?]))
+        .collect::<Result<_>>()?;
+    let floor = percentile(dark[0][0].counts.iter().map(|&count| count.into()), 0.5);
+    let plateau = plateau(sitting, white, exposure, floor)?;
+    let (up, down) = series(sitting, white, exposure)?;
+    let darks = dark_series(sitting, &black, exposure)?;
+    let sorting = sitting.shoot(white, exposure)?;
+    // Until the noise is known: far enough below for a camera of one electron per DN.
+    let careful = limit(&plateau, (plateau.count - floor).sqrt(), MARGIN);
+    let frames: Vec<RawFrame> = up.iter().chain(&down).chain(&darks).cloned().collect();
+    let found = response(&frames, &sorting, floor, careful, full)?;
+    let mut linear = Linear { black: found.black, curve: found.curve };
+    let mut black_error = found.black_error;
+    let mut pairs = dark.clone();
+    pairs.extend(up.iter().cloned().zip(down.iter().cloned()).map(|(up, down)| [up, down]));
+    let first = transfer(&pairs, &linear, careful)?;
+    let dark_rate = if linear.curve.is_none() {
+        let line = dark_line(&dark, &darks, first.gain.value, first.read_noise.value)?;
+        linear.black = line[0].value;
+        black_error = line[0].error;
+        line[1]
+    } else {
+        curved_dark_rate(&darks, &linear)
+    };
+    let noise = transfer(&pairs, &linear, careful)?;
+    let top = linear.of(plateau.count);
+    let spread = (top.max(0.0) / noise.gain.value + noise.read_noise.value.powi(2)).sqrt();
+    let limit = limit(&plateau, spread / linear.slope(plateau.count).max(1e-3), MARGIN);
+    let white_noise = white_noise(&sorting, &linear, noise.gain.value, noise.read_noise.value);
+    Ok(Camera {
+        figures: CameraFigures {
+            black: Measured::new(linear.black, black_error),
+            read_noise: noise.read_noise,
+            gain: noise.gain,
+            plateau: plateau.count,
+            plateau_reached: plateau.reached,
+            full_well: noise.gain.scaled(top),
+            departure: found.departure,
+            linear: linear.curve.is_none(),
+            dark_rate,
+            exposure,
+        },
+        linear,
+        limit,
+        white_noise,
+    })
+}
+
+/// White at exposures from the shortest of the series up, and down again, so that a drift of the light cancels.
+fn series(
+    sitting: &mut Sitting<'_>,
+    white: &Arc<Frame>,
+    exposure: f64,
+) -> Result<(Vec<RawFrame>, Vec<RawFrame>)> {
+    let mut exposures: Vec<f64> =
+        (-1..SERIES).map(|step| sitting.allowed(exposure * 2_f64.powf(-0.5 * f64::from(step)))).collect();
+    exposures.dedup();
+    exposures.reverse();
+    let up = exposures.iter().map(|&e| sitting.shoot(white, e)).collect::<Result<Vec<_>>>()?;
+    let mut down = exposures.iter().rev().map(|&e| sitting.shoot(white, e)).collect::<Result<Vec<_>>>()?;
+    down.reverse();
+    if up.len() < 3 {
+        return Err(Error::Rig {
+            device: "camera".into(),
+            fault: "its exposures leave no room for a series: white fills the range near the shortest".into(),
+            help: "close the aperture, lower the gain, or dim the projector".into(),
+        });
+    }
+    Ok((up, down))
+}
+
+/// Black at white's exposure, and shorter.
+fn dark_series(sitting: &mut Sitting<'_>, black: &Arc<Frame>, exposure: f64) -> Result<Vec<RawFrame>> {
+    let mut frames = Vec::new();
+    for step in 0..4 {
+        let exposure = sitting.allowed(exposure * 2_f64.powi(-step));
+        for _ in 0..2 {
+            frames.push(sitting.shoot(black, exposure)?);
+        }
+    }
+    Ok(frames)
+}
+
+/// Mean counts of black frames over the exposure: black level, and DN per second.
+fn dark_line(
+    dark: &[[RawFrame; 2]],
+    darks: &[RawFrame],
+    gain: f64,
+    read_noise: f64,
+) -> Result<[Measured; 2]> {
+    let mut normal = Normal::new(2);
+    for frame in dark.iter().flatten().chain(darks) {
+        let samples = frame.counts.len() as f64;
+        let mean = frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / samples;
+        // The shot noise of what is above the least is bounded by taking all of it for light.
+        let variance = (read_noise.powi(2) + mean / gain) / samples;
+        normal.add_full(&[1.0, frame.exposure], mean, 1.0 / variance.max(1e-9));
+    }
+    let line = normal.solve()?;
+    Ok([0, 1].map(|at| Measured::new(line.values[at], line.error(at))))
+}
+
+fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> Measured {
+    let rates: Vec<f64> = darks
+        .iter()
+        .map(|frame| {
+            let sum: f64 = frame.counts.iter().map(|&count| linear.of(count.into())).sum();
+            sum / frame.counts.len() as f64 / frame.exposure
+        })
+        .collect();
+    let count = rates.len() as f64;
+    let mean = rates.iter().sum::<f64>() / count;
+    let squares: f64 = rates.iter().map(|rate| (rate - mean).powi(2)).sum();
+    Measured::new(mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
+}
+
+fn white_noise(white: &RawFrame, linear: &Linear, gain: f64, read_noise: f64) -> f64 {
+    let light = white.counts.iter().map(|&count| linear.of(count.into()).max(0.0)).sum::<f64>()
+        / white.counts.len() as f64;
+    (light / gain + read_noise.powi(2)).sqrt() / light.max(f64::MIN_POSITIVE)
+}

@@ -1,0 +1,91 @@
+//! Saddle points of a projected checkerboard, for cameras that do not resolve single projector pixels.
+//!
+//! The contrast of a checkerboard and its inverse, `(p − q)/(p + q)`, is a saddle at each inner corner, whatever the
+//! scene's albedo; its centre is that of a quadric fitted to the pixels around it (Lucchese and Mitra 2002).
+
+use super::gray_code::{Light, sum};
+use super::least_squares::Normal;
+use super::lens_map::{LensMap, Match};
+use super::sitting::Sitting;
+use crate::error::Result;
+
+/// Camera pixels that a square should have.
+const SQUARE: f64 = 6.0;
+
+/// Shows a checkerboard, and finds its corners near where `map` has them. Camera pixels that are not `lit` are not used.
+///
+/// # Errors
+/// Whatever keeps frames from being taken.
+pub(super) fn corners(
+    sitting: &mut Sitting<'_>,
+    light: &Light<'_>,
+    map: &LensMap,
+    lit: &[bool],
+) -> Result<Vec<Match>> {
+    let scale = map.camera.width as f64 / map.projector.width as f64;
+    let square = ((SQUARE / scale).ceil() as usize).max(1);
+    let bright = |x: usize, y: usize| (x / square + y / square).is_multiple_of(2);
+    let pattern = sum(sitting, light, bright)?;
+    let inverse = sum(sitting, light, |x, y| !bright(x, y))?;
+    let contrast: Vec<f64> =
+        pattern.iter().zip(&inverse).map(|(p, q)| (p - q) / (p + q).max(f64::MIN_POSITIVE)).collect();
+    let reach = 0.6 * square as f64 * scale;
+    let mut matches = Vec::new();
+    for row in (square..map.projector.height).step_by(square) {
+        for column in (square..map.projector.width).step_by(square) {
+            let projector = [column as f64, row as f64];
+            let near = map.to_camera(projector);
+            let saddle = near.and_then(|near| saddle(&contrast, lit, map, near, reach));
+            matches.extend(saddle.map(|camera| Match { camera, projector }));
+        }
+    }
+    Ok(matches)
+}
+
+/// The saddle point near `near`, in the camera's pixels from its corner; `None` where there is none, or too little to see.
+fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: f64) -> Option<[f64; 2]> {
+    let mut at = near;
+    for _ in 0..12 {
+        let mut normal = Normal::new(6);
+        let (mut count, mut all) = (0, 0);
+        let [left, top] = at.map(|centre| (centre - reach - 0.5).ceil());
+        let [right, bottom] = at.map(|centre| (centre + reach - 0.5).floor());
+        if left < 0.0 || top < 0.0 || right >= map.camera.width as f64 || bottom >= map.camera.height as f64 {
+            return None;
+        }
+        for row in top as usize..=bottom as usize {
+            for column in left as usize..=right as usize {
+                let [x, y] = [column as f64 + 0.5 - at[0], row as f64 + 0.5 - at[1]];
+                let distance = x.hypot(y) / reach;
+                if distance >= 1.0 {
+                    continue;
+                }
+                all += 1;
+                let pixel = row * map.camera.width + column;
+                if lit[pixel] {
+                    count += 1;
+                    // A window that ends softly lets no pixel jump in or out as the centre moves.
+                    let weight = (1.0 - distance * distance).powi(2);
+                    normal.add_full(&[1.0, x, y, x * x, x * y, y * y], contrast[pixel], weight);
+                }
+            }
+        }
+        if count < 12 || count * 5 < all * 4 {
+            return None;
+        }
+        let [_, a, b, xx, xy, yy] = normal.solve().ok()?.values.try_into().ok()?;
+        let determinant: f64 = 4.0 * xx * yy - xy * xy;
+        if determinant >= 0.0 || xy.abs() * reach * reach < 0.1 {
+            return None;
+        }
+        let step = [(xy * b - 2.0 * yy * a) / determinant, (xy * a - 2.0 * xx * b) / determinant];
+        if step[0].hypot(step[1]) > reach {
+            return None;
+        }
+        at = [at[0] + step[0], at[1] + step[1]];
+        if step[0].hypot(step[1]) < 1e-6 {
+            break;
+        }
+    }
+    ((at[0] - near[0]).hypot(at[1] - near[1]) < reach).then_some(at)
+}

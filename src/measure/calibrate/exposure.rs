@@ -1,0 +1,72 @@
+//! The exposure at which the white frame fills the camera's range.
+
+use std::sync::Arc;
+
+use super::sitting::{Sitting, percentile};
+use crate::error::{Error, Result};
+use crate::rig::Frame;
+
+/// Share of the range that the bright pixels are to reach.
+const FILL: f64 = 0.7;
+
+/// Pixels counted as bright: all but highlights.
+const BRIGHT: f64 = 0.98;
+
+/// The exposure at which the 98th percentile of `frame`'s photo is about 70 % of the camera's range, or the longest there is.
+///
+/// # Errors
+/// [`Error::Rig`] when even the shortest exposure saturates, or the longest shows nothing.
+pub(super) fn fill(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<f64> {
+    let [shortest, longest] = sitting.camera().exposures;
+    let full = sitting.full();
+    let black = sitting.filled(0);
+    let dark = sitting.shoot(&black, shortest)?;
+    let floor = percentile(dark.counts.iter().map(|&count| count.into()), 0.5);
+    let target = floor + FILL * (full - floor);
+    let mut exposure = sitting.allowed((shortest * longest).sqrt());
+    for _ in 0..24 {
+        let raw = sitting.shoot(frame, exposure)?;
+        let bright = percentile(raw.counts.iter().map(|&count| count.into()), BRIGHT);
+        if (bright - target).abs() < 0.1 * (full - floor) {
+            return Ok(raw.exposure);
+        }
+        // A saturated photo only tells that it was far too long; a full well may saturate below the largest count.
+        let factor = if bright > floor + 0.9 * (full - floor) {
+            0.2
+        } else {
+            ((target - floor) / (bright - floor).max(1e-3 * (full - floor))).clamp(0.2, 30.0)
+        };
+        let next = sitting.allowed(exposure * factor);
+        if next == exposure {
+            return if factor < 1.0 {
+                Err(saturated(exposure))
+            } else if bright - floor < 0.01 * (full - floor) {
+                Err(unseen(exposure))
+            } else {
+                Ok(raw.exposure)
+            };
+        }
+        exposure = next;
+    }
+    // A well that is full below the target: bright pixels never come near it.
+    Ok(exposure)
+}
+
+fn saturated(exposure: f64) -> Error {
+    Error::Rig {
+        device: "camera".into(),
+        fault: format!(
+            "the white frame saturates it even at {exposure} s, the shortest exposure that suits the projector"
+        ),
+        help: "close the lens's aperture, lower the gain, or dim the projector".into(),
+    }
+}
+
+fn unseen(exposure: f64) -> Error {
+    Error::Rig {
+        device: "camera".into(),
+        fault: format!("it sees next to nothing of the white frame at {exposure} s, its longest exposure"),
+        help: "take off the lens cap, open the aperture, or let the projector light what the camera sees"
+            .into(),
+    }
+}

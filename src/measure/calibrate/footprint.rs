@@ -1,0 +1,126 @@
+//! Footprints: which camera pixels see a projector pixel, by overlap.
+
+use super::gray_code::Decoded;
+use super::lens_map::LensMap;
+use crate::image::Resolution;
+use crate::measure::Registration;
+
+/// A projector pixel is taken to be seen when camera pixels that see light cover so much of it.
+const COVERED: f64 = 0.25;
+
+/// Weighs each camera pixel by the area of its overlap with the projector pixel, in the projector's raster. Camera pixels for
+/// which `lit` is false do not count; rows that are covered too little stay empty.
+pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
+    let Resolution { width, height } = map.projector;
+    let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); map.projector.pixels()];
+    for (pixel, _) in lit.iter().enumerate().filter(|(_, lit)| **lit) {
+        let [x, y] = [(pixel % map.camera.width) as f64, (pixel / map.camera.width) as f64];
+        let corners: Vec<[f64; 2]> = [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]]
+            .map(|corner| map.to_projector(corner))
+            .to_vec();
+        let span = |axis: usize, size: usize| {
+            let along = corners.iter().map(|corner| corner[axis]);
+            let low = along.clone().fold(f64::INFINITY, f64::min).floor().max(0.0);
+            let high = along.fold(f64::NEG_INFINITY, f64::max).ceil().min(size as f64);
+            low as usize..high.max(0.0) as usize
+        };
+        for row in span(1, height) {
+            for column in span(0, width) {
+                let area = overlap(&corners, [column as f64, row as f64]);
+                if area > 1e-9 {
+                    rows[row * width + column].push((pixel as u32, area));
+                }
+            }
+        }
+    }
+    from_rows(map.camera, map.projector, rows, COVERED)
+}
+
+/// Weighs all camera pixels alike that were decoded to a projector pixel: where no common map fits, as with a camera that
+/// does not look from where the projector does.
+pub(super) fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> Registration {
+    let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); projector.pixels()];
+    for seen in &decoded.seen {
+        let [column, row] = seen.at.map(|coordinate| coordinate as usize);
+        rows[row * projector.width + column].push((seen.pixel as u32, 1.0));
+    }
+    from_rows(camera, projector, rows, 0.0)
+}
+
+fn from_rows(
+    camera: Resolution,
+    projector: Resolution,
+    rows: Vec<Vec<(u32, f64)>>,
+    least: f64,
+) -> Registration {
+    let (mut starts, mut pixels, mut weights) = (vec![0], Vec::new(), Vec::new());
+    for row in rows {
+        let total: f64 = row.iter().map(|entry| entry.1).sum();
+        if total > least {
+            pixels.extend(row.iter().map(|entry| entry.0));
+            weights.extend(row.iter().map(|entry| entry.1 / total));
+        }
+        starts.push(pixels.len());
+    }
+    Registration { camera, projector, starts, pixels, weights }
+}
+
+/// Area that a convex polygon has in common with the unit square whose top left corner is `at` (Sutherland and Hodgman).
+fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
+    let mut points = polygon.to_vec();
+    for (axis, bound, sign) in
+        [(0, at[0], 1.0), (0, at[0] + 1.0, -1.0), (1, at[1], 1.0), (1, at[1] + 1.0, -1.0)]
+    {
+        let inside = |point: &[f64; 2]| sign * (point[axis] - bound) >= 0.0;
+        let mut clipped = Vec::with_capacity(points.len() + 1);
+        for index in 0..points.len() {
+            let (from, to) = (points[index], points[(index + 1) % points.len()]);
+            if inside(&from) {
+                clipped.push(from);
+            }
+            if inside(&from) != inside(&to) {
+                let share = (bound - from[axis]) / (to[axis] - from[axis]);
+                clipped.push([from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]);
+            }
+        }
+        points = clipped;
+    }
+    let twice: f64 = (0..points.len())
+        .map(|index| {
+            let (a, b) = (points[index], points[(index + 1) % points.len()]);
+            a[0] * b[1] - b[0] * a[1]
+        })
+        .sum();
+    0.5 * twice.abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_half_a_pixel_off_shares_each_of_its_pixels_between_two() {
+        let raster = Resolution::new(4, 1);
+        let unit = 0.5 * 4.0_f64.hypot(1.0);
+        let map = LensMap {
+            camera: raster,
+            projector: raster,
+            homography: [1.0, 0.0, 0.5 / unit, 0.0, 1.0, 0.0, 0.0, 0.0],
+            distortion: [0.0; 2],
+        };
+        let found = by_overlap(&map, &[true, true, false, true]);
+        assert_eq!(found.starts, [0, 1, 3, 4, 4], "the first is half seen; the fourth by a dark pixel only");
+        assert_eq!(found.pixels, [0, 0, 1, 1]);
+        let expected = [1.0, 0.5, 0.5, 1.0];
+        assert!(
+            found.weights.iter().zip(expected).all(|(weight, expected)| (weight - expected).abs() < 1e-9)
+        );
+    }
+
+    #[test]
+    fn the_overlap_of_a_turned_square_is_its_area_within() {
+        let diamond = [[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]];
+        assert!((overlap(&diamond, [0.0, 0.0]) - 0.5).abs() < 1e-12);
+        assert_eq!(overlap(&diamond, [1.0, 1.0]), 0.0);
+    }
+}

@@ -1,0 +1,158 @@
+//! Gray codes: which projector pixel each camera pixel looks at.
+//!
+//! Column and row numbers are shown bit by bit in Gray code, each bit with its inverse. A camera pixel reads a bit as the
+//! brighter of the two. Light that comes over other surfaces is nearly the same in both, for patterns finer than what
+//! bounces between surfaces can resolve; where direct light does not settle a bit, the pixel is left out (after Xu and
+//! Aliaga 2007: a bit counts only if the difference is a good part of the direct light, which the finest stripes tell).
+
+use super::linear::Linear;
+use super::sitting::{Mean, Sitting};
+use crate::error::Result;
+use crate::image::Resolution;
+
+/// The difference of pattern and inverse must be so much of the direct light.
+const DECIDED: f64 = 0.25;
+
+/// ... and so many standard deviations of its noise.
+const SIGMAS: f64 = 5.0;
+
+/// Camera pixels with less than this share of the median of all that are lit are not lit.
+const LIT: f64 = 0.02;
+
+/// What photos are read with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Light<'a> {
+    pub(super) linear: &'a Linear,
+    pub(super) gain: f64,
+    pub(super) read_noise: f64,
+    pub(super) exposure: f64,
+    pub(super) takes: u32,
+}
+
+/// A camera pixel and the projector coordinates that it looks at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Seen {
+    /// Camera pixel, by its number.
+    pub(super) pixel: usize,
+    /// Centre of the projector pixels that it may look at, in pixels from the top left corner of the raster.
+    pub(super) at: [f64; 2],
+}
+
+/// The decoded camera pixels.
+#[derive(Clone, Debug)]
+pub(super) struct Decoded {
+    pub(super) seen: Vec<Seen>,
+    /// Which camera pixels the projector lights.
+    pub(super) lit: Vec<bool>,
+    /// Share of these that are not decoded.
+    pub(super) unreliable: f64,
+    /// Projector pixels that a step of the decoded coordinates stands for: 1, or more where fine bits were left out.
+    pub(super) step: usize,
+}
+
+/// The bit of `index` that is `shift` places up in its Gray code.
+pub(super) fn gray_bit(index: usize, shift: u32) -> bool {
+    ((index ^ (index >> 1)) >> shift) & 1 == 1
+}
+
+/// The index whose Gray code is `code`.
+pub(super) fn from_gray(code: usize) -> usize {
+    let (mut index, mut rest) = (0, code);
+    while rest != 0 {
+        index ^= rest;
+        rest >>= 1;
+    }
+    index
+}
+
+/// Shows the codes and decodes them, without the `coarse` finest bits of each axis.
+///
+/// # Errors
+/// Whatever keeps frames from being taken.
+pub(super) fn gray_code(sitting: &mut Sitting<'_>, light: &Light<'_>, coarse: u32) -> Result<Decoded> {
+    let Resolution { width, height } = sitting.projector().resolution;
+    let white = sum(sitting, light, |_, _| true)?;
+    let black = sum(sitting, light, |_, _| false)?;
+    let difference: Vec<f64> = white.iter().zip(&black).map(|(white, black)| white - black).collect();
+    let bits = [width, height].map(|size| usize::BITS - (size - 1).leading_zeros());
+    let mut axes = Vec::new();
+    for (axis, &bits) in bits.iter().enumerate() {
+        let mut planes = Vec::new();
+        for shift in coarse.min(bits.saturating_sub(1))..bits {
+            let lit = |x: usize, y: usize| gray_bit([x, y][axis], shift);
+            let pattern = sum(sitting, light, lit)?;
+            let inverse = sum(sitting, light, |x, y| !lit(x, y))?;
+            planes.push((shift, pattern.iter().zip(&inverse).map(|(p, q)| p - q).collect::<Vec<f64>>()));
+        }
+        axes.push(planes);
+    }
+    let channels = sitting.camera().channels as f64;
+    let noise = |pixel: usize| {
+        let electrons = (white[pixel] + black[pixel]).max(0.0) / light.gain;
+        ((electrons + 2.0 * channels * light.read_noise.powi(2)) / f64::from(light.takes)).sqrt()
+    };
+    let lit = lit(&difference, noise);
+    let step = 1 << coarse;
+    let mut seen = Vec::new();
+    for pixel in (0..difference.len()).filter(|&pixel| lit[pixel]) {
+        let fine = axes.iter().flat_map(|planes| planes.iter().take(2)).map(|plane| plane.1[pixel].abs());
+        let direct = fine.fold(0.0, f64::max);
+        let threshold = (DECIDED * direct).max(SIGMAS * noise(pixel));
+        let place = |axis: usize, size: usize| -> Option<f64> {
+            let mut code = 0;
+            for (shift, plane) in &axes[axis] {
+                if plane[pixel].abs() < threshold {
+                    return None;
+                }
+                code |= usize::from(plane[pixel] > 0.0) << (shift - coarse.min(*shift));
+            }
+            let index = from_gray(code);
+            let from = index * step;
+            (from < size).then(|| 0.5 * (from + (from + step).min(size)) as f64)
+        };
+        if let (Some(x), Some(y)) = (place(0, width), place(1, height)) {
+            seen.push(Seen { pixel, at: [x, y] });
+        }
+    }
+    let count = lit.iter().filter(|&&lit| lit).count();
+    let unreliable = if count == 0 { 1.0 } else { 1.0 - seen.len() as f64 / count as f64 };
+    Ok(Decoded { seen, lit, unreliable, step })
+}
+
+/// Linear DN of each camera pixel under a pattern, summed over its channels.
+pub(super) fn sum(
+    sitting: &mut Sitting<'_>,
+    light: &Light<'_>,
+    lit: impl Fn(usize, usize) -> bool,
+) -> Result<Vec<f64>> {
+    let frame = sitting.drawn(lit)?;
+    let Mean { counts, .. } = sitting.mean(&frame, light.exposure, light.takes)?;
+    let channels = sitting.camera().channels;
+    Ok(counts
+        .chunks_exact(channels)
+        .map(|pixel| pixel.iter().map(|&count| light.linear.of(count)).sum())
+        .collect())
+}
+
+fn lit(difference: &[f64], noise: impl Fn(usize) -> f64) -> Vec<bool> {
+    let above: Vec<f64> = (0..difference.len())
+        .filter(|&pixel| difference[pixel] > SIGMAS * noise(pixel))
+        .map(|pixel| difference[pixel])
+        .collect();
+    let median = super::sitting::percentile(above, 0.5);
+    (0..difference.len()).map(|pixel| difference[pixel] > (SIGMAS * noise(pixel)).max(LIT * median)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gray_codes_of_neighbours_differ_in_one_bit_and_decode_to_what_they_code() {
+        let code = |index| (0..10).fold(0, |code, shift| code | usize::from(gray_bit(index, shift)) << shift);
+        for index in 0..1000 {
+            assert_eq!(from_gray(code(index)), index);
+            assert_eq!((code(index) ^ code(index + 1)).count_ones(), 1);
+        }
+    }
+}

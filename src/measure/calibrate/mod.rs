@@ -1,0 +1,154 @@
+//! Calibration of a rig from captures alone: `krylux rig calibrate`.
+//!
+//! | figure | from | file |
+//! |---|---|---|
+//! | latency | white after black, at growing waits | `latency` |
+//! | exposure, saturation | the white frame | `exposure`, `saturation` |
+//! | the camera's response, black level | an exposure series of white and black | `response` |
+//! | gain, read noise | pairs of equal frames | `transfer` |
+//! | the projector's response | a ramp of levels | `ramp` |
+//! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `footprint` |
+//! | drift | the whites shown on the way | `stability` |
+//!
+//! O'Toole and Kutulakos, section 8.1.
+
+mod camera;
+mod checkerboard;
+mod exposure;
+mod figure;
+mod footprint;
+mod gray_code;
+mod isotonic;
+mod latency;
+mod least_squares;
+mod lens_map;
+mod linear;
+mod pixel_map;
+mod ramp;
+mod report;
+mod response;
+mod saturation;
+mod sitting;
+mod stability;
+mod transfer;
+
+pub use figure::Measured;
+pub use lens_map::{LensMap, Match};
+pub use report::{CalibrationReport, CameraFigures, MapBy, MapFigures, ProjectorFigures, StabilityFigures};
+
+use std::ops::ControlFlow;
+
+use gray_code::Light;
+use ramp::{Ramp, Reading};
+use sitting::Sitting;
+
+use super::{Calibration, CameraResponse, Shots, Stability};
+use crate::error::{Error, Result};
+
+/// How a calibration is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibrateOptions {
+    /// Frames averaged for each level of the ramp and each pattern.
+    pub takes: u32,
+    /// What the pixel map is made from; none: Gray codes, or a checkerboard where the camera is coarser than the projector.
+    pub map: Option<MapBy>,
+}
+
+impl Default for CalibrateOptions {
+    fn default() -> Self {
+        Self { takes: 2, map: None }
+    }
+}
+
+/// The light of a projector's level is waited for so much longer than it was found to take.
+const SETTLE_MARGIN: f64 = 1.25;
+
+/// Measures everything that a [`Calibration`] holds. `progress` hears the names of the steps, and may stop between them.
+///
+/// # Errors
+/// [`Error::Rig`] when the rig fails, or shows nothing that could be measured; [`Error::Interrupted`].
+pub fn calibrate(
+    shots: &mut dyn Shots,
+    options: &CalibrateOptions,
+    progress: &mut dyn FnMut(&'static str) -> ControlFlow<()>,
+) -> Result<(Calibration, CalibrationReport)> {
+    let mut step = |name| match progress(name) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(Error::Interrupted),
+    };
+    let mut sitting = Sitting::new(shots);
+    sitting.set_settle(latency::CAREFUL);
+    let white = sitting.filled(sitting.top());
+    step("exposure")?;
+    let exposure = exposure::fill(&mut sitting, &white)?;
+    step("latency")?;
+    let short = sitting.allowed(0.25 * exposure);
+    let latency = latency::latency(&mut sitting, short)?;
+    let settle = latency.settle.value * SETTLE_MARGIN;
+    sitting.set_settle(settle);
+    step("camera")?;
+    let camera = camera::camera(&mut sitting, &white, exposure)?;
+    let reading = Reading {
+        linear: &camera.linear,
+        limit: camera.limit,
+        gain: camera.figures.gain.value,
+        read_noise: camera.figures.read_noise.value,
+        exposure,
+    };
+    let mut ramps: Vec<Ramp> = Vec::new();
+    for channel in 0..sitting.projector().channels {
+        step("projector")?;
+        ramps.push(ramp::ramp(&mut sitting, &reading, channel, options.takes)?);
+    }
+    step("pixel map")?;
+    let light = Light {
+        linear: &camera.linear,
+        gain: reading.gain,
+        read_noise: reading.read_noise,
+        exposure,
+        takes: options.takes,
+    };
+    let (registration, map) = pixel_map::pixel_map(&mut sitting, &light, options.map)?;
+    let whites = ramps.iter().map(|ramp| ramp.whites.as_slice()).collect::<Vec<_>>();
+    let white_error = ramps.iter().map(|ramp| ramp.white_error).fold(0.0, f64::max);
+    let drift_per_hour = stability::drift_per_hour(whites[0], white_error)?;
+    let watched =
+        whites[0].last().map_or(0.0, |last| last.0) - whites[0].first().map_or(0.0, |first| first.0);
+    let calibration = Calibration {
+        projector_info: sitting.projector().clone(),
+        camera_info: sitting.camera().clone(),
+        projector: ramps.iter().map(|ramp| ramp.curve.clone()).collect(),
+        camera: CameraResponse {
+            black: camera.linear.black,
+            saturation: camera.limit,
+            gain: camera.figures.gain.value,
+            read_noise: camera.figures.read_noise.value,
+            curve: camera.linear.curve.clone(),
+        },
+        registration,
+        stability: Stability { settle, drift_per_hour: drift_per_hour.value },
+    };
+    let report = CalibrationReport {
+        stability: StabilityFigures {
+            settle: latency.settle,
+            drift_per_hour,
+            watched,
+            white_noise: camera.white_noise,
+            whites: whites[0].to_vec(),
+            sweep: latency.sweep,
+        },
+        camera: camera.figures,
+        projector: ramps
+            .iter()
+            .map(|ramp| ProjectorFigures {
+                gamma: ramp.gamma,
+                gamma_residual: ramp.gamma_residual,
+                curve_error: ramp.error,
+                black: ramp.black,
+            })
+            .collect(),
+        map,
+        effort: sitting.effort(),
+    };
+    Ok((calibration, report))
+}

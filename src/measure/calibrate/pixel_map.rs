@@ -1,0 +1,93 @@
+//! The pixel map, from codes to footprints.
+
+use super::checkerboard::corners;
+use super::footprint::{by_decoding, by_overlap};
+use super::gray_code::{Decoded, Light, gray_code};
+use super::lens_map::{self, Fit, Match};
+use super::report::{MapBy, MapFigures};
+use super::sitting::Sitting;
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::measure::Registration;
+
+/// A common map belongs to a rig whose points lie this near to it, in projector pixels.
+const FITS: f64 = 0.75;
+
+/// A quarter of the points may go their own way: reflections, and edges.
+const OUTLIERS: f64 = 0.5;
+
+/// Camera pixels that the finest stripes should be wide, where they are to be decoded.
+const STRIPE: f64 = 1.5;
+
+/// Measures the map and makes footprints of it.
+///
+/// # Errors
+/// As [`lens_map::fit`]; whatever keeps frames from being taken.
+pub(super) fn pixel_map(
+    sitting: &mut Sitting<'_>,
+    light: &Light<'_>,
+    by: Option<MapBy>,
+) -> Result<(Registration, MapFigures)> {
+    let (camera, projector) = (sitting.camera().resolution, sitting.projector().resolution);
+    let scale =
+        (camera.width as f64 / projector.width as f64).min(camera.height as f64 / projector.height as f64);
+    // The finest stripes of a Gray code are two pixels wide.
+    let coarse = (STRIPE / (2.0 * scale)).log2().ceil().max(0.0) as u32;
+    let by = by.unwrap_or(if scale < 0.95 { MapBy::Checkerboard } else { MapBy::GrayCode });
+    let decoded = gray_code(sitting, light, coarse)?;
+    let from_codes = lens_map::fit(&matches(&decoded, camera), camera, projector, 0.41 * decoded.step as f64);
+    let (fit, points) = match (by, from_codes) {
+        (MapBy::GrayCode, fit) => (fit, decoded.seen.len()),
+        (MapBy::Checkerboard, Err(error)) => return Err(error),
+        (MapBy::Checkerboard, Ok(first)) => {
+            let found = corners(sitting, light, &first.map, &decoded.lit)?;
+            (lens_map::fit(&found, camera, projector, 0.2), found.len())
+        }
+    };
+    let outliers = |fit: &Fit| fit.outliers;
+    match fit {
+        Ok(fit) if fit.rms < FITS * decoded.step as f64 && fit.outliers < OUTLIERS => {
+            let registration = by_overlap(&fit.map, &decoded.lit);
+            let lost = match by {
+                MapBy::GrayCode => decoded.unreliable + (1.0 - decoded.unreliable) * outliers(&fit),
+                MapBy::Checkerboard => outliers(&fit),
+            };
+            let figures = MapFigures {
+                by,
+                points,
+                rms: fit.rms,
+                error: fit.error,
+                unreliable: lost,
+                masked: masked(&registration),
+                lens: Some(fit.map),
+            };
+            Ok((registration, figures))
+        }
+        // No common map: the camera may look from elsewhere. Then each pixel stands for itself.
+        Ok(fit) if by == MapBy::GrayCode && decoded.step == 1 => {
+            let registration = by_decoding(&decoded, camera, projector);
+            let figures = MapFigures {
+                by,
+                points,
+                rms: fit.rms,
+                error: (1.0_f64 / 6.0).sqrt(),
+                unreliable: decoded.unreliable,
+                masked: masked(&registration),
+                lens: None,
+            };
+            Ok((registration, figures))
+        }
+        Ok(fit) => Err(lens_map::no_map((points as f64 * (1.0 - fit.outliers)) as usize)),
+        Err(error) => Err(error),
+    }
+}
+
+fn matches(decoded: &Decoded, camera: Resolution) -> Vec<Match> {
+    let centre = |pixel: usize| [(pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5];
+    decoded.seen.iter().map(|seen| Match { camera: centre(seen.pixel), projector: seen.at }).collect()
+}
+
+fn masked(registration: &Registration) -> f64 {
+    let empty = registration.starts.windows(2).filter(|ends| ends[0] == ends[1]).count();
+    empty as f64 / registration.projector.pixels() as f64
+}

@@ -1,0 +1,222 @@
+//! The projector's response: the light of each level, from photos of full fields.
+//!
+//! Full fields scale the scene's light, global light included, as a whole, so the level's light relative to the brightest is
+//! one number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)` over the pixels that are not saturated.
+//! Dark levels are exposed longer, and the dark field at the same exposure is subtracted, so that an error of the black
+//! level cancels. White is shown again every few levels, and the light's drift is divided out.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use super::figure::Measured;
+use super::isotonic::ascending;
+use super::linear::Linear;
+use super::sitting::{Mean, Sitting};
+use crate::error::{Error, Result};
+
+/// Levels between two whites.
+const WHITE_EVERY: usize = 16;
+
+/// Levels shown at most; those between are interpolated.
+const LEVELS: usize = 257;
+
+/// How much longer than white the darkest levels are exposed, at most.
+const LONGER: f64 = 16.0;
+
+/// What the photos are read with.
+#[derive(Clone, Debug)]
+pub(super) struct Reading<'a> {
+    pub(super) linear: &'a Linear,
+    pub(super) limit: f64,
+    pub(super) gain: f64,
+    pub(super) read_noise: f64,
+    /// The exposure at which white fills the range.
+    pub(super) exposure: f64,
+}
+
+/// The response of one channel.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Ramp {
+    /// Light of each level relative to the brightest, level 0's subtracted.
+    pub(super) curve: Vec<f64>,
+    /// Standard error of the measured ones.
+    pub(super) error: f64,
+    /// The exponent of `r = (level/top)^γ` that fits best.
+    pub(super) gamma: Measured,
+    /// Root mean square of what the exponent leaves, in shares of white.
+    pub(super) gamma_residual: f64,
+    /// Light of level 0, the ambient light included, relative to that of white.
+    pub(super) black: Measured,
+    /// Mean white light over time, relative to the first: (seconds, share).
+    pub(super) whites: Vec<(f64, f64)>,
+    /// Relative standard error of each of these.
+    pub(super) white_error: f64,
+}
+
+/// Measures one channel of the projector with `takes` frames for each level.
+///
+/// # Errors
+/// [`Error::Rig`] when white is no brighter than black.
+pub(super) fn ramp(
+    sitting: &mut Sitting<'_>,
+    reading: &Reading<'_>,
+    channel: usize,
+    takes: u32,
+) -> Result<Ramp> {
+    let top = sitting.top();
+    let levels = levels(top);
+    let white_frame = sitting.filled_channel(channel, top)?;
+    let black_frame = sitting.filled_channel(channel, 0)?;
+    let base = sitting.mean(&black_frame, reading.exposure, 4 * takes)?;
+    let mut blacks = BTreeMap::from([(reading.exposure.to_bits(), base.clone())]);
+    let white = sitting.mean(&white_frame, reading.exposure, 4 * takes)?;
+    let mut references = Vec::new();
+    let mut points: Vec<(u16, f64, f64, f64)> = Vec::new();
+    let mut share = 1.0;
+    for (index, &level) in levels.iter().rev().enumerate() {
+        if index % WHITE_EVERY == 0 {
+            references.push(sitting.mean(&white_frame, reading.exposure, takes)?);
+        }
+        if level == 0 {
+            continue;
+        }
+        let exposure = longer(sitting, reading.exposure, share);
+        if let Entry::Vacant(entry) = blacks.entry(exposure.to_bits()) {
+            entry.insert(sitting.mean(&black_frame, exposure, 4 * takes)?);
+        }
+        let lit = sitting.mean(&sitting.filled_channel(channel, level)?, exposure, takes)?;
+        let dark = blacks.get(&exposure.to_bits()).unwrap_or(&base);
+        let (light, error) = relative(reading, &lit, dark, &white, &base)?;
+        points.push((level, light, error, lit.time));
+        share = light.max(1e-6);
+    }
+    references.push(sitting.mean(&white_frame, reading.exposure, takes)?);
+    let mut whites = Vec::new();
+    let mut white_error = 0.0;
+    for reference in &references {
+        let (light, error) = relative(reading, reference, &base, &white, &base)?;
+        whites.push((reference.time, light));
+        white_error = error;
+    }
+    finish(top, &points, whites, white_error, black_share(reading, &white, &base))
+}
+
+/// White's exposure times a power of two, as a level of this `share` of white allows; the next level is never brighter.
+fn longer(sitting: &Sitting<'_>, exposure: f64, share: f64) -> f64 {
+    let factor = (0.8 / share).clamp(1.0, LONGER).log2().floor().exp2();
+    let wanted = sitting.allowed(exposure * factor);
+    if wanted < 1.5 * exposure { exposure } else { wanted }
+}
+
+/// All levels, or so many of them, the lowest and the highest among them.
+fn levels(top: u16) -> Vec<u16> {
+    let count = (usize::from(top) + 1).min(LEVELS);
+    (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
+}
+
+/// Light of `lit` less that of `dark` (of one exposure), relative to `white` less `base` (of another), and its standard error.
+fn relative(reading: &Reading<'_>, lit: &Mean, dark: &Mean, white: &Mean, base: &Mean) -> Result<(f64, f64)> {
+    let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
+    let noise = |light: f64, mean: &Mean| {
+        (light.max(0.0) / reading.gain + reading.read_noise.powi(2)) / f64::from(mean.takes)
+    };
+    for sample in 0..lit.counts.len() {
+        let saturated =
+            [lit, dark, white, base].iter().any(|mean| f64::from(mean.peaks[sample]) >= reading.limit);
+        if saturated {
+            continue;
+        }
+        let [lit_light, dark_light, white_light, base_light] =
+            [lit, dark, white, base].map(|mean| reading.linear.of(mean.counts[sample]));
+        sum += lit_light - dark_light;
+        norm += white_light - base_light;
+        variance += noise(lit_light, lit) + noise(dark_light, dark);
+    }
+    let [rate, norm] = [sum / lit.exposure, norm / white.exposure];
+    if norm <= 0.0 {
+        return Err(Error::Rig {
+            device: "projector".into(),
+            fault: "its white is no brighter than its black, as the camera sees them".into(),
+            help: "check that the projector shows what it is told to, and that the camera sees its light"
+                .into(),
+        });
+    }
+    Ok((rate / norm, variance.sqrt() / lit.exposure / norm))
+}
+
+fn black_share(reading: &Reading<'_>, white: &Mean, base: &Mean) -> Measured {
+    let sum = |mean: &Mean| mean.counts.iter().map(|&count| reading.linear.of(count)).sum::<f64>();
+    let [white_sum, base_sum] = [white, base].map(sum);
+    let samples = base.counts.len() as f64;
+    let variance = (base_sum / reading.gain + samples * reading.read_noise.powi(2)) / f64::from(base.takes);
+    Measured::new(base_sum / (white_sum - base_sum), variance.sqrt() / (white_sum - base_sum))
+}
+
+/// Divides the drift out, makes the curve ascend, fills in the levels between, and fits the exponent.
+fn finish(
+    top: u16,
+    points: &[(u16, f64, f64, f64)],
+    whites: Vec<(f64, f64)>,
+    white_error: f64,
+    black: Measured,
+) -> Result<Ramp> {
+    let top = f64::from(top);
+    let mut corrected: Vec<(f64, f64, f64)> = points
+        .iter()
+        .map(|&(level, light, error, time)| (f64::from(level) / top, light / at(&whites, time), error))
+        .collect();
+    corrected.reverse();
+    let scale = corrected.last().map_or(1.0, |point| point.1);
+    corrected.iter_mut().for_each(|point| point.1 /= scale);
+    let gamma = gamma(&corrected)?;
+    let residuals = corrected.iter().map(|&(x, r, _)| (r - x.powf(gamma.value)).powi(2));
+    let gamma_residual = (residuals.sum::<f64>() / corrected.len() as f64).sqrt();
+    let weights: Vec<f64> = corrected.iter().map(|point| point.2.powi(-2)).collect();
+    let lights: Vec<f64> = corrected.iter().map(|point| point.1).collect();
+    let lights = ascending(&lights, &weights).into_iter().map(|light| light.clamp(0.0, 1.0));
+    let mut knots = vec![(0.0, 0.0)];
+    knots.extend(corrected.iter().map(|point| point.0).zip(lights));
+    if let Some(last) = knots.last_mut() {
+        last.1 = 1.0;
+    }
+    let curve = (0..=top as usize).map(|level| at(&knots, level as f64 / top)).collect();
+    let error = corrected.iter().map(|point| point.2).fold(0.0, f64::max);
+    Ok(Ramp { curve, error, gamma, gamma_residual, black, whites, white_error })
+}
+
+/// The exponent by Gauss–Newton; its error is scaled by what it leaves where that is more than noise.
+fn gamma(points: &[(f64, f64, f64)]) -> Result<Measured> {
+    let mut gamma = 2.0;
+    for _ in 0..50 {
+        let (mut slope_squares, mut products) = (0.0, 0.0);
+        for &(x, r, error) in points {
+            let slope = x.powf(gamma) * x.ln() / error;
+            slope_squares += slope * slope;
+            products += slope * (r - x.powf(gamma)) / error;
+        }
+        if slope_squares == 0.0 {
+            // Two levels: any exponent fits.
+            return Ok(Measured::new(1.0, 0.0));
+        }
+        let step = products / slope_squares;
+        gamma = (gamma + step.clamp(-0.5, 0.5)).clamp(0.05, 20.0);
+        if step.abs() < 1e-9 {
+            let chi: f64 = points.iter().map(|&(x, r, error)| ((r - x.powf(gamma)) / error).powi(2)).sum();
+            let scale = (chi / (points.len() as f64 - 1.0).max(1.0)).max(1.0);
+            return Ok(Measured::new(gamma, (scale / slope_squares).sqrt()));
+        }
+    }
+    Err(Error::Numerical(format!("no exponent fits the projector's levels {points:?}")))
+}
+
+/// Linear between the nearest two of ascending points, and level beyond the last.
+fn at(points: &[(f64, f64)], x: f64) -> f64 {
+    let after = points.partition_point(|point| point.0 < x);
+    match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {
+        (Some(before), Some(&after)) if after.0 > before.0 => {
+            before.1 + (x - before.0) / (after.0 - before.0) * (after.1 - before.1)
+        }
+        (_, Some(&point)) | (Some(point), None) => point.1,
+        (None, None) => 1.0,
+    }
+}

@@ -1,0 +1,55 @@
+//! Where counting ends: a full well or the converter's last count.
+
+use std::sync::Arc;
+
+use super::sitting::{Sitting, percentile};
+use crate::error::Result;
+use crate::rig::Frame;
+
+/// The plateau that overexposed samples reach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Plateau {
+    /// The count where it lies.
+    pub(super) count: f64,
+    /// Whether samples were seen there; else it is the converter's last count, and the light did not suffice to tell.
+    pub(super) reached: bool,
+    /// Counts from here on may be saturated.
+    pub(super) limit: f64,
+}
+
+/// Overexposes `frame` eightfold: what showed more than a third of the range at `exposure` should then be three times over it.
+pub(super) fn plateau(
+    sitting: &mut Sitting<'_>,
+    frame: &Arc<Frame>,
+    exposure: f64,
+    floor: f64,
+) -> Result<Plateau> {
+    let full = sitting.full();
+    let unreached = Plateau { count: full, reached: false, limit: full };
+    let over = sitting.allowed(8.0 * exposure);
+    if over < 4.0 * exposure {
+        return Ok(unreached);
+    }
+    let plain = sitting.shoot(frame, exposure)?;
+    let bright = sitting.shoot(frame, over)?;
+    let third = floor + 0.33 * (full - floor);
+    let pairs = plain.counts.iter().zip(&bright.counts);
+    let over: Vec<f64> =
+        pairs.filter(|(plain, _)| f64::from(**plain) > third).map(|(_, &b)| b.into()).collect();
+    if over.len() < 8 {
+        return Ok(unreached);
+    }
+    let count = percentile(over.iter().copied(), 0.5);
+    let low = percentile(over.iter().copied(), 0.02);
+    // A plateau is flat. If what is overexposed still differs as the scene does, the well was not full.
+    if count - low > 0.02 * (full - floor) {
+        return Ok(unreached);
+    }
+    Ok(Plateau { count, reached: true, limit: low.min(count - 2.0 * (count - low)) })
+}
+
+/// Counts from here on are not to be used: `margin` standard deviations below the plateau, so that noise does not hide
+/// that the mean is on it.
+pub(super) fn limit(plateau: &Plateau, noise: f64, margin: f64) -> f64 {
+    (plateau.count - margin * noise).min(plateau.limit).floor()
+}

@@ -1,0 +1,156 @@
+//! The shots of one calibration: each new, and their means.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::measure::{Effort, Shot, Shots};
+use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
+
+/// Takes shots, none twice: each further one of a frame and exposure has the next `take`. The order of shots is fixed by what
+/// was measured before, so that a calibration replays from a journal.
+pub(super) struct Sitting<'a> {
+    shots: &'a mut dyn Shots,
+    takes: HashMap<(Arc<Frame>, u64), u32>,
+}
+
+/// The mean of several frames of one shot.
+#[derive(Clone, Debug)]
+pub(super) struct Mean {
+    /// Mean counts, of all samples (interleaved channels).
+    pub(super) counts: Vec<f64>,
+    /// The largest count of each sample.
+    pub(super) peaks: Vec<u16>,
+    /// Seconds that the sensor was open, as the camera said.
+    pub(super) exposure: f64,
+    /// Middle of the exposures on the rig's clock, in seconds.
+    pub(super) time: f64,
+    /// Frames averaged.
+    pub(super) takes: u32,
+}
+
+impl<'a> Sitting<'a> {
+    pub(super) fn new(shots: &'a mut dyn Shots) -> Self {
+        Self { shots, takes: HashMap::new() }
+    }
+
+    pub(super) fn projector(&self) -> &ProjectorInfo {
+        self.shots.projector()
+    }
+
+    pub(super) fn camera(&self) -> &CameraInfo {
+        self.shots.camera()
+    }
+
+    pub(super) fn effort(&self) -> Effort {
+        self.shots.effort()
+    }
+
+    pub(super) fn set_settle(&mut self, seconds: f64) {
+        self.shots.set_settle(seconds);
+    }
+
+    /// The brightest level.
+    pub(super) fn top(&self) -> u16 {
+        ((1_u32 << self.projector().bits) - 1) as u16
+    }
+
+    /// The largest count.
+    pub(super) fn full(&self) -> f64 {
+        ((1_u32 << self.camera().bits) - 1).into()
+    }
+
+    /// A frame of one level in all channels.
+    pub(super) fn filled(&self, level: u16) -> Arc<Frame> {
+        let ProjectorInfo { resolution, channels, .. } = *self.projector();
+        Arc::new(Frame::filled(resolution, channels, level))
+    }
+
+    /// A frame of one level in one channel, the others dark.
+    pub(super) fn filled_channel(&self, channel: usize, level: u16) -> Result<Arc<Frame>> {
+        let ProjectorInfo { resolution, channels, .. } = *self.projector();
+        let of = |sample: usize| if sample % channels == channel { level } else { 0 };
+        Ok(Arc::new(Frame::new(resolution, channels, (0..resolution.pixels() * channels).map(of).collect())?))
+    }
+
+    /// A frame that is lit where `lit` says so, by column and row.
+    pub(super) fn drawn(&self, lit: impl Fn(usize, usize) -> bool) -> Result<Arc<Frame>> {
+        let ProjectorInfo { resolution, channels, .. } = *self.projector();
+        let Resolution { width, .. } = resolution;
+        let top = self.top();
+        let level = |sample: usize| {
+            let pixel = sample / channels;
+            if lit(pixel % width, pixel / width) { top } else { 0 }
+        };
+        Ok(Arc::new(Frame::new(
+            resolution,
+            channels,
+            (0..resolution.pixels() * channels).map(level).collect(),
+        )?))
+    }
+
+    /// The next take of this frame and exposure.
+    pub(super) fn shoot(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
+        let take = self.takes.entry((Arc::clone(frame), exposure.to_bits())).or_insert(0);
+        let shot = Shot { frame: Arc::clone(frame), exposure, take: *take };
+        *take += 1;
+        let raw = self.shots.shoot(&shot)?;
+        raw.check()?;
+        Ok(raw)
+    }
+
+    /// The mean of `takes` new frames, at least one.
+    pub(super) fn mean(&mut self, frame: &Arc<Frame>, exposure: f64, takes: u32) -> Result<Mean> {
+        let mut mean: Option<Mean> = None;
+        for _ in 0..takes.max(1) {
+            let raw = self.shoot(frame, exposure)?;
+            let middle = raw.started + 0.5 * raw.exposure;
+            match &mut mean {
+                None => {
+                    mean = Some(Mean {
+                        counts: raw.counts.iter().map(|&count| count.into()).collect(),
+                        peaks: raw.counts,
+                        exposure: raw.exposure,
+                        time: middle,
+                        takes: 1,
+                    });
+                }
+                Some(mean) => {
+                    let share = 1.0 / f64::from(mean.takes + 1);
+                    for ((value, peak), &count) in
+                        mean.counts.iter_mut().zip(&mut mean.peaks).zip(&raw.counts)
+                    {
+                        *value += (f64::from(count) - *value) * share;
+                        *peak = count.max(*peak);
+                    }
+                    mean.time += (middle - mean.time) * share;
+                    mean.takes += 1;
+                }
+            }
+        }
+        mean.ok_or_else(|| crate::Error::Numerical("a mean of no frames".into()))
+    }
+
+    /// An exposure that the camera can set, a whole multiple of the projector's refresh where it is longer than that.
+    pub(super) fn allowed(&self, exposure: f64) -> f64 {
+        let [shortest, longest] = self.camera().exposures;
+        let frame_time = self.projector().frame_time;
+        let wanted = if frame_time > 0.0 && exposure > frame_time {
+            (exposure / frame_time).round() * frame_time
+        } else {
+            exposure
+        };
+        wanted.clamp(shortest, longest)
+    }
+}
+
+/// The value below which the share `rank` of `values` lies; 0 of none.
+pub(super) fn percentile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    if values.is_empty() {
+        return 0.0;
+    }
+    let index = ((values.len() - 1) as f64 * rank).round() as usize;
+    *values.select_nth_unstable_by(index, f64::total_cmp).1
+}

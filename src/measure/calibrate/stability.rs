@@ -1,0 +1,38 @@
+//! Drift: a line through the whites over time.
+
+use super::figure::Measured;
+use super::least_squares::Normal;
+use crate::error::Result;
+
+/// Relative change per hour of `whites` (seconds, light), each of this relative error; the error grows with what the line leaves.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] when all whites are of one time.
+pub(super) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<Measured> {
+    let start = whites.first().map_or(0.0, |white| white.0);
+    let hours = |time: f64| (time - start) / 3600.0;
+    let mut normal = Normal::new(2);
+    let error = error.max(1e-9);
+    for &(time, light) in whites {
+        normal.add_full(&[1.0, hours(time)], light, error.powi(-2));
+    }
+    let line = normal.solve()?;
+    let [mean, slope] = [line.values[0], line.values[1]];
+    let residual = |&(time, light): &(f64, f64)| (light - mean - slope * hours(time)) / error;
+    let chi: f64 = whites.iter().map(|white| residual(white).powi(2)).sum();
+    let scale = (chi / (whites.len() as f64 - 2.0).max(1.0)).max(1.0).sqrt();
+    Ok(Measured::new(slope / mean, line.error(1) * scale / mean))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_lamp_that_fades_is_found_per_hour() {
+        let whites: Vec<(f64, f64)> = (0..10)
+            .map(|at| 60.0 * f64::from(at))
+            .map(|time| (time, 5.0 * (1.0 - 0.03 * time / 3600.0)))
+            .collect();
+        let drift = super::drift_per_hour(&whites, 1e-4).expect("ten times");
+        assert!((drift.value + 0.03).abs() < 1e-9 && drift.error > 0.0, "{drift}");
+    }
+}

@@ -1,0 +1,96 @@
+//! The photon transfer curve: gain and read noise from pairs of equal frames.
+//!
+//! Two frames of one shot differ by noise alone, so half the variance of their difference is that of one frame,
+//! `σ² = σ_read² + s/gain`, with `s` the signal in linear DN above black and the gain in electrons per DN: a line over `s`
+//! (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The rounding to whole counts is part of the read noise here,
+//! as it is part of every photo's.
+
+use super::figure::Measured;
+use super::least_squares::Normal;
+use super::linear::Linear;
+use crate::error::Result;
+use crate::rig::RawFrame;
+
+/// Bins of a pair's pixels, by signal.
+const BINS: usize = 12;
+
+/// Gain (electrons per linear DN) and read noise (DN).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Transfer {
+    pub(super) gain: Measured,
+    pub(super) read_noise: Measured,
+}
+
+/// One bin: mean signal in linear DN, variance of one frame in linear DN², the squared slope of linear DN over counts, and
+/// how many samples it is of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Point {
+    signal: f64,
+    variance: f64,
+    slope: f64,
+    samples: f64,
+}
+
+/// Fits the line to pairs of frames, the darkest of which should be as dark as can be; samples at `limit` and above are left out.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] when all pairs are of one brightness.
+pub(super) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> Result<Transfer> {
+    let points: Vec<Point> = pairs.iter().flat_map(|pair| bins(pair, linear, limit)).collect();
+    let mut estimate = [1.0, 1.0];
+    let mut solution = None;
+    // A variance's own error is relative to it: the weights need the answer, which a few rounds settle.
+    for _ in 0..6 {
+        let mut normal = Normal::new(2);
+        for point in &points {
+            let predicted = (estimate[0] * point.slope + estimate[1] * point.signal.max(0.0)).max(1e-9);
+            let weight = 0.5 * (point.samples - 1.0) / (predicted * predicted);
+            normal.add_full(&[point.slope, point.signal.max(0.0)], point.variance, weight);
+        }
+        let found = normal.solve()?;
+        estimate = [found.values[0].max(1e-6), found.values[1].max(1e-9)];
+        solution = Some(found);
+    }
+    let Some(solution) = solution else {
+        return Err(crate::Error::Numerical("no frames for the photon transfer curve".into()));
+    };
+    let [read_variance, inverse] = estimate;
+    let read = read_variance.sqrt();
+    Ok(Transfer {
+        gain: Measured::new(1.0 / inverse, solution.error(1) / (inverse * inverse)),
+        read_noise: Measured::new(read, solution.error(0) / (2.0 * read)),
+    })
+}
+
+fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
+    let mut samples: Vec<(f64, f64, f64)> = pair[0]
+        .counts
+        .iter()
+        .zip(&pair[1].counts)
+        .map(|(&a, &b)| [f64::from(a), f64::from(b)])
+        .filter(|counts| counts.iter().all(|&count| count < limit && count > 0.0))
+        .map(|[a, b]| {
+            let (mean, slope) = (0.5 * (a + b), linear.slope(0.5 * (a + b)));
+            (linear.of(mean), slope * (a - b), slope * slope)
+        })
+        .collect();
+    samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let size = samples.len().div_ceil(BINS).max(64);
+    samples
+        .chunks(size)
+        .filter(|chunk| chunk.len() >= 32)
+        .map(|chunk| {
+            let count = chunk.len() as f64;
+            let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;
+            // Light that changed between the two changes all alike: the mean of the differences takes it away.
+            let drift = mean(&|sample| sample.1);
+            let squares: f64 = chunk.iter().map(|sample| (sample.1 - drift).powi(2)).sum();
+            Point {
+                signal: mean(&|sample| sample.0),
+                variance: 0.5 * squares / (count - 1.0),
+                slope: mean(&|sample| sample.2),
+                samples: count,
+            }
+        })
+        .collect()
+}

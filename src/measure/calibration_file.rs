@@ -1,0 +1,284 @@
+//! A calibration's folder: `calibration.toml` with the numbers, and the curves and footprints as arrays beside it.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `calibration.toml` | which devices, the camera's numbers, the stability, the checksum |
+//! | `projector-curve.npy` | channels × levels |
+//! | `camera-curve.npy` | linear DN for each count; not there for a linear camera |
+//! | `registration-{starts,pixels,weights}.npy` | compressed sparse rows: camera pixels of each projector pixel |
+//!
+//! The checksum is the calibration's [identity](Calibration::identity), over all of these: a file that was changed or belongs
+//! to another calibration is found when the folder is loaded.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::{Calibration, CameraResponse, Registration, Stability};
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::report::{atomic, npy};
+use crate::rig::{CameraInfo, ProjectorInfo};
+
+/// The version of the folder's format.
+const FORMAT: u32 = 1;
+
+const RECORD: &str = "calibration.toml";
+const PROJECTOR: &str = "projector-curve.npy";
+const CAMERA: &str = "camera-curve.npy";
+const STARTS: &str = "registration-starts.npy";
+const PIXELS: &str = "registration-pixels.npy";
+const WEIGHTS: &str = "registration-weights.npy";
+
+const HELP: &str = "restore the folder, or measure it anew with `krylux rig calibrate`";
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Record {
+    format: u32,
+    identity: String,
+    projector: ProjectorInfo,
+    camera: CameraInfo,
+    response: Response,
+    stability: Steadiness,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Response {
+    black: f64,
+    saturation: f64,
+    gain: f64,
+    read_noise: f64,
+    linear: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Steadiness {
+    settle: f64,
+    drift_per_hour: f64,
+}
+
+impl Calibration {
+    /// Writes the calibration into `folder`, which is made if need be. The record comes last: a folder that has one is whole.
+    ///
+    /// # Errors
+    /// [`Error::Write`] naming the file.
+    pub fn save(&self, folder: &Path) -> Result<()> {
+        std::fs::create_dir_all(folder).map_err(Error::writing(folder))?;
+        let record = folder.join(RECORD);
+        if record.exists() {
+            std::fs::remove_file(&record).map_err(Error::writing(&record))?;
+        }
+        let levels = self.projector.first().map_or(0, Vec::len);
+        npy::write_npy(&folder.join(PROJECTOR), &[self.projector.len(), levels], &self.projector.concat())?;
+        if let Some(curve) = &self.camera.curve {
+            npy::write_npy(&folder.join(CAMERA), &[curve.len()], curve)?;
+        }
+        let rows = &self.registration;
+        let starts: Vec<u64> = rows.starts.iter().map(|&start| start as u64).collect();
+        npy::write_npy(&folder.join(STARTS), &[starts.len()], &starts)?;
+        npy::write_npy(&folder.join(PIXELS), &[rows.pixels.len()], &rows.pixels)?;
+        npy::write_npy(&folder.join(WEIGHTS), &[rows.weights.len()], &rows.weights)?;
+        atomic::write_bytes(&record, self.record().as_bytes())
+    }
+
+    /// Reads a calibration back.
+    ///
+    /// # Errors
+    /// [`Error::Read`]; [`Error::Data`] naming the file that is malformed, or the record when the checksum does not hold.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let path = folder.join(RECORD);
+        let text = std::fs::read_to_string(&path).map_err(Error::reading(&path))?;
+        let record: Record =
+            toml::from_str(&text).map_err(|error| damaged(&path, error.to_string().trim_end().into()))?;
+        if record.format != FORMAT {
+            let fault = format!("its format is {}, but this krylux knows {FORMAT}", record.format);
+            return Err(damaged(&path, fault));
+        }
+        let Record { projector: projector_info, camera: camera_info, response, stability, .. } = record;
+        let registration = registration(folder, camera_info.resolution, projector_info.resolution)?;
+        let curve = if response.linear { None } else { Some(camera_curve(folder, camera_info.bits)?) };
+        let calibration = Self {
+            projector: projector_curves(folder, &projector_info)?,
+            camera: CameraResponse {
+                black: response.black,
+                saturation: response.saturation,
+                gain: response.gain,
+                read_noise: response.read_noise,
+                curve,
+            },
+            registration,
+            stability: Stability { settle: stability.settle, drift_per_hour: stability.drift_per_hour },
+            projector_info,
+            camera_info,
+        };
+        if hexadecimal(calibration.identity()) != record.identity {
+            return Err(damaged(&path, "its checksum does not fit what the folder holds".into()));
+        }
+        Ok(calibration)
+    }
+
+    /// The hash of everything in it: part of every journaled photo's key.
+    pub fn identity(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.head().as_bytes());
+        let lengths = |length: usize, hasher: &mut blake3::Hasher| {
+            hasher.update(&(length as u64).to_le_bytes());
+        };
+        let numbers = |values: &[f64], hasher: &mut blake3::Hasher| {
+            hasher.update(&(values.len() as u64).to_le_bytes());
+            values.iter().for_each(|value| {
+                hasher.update(&value.to_le_bytes());
+            });
+        };
+        lengths(self.projector.len(), &mut hasher);
+        self.projector.iter().for_each(|curve| numbers(curve, &mut hasher));
+        numbers(self.camera.curve.as_deref().unwrap_or_default(), &mut hasher);
+        let rows = &self.registration;
+        rows.starts.iter().for_each(|&start| lengths(start, &mut hasher));
+        rows.pixels.iter().for_each(|pixel| {
+            hasher.update(&pixel.to_le_bytes());
+        });
+        numbers(&rows.weights, &mut hasher);
+        *hasher.finalize().as_bytes()
+    }
+
+    /// That it belongs to these devices: their names, pixels, channels and bits.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] naming the device and what differs.
+    pub fn check(&self, projector: &ProjectorInfo, camera: &CameraInfo) -> Result<()> {
+        let of_projector =
+            |info: &ProjectorInfo| devices(&info.name, info.resolution, info.channels, info.bits);
+        let of_camera = |info: &CameraInfo| devices(&info.name, info.resolution, info.channels, info.bits);
+        let pairs = [
+            ("projector", of_projector(&self.projector_info), of_projector(projector)),
+            ("camera", of_camera(&self.camera_info), of_camera(camera)),
+        ];
+        for (device, calibrated, found) in pairs {
+            if calibrated != found {
+                return Err(Error::Rig {
+                    device: device.into(),
+                    fault: format!("the calibration is of {calibrated}, but the rig has {found}"),
+                    help: "name the calibration that belongs to this rig, or make one with `krylux rig calibrate`"
+                        .into(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The numbers, as they stand in the record: Rust prints the shortest decimals that read back as the same bits.
+    fn head(&self) -> String {
+        let Self { projector_info: projector, camera_info: camera, camera: response, .. } = self;
+        format!(
+            "[projector]\nname = {}\nresolution = {}\nchannels = {}\nbits = {}\nframe_time = {:?}\n\n\
+             [camera]\nname = {}\nresolution = {}\nchannels = {}\nbits = {}\nexposures = [{:?}, {:?}]\n\n\
+             # DN; gain in electrons per linear DN\n\
+             [response]\nblack = {:?}\nsaturation = {:?}\ngain = {:?}\nread_noise = {:?}\nlinear = {}\n\n\
+             # seconds; relative change of white per hour\n\
+             [stability]\nsettle = {:?}\ndrift_per_hour = {:?}\n",
+            quoted(&projector.name),
+            size(projector.resolution),
+            projector.channels,
+            projector.bits,
+            projector.frame_time,
+            quoted(&camera.name),
+            size(camera.resolution),
+            camera.channels,
+            camera.bits,
+            camera.exposures[0],
+            camera.exposures[1],
+            response.black,
+            response.saturation,
+            response.gain,
+            response.read_noise,
+            response.curve.is_none(),
+            self.stability.settle,
+            self.stability.drift_per_hour,
+        )
+    }
+
+    fn record(&self) -> String {
+        let identity = hexadecimal(self.identity());
+        format!(
+            "# Made by krylux rig calibrate; the arrays beside it belong to it.\nformat = {FORMAT}\nidentity = \"{identity}\"\n\n{}",
+            self.head()
+        )
+    }
+}
+
+fn devices(name: &str, resolution: Resolution, channels: usize, bits: u32) -> String {
+    let colours = if channels == 1 { "gray" } else { "coloured" };
+    format!("`{name}` with {resolution} {colours} pixels of {bits} bits")
+}
+
+/// TOML's basic strings are written as JSON's are.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+fn size(Resolution { width, height }: Resolution) -> String {
+    format!("{{ width = {width}, height = {height} }}")
+}
+
+fn hexadecimal(bytes: [u8; 32]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn damaged(path: &Path, fault: String) -> Error {
+    Error::Data { path: path.to_path_buf(), fault, help: HELP.into() }
+}
+
+/// An array of this shape; 0 stands for any length.
+fn array(folder: &Path, name: &str, shape: &[usize]) -> Result<Vec<f64>> {
+    let path = folder.join(name);
+    let array = npy::read_npy(&path)?;
+    let fits = array.shape.len() == shape.len()
+        && array.shape.iter().zip(shape).all(|(found, wanted)| *wanted == 0 || found == wanted);
+    if !fits {
+        let fault = format!("its shape is {:?}, but {shape:?} was expected (0: any)", array.shape);
+        return Err(damaged(&path, fault));
+    }
+    Ok(array.values)
+}
+
+fn projector_curves(folder: &Path, info: &ProjectorInfo) -> Result<Vec<Vec<f64>>> {
+    let levels = 1_usize.checked_shl(info.bits).unwrap_or(0);
+    let values = array(folder, PROJECTOR, &[info.channels, levels])?;
+    let curves: Vec<Vec<f64>> = values.chunks(levels.max(1)).map(<[f64]>::to_vec).collect();
+    // Ascending also rules out NaN.
+    if curves.iter().any(|curve| !curve.is_sorted_by(|a, b| a <= b)) {
+        return Err(damaged(&folder.join(PROJECTOR), "its light does not ascend with the level".into()));
+    }
+    Ok(curves)
+}
+
+fn camera_curve(folder: &Path, bits: u32) -> Result<Vec<f64>> {
+    let values = array(folder, CAMERA, &[1_usize.checked_shl(bits).unwrap_or(0)])?;
+    if !values.is_sorted_by(|a, b| a <= b) {
+        return Err(damaged(&folder.join(CAMERA), "its light does not ascend with the count".into()));
+    }
+    Ok(values)
+}
+
+fn registration(folder: &Path, camera: Resolution, projector: Resolution) -> Result<Registration> {
+    let starts: Vec<usize> =
+        array(folder, STARTS, &[projector.pixels() + 1])?.into_iter().map(|start| start as usize).collect();
+    let pixels: Vec<u32> = array(folder, PIXELS, &[0])?.into_iter().map(|pixel| pixel as u32).collect();
+    let weights = array(folder, WEIGHTS, &[pixels.len()])?;
+    if starts.first() != Some(&0) || starts.last() != Some(&pixels.len()) || !starts.is_sorted() {
+        let fault = format!("rows do not ascend from 0 to {}, the number of weights", pixels.len());
+        return Err(damaged(&folder.join(STARTS), fault));
+    }
+    if let Some(pixel) = pixels.iter().find(|&&pixel| pixel as usize >= camera.pixels()) {
+        let fault = format!("it names pixel {pixel}, but the camera has {}", camera.pixels());
+        return Err(damaged(&folder.join(PIXELS), fault));
+    }
+    if weights.iter().any(|weight| !weight.is_finite()) {
+        return Err(damaged(&folder.join(WEIGHTS), "a weight is not finite".into()));
+    }
+    Ok(Registration { camera, projector, starts, pixels, weights })
+}

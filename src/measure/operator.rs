@@ -1,0 +1,65 @@
+//! A measured rig as the Krylov methods see it.
+
+use super::measurement::Measurement;
+use super::photo::Plane;
+use crate::error::{Error, Result};
+use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::transport::Part;
+
+/// `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs: none for a constant `x`.
+///
+/// It is declared symmetric, as a coaxial rig is; whether this one is, `krylux audit` tells.
+pub struct MeasuredOperator<'a> {
+    pub(super) measurement: &'a mut Measurement,
+    pub(super) part: Part,
+    pub(super) channel: usize,
+}
+
+impl MeasuredOperator<'_> {
+    /// The last product, with the variance of each entry.
+    pub fn last_product(&self) -> Option<&Plane> {
+        self.measurement.last_product()
+    }
+
+    /// The standard error of the last product, `√Σ variance`: by so much `‖y − A x‖₂` is expected to be off because of noise.
+    pub fn standard_error(&self) -> f64 {
+        self.last_product().map_or(0.0, Plane::standard_error)
+    }
+
+    /// The rig behind.
+    pub fn measurement(&self) -> &Measurement {
+        self.measurement
+    }
+}
+
+impl Operator for MeasuredOperator<'_> {
+    fn rows(&self) -> usize {
+        self.measurement.resolution().pixels()
+    }
+
+    fn cols(&self) -> usize {
+        self.rows()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::Symmetric
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        if y.len() != self.rows() {
+            return Err(Error::Dimension {
+                what: "entries of the product",
+                expected: self.rows().to_string(),
+                found: y.len().to_string(),
+            });
+        }
+        y.copy_from_slice(&self.measurement.product(self.part, self.channel, x)?.values);
+        Ok(())
+    }
+}
+
+impl Adjoint for MeasuredOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.apply(y, x)
+    }
+}

@@ -1,0 +1,214 @@
+//! Counts to light, and light to levels: the devices' measured curves (section 8.1), with the noise that goes with them.
+
+use super::calibration::CameraResponse;
+use crate::error::{Error, Result};
+
+/// The smallest variance ever predicted, as a share of that without light: a dark pixel whose noise went far down must not
+/// get an infinite weight.
+const LEAST_VARIANCE: f64 = 0.25;
+
+/// A camera's counts as linear light, and how sure that is.
+///
+/// A count stands for `L` linear DN of light above black, and varies by
+///
+/// ```text
+/// var L = L / gain + read_noise² + (dL/dcount)² / 12
+/// ```
+///
+/// photons, electronics, and the rounding to integers through the slope of the curve.
+#[derive(Clone, Debug)]
+pub(super) struct CameraCurve {
+    /// Linear DN of each count.
+    linear: Vec<f64>,
+    /// The variance of rounding, in linear DN, at each count.
+    rounding: Vec<f64>,
+    /// Linear DN of no light: 0, unless the response is not to be undone.
+    pub(super) zero: f64,
+    /// The first saturated count.
+    saturation: f64,
+    gain: f64,
+    read_variance: f64,
+}
+
+impl CameraCurve {
+    /// Of a camera of so many bits. With `undo` off counts are taken for light as they are, black level and curve and all.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when the curve has not one value for each count; [`Error::Numerical`] when gain or read
+    /// noise make no sense.
+    pub(super) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
+        let counts = 1_usize << bits;
+        if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
+            return Err(Error::Dimension {
+                what: "values of the camera's response in the calibration",
+                expected: format!("{counts}, one for each count of {bits} bits,"),
+                found: curve.len().to_string(),
+            });
+        }
+        if !(response.gain > 0.0 && response.read_noise >= 0.0) {
+            return Err(Error::Numerical(format!(
+                "the camera's calibration has a gain of {} electrons per DN (more than 0 expected) and a read noise of {} DN (0 or \
+                 more expected)\n  help: calibrate the rig again: krylux rig calibrate",
+                response.gain, response.read_noise
+            )));
+        }
+        let linear: Vec<f64> = match (&response.curve, undo) {
+            (_, false) => (0..counts).map(|count| count as f64).collect(),
+            (None, true) => (0..counts).map(|count| count as f64 - response.black).collect(),
+            (Some(curve), true) => curve.clone(),
+        };
+        let slope = |count: usize| {
+            let (low, high) = (count.saturating_sub(1), (count + 1).min(counts - 1));
+            (linear[high] - linear[low]) / (high - low).max(1) as f64
+        };
+        Ok(Self {
+            rounding: (0..counts).map(|count| slope(count).powi(2) / 12.0).collect(),
+            zero: if undo { 0.0 } else { response.black },
+            saturation: response.saturation,
+            gain: response.gain,
+            read_variance: response.read_noise.powi(2),
+            linear,
+        })
+    }
+
+    /// The linear DN of a count.
+    pub(super) fn linear(&self, count: u16) -> f64 {
+        self.linear[usize::from(count).min(self.linear.len() - 1)]
+    }
+
+    /// The variance of rounding at a count, in linear DN².
+    pub(super) fn rounding(&self, count: u16) -> f64 {
+        self.rounding[usize::from(count).min(self.rounding.len() - 1)]
+    }
+
+    /// Whether a count says nothing but "at least".
+    pub(super) fn is_saturated(&self, count: u16) -> bool {
+        f64::from(count) >= self.saturation
+    }
+
+    /// Linear DN from which on counts are saturated.
+    pub(super) fn brightest(&self) -> f64 {
+        let count = (self.saturation.ceil().max(0.0) as usize).min(self.linear.len() - 1);
+        self.linear[count]
+    }
+
+    /// The variance of one count that is *expected* to stand for so many linear DN, above or below it by chance. It must not
+    /// be asked for the count itself, or low samples would seem the surer ones.
+    pub(super) fn variance(&self, expected: f64, rounding: f64) -> f64 {
+        let dark = self.read_variance + rounding;
+        ((expected - self.zero) / self.gain + dark).max(LEAST_VARIANCE * dark)
+    }
+}
+
+impl CameraCurve {
+    /// As [`CameraCurve::variance`], where no count is there yet.
+    pub(super) fn variance_of(&self, expected: f64) -> f64 {
+        let count = self.linear.partition_point(|&linear| linear < expected).min(self.linear.len() - 1);
+        self.variance(expected, self.rounding[count])
+    }
+}
+
+/// The light of a projector's levels.
+#[derive(Clone, Debug)]
+pub(super) struct Levels {
+    light: Vec<f64>,
+    /// The widest step from one level to the next.
+    pub(super) widest: f64,
+}
+
+impl Levels {
+    /// By the measured curve, or with `undo` off as if level were light.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when the curve has not one value for each level; [`Error::Numerical`] when it does not ascend
+    /// from 0 to 1.
+    pub(super) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
+        let levels = 1_usize << bits;
+        if curve.len() != levels {
+            return Err(Error::Dimension {
+                what: "values of the projector's response in the calibration",
+                expected: format!("{levels}, one for each level of {bits} bits,"),
+                found: curve.len().to_string(),
+            });
+        }
+        let ascends = curve.windows(2).all(|pair| pair[0] <= pair[1]);
+        if !(ascends && curve[0] == 0.0 && curve[levels - 1] == 1.0) {
+            return Err(Error::Numerical(
+                "the projector's response in the calibration does not ascend from 0 to 1\n  help: calibrate the rig again: \
+                 krylux rig calibrate"
+                    .into(),
+            ));
+        }
+        let light = if undo {
+            curve.to_vec()
+        } else {
+            (0..levels).map(|level| level as f64 / (levels - 1) as f64).collect()
+        };
+        let widest = light.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        Ok(Self { light, widest })
+    }
+
+    /// The light of a level, 0 to 1.
+    pub(super) fn light(&self, level: u16) -> f64 {
+        self.light[usize::from(level)]
+    }
+
+    /// The brightest level.
+    pub(super) fn top(&self) -> u16 {
+        (self.light.len() - 1) as u16
+    }
+
+    /// The brightest level that is no brighter than `light`.
+    pub(super) fn below(&self, light: f64) -> u16 {
+        self.light.partition_point(|&of| of <= light).saturating_sub(1) as u16
+    }
+
+    /// The level whose light is nearest.
+    pub(super) fn nearest(&self, light: f64) -> u16 {
+        let below = self.below(light);
+        let above = below.saturating_add(1).min(self.top());
+        if self.light(above) - light < light - self.light(below) { above } else { below }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(curve: Option<Vec<f64>>) -> CameraResponse {
+        CameraResponse { black: 2.0, saturation: 14.0, gain: 4.0, read_noise: 3.0, curve }
+    }
+
+    #[test]
+    fn variance_is_that_of_photons_electronics_and_rounding() {
+        let curve = CameraCurve::new(&camera(None), 4, true).expect("a linear response fits any camera");
+        assert_eq!((curve.linear(2), curve.linear(10), curve.brightest()), (0.0, 8.0, 12.0));
+        assert_eq!(curve.variance(8.0, curve.rounding(10)), 8.0 / 4.0 + 9.0 + 1.0 / 12.0);
+        // Below the floor: 0.25 of what there is without light.
+        assert_eq!(curve.variance(-1000.0, 0.0), 0.25 * 9.0);
+        assert!(curve.is_saturated(14) && !curve.is_saturated(13));
+    }
+
+    #[test]
+    fn rounding_counts_by_the_slope_of_the_curve() {
+        let square = (0..16).map(|count| f64::from(count * count)).collect();
+        let curve = CameraCurve::new(&camera(Some(square)), 4, true).expect("16 values for 4 bits");
+        assert_eq!((curve.linear(5), curve.rounding(5)), (25.0, 100.0 / 12.0));
+        let raw = CameraCurve::new(&camera(None), 4, false).expect("a linear response fits any camera");
+        assert_eq!((raw.linear(5), raw.zero), (5.0, 2.0));
+        assert!(CameraCurve::new(&camera(Some(vec![0.0; 15])), 4, true).is_err());
+    }
+
+    #[test]
+    fn the_nearest_level_is_nearest_in_light() {
+        let gamma: Vec<f64> = (0..16).map(|level| (f64::from(level) / 15.0).powf(2.2)).collect();
+        let levels = Levels::new(&gamma, 4, true).expect("ascends from 0 to 1");
+        for step in 0..=1000 {
+            let light = f64::from(step) / 1000.0;
+            let best = gamma.iter().map(|of| (of - light).abs()).fold(f64::INFINITY, f64::min);
+            assert!(((levels.light(levels.nearest(light)) - light).abs() - best).abs() < 1e-15);
+            assert!(levels.light(levels.below(light)) <= light);
+        }
+        assert_eq!((levels.nearest(-3.0), levels.nearest(9.0)), (0, 15));
+    }
+}

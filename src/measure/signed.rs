@@ -1,0 +1,119 @@
+//! Signed vectors as patterns of light (section 7.1).
+//!
+//! ```text
+//! affine   g = (x − a)/(b − a) ∈ [0, 1],   A x = (b − a) A g + a A 1
+//! split    A x = p A(x⁺/p) − q A(x⁻/q),    p = max x⁺,  q = max x⁻
+//! ```
+//!
+//! `A 1` is the white photo, taken once and kept: affine costs one photo, split two (one, when `x` has one sign), and a constant
+//! `x = a` none at all.
+
+use super::options::SignedBy;
+
+/// `x` as a linear combination of the white pattern and patterns in `[0, 1]`.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Signed {
+    /// The white pattern's coefficient.
+    pub(super) white: f64,
+    /// Coefficients and patterns.
+    pub(super) parts: Vec<(f64, Vec<f64>)>,
+}
+
+/// The total variance of the photos that a decomposition is made of, predicted.
+pub(super) trait PredictNoise {
+    /// Of the photo of this pattern, the black photo's share left out.
+    fn of_pattern(&self, pattern: &[f64]) -> f64;
+    /// Of the white photo that is there already.
+    fn of_white(&self) -> f64;
+    /// Of the black photo.
+    fn of_black(&self) -> f64;
+}
+
+impl Signed {
+    /// `(x − a)/(b − a)` with `a` the least and `b` the largest of `x` over the pixels that are seen; 0 at the others, as the white
+    /// pattern is.
+    pub(super) fn affine(x: &[f64], seen: &[bool]) -> Self {
+        let [a, b] = range(x, seen);
+        if a == b {
+            return Self { white: a, parts: Vec::new() };
+        }
+        let one = |(&x, &seen): (&f64, &bool)| if seen { (x - a) / (b - a) } else { 0.0 };
+        Self { white: a, parts: vec![(b - a, x.iter().zip(seen).map(one).collect())] }
+    }
+
+    /// Positive and negative part.
+    pub(super) fn split(x: &[f64], seen: &[bool]) -> Self {
+        let [a, b] = range(x, seen);
+        if a == b {
+            return Self { white: a, parts: Vec::new() };
+        }
+        let part = |peak: f64| -> Vec<f64> {
+            x.iter().zip(seen).map(|(&x, &seen)| if seen { (x / peak).max(0.0) } else { 0.0 }).collect()
+        };
+        let peaks = [b, a].into_iter().zip([1.0, -1.0]);
+        let parts =
+            peaks.filter(|(peak, sign)| peak * sign > 0.0).map(|(peak, _)| (peak, part(peak))).collect();
+        Self { white: 0.0, parts }
+    }
+
+    /// As `by` says; automatically the one whose predicted variance is smaller.
+    pub(super) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &dyn PredictNoise) -> Self {
+        match by {
+            SignedBy::Affine => Self::affine(x, seen),
+            SignedBy::Split => Self::split(x, seen),
+            SignedBy::Auto => {
+                let (affine, split) = (Self::affine(x, seen), Self::split(x, seen));
+                if affine.variance(noise) <= split.variance(noise) { affine } else { split }
+            }
+        }
+    }
+
+    /// The predicted variance of `A x`, all pixels together.
+    pub(super) fn variance(&self, noise: &dyn PredictNoise) -> f64 {
+        let patterns: f64 =
+            self.parts.iter().map(|(factor, pattern)| factor * factor * noise.of_pattern(pattern)).sum();
+        let black = self.white + self.parts.iter().map(|(factor, _)| factor).sum::<f64>();
+        patterns + self.white * self.white * noise.of_white() + black * black * noise.of_black()
+    }
+}
+
+fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
+    let each = || x.iter().zip(seen).filter(|&(_, &seen)| seen).map(|(&x, _)| x);
+    let (least, largest) = (each().fold(f64::INFINITY, f64::min), each().fold(f64::NEG_INFINITY, f64::max));
+    if least <= largest { [least, largest] } else { [0.0, 0.0] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sum(signed: &Signed, pixels: usize) -> Vec<f64> {
+        (0..pixels).map(|i| signed.white + signed.parts.iter().map(|(c, g)| c * g[i]).sum::<f64>()).collect()
+    }
+
+    #[test]
+    fn patterns_are_light_and_add_up_to_the_vector() {
+        let x = [-0.5, 2.0, 0.0, 0.25];
+        for (signed, photos) in [(Signed::affine(&x, &[true; 4]), 1), (Signed::split(&x, &[true; 4]), 2)] {
+            assert_eq!(signed.parts.len(), photos);
+            assert!(signed.parts.iter().flat_map(|(_, g)| g).all(|g| (0.0..=1.0).contains(g)));
+            for (found, expected) in sum(&signed, 4).iter().zip(x) {
+                assert!((found - expected).abs() < 1e-15, "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_constant_needs_no_photo_and_one_sign_needs_one() {
+        assert!(Signed::affine(&[-3.0; 5], &[true; 5]).parts.is_empty());
+        assert!(Signed::split(&[0.0; 5], &[true; 5]).parts.is_empty());
+        let negative = Signed::split(&[-1.0, -2.0, 0.0], &[true; 3]);
+        assert_eq!(negative.parts, [(-2.0, vec![0.5, 1.0, 0.0])]);
+    }
+
+    #[test]
+    fn pixels_that_are_not_seen_neither_set_the_range_nor_light_up() {
+        let signed = Signed::affine(&[1.0, 3.0, 1e9], &[true, true, false]);
+        assert_eq!(signed, Signed { white: 1.0, parts: vec![(2.0, vec![0.0, 1.0, 0.0])] });
+    }
+}
