@@ -25,7 +25,10 @@ mod rand_index;
 pub mod segment;
 pub mod separate;
 
-pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
+pub use compensate::{
+    Clamping, CompensateOptions, Compensation, CompensationRow, Crosstalk, MethodRun, Precondition, Prior,
+    Wish,
+};
 pub use direct::{Blurred, DirectMethod, WithoutDirect, measure_direct};
 pub use likeness::Likeness;
 pub use low_rank::LowRank;

@@ -74,11 +74,15 @@ impl Regions {
         let mut text = match (self.next, self.ratio) {
             (Some(next), Some(ratio)) => format!(
                 "the light shows {} independent {regions}: {} eigenvalue(s) within {:.4} of one, the next {next:.4} from it ({ratio:.0} times as far)",
-                self.count, self.at_one, self.last.abs()
+                self.count,
+                self.at_one,
+                self.last.abs()
             ),
             _ => format!(
                 "at least {} independent {regions}: all {} eigenvalues are within {:.4} of one; ask for more --eigenvectors",
-                self.count, self.at_one, self.last.abs()
+                self.count,
+                self.at_one,
+                self.last.abs()
             ),
         };
         if let Some(levels) = self.levels.filter(|levels| *levels > 2) {
