@@ -81,6 +81,16 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
+    /// A journal of photos cannot be read or written, is in use, or lacks what is asked of it. Photos in it stay as they are.
+    #[error("{}: {fault}\n  help: {help}", path.display())]
+    Journal {
+        /// The file at fault.
+        path: PathBuf,
+        /// What happened.
+        fault: String,
+        /// What to do about it.
+        help: String,
+    },
     /// The tracer's canary: a path did not report that it finished, so its photo would be wrong.
     #[error(
         "{unfinished} of {total} light paths never finished: the driver stopped them silently, and the photo would be wrong\n  help: lower --max-bounces, or use another --adapter"

@@ -14,6 +14,7 @@ mod display;
 mod drift;
 mod exposure;
 mod hdr;
+mod journaled;
 mod live;
 mod measurement;
 mod noise;
@@ -28,6 +29,7 @@ mod signed;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
 pub use drift::DriftReport;
+pub use journaled::{Journaled, Opener, Pair};
 pub use live::Live;
 pub use measurement::Measurement;
 pub use operator::MeasuredOperator;

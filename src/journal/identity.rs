@@ -1,0 +1,80 @@
+//! What all photos of a journal depend on.
+
+use serde::{Deserialize, Serialize};
+
+/// Named parts that must all agree for two photos to be of the same source: the rig file's hash, or a scene's with all that it
+/// was traced by; the calibration's; and so on. Their order counts.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Identity(Vec<(String, String)>);
+
+impl Identity {
+    /// Of no part yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// With a part more. `name` is what a user is told when the values differ, `value` whatever tells two apart.
+    #[must_use]
+    pub fn with(mut self, name: &str, value: impl ToString) -> Self {
+        self.0.push((name.into(), value.to_string()));
+        self
+    }
+
+    /// The value of a part.
+    pub fn get(&self, name: &str) -> Option<&str> {
+        self.0.iter().find(|(part, _)| part == name).map(|(_, value)| value.as_str())
+    }
+
+    /// The parts in which `other` differs, in words; empty where the two are equal.
+    pub fn differences(&self, other: &Self) -> Vec<String> {
+        let mut names: Vec<&str> = self.0.iter().map(|(name, _)| name.as_str()).collect();
+        names.extend(other.0.iter().map(|(name, _)| name.as_str()).filter(|name| self.get(name).is_none()));
+        names.retain(|name| self.get(name) != other.get(name));
+        let value = |identity: &Self, name| identity.get(name).map_or("none".into(), shorten);
+        let mut differences: Vec<String> = names
+            .into_iter()
+            .map(|name| format!("{name} (then {}, now {})", value(self, name), value(other, name)))
+            .collect();
+        if differences.is_empty() && self != other {
+            differences.push("the order of its parts".into());
+        }
+        differences
+    }
+
+    /// As it is written.
+    pub(super) fn encode(&self) -> Vec<u8> {
+        // A list of pairs of texts always has a JSON form.
+        serde_json::to_vec(self).unwrap_or_default()
+    }
+
+    /// BLAKE3 of the encoding.
+    pub(super) fn seal(&self) -> [u8; 32] {
+        *blake3::hash(&self.encode()).as_bytes()
+    }
+}
+
+/// Enough of a hash to tell it from another.
+fn shorten(value: &str) -> String {
+    let is_hash = value.len() == 64 && value.bytes().all(|byte| byte.is_ascii_hexdigit());
+    if is_hash { format!("{}…", &value[..12]) } else { format!("`{value}`") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_name_the_parts_and_both_values() {
+        let then = Identity::new().with("rig file", "0".repeat(64)).with("size", "8x8");
+        let now =
+            Identity::new().with("rig file", "f".repeat(64)).with("calibration", "ideal").with("size", "8x8");
+        assert_eq!(
+            then.differences(&now),
+            ["rig file (then 000000000000…, now ffffffffffff…)", "calibration (then none, now `ideal`)"]
+        );
+        assert!(then.differences(&then).is_empty());
+        let swapped = Identity::new().with("size", "8x8").with("rig file", "0".repeat(64));
+        assert_eq!(then.differences(&swapped), ["the order of its parts"]);
+    }
+}

@@ -1,0 +1,244 @@
+//! Raw frames that are on disk before they are used, and that are never taken twice.
+
+mod order;
+mod photo;
+
+use std::sync::Arc;
+
+use order::Order;
+use photo::Note;
+pub use photo::Pair;
+
+use super::{Effort, Shot, Shots};
+use crate::error::{Error, Result};
+use crate::journal::{Journal, Key, Kind};
+use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
+
+/// Opens the rig. With a stamp it goes on after the photo of that stamp: a virtual rig is then exactly where it was.
+pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn Shots + 'a>> + 'a>;
+
+/// Shots from a journal; those that it does not hold are taken, written down, and only then handed out.
+///
+/// The rig is opened when the first photo is missing, so that a finished run is repeated without it. A photo that was lost to
+/// damage is taken anew after the stamp of the photo before it: on a virtual rig, whose frames are a function of their
+/// number and time, it comes out as it was, bit for bit.
+pub struct Journaled<'a> {
+    journal: Journal,
+    opener: Option<Opener<'a>>,
+    /// The open rig, and the stamp that it stands after.
+    inner: Option<(Box<dyn Shots + 'a>, Option<Stamp>)>,
+    projector: ProjectorInfo,
+    camera: CameraInfo,
+    settle: Option<f64>,
+    order: Order,
+    /// Of the photo handed out last.
+    last: Option<Stamp>,
+    effort: Effort,
+}
+
+const DEVICES: &str = "devices";
+
+impl<'a> Journaled<'a> {
+    /// Goes on with a journal, new or old. A new one opens the rig at once, to learn what its devices are.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when the rig cannot be opened or is not that of the journal; [`Error::Journal`].
+    pub fn new(mut journal: Journal, mut opener: Opener<'a>) -> Result<Self> {
+        let known = journal.read_note(DEVICES)?;
+        let (devices, inner) = match known {
+            Some(known) => (known, None),
+            None => {
+                let after = Order::of(&journal).last();
+                let inner = opener(after)?;
+                let devices = photo::encode_devices(inner.projector(), inner.camera());
+                journal.note(DEVICES, &devices)?;
+                (devices, Some((inner, after)))
+            }
+        };
+        let journaled = Self::with(journal, &devices, Some(opener))?;
+        Ok(Self { inner, ..journaled })
+    }
+
+    /// Hands out what is in the journal, and nothing else.
+    ///
+    /// # Errors
+    /// [`Error::Journal`] when the journal does not say which devices it is of.
+    pub fn replay(mut journal: Journal) -> Result<Self> {
+        match journal.read_note(DEVICES)? {
+            Some(devices) => Self::with(journal, &devices, None),
+            None => Err(Error::Journal {
+                path: journal.path().into(),
+                fault: "it does not say which projector and camera its photos are of".into(),
+                help: "attach the rig, and go on with the same command and --resume".into(),
+            }),
+        }
+    }
+
+    fn with(journal: Journal, devices: &[u8], opener: Option<Opener<'a>>) -> Result<Self> {
+        let (projector, camera) =
+            photo::decode_devices(devices).ok_or_else(|| photo::misread(&journal, "the devices"))?;
+        let (order, effort) = (Order::of(&journal), Effort::default());
+        Ok(Self { journal, opener, inner: None, projector, camera, settle: None, order, last: None, effort })
+    }
+
+    /// The journal.
+    pub fn journal(&self) -> &Journal {
+        &self.journal
+    }
+
+    /// What the run has cost in all its sessions, up to the last photo in the journal.
+    pub fn past(&self) -> Effort {
+        let notes = self.journal.entries().iter().filter_map(Note::of);
+        notes.max_by_key(|note| note.id).map_or_else(Effort::default, |note| note.effort)
+    }
+
+    /// Every photo in the journal with the frame that was shown, in the order in which they were taken; each is read when the
+    /// iterator comes to it, and those that are damaged are passed over.
+    pub fn pairs(&mut self) -> impl Iterator<Item = Result<Pair>> + '_ {
+        let keys = self.order.keys();
+        keys.into_iter().filter_map(|key| Pair::read(&mut self.journal, key).transpose())
+    }
+
+    fn key(&self, shot: &Shot, pattern: &[u8]) -> Key {
+        let pattern = Key::of(&[b"pattern", pattern]);
+        let exposure = shot.exposure.to_bits().to_le_bytes();
+        self.journal.key(&[b"raw frame", pattern.bytes(), &exposure, &shot.take.to_le_bytes()])
+    }
+
+    fn replayed(&mut self, key: Key) -> Result<Option<RawFrame>> {
+        let Some(stored) = self.journal.get(key)? else { return Ok(None) };
+        let note = Note::parse(&stored.metadata).ok_or_else(|| photo::misread(&self.journal, "a photo"))?;
+        let frame = note.frame(&stored.payload).ok_or_else(|| photo::misread(&self.journal, "a photo"))?;
+        self.last = Some(note.stamp());
+        self.effort.replayed += 1;
+        Ok(Some(frame))
+    }
+
+    /// Should the pattern's record be damaged, it is known again now that it is asked for.
+    fn mend_pattern(&mut self, pattern: &[u8]) -> Result<()> {
+        let key = Key::of(&[b"pattern", pattern]);
+        if self.journal.is_writable() && self.journal.get(key)?.is_none() {
+            self.journal.pattern(pattern)?;
+        }
+        Ok(())
+    }
+
+    /// Takes a photo with the rig standing after `after`.
+    fn take(&mut self, shot: &Shot, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
+        let inner = match self.inner.take() {
+            // A rig that stands there already goes on.
+            Some((inner, stands)) if stands == after => inner,
+            other => {
+                if let Some((inner, _)) = &other {
+                    self.effort = photo::sum(&self.effort, &inner.effort());
+                }
+                // One rig at a time: the old one is closed first.
+                drop(other);
+                self.open(shot, after)?
+            }
+        };
+        let (inner, _) = self.inner.insert((inner, after));
+        let frame = inner.shoot(shot)?;
+        let stamp = Stamp::of(&frame);
+        if let Some((_, stands)) = &mut self.inner {
+            *stands = Some(stamp);
+        }
+        Ok((frame, stamp))
+    }
+
+    fn open(&mut self, shot: &Shot, after: Option<Stamp>) -> Result<Box<dyn Shots + 'a>> {
+        let Some(opener) = &mut self.opener else { return Err(self.missing(shot)) };
+        let mut inner = opener(after)?;
+        let found = photo::encode_devices(inner.projector(), inner.camera());
+        if found != photo::encode_devices(&self.projector, &self.camera) {
+            return Err(Error::Rig {
+                device: "rig".into(),
+                fault: format!(
+                    "its projector and camera ({}, {}) are not those of the journal ({}, {})",
+                    inner.projector().name,
+                    inner.camera().name,
+                    self.projector.name,
+                    self.camera.name
+                ),
+                help: "attach the rig that the run was begun with, or name another folder".into(),
+            });
+        }
+        if let Some(settle) = self.settle {
+            inner.set_settle(settle);
+        }
+        let before = after.and_then(|stamp| self.order.key(stamp.id));
+        if let Some(key) = before
+            && let Some(pair) = Pair::read(&mut self.journal, key)?
+        {
+            inner.follow(&pair.shot, &pair.seen)?;
+        }
+        Ok(inner)
+    }
+
+    fn missing(&self, shot: &Shot) -> Error {
+        let path = self.journal.path();
+        let folder = path.parent().and_then(|journal| journal.parent()).unwrap_or(path);
+        Error::Journal {
+            path: path.into(),
+            fault: format!(
+                "the photo of take {} at {} s of a frame with mean level {:.1} is not among its {} photos, and no rig is attached",
+                shot.take,
+                shot.exposure,
+                mean(&shot.frame),
+                self.journal.photos()
+            ),
+            help: format!("attach the rig: krylux VERB rig.toml --resume -o {}", folder.display()),
+        }
+    }
+}
+
+impl Shots for Journaled<'_> {
+    fn projector(&self) -> &ProjectorInfo {
+        &self.projector
+    }
+
+    fn camera(&self) -> &CameraInfo {
+        &self.camera
+    }
+
+    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame> {
+        let pattern = photo::encode_frame(&shot.frame);
+        let key = self.key(shot, &pattern);
+        if let Some(frame) = self.replayed(key)? {
+            self.mend_pattern(&pattern)?;
+            return Ok(frame);
+        }
+        let (after, before) = self.order.place(key, self.last);
+        let (mut frame, mut stamp) = self.take(shot, after)?;
+        if before.is_some_and(|next| stamp.id >= next) {
+            // It did not fit the gap that it was taken for, so it is no photo of then: it is taken now.
+            (frame, stamp) = self.take(shot, self.order.last())?;
+        }
+        frame.check()?;
+        let pattern = self.journal.pattern(&pattern)?;
+        let note = Note::new(shot, pattern, &frame, self.effort());
+        self.journal.append(Kind::Photo, key, &note.encode(), &photo::encode_counts(&frame))?;
+        self.order.insert(stamp, key);
+        self.last = Some(stamp);
+        Ok(frame)
+    }
+
+    fn set_settle(&mut self, seconds: f64) {
+        self.settle = Some(seconds);
+        if let Some((inner, _)) = &mut self.inner {
+            inner.set_settle(seconds);
+        }
+    }
+
+    fn effort(&self) -> Effort {
+        match &self.inner {
+            Some((inner, _)) => photo::sum(&self.effort, &inner.effort()),
+            None => self.effort,
+        }
+    }
+}
+
+fn mean(frame: &Arc<Frame>) -> f64 {
+    let levels = frame.levels();
+    levels.iter().map(|&level| f64::from(level)).sum::<f64>() / levels.len() as f64
+}

@@ -1,0 +1,270 @@
+//! Raw frames through a journal: none is taken twice, none is lost, and what comes out never differs.
+
+use std::cell::{Cell, RefCell};
+use std::fs;
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use krylux::Result;
+use krylux::image::Resolution;
+use krylux::journal::{Journal, Kind};
+use krylux::measure::{Effort, Journaled, Opener, Shot, Shots};
+use krylux::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::{file, identity};
+
+const SIZE: Resolution = Resolution { width: 4, height: 2 };
+
+/// A rig whose counts depend on all that they may: pattern, the pattern before (a slow screen), exposure, the frame's number,
+/// and the time. Every fifth frame is dropped.
+struct Rig {
+    projector: ProjectorInfo,
+    camera: CameraInfo,
+    stands: Stamp,
+    shown: Vec<u16>,
+    effort: Effort,
+    shots: Rc<Cell<u64>>,
+}
+
+impl Rig {
+    fn open(after: Option<Stamp>, shots: &Rc<Cell<u64>>) -> Self {
+        let projector = ProjectorInfo {
+            name: "test projector".into(),
+            resolution: SIZE,
+            channels: 1,
+            bits: 8,
+            // No number of few digits: it must come back to the last bit.
+            frame_time: 1.0 / 59.94,
+        };
+        let camera = CameraInfo {
+            name: "test camera".into(),
+            resolution: SIZE,
+            channels: 1,
+            bits: 16,
+            exposures: [1e-5 / 3.0, 0.7],
+        };
+        let stands = after.unwrap_or(Stamp { id: 0, time: 0.0 });
+        let shown = vec![0; 8];
+        Self { projector, camera, stands, shown, effort: Effort::default(), shots: Rc::clone(shots) }
+    }
+}
+
+impl Shots for Rig {
+    fn projector(&self) -> &ProjectorInfo {
+        &self.projector
+    }
+
+    fn camera(&self) -> &CameraInfo {
+        &self.camera
+    }
+
+    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame> {
+        self.shots.set(self.shots.get() + 1);
+        self.effort.taken += 1;
+        self.stands.id += 1;
+        if self.stands.id.is_multiple_of(5) {
+            self.stands.id += 1;
+            self.effort.dropped += 1;
+        }
+        let started = self.stands.time + 0.1;
+        let mut random = Pcg64::seed_from_u64(self.stands.id ^ started.to_bits());
+        let levels = shot.frame.levels().iter().zip(&self.shown);
+        let counts = levels.map(|(level, before)| level * 16 + before + random.random_range(0..16)).collect();
+        let exposure = shot.exposure * (1.0 + 1e-12);
+        let frame = RawFrame { resolution: SIZE, channels: 1, counts, exposure, id: self.stands.id, started };
+        self.stands = Stamp::of(&frame);
+        self.shown = shot.frame.levels().to_vec();
+        Ok(frame)
+    }
+
+    fn follow(&mut self, shot: &Shot, frame: &RawFrame) -> Result<()> {
+        assert_eq!(self.stands, Stamp::of(frame));
+        self.shown = shot.frame.levels().to_vec();
+        Ok(())
+    }
+
+    fn set_settle(&mut self, _: f64) {}
+
+    fn effort(&self) -> Effort {
+        Effort { seconds: self.stands.time, ..self.effort }
+    }
+}
+
+/// How often the rig was opened where, and how many shots it took.
+#[derive(Clone, Default)]
+struct Log {
+    opened: Rc<RefCell<Vec<Option<u64>>>>,
+    shots: Rc<Cell<u64>>,
+}
+
+impl Log {
+    fn opener(&self) -> Opener<'static> {
+        let log = self.clone();
+        Box::new(move |after| {
+            log.opened.borrow_mut().push(after.map(|stamp| stamp.id));
+            Ok(Box::new(Rig::open(after, &log.shots)))
+        })
+    }
+}
+
+fn shot(index: u16) -> Shot {
+    // Two takes of each frame, and frames that come again.
+    let levels = (0..8).map(|pixel| (index / 2 % 5 * 8 + pixel) % 256).collect();
+    let frame = Arc::new(Frame::new(SIZE, 1, levels).expect("eight levels"));
+    Shot { frame, exposure: 0.1 / 3.0, take: u32::from(index % 2 + index / 10 * 2) }
+}
+
+fn resume(folder: &Path, log: &Log) -> Journaled<'static> {
+    let journal = Journal::resume(folder, &identity()).expect("it can be opened");
+    Journaled::new(journal, log.opener()).expect("it is of this rig")
+}
+
+/// The frames of the run, whatever it takes.
+fn run(folder: &Path, log: &Log, count: u16) -> Vec<RawFrame> {
+    let mut shots = resume(folder, log);
+    (0..count).map(|index| shots.shoot(&shot(index)).expect("the rig works")).collect()
+}
+
+const COUNT: u16 = 12;
+
+#[test]
+fn a_run_is_repeated_without_the_rig() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let log = Log::default();
+    let first = run(folder.path(), &log, COUNT);
+    assert_eq!((log.shots.get(), log.opened.borrow().as_slice()), (12, &[None][..]));
+
+    let journal = Journal::read_only(folder.path()).expect("it is whole");
+    let mut replay = Journaled::replay(journal).expect("it knows its devices");
+    let rig = Rig::open(None, &log.shots);
+    assert_eq!((replay.projector(), replay.camera()), (rig.projector(), rig.camera()));
+    for (index, frame) in (0..COUNT).zip(&first) {
+        assert_eq!(&replay.shoot(&shot(index)).expect("it is there"), frame);
+    }
+    assert_eq!(replay.effort(), Effort { replayed: 12, ..Effort::default() });
+    assert_eq!((replay.past().taken, replay.past().dropped), (12, 2));
+
+    let error = replay.shoot(&shot(COUNT)).expect_err("nobody took it").to_string();
+    assert!(error.contains("take 2") && error.contains("krylux VERB rig.toml --resume -o"), "{error}");
+    let other = Shot { exposure: 0.2, ..shot(0) };
+    assert!(replay.shoot(&other).expect_err("nobody took it").to_string().contains("at 0.2 s"));
+
+    let pairs: Vec<_> = replay.pairs().collect::<Result<_>>().expect("it can be read");
+    let taken: Vec<_> = pairs.into_iter().map(|pair| (pair.shot, pair.seen)).collect();
+    let expected = (0..COUNT).map(shot).zip(first);
+    assert_eq!(taken, expected.collect::<Vec<_>>());
+}
+
+#[test]
+fn a_run_cut_off_anywhere_goes_on_as_if_it_had_not_been() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let first = run(folder.path(), &Log::default(), COUNT);
+    let bytes = fs::read(file(folder.path())).expect("it is there");
+    let header = Journal::read_only(folder.path()).expect("it is whole").entries()[0].offset as usize;
+    for length in (header..=bytes.len()).step_by(67) {
+        fs::write(file(folder.path()), &bytes[..length]).expect("there is room");
+        let there = Journal::read_only(folder.path()).expect("its header is whole").photos() as u64;
+        let log = Log::default();
+        assert_eq!(run(folder.path(), &log, COUNT), first, "{length} bytes");
+        assert_eq!(log.shots.get(), 12 - there, "{length} bytes");
+        let journal = Journal::read_only(folder.path()).expect("it is whole");
+        let keys = journal.entries().iter().filter(|entry| entry.kind == Kind::Photo).count();
+        assert_eq!((keys, journal.photos()), (12, 12));
+    }
+}
+
+#[test]
+fn a_damaged_photo_is_taken_again_as_it_was_and_no_other() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let first = run(folder.path(), &Log::default(), COUNT);
+    let bytes = fs::read(file(folder.path())).expect("it is there");
+    let journal = Journal::read_only(folder.path()).expect("it is whole");
+    let photos: Vec<bool> = journal.entries().iter().map(|entry| entry.kind == Kind::Photo).collect();
+    let starts: Vec<usize> = journal.entries().iter().map(|entry| entry.offset as usize).collect();
+    for at in (starts[0]..bytes.len()).step_by(53) {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 4;
+        fs::write(file(folder.path()), &damaged).expect("there is room");
+        let is_photo = photos[starts.iter().rposition(|&start| start <= at).expect("it is in a record")];
+        // Twice: what was repaired stays so.
+        for again in [u64::from(is_photo), 0] {
+            let log = Log::default();
+            assert_eq!(run(folder.path(), &log, COUNT), first, "byte {at}");
+            assert_eq!(log.shots.get(), again, "byte {at}");
+        }
+    }
+}
+
+#[test]
+fn neighbours_that_are_both_damaged_are_taken_again_in_their_order() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let first = run(folder.path(), &Log::default(), COUNT);
+    let bytes = fs::read(file(folder.path())).expect("it is there");
+    let journal = Journal::read_only(folder.path()).expect("it is whole");
+    let photos: Vec<usize> = journal
+        .entries()
+        .iter()
+        .filter(|entry| entry.kind == Kind::Photo)
+        .map(|entry| entry.offset as usize)
+        .collect();
+    // In the marker, the key, the metadata, the counts.
+    for (first_at, second_at) in [(0, 0), (0, 130), (30, 400), (600, 0), (600, 600), (130, 600)] {
+        for index in 0..photos.len() - 1 {
+            let mut damaged = bytes.clone();
+            for (photo, at) in [(index, first_at), (index + 1, second_at)] {
+                let end = photos.get(photo + 1).copied().unwrap_or(bytes.len());
+                damaged[(photos[photo] + at).min(end - 1)] ^= 0x20;
+            }
+            fs::write(file(folder.path()), &damaged).expect("there is room");
+            let log = Log::default();
+            assert_eq!(run(folder.path(), &log, COUNT), first, "{first_at}, {second_at} of photo {index}");
+            assert!(log.shots.get() <= 2);
+        }
+    }
+}
+
+#[test]
+fn another_question_takes_its_photos_after_all_others() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    run(folder.path(), &Log::default(), COUNT);
+    // One record is lost for good: nobody asks for it again.
+    let journal = Journal::read_only(folder.path()).expect("it is whole");
+    let third =
+        journal.entries().iter().filter(|entry| entry.kind == Kind::Photo).nth(2).expect("of twelve").offset;
+    drop(journal);
+    let mut bytes = fs::read(file(folder.path())).expect("it is there");
+    bytes[third as usize] ^= 1;
+    fs::write(file(folder.path()), &bytes).expect("there is room");
+
+    let log = Log::default();
+    let mut shots = resume(folder.path(), &log);
+    shots.shoot(&shot(7)).expect("it is there");
+    shots.shoot(&shot(0)).expect("it is there");
+    let new = shots.shoot(&shot(40)).expect("the rig works");
+    drop(shots);
+    let journal = Journal::read_only(folder.path()).expect("it is whole");
+    let mut replay = Journaled::replay(journal).expect("it knows its devices");
+    let ids: Vec<u64> = replay.pairs().map(|pair| pair.expect("it can be read").seen.id).collect();
+    assert_eq!(ids.len(), 12);
+    assert!(ids.windows(2).all(|pair| pair[0] < pair[1]) && ids[11] == new.id, "no number twice: {ids:?}");
+}
+
+#[test]
+fn another_rig_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    run(folder.path(), &Log::default(), 2);
+    let shots = Rc::default();
+    let opener: Opener<'static> = Box::new(move |after| {
+        let mut rig = Rig::open(after, &shots);
+        rig.camera.name = "another camera".into();
+        Ok(Box::new(rig))
+    });
+    let journal = Journal::resume(folder.path(), &identity()).expect("it can be opened");
+    let mut shots = Journaled::new(journal, opener).expect("the rig is not needed yet");
+    shots.shoot(&shot(0)).expect("it is there");
+    let error = shots.shoot(&shot(2)).expect_err("another camera is attached").to_string();
+    assert!(error.contains("another camera") && error.contains("test camera"), "{error}");
+}
