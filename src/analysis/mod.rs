@@ -10,10 +10,12 @@
 //! | how does it look under another pattern? | [`mod@low_rank`] |
 //! | which light came from how far away? | [`mod@probe`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
+//! | is the source a linear, symmetric operator at all? | [`mod@audit`] |
 //! | how good are they? | [`adjusted_rand_index`] |
 //! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
 //! | how alike are two images? | [`mod@likeness`] |
 
+pub mod audit;
 pub mod compensate;
 pub mod direct;
 pub mod kmeans;

@@ -133,7 +133,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if is_matrix(&args.source) {
         let mut operator = SparseOperator::new(sparse::read(&args.source)?);
         let stem = args.source.file_stem().unwrap_or_default().to_string_lossy();
-        let mut folder = RunFolder::create(&args.run, &format!("{stem}-eigs"))?;
+        let mut folder = RunFolder::create(&args.run, &format!("{stem}-eigs"), console)?;
         folder.manifest.seed = Some(args.trace.seed());
         let outcome = folder
             .describe_file(&args.source)
@@ -148,9 +148,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let source = SourceArgs { source: args.source.clone(), view: args.view.clone() };
     let mut source = Source::open(&source, &args.trace, console)?;
     let (name, resolution) = (source.name(), source.resolution());
-    let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"), console)?;
     source.describe(&mut folder.manifest, Channels::Luma);
-    let light = folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console));
+    let light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, Channels::Luma, Some(folder), console)
+    });
     let outcome = light.and_then(|mut light| {
         folder.manifest.noise = light.noise().map(Into::into);
         let found = light.with_operator(args.question.part(), console, |operator| {

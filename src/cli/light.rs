@@ -5,17 +5,21 @@ use std::cell::RefCell;
 use anyhow::Result;
 
 use super::console::Console;
+use super::journal;
 use super::measured::Measured;
 use super::operator::{OperatorArg, OperatorArgs, in_words};
+use super::replay::About;
 use super::simulation::Simulation;
+use crate::error::Error;
 use crate::image::{Image, Resolution};
+use crate::journal::{Journal, Key};
 use crate::measure::Measurement;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::render::{TraceSettings, Tracer};
 use crate::report::manifest;
 use crate::transport::{
-    Assembled, Channels, MatrixOperator, Noise, Part, Retraced, RetracedOperator, Simulated, Transport,
-    predict,
+    Assembled, Channels, JournaledOperator, MatrixOperator, Noise, Part, Retraced, RetracedOperator,
+    Simulated, Transport, predict,
 };
 
 /// What photos are taken by. For equal settings the first two give equal photos, to rounding.
@@ -23,6 +27,15 @@ pub(super) enum Light<'a> {
     Replayed(Box<Simulated>),
     Retraced { tracer: &'a mut Tracer, settings: TraceSettings, channels: Channels },
     Measured(Box<Measured>),
+    Kept(Box<Kept<'a>>),
+}
+
+/// Light whose photos are in a journal before they are used; without an inner one, only those that are there already.
+pub(super) struct Kept<'a> {
+    inner: Option<Light<'a>>,
+    journal: RefCell<Journal>,
+    about: About,
+    channels: usize,
 }
 
 impl<'a> Light<'a> {
@@ -61,6 +74,7 @@ impl<'a> Light<'a> {
     pub(super) fn matrix(&self) -> Option<&Assembled> {
         match self {
             Self::Replayed(rig) => Some(&rig.traced),
+            Self::Kept(kept) => kept.inner.as_ref()?.matrix(),
             Self::Retraced { .. } | Self::Measured(_) => None,
         }
     }
@@ -78,7 +92,7 @@ impl<'a> Light<'a> {
     /// What a run on a rig has cost so far; see [`Measured::record`].
     pub(super) fn record(&mut self, whole: bool) -> Result<Option<manifest::Rig>> {
         match self {
-            Self::Replayed(_) | Self::Retraced { .. } => Ok(None),
+            Self::Replayed(_) | Self::Retraced { .. } | Self::Kept(_) => Ok(None),
             Self::Measured(rig) => rig.record(whole).map(Some),
         }
     }
@@ -100,7 +114,41 @@ impl<'a> Light<'a> {
         console: &Console,
         work: impl FnOnce(&mut [ChannelOperator<'_>]) -> T,
     ) -> T {
+        let Self::Kept(kept) = self else { return self.with_own_channels(part, console, work) };
+        let Kept { inner: Some(inner), journal, .. } = &mut **kept else {
+            return self.with_own_channels(part, console, work);
+        };
+        let journal = &*journal;
+        let known = journal.borrow().damages().len();
+        let result = inner.with_own_channels(part, console, |channels| {
+            let kept = channels.iter_mut().enumerate().map(|(channel, inner)| {
+                ChannelOperator::Kept(JournaledOperator::new(journal, name(part, channel), inner))
+            });
+            work(&mut kept.collect::<Vec<_>>())
+        });
+        let journal = journal.borrow();
+        journal.damages()[known..].iter().for_each(journal::warning(&journal, console));
+        result
+    }
+
+    /// As [`Light::with_channels`], without writing down what is taken.
+    fn with_own_channels<T>(
+        &mut self,
+        part: Part,
+        console: &Console,
+        work: impl FnOnce(&mut [ChannelOperator<'_>]) -> T,
+    ) -> T {
         match self {
+            Self::Kept(kept) => {
+                let Kept { journal, about, channels, .. } = &**kept;
+                let size = [about.photos, about.patterns].map(Resolution::pixels);
+                let symmetry = if about.symmetric { Symmetry::Symmetric } else { Symmetry::General };
+                let operator = |channel| {
+                    let name = name(part, channel);
+                    ChannelOperator::Kept(JournaledOperator::replay(journal, name, size, symmetry))
+                };
+                work(&mut (0..*channels).map(operator).collect::<Vec<_>>())
+            }
             Self::Replayed(rig) => {
                 let matrix = &rig.traced.matrix;
                 let operator = |channel| ChannelOperator::Replayed(MatrixOperator { matrix, part, channel });
@@ -133,11 +181,15 @@ impl<'a> Light<'a> {
                 self.photograph(&Image::filled(resolution, 1, 0.0), console)
             }
             Self::Measured(rig) => Ok(rig.measurement.ambient()?.to_image()?),
+            Self::Kept(kept) => kept.image("ambient", |inner| inner.ambient(console)),
         }
     }
 
     /// The photo under an all-ones pattern.
     pub(super) fn white(&mut self, console: &Console) -> Result<Image> {
+        if let Self::Kept(kept) = self {
+            return kept.image("white", |inner| inner.white(console));
+        }
         let resolution = self.pattern_resolution();
         self.photograph(&Image::filled(resolution, 1, 1.0), console)
     }
@@ -147,6 +199,7 @@ impl<'a> Light<'a> {
             Self::Replayed(rig) => rig.pattern_resolution(),
             Self::Retraced { tracer, settings, .. } => tracer.projector_resolution(settings),
             Self::Measured(rig) => rig.measurement.resolution(),
+            Self::Kept(kept) => kept.about.patterns,
         }
     }
 
@@ -162,8 +215,70 @@ impl<'a> Light<'a> {
                 Ok(rig.photograph(pattern)?)
             }
             Self::Measured(rig) => Ok(rig.measurement.photograph(pattern)?.to_image()?),
+            Self::Kept(kept) => {
+                let shown: Vec<u8> =
+                    pattern.samples().iter().flat_map(|sample| sample.to_le_bytes()).collect();
+                let name = format!("photo of {}", Key::of(&[&shown]));
+                kept.image(&name, |inner| inner.photograph(pattern, console))
+            }
         }
     }
+}
+
+impl<'a> Kept<'a> {
+    /// Keeps the photos of `inner`.
+    pub(super) fn new(journal: Journal, about: About, inner: Light<'a>) -> Self {
+        let channels = about.channels;
+        Self { inner: Some(inner), journal: RefCell::new(journal), about, channels }
+    }
+
+    /// Hands out the photos of a run, of as many channels as it had.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when it had not as many.
+    pub(super) fn replay(journal: Journal, about: About, channels: Channels) -> Result<Self> {
+        let channels = channels.count();
+        if channels != about.channels {
+            return Err(Error::Option {
+                option: "--channels".into(),
+                fault: format!("the run's photos have {} channels, not {channels}", about.channels),
+                help: "give the channels of that run".into(),
+            }
+            .into());
+        }
+        Ok(Self { inner: None, journal: RefCell::new(journal), about, channels })
+    }
+
+    /// The image of this name: from the journal, or taken and kept.
+    fn image(&mut self, name: &str, take: impl FnOnce(&mut Light<'a>) -> Result<Image>) -> Result<Image> {
+        let journal = self.journal.get_mut();
+        let resolution = self.about.photos;
+        if let Some(bytes) = journal.read_note(name)? {
+            let (samples, _) = bytes.as_chunks::<4>();
+            let samples: Vec<f32> = samples.iter().map(|&sample| f32::from_le_bytes(sample)).collect();
+            return Ok(Image::new(resolution, samples.len() / resolution.pixels().max(1), samples)?);
+        }
+        let Some(inner) = &mut self.inner else {
+            return Err(Error::Journal {
+                path: journal.path().into(),
+                fault: format!(
+                    "the photo `{name}` is not among its {}, and there is no scene",
+                    journal.photos()
+                ),
+                help: "give the scene, with -o and --resume".into(),
+            }
+            .into());
+        };
+        let image = take(inner)?;
+        let bytes: Vec<u8> = image.samples().iter().flat_map(|sample| sample.to_le_bytes()).collect();
+        journal.note(name, &bytes)?;
+        Ok(image)
+    }
+}
+
+/// What the products of a part and channel are called in a journal.
+fn name(part: Part, channel: usize) -> String {
+    format!("{part:?}, channel {channel}")
 }
 
 /// One channel of a light. Channels that are traced anew, or measured, take turns with the one device.
@@ -182,12 +297,14 @@ pub(super) enum ChannelOperator<'a> {
         part: Part,
         channel: usize,
     },
+    Kept(JournaledOperator<'a>),
 }
 
 impl ChannelOperator<'_> {
     fn with<T>(&mut self, work: impl FnOnce(&mut dyn Adjoint) -> T) -> T {
         match self {
             Self::Replayed(operator) => work(operator),
+            Self::Kept(operator) => work(operator),
             Self::Retraced { tracer, settings, channels, part, channel, console } => {
                 let retraced = Retraced {
                     tracer: &mut tracer.borrow_mut(),
@@ -207,6 +324,7 @@ impl ChannelOperator<'_> {
     fn shape(&self) -> ([usize; 2], Symmetry) {
         match self {
             Self::Replayed(operator) => ([operator.rows(), operator.cols()], operator.symmetry()),
+            Self::Kept(operator) => ([operator.rows(), operator.cols()], operator.symmetry()),
             Self::Retraced { tracer, settings, .. } => {
                 let tracer = tracer.borrow();
                 let pixels = [settings.resolution, tracer.projector_resolution(settings)];

@@ -10,7 +10,7 @@ use super::console::Console;
 use super::options::{ChannelsArg, OutputArgs, SourceArgs};
 use super::rig_source::RigSource;
 use super::simulation::Simulation;
-use super::source::Source;
+use super::source::{self, Source};
 use super::trace::TraceArgs;
 use super::{Outcome, brute_force, measured};
 use crate::error::Error;
@@ -66,6 +66,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     match Source::open(&args.source, &args.trace, console)? {
         Source::Scene(mut simulation) => of_scene(args, &mut simulation, console),
         Source::Rig(mut rig) => of_rig(args, &mut rig, console),
+        Source::Run(_) => Err(source::not_for_runs(&args.source.source)),
     }
 }
 
@@ -115,7 +116,7 @@ fn of_rig(args: &Args, rig: &mut RigSource, console: &Console) -> Result<Outcome
     }
     let (channels, resolution) = (Channels::from(args.channels), rig.resolution());
     brute_force::check(resolution, channels, args.photos)?;
-    let mut measured = rig.measured(Some(channels), console)?;
+    let mut measured = rig.measured(Some(channels), None, console)?;
     let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
     for (channel, name) in names(channels).iter().enumerate() {
         let bar = console.bar("photos");

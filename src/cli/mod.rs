@@ -2,6 +2,7 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod audit;
 mod brute_force;
 mod cache;
 mod compare;
@@ -9,6 +10,7 @@ mod compensate;
 mod console;
 mod eigs;
 mod info;
+mod journal;
 mod labels;
 mod light;
 mod matrix;
@@ -19,6 +21,8 @@ mod options;
 mod pattern;
 mod photo;
 mod plan;
+mod replay;
+mod rig;
 mod rig_info;
 mod rig_source;
 mod run_folder;
@@ -50,7 +54,9 @@ enum Verb {
     Segment(segment::Args),
     Compensate(compensate::Args),
     Eigs(eigs::Args),
+    Audit(audit::Args),
     Plan(plan::Args),
+    Rig(rig::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
     Labels(labels::Args),
@@ -75,6 +81,8 @@ pub fn main() -> ExitCode {
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
         Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
+        Verb::Audit(args) => audit::run(args, &console.with(&args.output)),
+        Verb::Rig(args) => rig::run(args, &console.with(args.output())),
         Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),

@@ -10,7 +10,7 @@ use crate::transport::Channels;
 /// Which source of photos.
 #[derive(Args, Clone)]
 pub(super) struct SourceArgs {
-    /// A scene (.glb or .gltf with a camera, or .obj with a file of its rig), a rig (.toml), or the folder of a run on a rig
+    /// A scene (.glb or .gltf with a camera, or .obj with a file of its rig), a rig (.toml), or a run's folder, whose photos are asked anew
     #[arg(value_name = "SOURCE")]
     pub(super) source: PathBuf,
     #[command(flatten)]
@@ -42,9 +42,12 @@ pub(super) struct RunArgs {
     /// Where the run goes [default: out/SOURCE-VERB]
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     pub(super) folder: Option<PathBuf>,
-    /// Write into a folder that holds an earlier run
+    /// Write into a folder that holds an earlier run, and throw its photos away
     #[arg(long)]
     pub(super) overwrite: bool,
+    /// Go on with the run in the folder: no photo that is in its journal is taken again
+    #[arg(long, conflicts_with = "overwrite")]
+    pub(super) resume: bool,
 }
 
 /// How much is said, and how.

@@ -50,6 +50,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let Taken { photo, noise, of, facts } = match &mut source {
         Source::Scene(simulation) => of_scene(args, simulation, &pattern, console)?,
         Source::Rig(rig) => of_rig(args, rig, &pattern, console)?,
+        Source::Run(_) => return Err(source::not_for_runs(&args.source.source)),
     };
     for file in &args.files {
         picture::write(file, &photo)?;
@@ -113,7 +114,7 @@ fn of_rig(args: &Args, rig: &mut RigSource, pattern: &Image, console: &Console) 
     if args.operator != OperatorArg::Auto {
         return Err(source::not_for_rigs("--operator"));
     }
-    let mut measured = rig.measured(args.channels.map(Into::into), console)?;
+    let mut measured = rig.measured(args.channels.map(Into::into), None, console)?;
     let photo = measured.measurement.photograph(pattern)?;
     let noise = norm(&photo.errors_to_image()?) / norm(&photo.to_image()?);
     let facts = ("rig", json!(measured.record(true)?));

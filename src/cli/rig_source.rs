@@ -6,20 +6,23 @@ use std::sync::Arc;
 use anyhow::Result;
 
 use super::console::Console;
+use super::journal;
 use super::labels;
 use super::measured::Measured;
 use super::options::{SourceArgs, ViewArgs};
+use super::replay;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
 use crate::analysis::plan::Twin;
 use crate::error::Error;
 use crate::image::Resolution;
-use crate::measure::{Calibration, Live, Measurement, Shots};
+use crate::journal::{Identity, Journal};
+use crate::measure::{Calibration, Journaled, Live, Measurement, Opener, Shots};
 use crate::render::TraceSettings;
 use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
 use crate::report::sparse;
-use crate::rig::{Bench, RigFile, RigKind, Stamp, VirtualRig, VirtualScene};
+use crate::rig::{Bench, RigFile, RigKind, VirtualRig, VirtualScene};
 use crate::transport::{Channels, Given};
 
 /// A rig that can be opened.
@@ -35,19 +38,27 @@ impl RigSource {
     /// Reads the file, what it names, and the calibration. Options of the tracer that are given stand in the place of what the file
     /// of a virtual rig says of its scene; where nothing is traced they are refused.
     pub(super) fn open(args: &SourceArgs, trace: &TraceArgs, console: &Console) -> Result<Self> {
+        let mut source = Self::uncalibrated(args, trace, console)?;
+        match &source.file.calibration {
+            Some(folder) => {
+                source.calibration = Calibration::load(folder)?;
+                let devices = &source.devices;
+                source.calibration.check(&devices.projector_info(), &devices.camera_info())?;
+            }
+            None => console.note(format_args!(
+                "note: {} names no calibration, so its devices are taken as ideal; `krylux rig calibrate` measures them",
+                args.source.display()
+            )),
+        }
+        Ok(source)
+    }
+
+    /// As [`Self::open`], with devices taken as ideal whatever the file says of a calibration: there may be none yet.
+    pub(super) fn uncalibrated(args: &SourceArgs, trace: &TraceArgs, console: &Console) -> Result<Self> {
         let file = RigFile::load(&args.source)?;
         let RigKind::Virtual(mut devices) = file.kind.clone();
         let simulation = scene_of(&mut devices.scene, &args.source, &args.view, trace, console)?;
-        let calibration = match &file.calibration {
-            Some(folder) => Calibration::load(folder)?,
-            None => {
-                console.note(format_args!(
-                    "note: {} names no calibration, so its devices are taken as ideal; `krylux rig calibrate` measures them",
-                    args.source.display()
-                ));
-                Calibration::ideal(&devices.projector_info(), &devices.camera_info())
-            }
-        };
+        let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
         Ok(Self { file, calibration, devices, simulation })
     }
 
@@ -87,61 +98,144 @@ impl RigSource {
         &self.devices
     }
 
-    /// The devices, ready to be used, as after the last frame of an earlier session if there is one.
-    pub(super) fn bench(&mut self, after: Option<Stamp>, console: &Console) -> Result<Bench> {
+    /// The devices, ready to be used.
+    pub(super) fn bench(&mut self, console: &Console) -> Result<Bench> {
         let light = self.twin(console)?.transport();
-        Ok(self.devices.open(light, after)?)
+        Ok(self.devices.open(light, None)?)
     }
 
     /// What the virtual devices look at.
     pub(super) fn twin(&mut self, console: &Console) -> Result<Twin> {
-        let channels = self.devices.channels();
-        Ok(match (&mut self.simulation, &self.devices.scene) {
-            (Some(simulation), _) => Twin::Traced(Arc::new(simulation.assemble(channels, console)?)),
-            (None, VirtualScene::Matrix { path, size }) => {
-                Twin::Given(Given::new(sparse::read(path)?, *size)?)
+        twin(&mut self.simulation, &self.devices, &self.file.path, console)
+    }
+
+    /// All that the photos of this rig depend on.
+    pub(super) fn identity(&self) -> Result<Identity> {
+        let identity = Identity::new()
+            .with("rig file", hex(&self.file.hash))
+            .with("calibration", hex(&self.calibration.identity()));
+        Ok(match (&self.simulation, &self.devices.scene) {
+            (Some(simulation), _) => simulation.identity(identity, self.devices.channels()),
+            (None, VirtualScene::Matrix { path, .. }) => {
+                let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+                identity.with("matrix file", blake3::hash(&bytes).to_hex())
             }
             (None, VirtualScene::File { .. }) => return Err(no_scene(&self.file.path).into()),
         })
     }
 
-    /// Raw frames from the open rig.
-    fn shots(&mut self, console: &Console) -> Result<Box<dyn Shots>> {
-        let bench = self.bench(None, console)?;
+    /// Opens the rig whenever raw frames are wanted of it; whatever is traced for that is traced then, and kept. The scene behind it
+    /// is handed over.
+    fn opener(&mut self, console: &Console) -> Opener<'static> {
+        let (mut simulation, devices) = (self.simulation.take(), self.devices.clone());
+        let (path, console) = (self.file.path.clone(), console.clone());
         let options = &self.file.measurement;
         let settle = options.settle.unwrap_or(self.calibration.stability.settle);
-        Ok(Box::new(Live::new(bench, settle, options.tries)))
+        let tries = options.tries;
+        let mut known: Option<Twin> = None;
+        Box::new(move |after| {
+            let light = match &known {
+                Some(known) => known.transport(),
+                None => {
+                    let found = twin(&mut simulation, &devices, &path, &console).map_err(into_error)?;
+                    known.insert(found).transport()
+                }
+            };
+            Ok(Box::new(Live::new(devices.open(light, after)?, settle, tries)))
+        })
     }
 
-    /// Opens the rig, and the stages behind it.
-    pub(super) fn measured(&mut self, channels: Option<Channels>, console: &Console) -> Result<Measured> {
-        let shots = self.shots(console)?;
-        let mut measurement =
-            Measurement::new(shots, self.calibration.clone(), self.file.measurement.clone())?;
-        match channels {
-            Some(Channels::Luma) => measurement = measurement.in_luma(),
-            Some(Channels::Rgb) if measurement.channels() != 3 => {
-                return Err(Error::Option {
-                    option: "--channels".into(),
-                    fault: format!("the camera of {} sees no colours", self.file.path.display()),
-                    help: "give --channels luma".into(),
-                }
-                .into());
+    /// Opens the rig, and the stages behind it; with a journal, only once a photo is not in it.
+    pub(super) fn measured(
+        &mut self,
+        channels: Option<Channels>,
+        journal: Option<Journal>,
+        console: &Console,
+    ) -> Result<Measured> {
+        let mut opener = self.opener(console);
+        let shots: Box<dyn Shots> = match journal {
+            Some(journal) => {
+                let warn = journal::warning(&journal, console);
+                Box::new(Journaled::new(journal, opener)?.reporting(warn))
             }
-            _ => {}
+            None => opener(None)?,
+        };
+        measured(shots, &self.calibration, &self.file, channels)
+    }
+
+    /// Keeps beside the journal of the run in `folder` what a replay needs of the rig.
+    pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
+        let path = &self.file.path;
+        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        journal.note(replay::RIG_FILE, &bytes)?;
+        let calibration = replay::calibration(folder);
+        let kept =
+            Calibration::load(&calibration).is_ok_and(|kept| kept.identity() == self.calibration.identity());
+        if !kept {
+            self.calibration.save(&calibration)?;
         }
-        let calibration = self.file.calibration.as_ref().map(|folder| folder.display().to_string());
-        Ok(Measured { measurement, calibration })
+        Ok(())
     }
 
     /// Notes what a run depends on.
     pub(super) fn describe(&self, manifest: &mut Manifest) {
-        let hash = self.file.hash.iter().map(|byte| format!("{byte:02x}")).collect();
+        let hash = hex(&self.file.hash);
         if let Some(simulation) = &self.simulation {
             super::source::describe_simulation(simulation, manifest);
         }
         manifest.scene = Some(manifest::Scene { path: self.file.path.display().to_string(), hash });
     }
+}
+
+/// The stages behind raw frames.
+pub(super) fn measured(
+    shots: Box<dyn Shots>,
+    calibration: &Calibration,
+    file: &RigFile,
+    channels: Option<Channels>,
+) -> Result<Measured> {
+    let mut measurement = Measurement::new(shots, calibration.clone(), file.measurement.clone())?;
+    match channels {
+        Some(Channels::Luma) => measurement = measurement.in_luma(),
+        Some(Channels::Rgb) if measurement.channels() != 3 => {
+            return Err(Error::Option {
+                option: "--channels".into(),
+                fault: format!("the camera of {} sees no colours", file.path.display()),
+                help: "give --channels luma".into(),
+            }
+            .into());
+        }
+        _ => {}
+    }
+    let calibration = file.calibration.as_ref().map(|folder| folder.display().to_string());
+    Ok(Measured { measurement, calibration })
+}
+
+fn twin(
+    simulation: &mut Option<Box<Simulation>>,
+    devices: &VirtualRig,
+    rig: &Path,
+    console: &Console,
+) -> Result<Twin> {
+    Ok(match (simulation, &devices.scene) {
+        (Some(simulation), _) => Twin::Traced(Arc::new(simulation.assemble(devices.channels(), console)?)),
+        (None, VirtualScene::Matrix { path, size }) => Twin::Given(Given::new(sparse::read(path)?, *size)?),
+        (None, VirtualScene::File { .. }) => return Err(no_scene(rig).into()),
+    })
+}
+
+/// The library's error, in which all that opens a rig ends but for an output that cannot be written.
+fn into_error(error: anyhow::Error) -> Error {
+    error.downcast().unwrap_or_else(|error| Error::Rig {
+        device: "virtual rig".into(),
+        fault: format!("{error:#}"),
+        help: "make standard output writable, or add -q".into(),
+    })
+}
+
+/// In hexadecimal.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn no_scene(path: &Path) -> Error {

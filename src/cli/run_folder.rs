@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::console::Console;
+use super::journal;
 use super::light::Light;
 use super::measured;
 use super::options::RunArgs;
 use crate::error::{Error, Result};
+use crate::journal::{Identity, Journal};
 use crate::report::manifest::{self, Manifest, Status};
 
 const RECORD: &str = "run.json";
@@ -17,29 +19,59 @@ pub(super) struct RunFolder {
     pub(super) path: PathBuf,
     pub(super) manifest: Manifest,
     started: Instant,
+    resume: bool,
+    notes: Vec<(&'static str, Vec<u8>)>,
 }
 
 impl RunFolder {
-    /// Makes the folder wanted, or, where the user named none, the first free one of `out/NAME`, `out/NAME-2`, …
+    /// Makes the folder wanted, or, where the user named none, the first free one of `out/NAME`, `out/NAME-2`, …; a run that is
+    /// to be resumed is in the folder wanted, or in `out/NAME`.
     ///
     /// # Errors
     /// [`Error::Option`] when it holds an earlier run that is not to be overwritten; [`Error::Write`].
-    pub(super) fn create(wanted: &RunArgs, name: &str) -> Result<Self> {
+    pub(super) fn create(wanted: &RunArgs, name: &str, console: &Console) -> Result<Self> {
+        let RunArgs { overwrite, resume, .. } = *wanted;
         let path = match &wanted.folder {
-            Some(path) if path.join(RECORD).exists() && !wanted.overwrite => {
+            Some(path) if holds_run(path) && !overwrite && !resume => {
                 return Err(Error::Option {
                     option: "-o".into(),
                     fault: format!("{} already holds a run", path.display()),
-                    help: "name another folder, or add --overwrite".into(),
+                    help: "go on with it by --resume, name another folder, or add --overwrite".into(),
                 });
             }
             Some(path) => path.clone(),
+            None if resume => numbered(name, 1),
             None => free(name),
         };
         std::fs::create_dir_all(&path).map_err(Error::writing(&path))?;
+        if overwrite {
+            let photos = Journal::discard(&journal::folder(&path))?;
+            if photos > 0 {
+                console.note(format_args!(
+                    "note: --overwrite throws away {photos} photos of the run in {}",
+                    path.display()
+                ));
+            }
+        }
         let manifest = Manifest::new(std::env::args());
         manifest.write(&path.join(RECORD))?;
-        Ok(Self { path, manifest, started: Instant::now() })
+        Ok(Self { path, manifest, started: Instant::now(), resume, notes: Vec::new() })
+    }
+
+    /// Something that a replay of this run should know, to be written into its journal.
+    pub(super) fn keep(&mut self, name: &'static str, value: &impl serde::Serialize) -> anyhow::Result<()> {
+        self.notes.push((name, serde_json::to_vec(value)?));
+        Ok(())
+    }
+
+    /// The run's journal: a new one, or the one to go on with.
+    ///
+    /// # Errors
+    /// As [`Journal::create`] and [`Journal::resume`].
+    pub(super) fn journal(&self, identity: &Identity, console: &Console) -> Result<Journal> {
+        let mut journal = journal::open(&self.path, identity, self.resume, console)?;
+        self.notes.iter().try_for_each(|(name, value)| journal.note(name, value))?;
+        Ok(journal)
     }
 
     /// Notes the file that a run depends on where there is no scene: a matrix.
@@ -102,10 +134,21 @@ impl RunFolder {
 }
 
 fn free(name: &str) -> PathBuf {
-    let numbered = |number: u32| match number {
+    // Numbers do not run out before the disk does.
+    (1..)
+        .map(|number| numbered(name, number))
+        .find(|path| !path.exists())
+        .unwrap_or_else(|| numbered(name, 1))
+}
+
+fn numbered(name: &str, number: u32) -> PathBuf {
+    match number {
         1 => PathBuf::from(format!("out/{name}")),
         _ => PathBuf::from(format!("out/{name}-{number}")),
-    };
-    // Numbers do not run out before the disk does.
-    (1..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(1))
+    }
+}
+
+/// Whether there is anything that a new run would take the place of.
+fn holds_run(path: &Path) -> bool {
+    path.join(RECORD).exists() || Journal::is_in(&journal::folder(path))
 }

@@ -8,8 +8,10 @@ use anyhow::Result;
 use super::console::Console;
 use super::noise;
 use super::options::ViewArgs;
+use super::rig_source::hex;
 use super::trace::TraceArgs;
 use crate::cache::{Cache, Found, Key};
+use crate::journal::Identity;
 use crate::render::{TraceSettings, TraceSummary, Tracer};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::transport::{self, Assembled, Channels};
@@ -48,6 +50,20 @@ impl Simulation {
     /// Names the matrix that tracing would make.
     pub(super) fn key(&self, channels: Channels, split: bool) -> Key {
         Key::new(&self.scene, self.tracer.adapter(), &self.settings, channels, split)
+    }
+
+    /// `identity` with all that a trace depends on.
+    pub(super) fn identity(&self, identity: Identity, channels: Channels) -> Identity {
+        let (settings, adapter) = (&self.settings, self.tracer.adapter());
+        identity
+            .with("scene", hex(&self.scene.hash))
+            .with("size", settings.resolution)
+            .with("samples per pixel", settings.samples)
+            .with("bounces", settings.max_bounces)
+            .with("seed", settings.seed)
+            .with("channels", channels.count())
+            .with("adapter", format!("{} {} {}", adapter.name, adapter.driver, adapter.driver_version))
+            .with("all that is traced", self.key(channels, false).hex())
     }
 
     /// The matrix from the cache, if it is there and whole.

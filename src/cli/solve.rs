@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         .into());
     }
     let stem = args.matrix.file_stem().unwrap_or_default().to_string_lossy();
-    let mut folder = RunFolder::create(&args.run, &format!("{stem}-solve"))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{stem}-solve"), console)?;
     let outcome = folder
         .describe_file(&args.matrix)
         .map_err(Into::into)

@@ -6,14 +6,17 @@ use anyhow::Result;
 
 use super::console::Console;
 use super::labels;
-use super::light::Light;
+use super::light::{Kept, Light};
 use super::operator::OperatorArgs;
 use super::options::SourceArgs;
-use super::rig_source::RigSource;
+use super::replay::{self, About, Kind, Replay};
+use super::rig_source::{RigSource, hex};
+use super::run_folder::RunFolder;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
 use crate::error::Error;
 use crate::image::Resolution;
+use crate::journal::Identity;
 use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
 use crate::transport::Channels;
@@ -24,11 +27,24 @@ pub(super) enum Source {
     Scene(Box<Simulation>),
     /// A rig file.
     Rig(Box<RigSource>),
+    /// The folder of a run.
+    Run(Box<Replay>),
 }
 
 impl Source {
     /// Opens whatever SOURCE names.
     pub(super) fn open(args: &SourceArgs, trace: &TraceArgs, console: &Console) -> Result<Self> {
+        if args.source.is_dir() {
+            if let Some(option) = trace.given().or(args.view.given()) {
+                return Err(Error::Option {
+                    option: option.into(),
+                    fault: format!("{} is a run, whose photos are taken already", args.source.display()),
+                    help: "leave it out, or give the scene or the rig".into(),
+                }
+                .into());
+            }
+            return Ok(Self::Run(Box::new(Replay::open(&args.source)?)));
+        }
         if is_rig(&args.source) {
             return Ok(Self::Rig(Box::new(RigSource::open(args, trace, console)?)));
         }
@@ -41,6 +57,7 @@ impl Source {
         match self {
             Self::Scene(simulation) => simulation::short_name(&simulation.scene.path),
             Self::Rig(rig) => rig.name(),
+            Self::Run(run) => run.about.name.clone(),
         }
     }
 
@@ -49,6 +66,7 @@ impl Source {
         match self {
             Self::Scene(simulation) => simulation.settings.resolution,
             Self::Rig(rig) => rig.resolution(),
+            Self::Run(run) => run.about.photos,
         }
     }
 
@@ -59,6 +77,7 @@ impl Source {
                 simulation.settings.projector.unwrap_or(simulation.settings.resolution)
             }
             Self::Rig(rig) => rig.resolution(),
+            Self::Run(run) => run.about.patterns,
         }
     }
 
@@ -70,6 +89,12 @@ impl Source {
         match self {
             Self::Scene(simulation) => Ok(simulation),
             Self::Rig(rig) => rig.simulation(),
+            Self::Run(run) => Err(Error::Data {
+                path: run.about.path.clone(),
+                fault: "a run has photos of it, but not the scene itself".into(),
+                help: "give the scene".into(),
+            }
+            .into()),
         }
     }
 
@@ -79,6 +104,7 @@ impl Source {
             Self::Scene(_) => "tracing and matrix",
             Self::Rig(rig) if rig.is_traced() => "tracing, matrix and first photos",
             Self::Rig(_) => "first photos",
+            Self::Run(_) => "journal",
         }
     }
 
@@ -87,6 +113,8 @@ impl Source {
         match self {
             Self::Scene(_) => "W/(m² sr)",
             Self::Rig(_) => "DN/s",
+            Self::Run(run) if run.about.kind == Kind::Scene => "W/(m² sr)",
+            Self::Run(_) => "DN/s",
         }
     }
 
@@ -96,22 +124,64 @@ impl Source {
         match self {
             Self::Scene(simulation) => labels::truth(simulation, resolution),
             Self::Rig(rig) => rig.truth(),
+            Self::Run(run) => Ok(run.truth()),
         }
     }
 
-    /// What photos are taken by.
+    /// What photos are taken by; with a run's folder, each is in its journal before it is used, and none is taken twice.
     pub(super) fn light(
         &mut self,
         choice: &OperatorArgs,
         channels: Channels,
+        folder: Option<&RunFolder>,
         console: &Console,
     ) -> Result<Light<'_>> {
+        if let (Self::Rig(_) | Self::Run(_), Some(option)) = (&*self, choice.given()) {
+            return Err(not_for_rigs(option));
+        }
+        let about = self.about(channels);
+        let Some(folder) = folder else {
+            return match self {
+                Self::Scene(simulation) => Light::of_scene(simulation, choice, channels, console),
+                Self::Rig(rig) => {
+                    Ok(Light::Measured(Box::new(rig.measured(Some(channels), None, console)?)))
+                }
+                Self::Run(run) => run.light(channels, console),
+            };
+        };
         match self {
-            Self::Scene(simulation) => Light::of_scene(simulation, choice, channels, console),
-            Self::Rig(rig) => match choice.given() {
-                Some(option) => Err(not_for_rigs(option)),
-                None => Ok(Light::Measured(Box::new(rig.measured(Some(channels), console)?))),
-            },
+            Self::Scene(simulation) => {
+                let identity = simulation.identity(Identity::new(), channels);
+                let mut journal = folder.journal(&identity, console)?;
+                journal.note(replay::ABOUT, &serde_json::to_vec(&about)?)?;
+                let light = Light::of_scene(simulation, choice, channels, console)?;
+                Ok(Light::Kept(Box::new(Kept::new(journal, about, light))))
+            }
+            Self::Rig(rig) => {
+                let mut journal = folder.journal(&rig.identity()?, console)?;
+                journal.note(replay::ABOUT, &serde_json::to_vec(&about)?)?;
+                rig.keep(&folder.path, &mut journal)?;
+                Ok(Light::Measured(Box::new(rig.measured(Some(channels), Some(journal), console)?)))
+            }
+            Self::Run(run) => run.light(channels, console),
+        }
+    }
+
+    /// What a replay has to know of it.
+    fn about(&self, channels: Channels) -> About {
+        let (photos, patterns, name) = (self.resolution(), self.projector_resolution(), self.name());
+        let channels = channels.count();
+        match self {
+            Self::Scene(simulation) => {
+                let (path, hash) = (simulation.scene.path.clone(), hex(&simulation.scene.hash));
+                let symmetric = simulation.tracer.symmetric(&simulation.settings);
+                About { kind: Kind::Scene, name, path, hash, photos, patterns, symmetric, channels }
+            }
+            Self::Rig(rig) => {
+                let (path, hash) = (rig.file.path.clone(), hex(&rig.file.hash));
+                About { kind: Kind::Rig, name, path, hash, photos, patterns, symmetric: true, channels }
+            }
+            Self::Run(run) => run.about.clone(),
         }
     }
 
@@ -120,6 +190,7 @@ impl Source {
         match self {
             Self::Scene(simulation) => describe_simulation(simulation, manifest),
             Self::Rig(rig) => rig.describe(manifest),
+            Self::Run(run) => run.describe(manifest),
         }
         manifest.resolution = Some(self.resolution());
         manifest.channels = Some(match channels {
@@ -140,6 +211,16 @@ pub(super) fn not_for_rigs(option: &str) -> anyhow::Error {
         option: option.into(),
         fault: "the photos of a rig are neither replayed from a matrix nor traced".into(),
         help: "leave it out, or give a scene".into(),
+    }
+    .into()
+}
+
+/// Verbs that take photos of their own have none in a journal.
+pub(super) fn not_for_runs(run: &Path) -> anyhow::Error {
+    Error::Data {
+        path: run.to_path_buf(),
+        fault: "a run's photos answer segment, eigs and compensate only".into(),
+        help: "give the scene or the rig".into(),
     }
     .into()
 }

@@ -70,6 +70,21 @@ impl Journal {
         open(path, file, None)
     }
 
+    /// Throws away the journal in this folder, and says how many photos that were: none where there is no journal, or none that
+    /// can be read.
+    ///
+    /// # Errors
+    /// [`Error::Journal`] when another process writes it; [`Error::Write`].
+    pub fn discard(folder: &Path) -> Result<usize> {
+        if !Self::is_in(folder) {
+            return Ok(0);
+        }
+        let (path, _lock) = claim(folder)?;
+        let photos = Self::read_only(folder).map_or(0, |journal| journal.photos());
+        fs::remove_file(&path).map_err(Error::writing(&path))?;
+        Ok(photos)
+    }
+
     /// Cuts off the torn end.
     fn cut(self) -> Result<Self> {
         if self.torn.is_some() {

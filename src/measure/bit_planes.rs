@@ -11,6 +11,7 @@
 
 use super::display::{Display, Displayed};
 use crate::error::Result;
+use crate::transport::Part;
 
 /// A frame and its weight in the sum.
 #[derive(Clone, Debug)]
@@ -40,7 +41,12 @@ pub fn amplification(weights: &[f64]) -> f64 {
 }
 
 /// Decomposes `wish` (one plane for all channels, or one for each) into `count` frames. Frames without light are left out.
-pub(super) fn decompose(display: &Display, wish: &[Vec<f64>], count: u32) -> Result<Vec<BitPlane>> {
+pub(super) fn decompose(
+    display: &Display,
+    wish: &[Vec<f64>],
+    part: Part,
+    count: u32,
+) -> Result<Vec<BitPlane>> {
     let mut left = wish.to_vec();
     let weights = weights(count, display.widest_step());
     let mut planes = Vec::with_capacity(weights.len());
@@ -48,7 +54,7 @@ pub(super) fn decompose(display: &Display, wish: &[Vec<f64>], count: u32) -> Res
         let scaled: Vec<Vec<f64>> =
             left.iter().map(|plane| plane.iter().map(|light| light / weight).collect()).collect();
         let last = index + 1 == weights.len();
-        let displayed = if last { display.show(&scaled)? } else { display.show_below(&scaled)? };
+        let displayed = if last { display.show(&scaled, part)? } else { display.show_below(&scaled)? };
         if !last {
             // Channels of unlike curves leave unlike remainders.
             left = displayed

@@ -2,6 +2,17 @@
 //!
 //! Light is linear, so nothing is lost when every product is booked on the pattern that was shown. What differs from the
 //! wish is the error of rounding to levels; how it spreads over the pixels is for [`DitherBy`] to choose.
+//!
+//! Measured on 24×24 pixels of rank-one indirect light, 8 bits and gamma 2.2, as the relative error of a product (`tests/measure_stages/quantization.rs`):
+//!
+//! | vector | part | nearest | random | diffusion |
+//! |---|---|---|---|---|
+//! | smooth | full | 1.2e-3 | 1.6e-3 | 1.4e-3 |
+//! | smooth | global | 2.8e-5 | 8.3e-5 | 2.7e-5 |
+//! | random | full | 2.9e-3 | 4.1e-3 | 3.2e-3 |
+//! | random | global | 2.9e-3 | 4.5e-3 | 1.6e-3 |
+//!
+//! Hence [`DitherBy::Auto`]: diffusion for the global part, else the nearest level.
 
 use std::sync::Arc;
 
@@ -13,6 +24,7 @@ use super::response::Levels;
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::{Frame, ProjectorInfo};
+use crate::transport::Part;
 
 /// The projector as patterns see it.
 #[derive(Clone, Debug)]
@@ -47,7 +59,7 @@ impl Display {
         let mut random = Pcg64::seed_from_u64(seed);
         let thresholds = match dither {
             DitherBy::Random => (0..projector.resolution.pixels()).map(|_| random.random::<f64>()).collect(),
-            DitherBy::None | DitherBy::Diffusion => Vec::new(),
+            DitherBy::Auto | DitherBy::None | DitherBy::Diffusion => Vec::new(),
         };
         Ok(Self { resolution: projector.resolution, levels, dither, thresholds })
     }
@@ -57,10 +69,15 @@ impl Display {
         self.levels.iter().map(|levels| levels.widest).fold(0.0, f64::max)
     }
 
-    /// Shows `wish`, one plane for all channels or one for each, as well as the levels allow.
-    pub(super) fn show(&self, wish: &[Vec<f64>]) -> Result<Displayed> {
-        self.shown(wish, |levels, plane| match self.dither {
-            DitherBy::None => plane.iter().map(|&light| levels.nearest(light)).collect(),
+    /// Shows `wish`, one plane for all channels or one for each, as well as the levels allow, for a product with `part`.
+    pub(super) fn show(&self, wish: &[Vec<f64>], part: Part) -> Result<Displayed> {
+        let dither = match (self.dither, part) {
+            (DitherBy::Auto, Part::Global) => DitherBy::Diffusion,
+            (DitherBy::Auto, Part::Full | Part::Direct) => DitherBy::None,
+            (chosen, _) => chosen,
+        };
+        self.shown(wish, |levels, plane| match dither {
+            DitherBy::Auto | DitherBy::None => plane.iter().map(|&light| levels.nearest(light)).collect(),
             DitherBy::Random => self.random(levels, plane),
             DitherBy::Diffusion => self.diffused(levels, plane),
         })

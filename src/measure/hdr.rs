@@ -147,12 +147,10 @@ fn merge_sample(
     }
     for _ in 0..PASSES {
         let (mut sum, mut total) = (0.0, 0.0);
-        for e in 0..exposed.len() {
-            if weights[e] > 0.0 {
-                weights[e] = 1.0 / variance_of_rate(e, value).max(f64::MIN_POSITIVE);
-                sum += weights[e] * rate(e);
-                total += weights[e];
-            }
+        for (e, weight) in weights.iter_mut().enumerate().filter(|(_, weight)| **weight > 0.0) {
+            *weight = 1.0 / variance_of_rate(e, value).max(f64::MIN_POSITIVE);
+            sum += *weight * rate(e);
+            total += *weight;
         }
         value = sum / total;
         weights.iter_mut().for_each(|weight| *weight /= total);

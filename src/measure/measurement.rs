@@ -3,21 +3,17 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use super::bit_planes::decompose;
 use super::calibration::{Calibration, Registration};
-use super::direct;
-use super::display::{Display, Displayed};
+use super::display::Display;
 use super::drift::DriftReport;
 use super::hdr::Sighting;
-use super::noise::NoiseAhead;
 use super::operator::MeasuredOperator;
-use super::options::{DirectBy, MeasureOptions};
+use super::options::MeasureOptions;
 use super::photo::{Photo, Plane};
 use super::photographer::{Exposer, Photographer};
 use super::registration::{choose, combine};
 use super::response::CameraCurve;
 use super::shots::{Effort, Shots};
-use super::signed::Signed;
 use crate::error::{Error, Result};
 use crate::image::{Blur, Image, Resolution};
 use crate::rig::Frame;
@@ -34,24 +30,17 @@ const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 /// All results are on the projector's pixels, in linear DN per second for a full-range pattern. Pixels that no camera pixel sees are masked:
 /// they are never lit, and their values are 0.
 pub struct Measurement {
-    photographer: Photographer,
-    display: Display,
-    registration: Registration,
-    importance: Vec<f64>,
-    seen: Vec<bool>,
-    blur: Option<Blur>,
-    options: MeasureOptions,
+    pub(super) photographer: Photographer,
+    pub(super) display: Display,
+    pub(super) registration: Registration,
+    pub(super) importance: Vec<f64>,
+    pub(super) seen: Vec<bool>,
+    pub(super) blur: Option<Blur>,
+    pub(super) options: MeasureOptions,
     luma: bool,
-    white: Option<Vec<Plane>>,
-    direct: Option<Vec<Plane>>,
-    last: Option<Plane>,
-}
-
-/// A photo that a product is made of.
-struct Term {
-    coefficient: f64,
-    sighting: Arc<Sighting>,
-    displayed: Displayed,
+    pub(super) white: Option<Vec<Plane>>,
+    pub(super) direct: Option<Vec<Plane>>,
+    pub(super) last: Option<Plane>,
 }
 
 impl Measurement {
@@ -237,137 +226,16 @@ impl Measurement {
         let wish: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.masked(&pattern.plane(channel))).collect();
         let mut terms = Vec::new();
-        self.shoot(1.0, &wish, &mut terms)?;
+        self.shoot(1.0, &wish, Part::Full, &mut terms)?;
         let planes = (0..self.camera_channels())
             .map(|channel| self.sum(&terms, 0.0, channel))
             .collect::<Result<Vec<Plane>>>()?;
         Ok(self.photo(planes))
     }
 
-    /// `A x` with its variance, for one part and channel.
-    pub(super) fn product(&mut self, part: Part, channel: usize, x: &[f64]) -> Result<&Plane> {
-        self.check_length("entries of the vector to multiply", x.len())?;
-        if x.iter().any(|value| !value.is_finite()) {
-            return Err(Error::Numerical(
-                "a vector with infinite entries, or such that are no numbers, cannot be shown".into(),
-            ));
-        }
-        let wish = match &self.blur {
-            Some(blur) => self.masked(&blur.apply(&self.masked(x))),
-            None => self.masked(x),
-        };
-        let mut product = self.unblurred(part, channel, &wish)?;
-        if let Some(blur) = &self.blur {
-            product.values = self.masked(&blur.apply(&self.masked(&product.values)));
-            product.variance = self.masked(&blur.variance(&product.variance));
-        }
-        Ok(self.last.insert(product))
-    }
-
     /// The last product, with the variance of each entry.
     pub fn last_product(&self) -> Option<&Plane> {
         self.last.as_ref()
-    }
-
-    fn unblurred(&mut self, part: Part, channel: usize, wish: &[f64]) -> Result<Plane> {
-        let reading = self.reading(channel);
-        let mut terms = Vec::new();
-        let mut white = 0.0;
-        if part != Part::Direct {
-            let signed = self.signed(channel, wish)?;
-            white = signed.white;
-            for (coefficient, pattern) in signed.parts {
-                self.shoot(coefficient, &[pattern], &mut terms)?;
-            }
-        }
-        let mut product = Plane::zero(wish.len());
-        for (camera_channel, weight) in reading {
-            let light = match part {
-                Part::Direct => self.direct_light(camera_channel, wish)?,
-                Part::Full => self.sum(&terms, white, camera_channel)?,
-                Part::Global => {
-                    let mut light = self.sum(&terms, white, camera_channel)?;
-                    let shown = self.shown(&terms, white, camera_channel);
-                    light.add(-1.0, &self.direct_light(camera_channel, &shown)?);
-                    light
-                }
-            };
-            product.add(weight, &light);
-        }
-        Ok(product)
-    }
-
-    /// How `wish` is made of patterns.
-    fn signed(&mut self, channel: usize, wish: &[f64]) -> Result<Signed> {
-        let white = self.white()?;
-        let reading = self.reading(channel);
-        let channels = self.camera_channels();
-        let (basics, camera) = self.photographer.parts()?;
-        let ahead = NoiseAhead {
-            curve: &camera.curve,
-            options: &self.options,
-            basics,
-            importance: &self.importance,
-            reading: &reading,
-            channels,
-            white: &white.planes[channel].values,
-        };
-        Ok(Signed::choose(wish, &self.seen, self.options.signed, &ahead))
-    }
-
-    /// Shows a pattern, in bit planes, and adds the photos to `terms`.
-    fn shoot(&mut self, coefficient: f64, wish: &[Vec<f64>], terms: &mut Vec<Term>) -> Result<()> {
-        for plane in decompose(&self.display, wish, self.options.bit_planes)? {
-            let sighting = self.photographer.photograph(&plane.displayed.frame)?;
-            terms.push(Term {
-                coefficient: coefficient * plane.weight,
-                sighting,
-                displayed: plane.displayed,
-            });
-        }
-        Ok(())
-    }
-
-    /// `Σ coefficient · photo + white · A 1` of one camera channel.
-    fn sum(&mut self, terms: &[Term], white: f64, channel: usize) -> Result<Plane> {
-        let channels = self.camera_channels();
-        let basics = self.photographer.basics()?;
-        let mut sightings: Vec<&Sighting> = vec![&basics.white];
-        let mut coefficients = vec![white];
-        for term in terms {
-            // The white photo is one photo, however it came in.
-            if Arc::ptr_eq(&term.sighting, &basics.white) {
-                coefficients[0] += term.coefficient;
-            } else {
-                sightings.push(&term.sighting);
-                coefficients.push(term.coefficient);
-            }
-        }
-        let constant = |_: usize, term: usize| coefficients[term];
-        Ok(combine(&self.registration, &sightings, &constant, &basics.blacks, (channel, channels)))
-    }
-
-    /// The pattern that the photos stand for: what was shown, not what was wished.
-    fn shown(&self, terms: &[Term], white: f64, channel: usize) -> Vec<f64> {
-        let mut shown: Vec<f64> = self.seen.iter().map(|&seen| if seen { white } else { 0.0 }).collect();
-        for term in terms {
-            let light = term.displayed.seen_by(channel, self.camera_channels());
-            shown.iter_mut().zip(light).for_each(|(sum, light)| *sum += term.coefficient * light);
-        }
-        shown
-    }
-
-    fn direct_light(&mut self, channel: usize, shown: &[f64]) -> Result<Plane> {
-        let direct = &self.direct_planes()?[channel];
-        Ok(Plane {
-            values: direct.values.iter().zip(shown).map(|(direct, shown)| direct * shown).collect(),
-            variance: direct
-                .variance
-                .iter()
-                .zip(shown)
-                .map(|(direct, shown)| direct * shown * shown)
-                .collect(),
-        })
     }
 
     fn white_planes(&mut self) -> Result<Vec<Plane>> {
@@ -378,36 +246,6 @@ impl Measurement {
             self.white = Some(planes);
         }
         Ok(self.white.clone().unwrap_or_default())
-    }
-
-    fn direct_planes(&mut self) -> Result<Vec<Plane>> {
-        if let Some(direct) = &self.direct {
-            return Ok(direct.clone());
-        }
-        if self.options.direct == DirectBy::None {
-            return Err(Error::Option {
-                option: "[measurement] direct".into(),
-                fault: "the direct light is asked for, but not to be measured".into(),
-                help: "give \"patterns\", or keep the direct light in (segment --keep-direct)".into(),
-            });
-        }
-        let (channels, side) = (self.camera_channels(), self.options.direct_square as usize);
-        let (mut sightings, mut displayed) = (Vec::new(), Vec::new());
-        for pattern in direct::patterns(self.resolution(), side, &self.seen) {
-            let shown = self.display.show(&[pattern])?;
-            sightings.push(self.photographer.photograph(&shown.frame)?);
-            displayed.push(shown);
-        }
-        let blacks = &self.photographer.basics()?.blacks;
-        let sightings: Vec<&Sighting> = sightings.iter().map(|sighting| &**sighting).collect();
-        let of_channel = |channel| {
-            let shown: Vec<Vec<f64>> =
-                displayed.iter().map(|shown| shown.seen_by(channel, channels)).collect();
-            direct::demodulate(&self.registration, &sightings, &shown, blacks, (channel, channels))
-        };
-        let planes: Vec<Plane> = (0..channels).map(of_channel).collect();
-        self.direct = Some(planes.clone());
-        Ok(planes)
     }
 
     fn photo(&self, planes: Vec<Plane>) -> Photo {
@@ -422,7 +260,7 @@ impl Measurement {
     }
 
     /// The camera's channels that one of ours is made of, and their weights.
-    fn reading(&self, channel: usize) -> Vec<(usize, f64)> {
+    pub(super) fn reading(&self, channel: usize) -> Vec<(usize, f64)> {
         if self.luma && self.camera_channels() == 3 {
             LUMINANCE.into_iter().enumerate().collect()
         } else {
@@ -430,15 +268,15 @@ impl Measurement {
         }
     }
 
-    fn camera_channels(&self) -> usize {
+    pub(super) fn camera_channels(&self) -> usize {
         self.photographer.camera.shots.camera().channels
     }
 
-    fn masked(&self, x: &[f64]) -> Vec<f64> {
+    pub(super) fn masked(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.seen).map(|(&x, &seen)| if seen { x } else { 0.0 }).collect()
     }
 
-    fn check_length(&self, what: &'static str, found: usize) -> Result<()> {
+    pub(super) fn check_length(&self, what: &'static str, found: usize) -> Result<()> {
         let expected = self.resolution().pixels();
         if found == expected {
             return Ok(());

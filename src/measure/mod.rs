@@ -1,7 +1,25 @@
 //! From photons to a linear operator: what stands between a rig's integers and `A x` for a signed, real `x`.
 //!
-//! Each correction is a stage in a file of its own (O'Toole and Kutulakos, sections 7 and 8). Raw frames come from
-//! [`Shots`]; what is known of the devices is a [`Calibration`].
+//! Each correction is a stage in a file of its own (O'Toole and Kutulakos, sections 7 and 8), and can be switched off
+//! ([`MeasureOptions`]). Raw frames come from [`Shots`]; what is known of the devices is a [`Calibration`]; all together is a
+//! [`Measurement`], whose [`MeasuredOperator`] the Krylov methods see.
+//!
+//! | file | stage |
+//! |---|---|
+//! | `live` | waits for the light to settle, and knows a new frame from an old one |
+//! | `averaging` | takes of one frame |
+//! | `response` | counts to light with its noise, light to levels |
+//! | `exposure`, `hdr` | exposures chosen, and merged by inverse variance |
+//! | `ambient` | the black photo subtracted, nothing clipped |
+//! | `drift` | the lamp's light, watched by a sentinel |
+//! | `registration` | camera pixels to projector pixels, with the noise of any sum of photos |
+//! | `display`, [`bit_planes`] | patterns to levels, and more levels than there are |
+//! | `signed`, `noise` | signed vectors to patterns, by predicted noise |
+//! | `direct` | the direct image, to be removed for the pattern actually shown |
+//! | `blur` | on pattern and photo |
+//!
+//! Photos are in linear DN per second for a full-range pattern: 1 is the projector's brightest level less its black level. Every
+//! value comes with its variance, propagated from `linear DN / gain + read_noise² + 1/12`.
 
 mod ambient;
 mod averaging;
@@ -22,6 +40,7 @@ mod operator;
 mod options;
 mod photo;
 mod photographer;
+mod product;
 mod registration;
 mod response;
 mod shots;

@@ -17,6 +17,9 @@ pub struct MeasureOptions {
     pub dither: DitherBy,
     /// Seed of random dither.
     pub dither_seed: u64,
+    /// Add the direct light of what rounding to levels left out: direct light is known pixel by pixel, so only the indirect light of
+    /// the difference is then missing. It needs the direct image, a few patterns once.
+    pub compensate_rounding: bool,
     /// Exposures in seconds, merged by inverse variance; empty: chosen from the white frame.
     pub exposures: Vec<f64>,
     /// How many exposures may be chosen: each four times the one before, while a pixel of the white photo is still dark.
@@ -62,6 +65,9 @@ pub enum SignedBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DitherBy {
+    /// As is best for the product: diffusion where the direct light is removed, since indirect light hardly sees high
+    /// frequencies; nearest levels otherwise.
+    Auto,
     /// Each pixel shows the nearest level: the least error at each pixel, in patterns of its own.
     None,
     /// The level below or above by chance: twice the variance, but without pattern.
@@ -85,7 +91,8 @@ impl Default for MeasureOptions {
         Self {
             signed: SignedBy::Auto,
             bit_planes: 1,
-            dither: DitherBy::None,
+            dither: DitherBy::Auto,
+            compensate_rounding: false,
             dither_seed: 0,
             exposures: Vec::new(),
             brackets: 1,

@@ -37,8 +37,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
         Ok(there) if there.is_dir() => Err(io::Error::from(io::ErrorKind::IsADirectory)),
         Ok(there) if !there.is_file() => OpenOptions::new().write(true).open(path).map(drop),
         _ => {
-            let temporary = temporary_beside(path)?;
-            OpenOptions::new().write(true).create_new(true).open(&temporary)?;
+            let (temporary, _) = temporary_beside(path)?;
             fs::remove_file(&temporary)
         }
     };
@@ -57,8 +56,8 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
         Ok(_) => fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()),
         Err(_) => path.to_path_buf(),
     };
-    let temporary = temporary_beside(&target)?;
-    let written = fill_and_sync(&temporary, fill).and_then(|()| fs::rename(&temporary, &target));
+    let (temporary, file) = temporary_beside(&target)?;
+    let written = fill_and_sync(file, fill).and_then(|()| fs::rename(&temporary, &target));
     if written.is_err() {
         // The first failure is the one to report; one that keeps the leftover from being removed adds nothing.
         let _ = fs::remove_file(&temporary);
@@ -66,24 +65,29 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
     written
 }
 
-fn fill_and_sync(
-    temporary: &Path,
-    fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut file = BufWriter::new(OpenOptions::new().write(true).create_new(true).open(temporary)?);
+fn fill_and_sync(file: File, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+    let mut file = BufWriter::new(file);
     fill(&mut file)?;
     file.flush()?;
     file.get_ref().sync_all()
 }
 
-/// A name that neither another process nor another thread of this one picks: `.NAME.PID-COUNT.tmp`.
-fn temporary_beside(target: &Path) -> io::Result<PathBuf> {
+/// A new file, `.NAME.PID-COUNT.tmp`, that neither another process nor another thread of this one has. What a process that was
+/// killed left behind, whose number may come again, is passed over.
+fn temporary_beside(target: &Path) -> io::Result<(PathBuf, File)> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = target
         .file_name()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"))?;
-    let mut hidden = OsString::from(".");
-    hidden.push(name);
-    hidden.push(format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
-    Ok(target.with_file_name(hidden))
+    loop {
+        let mut hidden = OsString::from(".");
+        hidden.push(name);
+        hidden.push(format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
+        let path = target.with_file_name(hidden);
+        match OpenOptions::new().write(true).create_new(true).open(&path) {
+            Ok(file) => return Ok((path, file)),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error),
+        }
+    }
 }

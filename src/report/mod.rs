@@ -8,13 +8,15 @@
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `report.html` | [`html`], with plots by [`plot`] and [`scatter`] |
 //! | `run.json` | [`manifest`] |
-//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`solution`] |
+//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`solution`], [`audit`], [`calibration`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
 
 pub mod atomic;
+pub mod audit;
 mod axis;
+pub mod calibration;
 pub mod clock;
 pub mod colormap;
 pub mod compensation;

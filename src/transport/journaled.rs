@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::journal::{Journal, Key, Kind};
@@ -12,17 +12,9 @@ use crate::operator::{Adjoint, Operator, Symmetry};
 /// source share a journal, each by its name: which part of the light, and which channel.
 pub struct JournaledOperator<'a> {
     journal: &'a RefCell<Journal>,
-    inner: Option<Box<dyn Adjoint + 'a>>,
+    inner: Option<&'a mut dyn Adjoint>,
     name: String,
-    shape: Shape,
-}
-
-/// What is known of an operator without taking a product.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Shape {
-    rows: usize,
-    cols: usize,
-    symmetric: bool,
+    shape: ([usize; 2], Symmetry),
 }
 
 /// What stands beside a product.
@@ -43,33 +35,19 @@ enum Direction {
 
 impl<'a> JournaledOperator<'a> {
     /// Keeps the products of `inner`, whose journal's identity must say all that they depend on besides `name`.
-    ///
-    /// # Errors
-    /// [`Error::Journal`].
-    pub fn new(
-        journal: &'a RefCell<Journal>,
-        name: impl Into<String>,
-        inner: Box<dyn Adjoint + 'a>,
-    ) -> Result<Self> {
-        let symmetric = inner.symmetry() == Symmetry::Symmetric;
-        let shape = Shape { rows: inner.rows(), cols: inner.cols(), symmetric };
-        let name = name.into();
-        // Integers always have a JSON form.
-        let encoded = serde_json::to_vec(&shape).unwrap_or_default();
-        journal.borrow_mut().note(&shape_of(&name), &encoded)?;
-        Ok(Self { journal, inner: Some(inner), name, shape })
+    pub fn new(journal: &'a RefCell<Journal>, name: impl Into<String>, inner: &'a mut dyn Adjoint) -> Self {
+        let shape = ([inner.rows(), inner.cols()], inner.symmetry());
+        Self { journal, inner: Some(inner), name: name.into(), shape }
     }
 
-    /// Hands out what was kept under this name, and nothing else.
-    ///
-    /// # Errors
-    /// [`Error::Journal`] when there is nothing.
-    pub fn replay(journal: &'a RefCell<Journal>, name: impl Into<String>) -> Result<Self> {
-        let name = name.into();
-        let note = journal.borrow_mut().read_note(&shape_of(&name))?;
-        let shape = note.and_then(|note| serde_json::from_slice(&note).ok());
-        let shape = shape.ok_or_else(|| missing(&journal.borrow(), &name))?;
-        Ok(Self { journal, inner: None, name, shape })
+    /// Hands out what was kept under this name of an operator of this shape, and nothing else.
+    pub fn replay(
+        journal: &'a RefCell<Journal>,
+        name: impl Into<String>,
+        [rows, cols]: [usize; 2],
+        symmetry: Symmetry,
+    ) -> Self {
+        Self { journal, inner: None, name: name.into(), shape: ([rows, cols], symmetry) }
     }
 
     fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
@@ -103,13 +81,9 @@ impl<'a> JournaledOperator<'a> {
         let pattern = journal.pattern(&pattern)?.to_string();
         let note = Note { operator: &self.name, direction, pattern };
         let photo: Vec<u8> = to.iter().flat_map(|value| value.to_le_bytes()).collect();
-        // As above.
+        // Texts always have a JSON form.
         journal.append(Kind::Photo, key, &serde_json::to_vec(&note).unwrap_or_default(), &photo)
     }
-}
-
-fn shape_of(name: &str) -> String {
-    format!("shape of {name}")
 }
 
 fn missing(journal: &Journal, name: &str) -> Error {
@@ -123,15 +97,15 @@ fn missing(journal: &Journal, name: &str) -> Error {
 
 impl Operator for JournaledOperator<'_> {
     fn rows(&self) -> usize {
-        self.shape.rows
+        self.shape.0[0]
     }
 
     fn cols(&self) -> usize {
-        self.shape.cols
+        self.shape.0[1]
     }
 
     fn symmetry(&self) -> Symmetry {
-        if self.shape.symmetric { Symmetry::Symmetric } else { Symmetry::General }
+        self.shape.1
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {

@@ -1,11 +1,13 @@
 //! Calibration against the truth of virtual rigs: what a bench's captures tell must be what the bench was told to be.
 
+mod audits;
+mod folders;
 mod scene;
 
 use std::ops::ControlFlow;
 
 use krylux::image::Resolution;
-use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, calibrate};
+use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
 use krylux::measure::{Calibration, Live};
 use krylux::rig::VirtualRig;
 use scene::Folded;
@@ -67,12 +69,98 @@ fn every_imperfection_at_once_is_told_apart_and_found() {
     let scene = scene();
     let rig = realistic(&scene);
     let (calibration, report) = calibrated(&rig, &scene, &CalibrateOptions::default());
-    println!("{report:#?}");
     let off = map_error(&rig, &report);
-    println!("map {off}");
-    let gamma = report.projector[0].gamma;
+    let (gamma, camera) = (report.projector[0].gamma, &report.camera);
+    println!("gamma {gamma}, map {off:.4} px (said {:.4}), black {}", report.map.error, camera.black);
+    println!("gain {}, read noise {}, settle {}", camera.gain, camera.read_noise, report.stability.settle);
+    // What is promised.
     assert!((gamma.value / 2.2 - 1.0).abs() < 0.005, "gamma {gamma}");
     assert!(off < 0.1, "the map is off by {off} pixels");
-    assert!((report.camera.black.value - 64.0).abs() < 1.0, "black level {}", report.camera.black);
-    assert!(report.camera.linear && calibration.camera.curve.is_none());
+    assert!((camera.black.value - 64.0).abs() < 1.0, "black level {}", camera.black);
+    // Within four standard errors, as the calibration says them; the bounds keep these from being anything.
+    let counts_per_electron = (16383.0 - 64.0) / 60_000.0;
+    for (name, found, truth, most) in [
+        ("gain", camera.gain, 1.0 / counts_per_electron, 0.01),
+        ("read noise", camera.read_noise, 5.0 * counts_per_electron, 0.01),
+        ("black level", camera.black, 64.0, 0.001),
+    ] {
+        assert!((found.value - truth).abs() < 4.0 * found.error, "{name}: {found}, but it is {truth}");
+        assert!(found.error < most * truth, "{name}: {found} says too little");
+    }
+    // Of 4096 pixels, the map leaves those that the camera does not see.
+    assert!(off < 3.0 * report.map.error && report.map.masked < 0.02, "{:?}", report.map);
+    assert!(camera.linear && calibration.camera.curve.is_none() && camera.plateau_reached);
+    let settle = report.stability.settle.value;
+    assert!((0.0199..0.0205).contains(&settle), "the light is there after 20 ms, not {settle} s");
+    // Ambient 10 % of white; the projector's black 0.4 %.
+    let black = report.projector[0].black.value;
+    assert!((black - 0.104).abs() < 0.003, "{black} of white is there without a pattern");
+    let curve = &calibration.projector[0];
+    let worst =
+        (0..256).map(|level| (curve[level] - (level as f64 / 255.0).powf(2.2)).abs()).fold(0.0, f64::max);
+    // Half a level where levels are nearest to one another in light, and noise of 5e-5, allow no more.
+    assert!(worst < 3e-4, "the projector's curve is off by {worst}");
+}
+
+#[test]
+fn a_camera_that_compresses_light_is_found_out_and_straightened() {
+    let scene = scene();
+    let mut rig = realistic(&scene);
+    rig.camera.gamma = Some(0.7);
+    let (calibration, report) =
+        calibrated(&rig, &scene, &CalibrateOptions { takes: 1, ..CalibrateOptions::default() });
+    let curve = calibration.camera.curve.as_ref().expect("x^0.7 is no line");
+    let truth = |count: f64| ((count - 64.0) / (16383.0 - 64.0)).max(0.0).powf(1.0 / 0.7);
+    let scale = curve[12_000] / truth(12_000.0);
+    let off = |count: usize| (curve[count] / scale - truth(count as f64)).abs();
+    // White, at 0.99 of the plateau with shot noise above it, lets the fit see counts up to about 13 000.
+    let worst = (1500..13_000).step_by(50).map(off).fold(0.0, f64::max);
+    println!(
+        "departure {}, worst {worst:.2e}, black {}, gamma {}",
+        report.camera.departure, report.camera.black, report.projector[0].gamma
+    );
+    // As a line, it would be off by 0.7^(0.7/0.3) − 0.7^(1/0.3) = 0.13.
+    assert!(worst < 0.01, "off by {worst} of the range");
+    assert!(
+        (report.projector[0].gamma.value / 2.2 - 1.0).abs() < 0.02,
+        "gamma {}",
+        report.projector[0].gamma
+    );
+}
+
+#[test]
+fn a_camera_coarser_than_the_projector_is_registered_by_a_checkerboard() {
+    let scene = scene();
+    let mut rig = realistic(&scene);
+    rig.camera.size = Some([48, 48]);
+    let (_, report) = calibrated(&rig, &scene, &CalibrateOptions { takes: 1, ..CalibrateOptions::default() });
+    assert_eq!(report.map.by, MapBy::Checkerboard);
+    let off = map_error(&rig, &report);
+    println!("checkerboard {off:.4} px of {} points, said {:.4}", report.map.points, report.map.error);
+    assert!(off < 0.1, "off by {off} pixels");
+}
+
+#[test]
+fn an_ideal_bench_has_nothing_to_find() {
+    let scene = scene();
+    let rig = scene.rig();
+    let (calibration, report) =
+        calibrated(&rig, &scene, &CalibrateOptions { takes: 1, ..CalibrateOptions::default() });
+    println!("{:?} {:?}", report.camera, report.projector[0]);
+    assert!((report.projector[0].gamma.value - 1.0).abs() < 1e-3, "gamma {}", report.projector[0].gamma);
+    assert!(calibration.camera.curve.is_none() && report.camera.black.value.abs() < 0.5);
+    assert_eq!(report.stability.settle.value, 0.0);
+    assert!(map_error(&rig, &report) < 0.01);
+}
+
+#[test]
+fn a_lamp_that_fades_during_calibration_bends_no_curve() {
+    let scene = scene();
+    let mut rig = realistic(&scene);
+    rig.drift.per_hour = -0.05;
+    let (_, report) = calibrated(&rig, &scene, &CalibrateOptions { takes: 1, ..CalibrateOptions::default() });
+    let (drift, gamma) = (report.stability.drift_per_hour, report.projector[0].gamma);
+    println!("drift {drift}, gamma {gamma}");
+    assert!((drift.value + 0.05).abs() < 4.0 * drift.error + 1e-3, "drift {drift} per hour");
+    assert!((gamma.value / 2.2 - 1.0).abs() < 0.005, "gamma {gamma}");
 }

@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let crosstalk = args.colors.crosstalk(args.channels())?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let target = args.question.target(source.resolution(), args.channels())?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels());
     let outcome = answer(args, console, (&target, crosstalk), &mut source, &mut folder);
     folder.close(outcome)
@@ -83,8 +83,9 @@ fn answer(
 ) -> Result<(Outcome, String)> {
     let name = source.name();
     let geometry = prior::geometry(&args.options(true, true), source);
-    let mut light =
-        folder.timed(source.preparation(), |_| source.light(&args.operator, args.channels(), console))?;
+    let mut light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, args.channels(), Some(folder), console)
+    })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let wish = Wish::new(target, &light.ambient(console)?)?;
     let symmetric = crosstalk.is_none() && prior::is_symmetric(&mut light, console);

@@ -11,6 +11,7 @@ use super::Outcome;
 use super::console::Console;
 use super::operator::OperatorArgs;
 use super::options::{OutputArgs, RunArgs, SourceArgs};
+use super::replay;
 use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
@@ -49,7 +50,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let capture = Capture::new(args.question.options(args.trace.seed()))?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let graph = args.light.graph(&args.question, source.resolution(), args.trace.seed())?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-segment", source.name()))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-segment", source.name()), console)?;
     source.describe(&mut folder.manifest, Channels::Luma);
     let outcome = segment(args, console, (capture, &graph), &mut source, &mut folder);
     folder.close(outcome)
@@ -64,8 +65,12 @@ fn segment(
 ) -> Result<(Outcome, String)> {
     let (name, resolution) = (source.name(), source.resolution());
     let truth = folder.timed("true labels", |_| source.truth())?;
-    let mut light =
-        folder.timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, console))?;
+    if let Some(truth) = &truth {
+        folder.keep(replay::TRUTH, truth)?;
+    }
+    let mut light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, Channels::Luma, Some(folder), console)
+    })?;
     folder.manifest.noise = light.noise().map(Into::into);
 
     let bar = console.bar("photos");

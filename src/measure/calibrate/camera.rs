@@ -51,8 +51,9 @@ pub(super) fn camera(sitting: &mut Sitting<'_>, white: &Arc<Frame>, exposure: f6
     let sorting = sitting.shoot(white, exposure)?;
     // Until the noise is known: far enough below for a camera of one electron per DN.
     let careful = limit(&plateau, (plateau.count - floor).sqrt(), MARGIN);
-    let frames: Vec<RawFrame> = up.iter().chain(&down).chain(&darks).cloned().collect();
-    let found = response(&frames, &sorting, floor, careful, full)?;
+    let whites: Vec<RawFrame> = up.iter().chain(&down).cloned().collect();
+    let blacks: Vec<RawFrame> = dark.iter().flatten().chain(&darks).cloned().collect();
+    let found = response(&whites, &blacks, &sorting, floor, careful, full)?;
     let mut linear = Linear { black: found.black, curve: found.curve };
     let mut black_error = found.black_error;
     let mut pairs = dark.clone();

@@ -206,7 +206,7 @@ fn gamma(points: &[(f64, f64, f64)]) -> Result<Measured> {
             return Ok(Measured::new(gamma, (scale / slope_squares).sqrt()));
         }
     }
-    Err(Error::Numerical(format!("no exponent fits the projector's levels {points:?}")))
+    Err(Error::Numerical("no exponent fits the projector's levels".into()))
 }
 
 /// Linear between the nearest two of ascending points, and level beyond the last.

@@ -26,7 +26,7 @@ pub struct CalibrationReport {
 pub struct CameraFigures {
     /// The count without light, in DN.
     pub black: Measured,
-    /// In DN, the rounding to whole counts included.
+    /// In DN, without what rounding to whole counts adds.
     pub read_noise: Measured,
     /// Electrons per linear DN.
     pub gain: Measured,

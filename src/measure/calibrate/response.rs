@@ -5,12 +5,11 @@
 //! its logarithm, so that black level and ambient light are no trouble). Pixels of like light are averaged into groups first.
 
 use super::least_squares::Normal;
-use super::sitting::percentile;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
-/// Pixels are put into so many groups by their light.
-const GROUPS: usize = 24;
+/// Pixels are put into so many groups by their light under white; one more is all of them under black.
+const GROUPS: usize = 25;
 
 /// Knots of the inverse response, over the range of counts.
 const KNOTS: usize = 33;
@@ -40,16 +39,18 @@ pub(super) struct Response {
     pub(super) curve: Option<Vec<f64>>,
 }
 
-/// Fits the response to `frames` at several exposures. `sorting` is a photo that is not among them, by which pixels are grouped;
-/// samples that reach `limit` leave their group out at that exposure. `full` is the largest count, `floor` about the black level.
+/// Fits the response to frames of white and of black at several exposures. `sorting` is a photo of white that is not among them,
+/// by which pixels are grouped; samples that reach `limit` leave their group out at that exposure. `full` is the largest
+/// count, `floor` about the black level.
 pub(super) fn response(
-    frames: &[RawFrame],
+    whites: &[RawFrame],
+    blacks: &[RawFrame],
     sorting: &RawFrame,
     floor: f64,
     limit: f64,
     full: f64,
 ) -> Result<Response> {
-    let points = points(frames, sorting, limit);
+    let points = points(whites, blacks, sorting, limit);
     let (black, black_error, departure) = line(&points, full - floor)?;
     if departure <= LINEAR_WITHIN {
         return Ok(Response { black, black_error, departure, curve: None });
@@ -59,26 +60,29 @@ pub(super) fn response(
     Ok(Response { black, black_error: dark.map_or(1.0, |point| point.error), departure, curve: Some(curve) })
 }
 
-fn points(frames: &[RawFrame], sorting: &RawFrame, limit: f64) -> Vec<Point> {
+fn points(whites: &[RawFrame], blacks: &[RawFrame], sorting: &RawFrame, limit: f64) -> Vec<Point> {
     let mut order: Vec<usize> = (0..sorting.counts.len()).collect();
+    let everywhere = order.clone();
     order.sort_by_key(|&sample| sorting.counts[sample]);
-    let groups: Vec<&[usize]> = order.chunks(order.len().div_ceil(GROUPS)).collect();
-    let mut points = Vec::new();
-    for frame in frames {
-        for (group, samples) in groups.iter().enumerate() {
-            let counts = || samples.iter().map(|&sample| f64::from(frame.counts[sample]));
-            // Highlights and their like in the brightest group need not cost the whole of it.
-            if percentile(counts(), 1.0) >= limit {
-                continue;
-            }
-            let number = samples.len() as f64;
-            let count = counts().sum::<f64>() / number;
-            // Shot noise of a camera of one electron per DN; real ones have more, and less noise for it.
-            let error = ((1.0 + count) / number).sqrt().max(0.02);
-            points.push(Point { group, exposure: frame.exposure, count, error });
-        }
+    let groups: Vec<&[usize]> = order.chunks(order.len().div_ceil(GROUPS - 1)).collect();
+    let of_white = whites.iter().flat_map(|frame| {
+        groups.iter().enumerate().map(move |(group, samples)| point(frame, group, samples, limit))
+    });
+    let of_black = blacks.iter().map(|frame| point(frame, GROUPS - 1, &everywhere, limit));
+    of_white.chain(of_black).flatten().collect()
+}
+
+/// The mean of some samples, unless one is saturated.
+fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Option<Point> {
+    let counts = || samples.iter().map(|&sample| f64::from(frame.counts[sample]));
+    if counts().any(|count| count >= limit) {
+        return None;
     }
-    points
+    let number = samples.len() as f64;
+    let count = counts().sum::<f64>() / number;
+    // Shot noise of a camera of one electron per DN; real ones have more, and less noise for it.
+    let error = ((1.0 + count) / number).sqrt().max(0.02);
+    Some(Point { group, exposure: frame.exposure, count, error })
 }
 
 /// The common intercept of one line for each group, its error, and the largest departure.
@@ -102,9 +106,28 @@ fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     Ok((found.values[0], found.error(0), largest / range))
 }
 
+/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best: a first guess, for the weights.
+fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
+    let (mut products, mut squares) = (0.0, 0.0);
+    for group in 0..GROUPS {
+        let logs: Vec<(f64, f64)> = points
+            .iter()
+            .filter(|point| point.group == group && point.count - floor > 0.01 * range)
+            .map(|point| (point.exposure.ln(), (point.count - floor).ln()))
+            .collect();
+        let count = logs.len().max(1) as f64;
+        let [x, y] = [0, 1]
+            .map(|axis| logs.iter().map(|log| if axis == 0 { log.0 } else { log.1 }).sum::<f64>() / count);
+        products += logs.iter().map(|log| (log.0 - x) * (log.1 - y)).sum::<f64>();
+        squares += logs.iter().map(|log| (log.0 - x).powi(2)).sum::<f64>();
+    }
+    if squares > 0.0 { (products / squares).clamp(0.2, 5.0) } else { 1.0 }
+}
+
 /// The inverse response as a function of counts, and the count at which it is 0.
 fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Vec<f64>)> {
-    let low = points.iter().map(|point| point.count).fold(f64::INFINITY, f64::min).min(floor);
+    let dark = points.iter().map(|point| point.count).fold(f64::INFINITY, f64::min);
+    let low = dark.min(floor);
     // Knots lie closer where counts are small: that is where a compressive response bends.
     let knot = |index: usize| low + (limit - low) * (index as f64 / (KNOTS - 1) as f64).powf(1.5);
     let knots: Vec<f64> = (0..KNOTS).map(knot).collect();
@@ -113,41 +136,44 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let share = (count - knots[at]) / (knots[at + 1] - knots[at]);
         (at, share)
     };
-    let mut slopes = vec![1.0; KNOTS - 1];
-    let mut values = Vec::new();
-    for _ in 0..8 {
-        let mut normal = Normal::new(KNOTS + GROUPS);
-        for point in points {
-            let (at, share) = place(point.count);
-            let error = (point.error * slopes[at]).max(1e-6);
-            let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
-            normal.add(&row, 0.0, error.powi(-2));
-        }
-        // The scale is free: the last knot keeps its count. Between data, slopes change as little as they can.
-        normal.add(&[(KNOTS - 1, 1.0)], limit - floor, 1e6);
-        for k in 1..KNOTS - 1 {
-            let [before, after] = [knots[k] - knots[k - 1], knots[k + 1] - knots[k]].map(f64::recip);
-            let row = [(k - 1, before), (k, -before - after), (k + 1, after)];
-            normal.add(&row, 0.0, 1e-1);
-        }
-        for group in 0..GROUPS {
-            normal.add(&[(KNOTS + group, 1.0)], 0.0, 1e-18);
-        }
-        values = normal.solve()?.values;
-        values.truncate(KNOTS);
-        // Light never falls as counts rise.
-        for k in 1..KNOTS {
-            values[k] = values[k].max(values[k - 1] + 1e-6 * (knots[k] - knots[k - 1]));
-        }
-        for k in 0..KNOTS - 1 {
-            slopes[k] = ((values[k + 1] - values[k]) / (knots[k + 1] - knots[k])).max(1e-4);
-        }
+    // Errors of counts are errors of light by the curve's slope. That of the fit itself would feed on itself: flat means
+    // certain, and certain flatter still.
+    let steep = exponent(points, dark, limit - dark).recip();
+    let slope = |count: f64| {
+        let share = ((count - dark) / (limit - dark)).clamp(1e-3, 1.0);
+        (steep * share.powf(steep - 1.0)).clamp(1e-3, 1e3)
+    };
+    let mut normal = Normal::new(KNOTS + GROUPS);
+    for point in points {
+        let (at, share) = place(point.count);
+        let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
+        normal.add(&row, 0.0, (point.error * slope(point.count)).powi(-2));
+    }
+    // The scale is free: the largest count keeps its value. Between data and beyond, slopes change as little as they can.
+    let largest = points.iter().map(|point| point.count).fold(dark, f64::max);
+    let (at, share) = place(largest);
+    normal.add(&[(at, 1.0 - share), (at + 1, share)], largest - dark, 1e6);
+    for k in 1..KNOTS - 1 {
+        let [before, after] = [knots[k] - knots[k - 1], knots[k + 1] - knots[k]].map(f64::recip);
+        normal.add(&[(k - 1, before), (k, -before - after), (k + 1, after)], 0.0, 1e-1);
+    }
+    let mut seen = [false; GROUPS];
+    points.iter().for_each(|point| seen[point.group] = true);
+    for group in (0..GROUPS).filter(|&group| !seen[group]) {
+        normal.add(&[(KNOTS + group, 1.0)], 0.0, 1.0);
+    }
+    let mut values = normal.solve()?.values;
+    values.truncate(KNOTS);
+    // Light never falls as counts rise.
+    for k in 1..KNOTS {
+        values[k] = values[k].max(values[k - 1] + 1e-6 * (knots[k] - knots[k - 1]));
     }
     let light = |count: f64| {
         let (at, share) = place(count);
         values[at] + share * (values[at + 1] - values[at])
     };
-    let first = slopes[0];
-    let black = knots[0] - values[0] / first;
+    // Where the curve starts flat, nothing can be extrapolated: black is what the darkest frames count.
+    let first = (values[1] - values[0]) / (knots[1] - knots[0]);
+    let black = if first > 0.2 { knots[0] - values[0] / first } else { dark };
     Ok((black, (0..=full as usize).map(|count| light(count as f64)).collect()))
 }

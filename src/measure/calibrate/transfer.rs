@@ -2,14 +2,20 @@
 //!
 //! Two frames of one shot differ by noise alone, so half the variance of their difference is that of one frame,
 //! `σ² = σ_read² + s/gain`, with `s` the signal in linear DN above black and the gain in electrons per DN: a line over `s`
-//! (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The rounding to whole counts is part of the read noise here,
-//! as it is part of every photo's.
+//! (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The variance of rounding to whole counts, 1/12, is known and taken
+//! off, as [`crate::measure`]'s noise model counts it by itself.
 
 use super::figure::Measured;
 use super::least_squares::Normal;
 use super::linear::Linear;
 use crate::error::Result;
 use crate::rig::RawFrame;
+
+/// Linear DN per count below which a response is flat.
+const FLAT: f64 = 0.2;
+
+/// Variance of rounding, in counts.
+const ROUNDING: f64 = 1.0 / 12.0;
 
 /// Bins of a pair's pixels, by signal.
 const BINS: usize = 12;
@@ -43,9 +49,10 @@ pub(super) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> 
     for _ in 0..6 {
         let mut normal = Normal::new(2);
         for point in &points {
-            let predicted = (estimate[0] * point.slope + estimate[1] * point.signal.max(0.0)).max(1e-9);
+            let predicted =
+                ((estimate[0] + ROUNDING) * point.slope + estimate[1] * point.signal.max(0.0)).max(1e-9);
             let weight = 0.5 * (point.samples - 1.0) / (predicted * predicted);
-            normal.add_full(&[point.slope, point.signal.max(0.0)], point.variance, weight);
+            normal.add_full(&[point.slope, point.signal], point.variance - point.slope * ROUNDING, weight);
         }
         let found = normal.solve()?;
         estimate = [found.values[0].max(1e-6), found.values[1].max(1e-9)];
@@ -79,6 +86,8 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
+        // Where the inverse response is flat, its slope is not known well enough to say what noise it makes of noise.
+        .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
             let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;

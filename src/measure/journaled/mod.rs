@@ -11,7 +11,7 @@ pub use photo::Pair;
 
 use super::{Effort, Shot, Shots};
 use crate::error::{Error, Result};
-use crate::journal::{Journal, Key, Kind};
+use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
 /// Opens the rig. With a stamp it goes on after the photo of that stamp: a virtual rig is then exactly where it was.
@@ -34,6 +34,7 @@ pub struct Journaled<'a> {
     /// Of the photo handed out last.
     last: Option<Stamp>,
     effort: Effort,
+    report: Box<dyn FnMut(&Damage) + 'a>,
 }
 
 const DEVICES: &str = "devices";
@@ -78,7 +79,24 @@ impl<'a> Journaled<'a> {
         let (projector, camera) =
             photo::decode_devices(devices).ok_or_else(|| photo::misread(&journal, "the devices"))?;
         let (order, effort) = (Order::of(&journal), Effort::default());
-        Ok(Self { journal, opener, inner: None, projector, camera, settle: None, order, last: None, effort })
+        Ok(Self {
+            journal,
+            opener,
+            inner: None,
+            projector,
+            camera,
+            settle: None,
+            order,
+            last: None,
+            effort,
+            report: Box::new(|_| {}),
+        })
+    }
+
+    /// With something that is told of each record that is found damaged when it is asked for.
+    #[must_use]
+    pub fn reporting(self, report: impl FnMut(&Damage) + 'a) -> Self {
+        Self { report: Box::new(report), ..self }
     }
 
     /// The journal.
@@ -106,7 +124,10 @@ impl<'a> Journaled<'a> {
     }
 
     fn replayed(&mut self, key: Key) -> Result<Option<RawFrame>> {
-        let Some(stored) = self.journal.get(key)? else { return Ok(None) };
+        let known = self.journal.damages().len();
+        let stored = self.journal.get(key)?;
+        self.journal.damages()[known..].iter().for_each(&mut self.report);
+        let Some(stored) = stored else { return Ok(None) };
         let note = Note::parse(&stored.metadata).ok_or_else(|| photo::misread(&self.journal, "a photo"))?;
         let frame = note.frame(&stored.payload).ok_or_else(|| photo::misread(&self.journal, "a photo"))?;
         self.last = Some(note.stamp());

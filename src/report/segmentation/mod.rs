@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::image::{Image, Resolution};
 
 /// The author's labels of a scene.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Truth {
     /// Region of each pixel (`n`); [`MASKED`] where there is none.
     pub labels: Vec<u8>,

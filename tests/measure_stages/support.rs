@@ -1,10 +1,8 @@
 //! A rig out of a dense matrix, with faults to be switched on one by one.
-#![allow(dead_code, reason = "each test binary uses its own part of this")]
-
 use krylux::Result;
 use krylux::image::Resolution;
 use krylux::measure::{
-    Calibration, CameraResponse, Effort, MeasureOptions, Measurement, Registration, Shot, Shots,
+    Calibration, CameraResponse, DirectBy, Effort, MeasureOptions, Measurement, Registration, Shot, Shots,
 };
 use krylux::operator::Operator;
 use krylux::rig::{CameraInfo, ProjectorInfo, RawFrame};
@@ -40,6 +38,16 @@ impl Dense {
             })
             .collect();
         Self { resolution, direct, global }
+    }
+
+    /// Indirect light of rank one: as smooth as can be.
+    pub fn smooth(resolution: Resolution, brightness: f64) -> Self {
+        let mut dense = Self::new(resolution, brightness, 5);
+        let n = resolution.pixels();
+        let sees = |i: usize| 0.5 + (i % resolution.width) as f64 / resolution.width as f64;
+        dense.global =
+            (0..n).map(|j| (0..n).map(|i| brightness * sees(i) * sees(j) / n as f64).collect()).collect();
+        dense
     }
 
     pub fn apply(&self, part: Part, x: &[f64]) -> Vec<f64> {
@@ -80,8 +88,6 @@ pub struct Rig {
     pub registration: Option<Registration>,
     /// Relative light of the lamp as a function of seconds.
     pub lamp: fn(f64) -> f64,
-    /// Off: counts are not rounded (nor saturated).
-    pub rounds: bool,
     pub seed: u64,
     pub effort: Effort,
 }
@@ -117,7 +123,6 @@ impl Rig {
             optics: None,
             registration: None,
             lamp: |_| 1.0,
-            rounds: true,
             seed: 1,
             effort: Effort::default(),
         }
@@ -255,4 +260,26 @@ pub fn vector(n: usize, seed: u64) -> Vec<f64> {
 
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(x, y)| x * y).sum()
+}
+
+/// Options without what is not asked for.
+pub fn plain() -> MeasureOptions {
+    MeasureOptions { sentinel_every: 0, direct: DirectBy::None, ..MeasureOptions::default() }
+}
+
+/// `‖Found − Expected‖ / ‖Expected‖` of two matrices, column by column, in the Frobenius norm.
+pub fn columns(
+    n: usize,
+    mut found: impl FnMut(&[f64]) -> Vec<f64>,
+    expected: impl Fn(&[f64]) -> Vec<f64>,
+) -> f64 {
+    let (mut difference, mut square) = (0.0, 0.0);
+    for column in 0..n {
+        let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == column))).collect();
+        for (found, expected) in found(&unit).iter().zip(expected(&unit)) {
+            difference += (found - expected).powi(2);
+            square += expected * expected;
+        }
+    }
+    (difference / square).sqrt()
 }

@@ -1,0 +1,204 @@
+//! The checks, one function each.
+
+use super::check::{Check, Verdict};
+use super::subject::Seen;
+
+/// A pixel without so much of its white light being direct is in shadow.
+const SHADOW: f64 = 0.05;
+
+/// Pixels with less than this share of the brightest pixels' light show nothing to be judged.
+const DARK: f64 = 0.02;
+
+/// `√(Σ r² − Σ var) / ‖reference‖`: a deviation without its noise's share, and the noise's own.
+fn deviation(residual: &[f64], variance: &[f64], reference: &[f64]) -> (f64, f64) {
+    let norm: f64 = reference.iter().map(|value| value * value).sum();
+    let squares: f64 = residual.iter().map(|value| value * value).sum();
+    let noise: f64 = variance.iter().sum();
+    // The sum of squares of n noisy values is known to √(2 Σ var²); its root, to half of that over the root.
+    let spread = (2.0 * variance.iter().map(|variance| variance * variance).sum::<f64>()).sqrt();
+    let excess = (squares - noise).max(0.0);
+    let error = spread / (2.0 * excess.max(spread).max(f64::MIN_POSITIVE).sqrt());
+    ((excess / norm).sqrt(), if spread > 0.0 { error / norm.sqrt() } else { 0.0 })
+}
+
+/// Root mean square of residuals in units of their predicted standard errors; none where there is no noise.
+fn z(residual: &[f64], variance: &[f64]) -> Option<f64> {
+    let pairs = residual.iter().zip(variance).filter(|(_, variance)| **variance > 0.0);
+    let (sum, count) =
+        pairs.fold((0.0, 0), |(sum, count), (r, variance)| (sum + r * r / variance, count + 1));
+    (count > 0).then(|| (sum / f64::from(count)).sqrt())
+}
+
+pub(super) fn additivity(lit: &Seen, rest: &Seen, white: &Seen, bound: f64) -> Check {
+    let pixels = 0..white.values.len();
+    let residual: Vec<f64> =
+        pixels.clone().map(|i| lit.values[i] + rest.values[i] - white.values[i]).collect();
+    let variance: Vec<f64> = pixels.map(|i| lit.variance[i] + rest.variance[i] + white.variance[i]).collect();
+    let (figure, error) = deviation(&residual, &variance, &white.values);
+    let z = z(&residual, &variance).map_or(String::new(), |z| format!(" (z {z:.2})"));
+    Check::judged(
+        "additivity",
+        figure,
+        error,
+        bound,
+        &format!("two halves of white add up to it{z}"),
+        &format!(
+            "two halves of white do not add up to it{z}: look for saturation, a black level or ambient light that is not \
+             subtracted, or a camera response that is not undone (`krylux rig calibrate`)"
+        ),
+    )
+}
+
+pub(super) fn homogeneity(photo: &Seen, scaled: &[(f64, Seen)], bound: f64) -> Check {
+    let norm: f64 = photo.values.iter().map(|value| value * value).sum();
+    let mut worst = (0.0_f64, 0.0, 0.0);
+    for (share, dimmed) in scaled {
+        let (mut dot, mut variance) = (0.0, 0.0);
+        for pixel in 0..photo.values.len() {
+            dot += photo.values[pixel] * dimmed.values[pixel];
+            variance += photo.values[pixel].powi(2)
+                * (dimmed.variance[pixel] / (share * share) + photo.variance[pixel]);
+        }
+        let off = (dot / norm / share - 1.0).abs();
+        if off >= worst.0 || off.is_nan() {
+            worst = (off, variance.sqrt() / norm, *share);
+        }
+    }
+    let (figure, error, share) = worst;
+    Check::judged(
+        "homogeneity",
+        figure,
+        error,
+        bound,
+        "a share of a pattern gives that share of its photo",
+        &format!(
+            "{share} of a pattern does not give {share} of its photo: the projector's response (gamma) is not undone; \
+             calibrate the rig with `krylux rig calibrate` and name the calibration"
+        ),
+    )
+}
+
+pub(super) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Check {
+    let (mut dot, mut norm, mut variance) = (0.0, 0.0, 0.0);
+    for pixel in 0..first.values.len() {
+        dot += first.values[pixel] * last.values[pixel];
+        norm += first.values[pixel].powi(2);
+        variance += first.values[pixel].powi(2) * (first.variance[pixel] + last.variance[pixel]);
+    }
+    Check::judged(
+        "repeatability",
+        (dot / norm - 1.0).abs(),
+        variance.sqrt() / norm,
+        bound,
+        "the first photo, taken again at the end, is the same",
+        "the first photo, taken again at the end, is brighter or darker: the light drifts; let the lamp warm up, or have the \
+         drift sentinel correct it (sentinel_every in [measurement])",
+    )
+}
+
+/// `‖A − Aᵀ‖/‖A‖` from pairs of signs `x, y`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, and `E (yᵀ A x)² = ‖A‖²`. The photos
+/// are of `(1 + x)/2`.
+pub(super) fn symmetry(
+    patterns: &[Vec<f64>],
+    photos: &[Seen],
+    white: &Seen,
+    mask: &[bool],
+    bound: f64,
+) -> Check {
+    let sign = |pattern: &[f64], pixel: usize| if mask[pixel] { 2.0 * pattern[pixel] - 1.0 } else { 0.0 };
+    let product = |with: &[f64], photo: &Seen| -> f64 {
+        (0..mask.len())
+            .map(|pixel| sign(with, pixel) * (2.0 * photo.values[pixel] - white.values[pixel]))
+            .sum()
+    };
+    let (mut squares, mut noise, mut energy, mut pairs) = (0.0, 0.0, 0.0, 0.0);
+    for i in 0..photos.len() {
+        for j in i + 1..photos.len() {
+            let [there, back] = [product(&patterns[j], &photos[i]), product(&patterns[i], &photos[j])];
+            squares += (there - back).powi(2);
+            energy += 0.5 * (there * there + back * back);
+            noise += (0..mask.len())
+                .map(|pixel| {
+                    let [x, y] = [sign(&patterns[i], pixel), sign(&patterns[j], pixel)];
+                    4.0 * (y * y * photos[i].variance[pixel] + x * x * photos[j].variance[pixel])
+                        + (x - y).powi(2) * white.variance[pixel]
+                })
+                .sum::<f64>();
+            pairs += 1.0;
+        }
+    }
+    let figure = ((squares - noise).max(0.0) / energy).sqrt();
+    // A mean of squares of `pairs` Gaussians is known to √(2/pairs); noise alone would look like this much.
+    let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
+    Check::judged(
+        "symmetry",
+        figure,
+        error,
+        bound,
+        &format!("light takes every way in both directions alike ({pairs} pairs of patterns)"),
+        "light does not take every way in both directions alike: the pixel map is off (calibrate the rig with \
+         `krylux rig calibrate`), or camera and projector do not look from one point, or one's lens darkens its corners",
+    )
+}
+
+/// Pixels that see light, but hardly any that comes straight from their own projector pixel.
+pub(super) fn shadows(direct: &Seen, white: &Seen, mask: &[bool], bound: f64) -> (Check, Vec<bool>) {
+    let brightest = white.values.iter().copied().fold(0.0, f64::max);
+    let lit = |pixel: usize| {
+        mask[pixel] && white.values[pixel] > (DARK * brightest).max(5.0 * white.variance[pixel].sqrt())
+    };
+    let shadow: Vec<bool> = (0..mask.len())
+        .map(|pixel| {
+            let certain = 3.0 * direct.variance[pixel].sqrt();
+            lit(pixel) && direct.values[pixel] + certain < SHADOW * white.values[pixel]
+        })
+        .collect();
+    let lit = (0..mask.len()).filter(|&pixel| lit(pixel)).count().max(1) as f64;
+    let share = shadow.iter().filter(|&&shadow| shadow).count() as f64 / lit;
+    let check = Check::judged(
+        "direct light",
+        share,
+        0.0,
+        bound,
+        "what the camera sees, the projector lights: no shadows",
+        "the camera sees what the projector does not light: they do not look from one point; move the beam splitter until the \
+         shadows in shadow.png are gone",
+    );
+    (check, shadow)
+}
+
+pub(super) fn ambient(ambient: &Seen, white: &Seen) -> Check {
+    let sum = |seen: &Seen| seen.values.iter().sum::<f64>();
+    let total = sum(white);
+    let error = ambient.variance.iter().sum::<f64>().sqrt() / total;
+    let meaning = "of white's light is there without a pattern: ambient light and the projector's black";
+    Check::told("black", sum(ambient) / total, error, meaning.into())
+}
+
+pub(super) fn noise_floor(white: &Seen) -> Check {
+    let norm: f64 = white.values.iter().map(|value| value * value).sum();
+    let noise: f64 = white.variance.iter().sum();
+    let meaning = "noise of the white photo: no answer is better than that without more photos";
+    Check::told("noise floor", (noise / norm).sqrt(), 0.0, meaning.into())
+}
+
+pub(super) fn drift(largest: f64) -> Check {
+    let meaning =
+        "the most that the lamp's light has changed since the first white; photos are corrected for it";
+    Check::told("drift", largest, 0.0, meaning.into())
+}
+
+/// The white photo could not be taken.
+pub(super) fn saturated(fault: &str) -> Check {
+    Check {
+        name: "saturation",
+        verdict: Verdict::Fails,
+        figure: 1.0,
+        error: 0.0,
+        bound: 0.0,
+        meaning: format!(
+            "the white photo is saturated, and nothing else can be told ({fault}); give shorter exposures, close the aperture, \
+             or dim the projector"
+        ),
+    }
+}

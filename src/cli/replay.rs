@@ -1,0 +1,115 @@
+//! The folder of a run as a source: its photos, asked anew with nothing attached.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use serde::{Deserialize, Serialize};
+
+use super::console::Console;
+use super::light::{Kept, Light};
+use super::{journal, rig_source};
+use crate::error::Error;
+use crate::image::Resolution;
+use crate::journal::Journal;
+use crate::measure::{Calibration, Journaled};
+use crate::report::manifest::{self, Manifest};
+use crate::report::segmentation::Truth;
+use crate::rig::RigFile;
+use crate::transport::Channels;
+
+/// The names of a journal's notes.
+pub(super) const ABOUT: &str = "source";
+pub(super) const RIG_FILE: &str = "rig file";
+pub(super) const TRUTH: &str = "truth";
+
+/// What a journal's photos are of.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct About {
+    pub(super) kind: Kind,
+    pub(super) name: String,
+    pub(super) path: PathBuf,
+    pub(super) hash: String,
+    /// Pixels of photos and of patterns.
+    pub(super) photos: Resolution,
+    pub(super) patterns: Resolution,
+    pub(super) symmetric: bool,
+    pub(super) channels: usize,
+}
+
+/// What took them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Kind {
+    Scene,
+    Rig,
+}
+
+/// A run that can be asked anew.
+pub(super) struct Replay {
+    folder: PathBuf,
+    pub(super) about: About,
+    truth: Option<Truth>,
+}
+
+/// Where a run keeps the calibration of its rig.
+pub(super) fn calibration(run: &Path) -> PathBuf {
+    journal::folder(run).join("calibration")
+}
+
+impl Replay {
+    /// Looks into a run's journal.
+    pub(super) fn open(run: &Path) -> Result<Self> {
+        let folder = journal::folder(run);
+        if !Journal::is_in(&folder) {
+            return Err(Error::Data {
+                path: run.to_path_buf(),
+                fault: "there is no run in it whose photos were kept".into(),
+                help: "give a scene, a rig file, or the folder of a run that has a journal".into(),
+            }
+            .into());
+        }
+        let mut journal = Journal::read_only(&folder)?;
+        let about = read(&mut journal, ABOUT)?.ok_or_else(|| unfinished(&journal, "what they are of"))?;
+        let truth = read(&mut journal, TRUTH)?;
+        Ok(Self { folder: run.to_path_buf(), about, truth })
+    }
+
+    /// The labels of the scene's author, where the run knew them.
+    pub(super) fn truth(&self) -> Option<Truth> {
+        self.truth.clone()
+    }
+
+    /// What a rig takes photos by, without the rig.
+    pub(super) fn light(&self, channels: Channels, console: &Console) -> Result<Light<'static>> {
+        let mut journal = Journal::read_only(&journal::folder(&self.folder))?;
+        journal::say_damages(&journal, console);
+        if self.about.kind == Kind::Scene {
+            return Ok(Light::Kept(Box::new(Kept::replay(journal, self.about.clone(), channels)?)));
+        }
+        let bytes = journal.read_note(RIG_FILE)?.ok_or_else(|| unfinished(&journal, "their rig file"))?;
+        let file = RigFile::from_bytes(&self.about.path, &bytes)?;
+        let calibration = Calibration::load(&calibration(&self.folder))?;
+        let warn = journal::warning(&journal, console);
+        let shots = Box::new(Journaled::replay(journal)?.reporting(warn));
+        Ok(Light::Measured(Box::new(rig_source::measured(shots, &calibration, &file, Some(channels))?)))
+    }
+
+    /// Notes what the run depends on.
+    pub(super) fn describe(&self, manifest: &mut Manifest) {
+        let About { path, hash, .. } = &self.about;
+        manifest.scene = Some(manifest::Scene { path: path.display().to_string(), hash: hash.clone() });
+    }
+}
+
+fn read<T: serde::de::DeserializeOwned>(journal: &mut Journal, name: &str) -> Result<Option<T>> {
+    let note = journal.read_note(name)?;
+    Ok(note.map(|note| serde_json::from_slice(&note)).transpose()?)
+}
+
+fn unfinished(journal: &Journal, what: &str) -> Error {
+    Error::Journal {
+        path: journal.path().into(),
+        fault: format!("it holds {} photos, but not {what}", journal.photos()),
+        help: "go on with that run by the same command and --resume".into(),
+    }
+}

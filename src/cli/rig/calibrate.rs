@@ -1,0 +1,153 @@
+//! `krylux rig calibrate`: from captures to a calibration folder.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::ValueEnum;
+use serde_json::json;
+
+use super::super::console::Console;
+use super::super::options::{OutputArgs, SourceArgs};
+use super::super::rig_source::RigSource;
+use super::super::source::is_rig;
+use super::super::trace::TraceArgs;
+use super::super::{Outcome, simulation};
+use crate::error::Error;
+use crate::measure::Live;
+use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
+use crate::report::calibration;
+
+/// Measure a rig's devices from captures alone: responses, noise, pixel map, latency, drift
+#[derive(clap::Args)]
+pub(in super::super) struct Args {
+    #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// Frames averaged for each level and pattern
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    takes: u32,
+    /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera is the coarser one]
+    #[arg(long, value_enum)]
+    map: Option<MapArg>,
+    /// Where the calibration goes; name it as `calibration` in the rig file [default: what the rig file names, or
+    /// NAME-calibration beside it]
+    #[arg(short = 'o', long = "output", value_name = "DIR")]
+    folder: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in super::super) output: OutputArgs,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum MapArg {
+    /// Gray codes with their inverses
+    GrayCode,
+    /// The corners of a checkerboard
+    Checkerboard,
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    let path = &args.source.source;
+    if !is_rig(path) {
+        return Err(Error::Option {
+            option: "SOURCE".into(),
+            fault: format!("{} is no rig", path.display()),
+            help: "give a rig file (.toml): only devices can be calibrated".into(),
+        }
+        .into());
+    }
+    let mut rig = RigSource::uncalibrated(&args.source, &args.trace, console)?;
+    let folder = args
+        .folder
+        .clone()
+        .or_else(|| rig.file.calibration.clone())
+        .unwrap_or_else(|| path.with_file_name(format!("{}-calibration", simulation::short_name(path))));
+    std::fs::create_dir_all(&folder).map_err(Error::writing(&folder))?;
+    let bench = rig.bench(console)?;
+    let mut shots = Live::new(bench, 0.0, rig.file.measurement.tries);
+    let options = CalibrateOptions {
+        takes: args.takes,
+        map: args.map.map(|map| match map {
+            MapArg::GrayCode => MapBy::GrayCode,
+            MapArg::Checkerboard => MapBy::Checkerboard,
+        }),
+    };
+    let (found, report) = calibrate(&mut shots, &options, &mut |step| {
+        console.detail(format_args!("measuring {step}"));
+        console.check()
+    })?;
+    found.save(&folder)?;
+    calibration::write(&folder, &found, &report)?;
+    say(&report, console)?;
+    console.say(format_args!("wrote     {}", folder.display()))?;
+    if rig.file.calibration.as_deref() != Some(folder.as_path()) {
+        console.note(format_args!(
+            "note: name it in {} as `calibration = {:?}` (relative to that file), and every verb will use it",
+            path.display(),
+            folder.file_name().unwrap_or(folder.as_os_str())
+        ));
+    }
+    console.summary(&json!({ "verb": "rig calibrate", "folder": folder, "report": report }))?;
+    Ok(Outcome::Done)
+}
+
+fn say(report: &CalibrationReport, console: &Console) -> Result<()> {
+    let (camera, map, stability) = (&report.camera, &report.map, &report.stability);
+    console.say(format_args!(
+        "camera    black level {} DN, read noise {} DN",
+        camera.black, camera.read_noise
+    ))?;
+    console.say(format_args!(
+        "          gain {} electrons per DN, full well {} electrons{}",
+        camera.gain,
+        camera.full_well,
+        if camera.plateau_reached { "" } else { " at least: it was never full" }
+    ))?;
+    let percent = |share: f64| 100.0 * share;
+    console.say(format_args!(
+        "          response {} (departs by {:.2} % of the range beyond noise)",
+        if camera.linear { "linear" } else { "bent, and straightened" },
+        percent(camera.departure)
+    ))?;
+    console.say(format_args!(
+        "          {} DN/s without a pattern; white fills it in {:.4} s",
+        camera.dark_rate, camera.exposure
+    ))?;
+    for (channel, projector) in report.projector.iter().enumerate() {
+        console.say(format_args!(
+            "projector channel {channel}: gamma {}, which leaves {:.3} % of white; black and ambient {} % of white",
+            projector.gamma,
+            percent(projector.gamma_residual),
+            projector.black.scaled(100.0)
+        ))?;
+    }
+    let by = match map.by {
+        MapBy::GrayCode => "Gray codes",
+        MapBy::Checkerboard => "a checkerboard",
+    };
+    let kind = if map.lens.is_some() { "homography and lens" } else { "pixel by pixel: no common map fits" };
+    console.say(format_args!("pixels    by {by}, {} points, {kind}", map.points))?;
+    console.say(format_args!(
+        "          within {:.3} pixels of the projector (points scatter by {:.2}); {:.1} % unreliable, {:.1} % unseen",
+        map.error,
+        map.rms,
+        percent(map.unreliable),
+        percent(map.masked)
+    ))?;
+    console.say(format_args!(
+        "stability light is there after {} s; drifts {} % per hour (watched for {:.0} s)",
+        stability.settle,
+        stability.drift_per_hour.scaled(100.0),
+        stability.watched
+    ))?;
+    console.say(format_args!(
+        "          noise of one white photo {:.3} % a pixel",
+        percent(stability.white_noise)
+    ))?;
+    console.say(format_args!(
+        "frames    {} taken, {} refused, in {:.0} s of the rig's time",
+        report.effort.taken,
+        report.effort.dropped + report.effort.repeated + report.effort.late,
+        report.effort.seconds
+    ))
+}

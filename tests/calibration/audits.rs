@@ -1,0 +1,142 @@
+//! Audits of virtual rigs: what is wrong with one is named, with its figure, and nothing else is.
+
+use krylux::analysis::audit::{Audit, AuditOptions, Exact, Verdict, audit};
+use krylux::image::Resolution;
+use krylux::measure::calibrate::CalibrateOptions;
+use krylux::measure::{Calibration, Live, MeasureOptions, Measurement};
+use krylux::operator::{Operator, Symmetry};
+use krylux::rig::VirtualRig;
+
+use super::scene::Folded;
+use super::{calibrated, realistic};
+
+const SIZE: Resolution = Resolution { width: 32, height: 32 };
+
+fn audited(rig: &VirtualRig, scene: &Folded, calibration: Calibration, options: MeasureOptions) -> Audit {
+    let bench = rig.open(Box::new(scene.clone()), None).expect("the scene fits its rig");
+    let settle = calibration.stability.settle;
+    let shots = Box::new(Live::new(bench, settle, 5));
+    let mut rig = Measurement::new(shots, calibration, options).expect("options that make sense");
+    audit(&mut rig, &AuditOptions::default()).expect("the bench can be audited")
+}
+
+fn ideal(rig: &VirtualRig) -> Calibration {
+    Calibration::ideal(&rig.projector_info(), &rig.camera_info())
+}
+
+fn failed(audit: &Audit) -> Vec<&'static str> {
+    audit.checks.iter().for_each(|check| println!("{}", check.line()));
+    audit.checks.iter().filter(|check| check.verdict == Verdict::Fails).map(|check| check.name).collect()
+}
+
+fn figure(audit: &Audit, name: &str) -> f64 {
+    audit.checks.iter().find(|check| check.name == name).map_or(f64::NAN, |check| check.figure)
+}
+
+#[test]
+fn an_ideal_bench_passes() {
+    let scene = Folded::new(SIZE, 0.3);
+    let rig = scene.rig();
+    let audit = audited(&rig, &scene, ideal(&rig), MeasureOptions::default());
+    assert_eq!(failed(&audit), [""; 0], "{}", audit.sentence());
+}
+
+#[test]
+fn every_imperfection_at_once_passes_after_calibration_and_not_before() {
+    let scene = Folded::new(Resolution::new(64, 64), 0.3);
+    let rig = realistic(&scene);
+    // An exposure chosen without knowing the noise saturates, and that would be all there is to say.
+    let short = MeasureOptions { exposures: vec![0.1], ..MeasureOptions::default() };
+    let before = audited(&rig, &scene, ideal(&rig), short);
+    let names = failed(&before);
+    assert!(names.contains(&"homogeneity") && names.contains(&"symmetry"), "{names:?}");
+    let (calibration, _) =
+        calibrated(&rig, &scene, &CalibrateOptions { takes: 1, ..CalibrateOptions::default() });
+    let after = audited(&rig, &scene, calibration, MeasureOptions::default());
+    assert_eq!(failed(&after), [""; 0], "{}", after.sentence());
+}
+
+#[test]
+fn a_gamma_that_is_not_undone_fails_homogeneity() {
+    let scene = Folded::new(SIZE, 0.3);
+    let mut rig = scene.rig();
+    rig.projector.gamma = Some(2.2);
+    let audit = audited(&rig, &scene, ideal(&rig), MeasureOptions::default());
+    assert_eq!(failed(&audit), ["homogeneity"]);
+    // 0.25^2.2 / 0.25 = 0.19.
+    assert!((figure(&audit, "homogeneity") - 0.81).abs() < 0.01, "{}", figure(&audit, "homogeneity"));
+}
+
+#[test]
+fn a_scene_that_saturates_is_named() {
+    let scene = Folded::new(SIZE, 0.3);
+    let rig = scene.rig();
+    let options = MeasureOptions { exposures: vec![5.0], ..MeasureOptions::default() };
+    let audit = audited(&rig, &scene, ideal(&rig), options);
+    assert_eq!(failed(&audit), ["saturation"]);
+}
+
+#[test]
+fn a_camera_half_a_pixel_off_fails_symmetry() {
+    let scene = Folded::new(SIZE, 0.3);
+    let mut rig = scene.rig();
+    rig.camera.shift = [0.5, 0.0];
+    let audit = audited(&rig, &scene, ideal(&rig), MeasureOptions::default());
+    assert_eq!(failed(&audit), ["symmetry"]);
+    // Of direct light d, half moves to the neighbour: ‖A − Aᵀ‖² = Σ d²/2, and ‖A‖² = Σ d²/2 too; global light adds to
+    // the latter only. Fifteen pairs tell it to a fifth.
+    assert!((0.5..1.4).contains(&figure(&audit, "symmetry")), "{}", figure(&audit, "symmetry"));
+}
+
+#[test]
+fn a_lamp_that_fades_is_named_unless_it_is_watched() {
+    let scene = Folded::new(SIZE, 0.3);
+    let mut rig = scene.rig();
+    // Seconds a photo, and a tenth within a minute.
+    rig.camera.readout = 1.0;
+    rig.drift.per_hour = -6.0;
+    let unwatched = MeasureOptions { sentinel_every: 0, ..MeasureOptions::default() };
+    let audit = audited(&rig, &scene, ideal(&rig), unwatched);
+    assert!(failed(&audit).contains(&"repeatability"), "{:?}", failed(&audit));
+    let watched = MeasureOptions { sentinel_every: 2, ..MeasureOptions::default() };
+    let audit = audited(&rig, &scene, ideal(&rig), watched);
+    assert_eq!(failed(&audit), [""; 0]);
+    assert!(figure(&audit, "drift") > 0.01, "the lamp's drift is told all the same");
+}
+
+/// Rows of a scene that the camera sees from two pixels aside, and that has no direct light there.
+struct Aside(Folded);
+
+impl Operator for Aside {
+    fn rows(&self) -> usize {
+        SIZE.pixels()
+    }
+
+    fn cols(&self) -> usize {
+        SIZE.pixels()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::General
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> krylux::Result<()> {
+        let photo = self.0.apply(x);
+        for (pixel, value) in y.iter_mut().enumerate() {
+            let column = (pixel % SIZE.width + 2).min(SIZE.width - 1);
+            *value = photo[pixel / SIZE.width * SIZE.width + column];
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn a_camera_beside_the_projector_fails_symmetry_and_shows_its_shadows() {
+    let direct = (0..SIZE.pixels()).map(|pixel| if pixel % SIZE.width < 8 { 0.0 } else { 0.5 }).collect();
+    let mut aside = Aside(Folded::new(SIZE, 0.3));
+    let mut exact = Exact { full: &mut aside, direct: Some(direct), resolution: SIZE };
+    let audit = audit(&mut exact, &AuditOptions::default()).expect("an operator can be audited");
+    assert_eq!(failed(&audit), ["symmetry", "direct light"]);
+    assert!((figure(&audit, "direct light") - 0.25).abs() < 0.01, "a quarter of the columns");
+    assert!(figure(&audit, "additivity") < 1e-12 && figure(&audit, "homogeneity") < 1e-12);
+}

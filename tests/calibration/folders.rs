@@ -1,0 +1,95 @@
+//! Calibration folders: what is saved is what is loaded, and what is damaged or another rig's is named.
+
+use std::path::Path;
+
+use krylux::Error;
+use krylux::image::Resolution;
+use krylux::measure::Calibration;
+use krylux::rig::{CameraInfo, ProjectorInfo};
+
+fn devices() -> (ProjectorInfo, CameraInfo) {
+    let projector = ProjectorInfo {
+        name: "a \"beamer\"".into(),
+        resolution: Resolution::new(8, 6),
+        channels: 1,
+        bits: 4,
+        frame_time: 1.0 / 60.0,
+    };
+    let camera = CameraInfo {
+        name: "eye".into(),
+        resolution: Resolution::new(10, 9),
+        channels: 1,
+        bits: 8,
+        exposures: [1e-4, 1.0],
+    };
+    (projector, camera)
+}
+
+fn saved(folder: &Path) -> Calibration {
+    let (projector, camera) = devices();
+    let mut calibration = Calibration::ideal(&projector, &camera);
+    // Numbers without a short decimal, to the last bit.
+    calibration.camera.gain = 11.0 / 3.0;
+    calibration.camera.read_noise = 0.1 + 0.2;
+    calibration.stability.settle = f64::MIN_POSITIVE;
+    calibration.camera.curve = Some((0..256).map(|count| f64::from(count).powf(1.1)).collect());
+    calibration.save(folder).expect("a temporary folder can be written");
+    calibration
+}
+
+#[test]
+fn what_is_saved_is_loaded_to_the_last_bit() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let calibration = saved(folder.path());
+    let loaded = Calibration::load(folder.path()).expect("it was just saved");
+    assert_eq!(loaded, calibration);
+    assert_eq!(loaded.identity(), calibration.identity());
+    let mut other = calibration;
+    other.stability.settle = 0.5;
+    assert_ne!(loaded.identity(), other.identity(), "the wait is part of what a photo depends on");
+}
+
+#[test]
+fn damage_is_named_whatever_file_it_is_in() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    saved(folder.path());
+    let files = std::fs::read_dir(folder.path()).expect("it is there");
+    let files: Vec<_> = files.map(|entry| entry.expect("it can be listed").path()).collect();
+    assert_eq!(files.len(), 6);
+    for file in files {
+        let whole = std::fs::read(&file).expect("just written");
+        // The last digit of a number in the record, the last byte of an array.
+        let mut changed = whole.clone();
+        let at = (0..whole.len()).rev().find(|&at| !whole[at].is_ascii_whitespace()).expect("not empty");
+        changed[at] ^= 1;
+        for damaged in [changed, whole[..whole.len() / 2].to_vec(), Vec::new()] {
+            std::fs::write(&file, &damaged).expect("writable");
+            let loaded = Calibration::load(folder.path());
+            let named = matches!(&loaded, Err(Error::Data { path, .. }) if path.starts_with(folder.path()));
+            assert!(named, "{} was damaged, and that gave {loaded:?}", file.display());
+        }
+        std::fs::write(&file, &whole).expect("writable");
+    }
+    assert!(Calibration::load(folder.path()).is_ok(), "all is as it was");
+    let missing = Calibration::load(&folder.path().join("nowhere"));
+    assert!(matches!(missing, Err(Error::Read { .. })), "{missing:?}");
+}
+
+#[test]
+fn a_calibration_of_other_devices_is_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let calibration = saved(folder.path());
+    let (projector, camera) = devices();
+    assert!(calibration.check(&projector, &camera).is_ok());
+    let others = [
+        (ProjectorInfo { bits: 8, ..projector.clone() }, camera.clone(), "projector"),
+        (ProjectorInfo { name: "other".into(), ..projector.clone() }, camera.clone(), "projector"),
+        (projector.clone(), CameraInfo { resolution: Resolution::new(10, 10), ..camera.clone() }, "camera"),
+        (projector.clone(), CameraInfo { channels: 3, ..camera.clone() }, "camera"),
+    ];
+    for (projector, camera, named) in others {
+        let checked = calibration.check(&projector, &camera);
+        let by_name = matches!(&checked, Err(Error::Rig { device, .. }) if device == named);
+        assert!(by_name, "{projector:?} and {camera:?} are not those that were calibrated: {checked:?}");
+    }
+}

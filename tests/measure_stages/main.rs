@@ -1,0 +1,10 @@
+//! From counts to products, stage by stage, against an explicit dense matrix.
+
+mod algebra;
+mod bit_planes;
+mod dynamic_range;
+mod monte_carlo;
+mod quantization;
+mod replay;
+mod support;
+mod switched_off;
