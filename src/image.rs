@@ -74,6 +74,17 @@ impl Image {
         Self { resolution, channels, samples: vec![value; resolution.pixels() * channels] }
     }
 
+    /// The image of these planes of `w·h` values, one for each channel, narrowed to `f32`.
+    ///
+    /// # Errors
+    /// As [`Image::new`]; [`Error::Dimension`] when a plane is shorter than the others.
+    pub fn from_planes(resolution: Resolution, planes: &[Vec<f64>]) -> Result<Self> {
+        let samples = (0..resolution.pixels()).flat_map(|pixel| {
+            planes.iter().filter_map(move |plane| plane.get(pixel)).map(|&value| value as f32)
+        });
+        Self::new(resolution, planes.len(), samples.collect())
+    }
+
     /// Size in pixels.
     pub fn resolution(&self) -> Resolution {
         self.resolution
@@ -97,5 +108,10 @@ impl Image {
     /// One channel as a plane of `w·h` values, widened to `f64`.
     pub fn plane(&self, channel: usize) -> Vec<f64> {
         self.samples.iter().skip(channel).step_by(self.channels).map(|&v| f64::from(v)).collect()
+    }
+
+    /// Every channel as a plane of `w·h` values.
+    pub fn planes(&self) -> Vec<Vec<f64>> {
+        (0..self.channels).map(|channel| self.plane(channel)).collect()
     }
 }

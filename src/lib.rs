@@ -14,6 +14,7 @@
 //!     ↘      ↘          ↘ transport → render → gpu, scene → image
 //!      cache → report, transport
 //!      measure → rig, journal, operator
+//!      paper → analysis, transport, measure
 //! ```
 //!
 //! | in the paper | here |
@@ -23,6 +24,9 @@
 //! | light transport segmentation (section 5) | [`analysis::segment`] |
 //! | photos with real devices (sections 7 and 8) | [`measure`] makes them an operator, [`rig`] drives the devices, [`journal`] keeps every photo |
 //! | light transport compensation | [`analysis::compensate`](mod@analysis::compensate) |
+//! | *Optical computing* (2010): low-rank relighting | [`analysis::low_rank`](mod@analysis::low_rank) |
+//! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
+//! | the figures | [`paper`] makes them again, and holds them to bounds |
 //!
 //! Units, conventions and the symmetric estimator stand in [`render`] and [`transport`].
 //!
@@ -62,6 +66,7 @@ pub mod journal;
 pub mod krylov;
 pub mod measure;
 pub mod operator;
+pub mod paper;
 pub mod render;
 pub mod report;
 pub mod rig;

@@ -151,7 +151,6 @@ fn separate_regions_exchange_no_light() {
         (builtin::two_sheets(), 1),
         (builtin::carton(), 23),
         (builtin::carton_eggs(), 31),
-        (builtin::carton_nine(), 23),
     ] {
         let scene = model.to_scene();
         let sample: Vec<&Triangle> = scene.triangles.iter().step_by(stride).collect();

@@ -103,11 +103,16 @@ fn each_separation_is_as_near_the_first_bounce_as_its_page_says() {
         let mut white = vec![0.0; SIDE * SIDE];
         operator.apply(&vec![1.0; SIDE * SIDE], &mut white).expect("photo");
         let start = Some(Start::Rademacher { seed: 1 });
-        let model =
-            capture(&mut operator, &[], &LowRankCapture { photos: 40, start }, &mut |_| {}).expect("photos");
+        let model = capture(
+            &mut operator,
+            &[],
+            &LowRankCapture { photos: 40, start, ..LowRankCapture::default() },
+            &mut |_| {},
+        )
+        .expect("photos");
         let found = [
             checkerboards(&mut operator, resolution, 2, 4).expect("photos"),
-            sinusoids(&mut operator, resolution, 4.0).expect("photos"),
+            sinusoids(&mut operator, resolution, 4.0, 3).expect("photos"),
             random_patterns(&mut operator, 40, 0).expect("photos"),
             from_capture(&model, &white).expect("white"),
         ];

@@ -46,7 +46,11 @@ impl Probing {
         }
     }
 
-    fn check(self) -> Result<()> {
+    /// Refuses what cannot be, before any photo.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming `--sigma`.
+    pub fn check(self) -> Result<()> {
         let sigma = self.sigma();
         // A Gaussian far wider than any projector lets everything through.
         if (0.0..=4096.0).contains(&sigma) && (sigma > 0.0 || matches!(self, Self::Direct | Self::Indirect)) {
@@ -57,6 +61,17 @@ impl Probing {
             fault: format!("{sigma} pixels"),
             help: "give a distance above 0 and up to 4096 pixels".into(),
         })
+    }
+
+    /// Which paths these are, for people.
+    pub fn in_words(self) -> String {
+        match self {
+            Self::Direct => "direct light".into(),
+            Self::Indirect => "indirect light".into(),
+            Self::Near { sigma } => format!("light from near by, σ {sigma} px"),
+            Self::Far { sigma } => format!("light from farther away than σ {sigma} px"),
+            Self::NearIndirect { sigma } => format!("indirect light from near by, σ {sigma} px"),
+        }
     }
 
     /// The weight of paths that end `distance` pixels from where they started.
@@ -141,6 +156,13 @@ pub fn probe(
     let degrees = (photos * (photos - 1)) as f64;
     let standard_errors = squares.iter().map(|square| (square / degrees).sqrt()).collect();
     Ok(Probed { values: mean, standard_errors, photos: products })
+}
+
+/// `count` patterns of random signs under a Gaussian (`n` each), whose correlation is a Gaussian of `sigma` pixels and 1 at 0.
+pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, seed: u64) -> Vec<Vec<f64>> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let kernel = kernel(sigma);
+    (0..count).map(|_| Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel)).collect()
 }
 
 /// `r ∘ A r`.

@@ -110,17 +110,17 @@ fn misses(args: &Args, found: &Likeness) -> Result<Vec<String>> {
         ("the relative RMSE", found.relative_rmse, args.max_relative_rmse),
     ];
     let below = [("the PSNR", found.psnr, args.min_psnr), ("SSIM", found.ssim.unwrap_or(1.0), args.min_ssim)];
-    // Negated comparisons, so that a threshold of NaN is missed and not passed.
+    // A threshold of NaN is missed, not passed.
     let above = above
         .into_iter()
         .filter_map(|(name, value, most)| {
-            most.filter(|&most| !(value <= most)).map(|most| (name, value, most))
+            most.filter(|&most| value > most || most.is_nan()).map(|most| (name, value, most))
         })
         .map(|(name, value, most)| format!("{name}, {value:.5}, is above {most}"));
     let below = below
         .into_iter()
         .filter_map(|(name, value, least)| {
-            least.filter(|&least| !(value >= least)).map(|least| (name, value, least))
+            least.filter(|&least| value < least || least.is_nan()).map(|least| (name, value, least))
         })
         .map(|(name, value, least)| format!("{name}, {value:.5}, is below {least}"));
     Ok(above.chain(below).collect())

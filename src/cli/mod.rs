@@ -16,17 +16,22 @@ mod light;
 mod matrix;
 mod measured;
 mod noise;
+mod opener;
 mod operator;
 mod options;
 mod pattern;
 mod photo;
 mod plan;
+mod probe;
+mod relight;
 mod replay;
+mod reproduce;
 mod rig;
 mod rig_info;
 mod rig_source;
 mod run_folder;
 mod segment;
+mod separate;
 mod simulation;
 mod solve;
 mod source;
@@ -53,12 +58,16 @@ enum Verb {
     Photo(photo::Args),
     Segment(segment::Args),
     Compensate(compensate::Args),
+    Separate(separate::Args),
+    Relight(relight::Args),
+    Probe(probe::Args),
     Eigs(eigs::Args),
     Audit(audit::Args),
     Plan(plan::Args),
     Rig(rig::Args),
     Solve(solve::Args),
     Matrix(matrix::Args),
+    Reproduce(reproduce::Args),
     Labels(labels::Args),
     Compare(compare::Args),
     Info(info::Args),
@@ -80,12 +89,16 @@ pub fn main() -> ExitCode {
         Verb::Photo(args) => photo::run(args, &console.with(&args.output)),
         Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
         Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
+        Verb::Separate(args) => separate::run(args, &console.with(&args.output)),
+        Verb::Relight(args) => relight::run(args, &console.with(&args.output)),
+        Verb::Probe(args) => probe::run(args, &console.with(&args.output)),
         Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
         Verb::Audit(args) => audit::run(args, &console.with(&args.output)),
         Verb::Rig(args) => rig::run(args, &console.with(args.output())),
         Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
         Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
         Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
+        Verb::Reproduce(args) => reproduce::run(args, &console.with(&args.output)),
         Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
         Verb::Compare(args) => compare::run(args, &console.with(&args.output)),
         Verb::Info(args) => info::run(args, &console.with(&args.output)),

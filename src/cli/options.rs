@@ -45,6 +45,9 @@ pub(super) struct RunArgs {
     /// Write into a folder that holds an earlier run, and throw its photos away
     #[arg(long)]
     pub(super) overwrite: bool,
+    /// Open the report when it is written
+    #[arg(long)]
+    pub(super) open: bool,
     /// Go on with the run in the folder: no photo that is in its journal is taken again
     #[arg(long, conflicts_with = "overwrite")]
     pub(super) resume: bool,

@@ -52,6 +52,21 @@ impl FromStr for Pattern {
     }
 }
 
+/// As it is written on the command line.
+impl std::fmt::Display for Pattern {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::White => f.write_str("white"),
+            Self::Black => f.write_str("black"),
+            Self::Left => f.write_str("left"),
+            Self::Checker(period) => write!(f, "checker:{period}"),
+            Self::Stripes(period) => write!(f, "stripes:{period}"),
+            Self::Pixel(x, y) => write!(f, "pixel:{x},{y}"),
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
 impl Pattern {
     /// The pattern at this resolution.
     ///

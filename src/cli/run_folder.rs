@@ -7,6 +7,7 @@ use super::console::Console;
 use super::journal;
 use super::light::Light;
 use super::measured;
+use super::opener;
 use super::options::RunArgs;
 use crate::error::{Error, Result};
 use crate::journal::{Identity, Journal};
@@ -19,6 +20,8 @@ pub(super) struct RunFolder {
     pub(super) path: PathBuf,
     pub(super) manifest: Manifest,
     started: Instant,
+    /// Show the report in the end.
+    open: bool,
     resume: bool,
     notes: Vec<(&'static str, Vec<u8>)>,
 }
@@ -55,7 +58,7 @@ impl RunFolder {
         }
         let manifest = Manifest::new(std::env::args());
         manifest.write(&path.join(RECORD))?;
-        Ok(Self { path, manifest, started: Instant::now(), resume, notes: Vec::new() })
+        Ok(Self { path, manifest, started: Instant::now(), resume, notes: Vec::new(), open: wanted.open })
     }
 
     /// Something that a replay of this run should know, to be written into its journal.
@@ -87,12 +90,15 @@ impl RunFolder {
 
     /// Notes what a run on a rig has cost, and says it; then hands on what came of it. What it has cost is of interest above all
     /// when it failed.
-    pub(super) fn record_rig<T>(
+    pub(super) fn record_rig<T, E>(
         &mut self,
         light: &mut Light<'_>,
-        found: Result<T>,
+        found: std::result::Result<T, E>,
         console: &Console,
-    ) -> anyhow::Result<T> {
+    ) -> anyhow::Result<T>
+    where
+        anyhow::Error: From<E>,
+    {
         self.manifest.rig = light.record(found.is_ok())?;
         if let Some(rig) = &self.manifest.rig {
             measured::say(rig, console)?;
@@ -120,6 +126,9 @@ impl RunFolder {
             Ok((result, message)) => {
                 self.manifest.finish(Status::Done, message);
                 self.manifest.write(&record)?;
+                if self.open {
+                    opener::open(&self.path.join("report.html"));
+                }
                 Ok(result)
             }
             Err(error) => {

@@ -1,4 +1,5 @@
-//! `report.html`: one self-contained page with what a run found. No script, nothing fetched from elsewhere.
+//! `report.html`: one self-contained page with what a run found. Nothing is fetched from elsewhere; a small script enlarges
+//! pictures and reads pixels out, and without it all is there to be read.
 
 use std::path::Path;
 
@@ -6,7 +7,7 @@ use askama::Template;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::{atomic, colormap, palette};
+use super::{atomic, colormap, palette, srgb};
 use crate::error::{Error, Result};
 
 /// A page. All text is plain and is escaped.
@@ -77,6 +78,55 @@ pub enum Block {
         /// Above it; may be empty.
         caption: String,
     },
+    /// What somebody says, beside what was measured.
+    Claim {
+        /// Who, and what.
+        statement: [String; 2],
+        /// What was measured, by whom or what.
+        measured: Vec<Measured>,
+    },
+    /// Many small pictures in order.
+    Strip {
+        /// Above them; may be empty.
+        caption: String,
+        /// One after the other.
+        frames: Vec<Frame>,
+    },
+}
+
+/// Numbers beside a statement.
+#[derive(Clone, Debug, Default)]
+pub struct Measured {
+    /// By whom or what.
+    pub title: String,
+    /// How it was measured.
+    pub text: String,
+    /// Whether they are what was said, in a word or two.
+    pub verdict: Verdict,
+    /// One after the other.
+    pub numbers: Vec<Number>,
+}
+
+/// A number with what it has to be.
+#[derive(Clone, Debug, Default)]
+pub struct Number {
+    /// What it is, with its unit.
+    pub what: String,
+    /// The number.
+    pub value: String,
+    /// What it has to be, and by how much it is not; empty where it is only stated.
+    pub wanted: String,
+    /// How good it is; `None` where it is only stated.
+    pub outcome: Option<Outcome>,
+}
+
+/// Pictures one below the other, with a caption.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// PNG files' bytes.
+    pub pngs: Vec<Vec<u8>>,
+    /// A word or a number.
+    pub caption: String,
 }
 
 /// A picture, shown without smoothing so that small ones keep their pixels.
@@ -141,6 +191,12 @@ impl Legend {
         Self::Scale { colors, labels: vec![format!("\u{2212}{end}"), "0".into(), end] }
     }
 
+    /// The scale of [`develop`](super::tone::develop) for gray light, 0 to `white`.
+    pub fn light(white: f64) -> Self {
+        let gray = |step: i32| [srgb::encode_srgb(step as f32 / 16.0); 3];
+        Self::Scale { colors: (0..=16).map(gray).collect(), labels: vec!["0".into(), brief(white)] }
+    }
+
     /// The scale of [`colormap::paint_sequential`], `low` to `high`.
     pub fn sequential(low: f64, high: f64) -> Self {
         let colors = (0..=16).map(|step| colormap::sequential_color(f64::from(step) / 16.0)).collect();
@@ -175,12 +231,21 @@ struct Page<'a> {
 }
 
 impl Page<'_> {
-    fn outcome(&self) -> &'static str {
-        match self.report.verdict.outcome {
+    fn outcome(&self, outcome: &Outcome) -> &'static str {
+        match outcome {
             Outcome::Good => "good",
             Outcome::Short => "short",
             Outcome::Failed => "failed",
         }
+    }
+
+    fn outcome_of(&self, number: &Number) -> &'static str {
+        number.outcome.as_ref().map_or("stated", |outcome| self.outcome(outcome))
+    }
+
+    /// Zoom and pixel read-out: what the page does not depend on.
+    fn script(&self) -> &'static str {
+        include_str!("report.js")
     }
 
     fn base64(&self, png: &[u8]) -> String {
@@ -227,7 +292,7 @@ fn percent(fraction: f64) -> String {
 }
 
 /// A number for a legend: three significant digits.
-fn brief(value: f64) -> String {
+pub(super) fn brief(value: f64) -> String {
     let text = match value.abs() {
         0.0 => "0".into(),
         size if (1e-3..1e4).contains(&size) => {

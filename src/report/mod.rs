@@ -8,7 +8,9 @@
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
 //! | `report.html` | [`html`], with plots by [`plot`] and [`scatter`] |
 //! | `run.json` | [`manifest`] |
-//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`solution`], [`audit`], [`calibration`] |
+//! | `model/` | [`model`] |
+//! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | the paper's figures beside what it says of them | [`gallery`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
@@ -22,19 +24,25 @@ pub mod colormap;
 pub mod compensation;
 pub mod eigenpairs;
 pub mod exr;
+pub mod gallery;
 pub mod html;
 pub mod manifest;
+pub mod model;
 pub mod npy;
 mod oklab;
 pub mod palette;
 pub mod picture;
+mod planes;
 pub mod plot;
 pub mod png;
+pub mod probing;
 mod raster;
+pub mod relighting;
 mod residuals;
 mod run;
 pub mod scatter;
 pub mod segmentation;
+pub mod separation;
 pub mod solution;
 pub mod sparse;
 mod spectrum;

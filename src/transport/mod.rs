@@ -116,7 +116,5 @@ fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result
 
 /// The image of these planes, narrowed to `f32`.
 fn from_planes(resolution: Resolution, planes: &[Vec<f64>]) -> Result<Image> {
-    let samples =
-        (0..resolution.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel] as f32));
-    Image::new(resolution, planes.len(), samples.collect())
+    Image::from_planes(resolution, planes)
 }

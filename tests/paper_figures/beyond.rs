@@ -1,13 +1,12 @@
 //! Beyond the paper: a model of the lens, all methods at once, mixed colours, and another target for a scene that is known.
 
-use krylux::analysis::compensate::{compare_methods, compensate, compensate_with, retarget::retarget};
-use krylux::analysis::low_rank::{LowRankCapture, capture};
+use krylux::analysis::compensate::{compare_methods, compensate, compensate_with};
 use krylux::analysis::{CompensateOptions, Crosstalk, Precondition, Prior, Wish};
 use krylux::image::{Image, Resolution};
 use krylux::krylov::{Method, keep_solving};
 use krylux::transport::{Channels, MatrixOperator, Part};
 
-use super::bench::{Defocused, SIDE, direct, lower_bound, options, part, target, wish_for};
+use super::bench::{Defocused, options, part, target, wish_for};
 use crate::common::{load, settings, trace, tracer};
 
 #[test]
@@ -91,40 +90,6 @@ fn mixed_colours_are_solved_as_one_system_inside_the_box() {
     println!("crosstalk: ignored {ignored:.5}");
     // A red wall cannot be made blue: most of the residual is not the crosstalk's.
     assert!(coupled.residual < 0.75 * ignored, "{} {ignored}", coupled.residual);
-}
-
-#[test]
-fn another_target_needs_no_photo_of_a_captured_scene_but_the_one_that_shows_it() {
-    let direct = direct();
-    let start = LowRankCapture { photos: 20, ..LowRankCapture::default() };
-    let model = capture(&mut part(Part::Global), &direct, &start, &mut |_| {}).unwrap();
-    // A target that the capture knows nothing of: the old one upside down.
-    let upside_down: Vec<f64> = target().chunks(SIDE).rev().flatten().copied().collect();
-    let wish = wish_for(&upside_down);
-    let b: Vec<f64> = upside_down.iter().map(|value| 0.5 / std::f64::consts::PI * value).collect();
-    let bound = lower_bound(&mut part(Part::Full), &b);
-    let options = options(Method::KrylovBox, 1);
-    let ratios = [1, 3].map(|photos| {
-        let found = retarget(
-            &mut [model.clone()],
-            &mut [part(Part::Full)],
-            &wish,
-            &options,
-            photos,
-            &mut keep_solving,
-        )
-        .unwrap();
-        assert_eq!((found.photos, found.preparation), (photos, 0));
-        found.residual / bound
-    });
-    let fresh =
-        compensate(&mut [part(Part::Full)], &wish, &options, &mut keep_solving).unwrap().residual / bound;
-    println!(
-        "new target: {ratios:.4?} of the optimum at 1 and 3 photos; without the capture {fresh:.4} at 1"
-    );
-    // The model lacks what is finer than its twenty patterns.
-    assert!(ratios[0] <= 1.35 && ratios[0] < 0.7 * fresh, "{ratios:?} {fresh}");
-    assert!(ratios[1] <= 1.03, "{ratios:?}");
 }
 
 #[test]

@@ -153,7 +153,7 @@ fn figure_6_two_patches_that_do_not_touch_share_a_group() {
 
 #[test]
 fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
-    let empty = Traced::new(&builtin::carton_nine().to_scene(), 64, 256);
+    let empty = Traced::new(&builtin::nine_cells(false).to_scene(), 64, 256);
     let found = empty.segmentation(100, 20, &[9]);
     let nine = labels(&found, 9);
     let agreement = empty.agreement(nine);
@@ -170,7 +170,7 @@ fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
     assert!(lit.kept().iter().all(|kept| *kept > 0.97), "{:?}", lit.kept());
     assert!(lit.exchange[0].iter().skip(1).all(|share| *share < 0.02), "{:?}", lit.exchange[0]);
 
-    let eggs = Traced::new(&builtin::carton_nine_eggs().to_scene(), 64, 256);
+    let eggs = Traced::new(&builtin::nine_cells(true).to_scene(), 64, 256);
     let with_eggs = eggs.segmentation(100, 20, &[9]);
     let cells = eggs.agreement(labels(&with_eggs, 9));
     let change = adjusted_rand_index(nine, labels(&with_eggs, 9)).unwrap();

@@ -6,17 +6,18 @@
 //! | what is known beside the photos: direct light, shape, crosstalk of colours, a first pattern | [`Prior`] |
 //! | what clamping does, and what a method inside the box does instead | [`Clamping`] |
 //! | every method at equal photos | [`compare_methods`] |
-//! | another target for a scene that is captured already | [`retarget`](mod@retarget) |
+//! | another target for a scene that is captured already | [`compensate_by_model`] |
 
+mod by_model;
 mod clamping;
 mod compare;
 mod crosstalk;
 mod defocus;
 mod options;
-pub mod retarget;
 mod run;
 mod wish;
 
+pub use by_model::{Photograph, compensate_by_model};
 pub use clamping::Clamping;
 pub use compare::{MethodRun, compare_methods};
 pub use crosstalk::Crosstalk;

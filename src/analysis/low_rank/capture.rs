@@ -1,8 +1,10 @@
 //! The photos of a low-rank model: a Krylov process whose photos are kept.
 
 use super::LowRank;
+use crate::analysis::probe::smooth_patterns;
 use crate::error::{Error, Result};
-use crate::krylov::{Arnoldi, Factorization, Lanczos, Start};
+use crate::image::Resolution;
+use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start};
 use crate::operator::{Operator, Symmetry};
 
 /// How a low-rank model is captured.
@@ -13,11 +15,24 @@ pub struct LowRankCapture {
     /// What is projected first; none: all ones, so that the white photo is among them, and the smooth patterns that global
     /// light answers to come first.
     pub start: Option<Start>,
+    /// What is projected beside it before any photo comes back, for a symmetric operator: the rest of a block. One start alone sees
+    /// one vector of each eigenspace, and hardly tells regions apart that exchange no light but are alike, as the cups of a carton;
+    /// [`smooth_starts`] do. An operator that is not symmetric has no use for them.
+    pub beside: Vec<Vec<f64>>,
+}
+
+/// `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]: random signs blurred by a sixteenth of the width, so that
+/// they are made of what global light answers to and what natural pictures are made of.
+///
+/// With 40 photos of a carton at 100×100, eleven of them beside white leave 1.7 to 2.2 % of four natural photos, white alone 2.2 to 5.9 %.
+pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
+    let sigma = (resolution.width as f64 / 16.0).max(1.0);
+    smooth_patterns(resolution, std::f64::consts::SQRT_2 * sigma, count, seed)
 }
 
 impl Default for LowRankCapture {
     fn default() -> Self {
-        Self { photos: 40, start: None }
+        Self { photos: 40, start: None, beside: Vec::new() }
     }
 }
 
@@ -45,7 +60,10 @@ pub fn capture(
     let start = options.start.as_ref().map_or_else(|| vec![1.0; n], |start| start.vector(n));
     let mut recorder = Recorder { operator, photos: Vec::with_capacity(options.photos) };
     let basis = if symmetric {
-        run(Lanczos::new(&start, &[])?, &mut recorder, options.photos, watch)?
+        let mut block = vec![start];
+        // A block wider than the photos would leave those that it starts with unseen.
+        block.extend(options.beside.iter().take(options.photos - 1).cloned());
+        run(BlockLanczos::new(&block, &[])?, &mut recorder, options.photos, watch)?
     } else {
         run(Arnoldi::new(&start, &[])?, &mut recorder, options.photos, watch)?
     };

@@ -122,7 +122,7 @@ mod tests {
         for symmetric in [true, false] {
             let mut dense = Dense { n, symmetric };
             let direct: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
-            let options = LowRankCapture { photos: 5, start: None };
+            let options = LowRankCapture { photos: 5, ..LowRankCapture::default() };
             let model = capture(&mut dense, &direct, &options, &mut |_| {})?;
             let square = |entry: &dyn Fn(usize, usize) -> f64| -> f64 {
                 (0..n * n).map(|ij| entry(ij / n, ij % n).powi(2)).sum()

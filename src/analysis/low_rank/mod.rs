@@ -9,15 +9,18 @@
 //! ```
 //!
 //! which is exact on the span of `Q` and symmetric. Where `G` is not symmetric, `G_k = W Qᵀ`. Direct light has no low rank (it is
-//! the diagonal, for a coaxial rig): it is kept apart, `A ≈ diag(direct) + G_k`.
+//! the diagonal, for a coaxial rig): it is kept apart, `A ≈ D + G_k`. What the model answers, it answers at no further photo: any
+//! pattern relit, dual photographs, and photos without their interreflections ([`cancel_interreflections`]).
 //!
 //! O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165, sections 4
 //! and 7; there with Arnoldi, `W Qᵀ`, and no diagonal.
 
 mod capture;
 mod error_curve;
+mod inverse;
 mod model;
 
-pub use capture::{LowRankCapture, capture};
+pub use capture::{LowRankCapture, capture, smooth_starts};
 pub use error_curve::{ErrorRow, error_curve, optimal_errors};
+pub use inverse::{Cancelled, cancel_interreflections};
 pub use model::LowRank;

@@ -1,15 +1,20 @@
 //! The model itself: an operator that costs no photo.
 
+use std::sync::Arc;
+
 use crate::error::{Error, Result};
 use crate::krylov::dot;
 use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::sparse::Csr;
 
-/// `A ≈ diag(direct) + G_k` of `n × n` from `k` photos (see the module).
+/// `A ≈ D + G_k` of `n × n` from `k` photos (see the module). `D` is a diagonal, for a coaxial pinhole rig, or a sparse matrix.
 #[derive(Clone, Debug)]
 pub struct LowRank {
     basis: Vec<Vec<f64>>,
     photos: Vec<Vec<f64>>,
     direct: Vec<f64>,
+    /// `D` where it is more than a diagonal, and its transpose.
+    spread: Option<Arc<[Csr; 2]>>,
     symmetric: bool,
 }
 
@@ -37,7 +42,49 @@ impl LowRank {
         if !direct.is_empty() {
             agree("pixels of the direct image", n, direct.len())?;
         }
-        Ok(Self { basis, photos, direct, symmetric })
+        Ok(Self { basis, photos, direct, spread: None, symmetric })
+    }
+
+    /// The same model with a direct part that is more than a diagonal, as of an open lens or a projector that stands apart.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when it is not `n × n`.
+    pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
+        let n = self.cols();
+        if (direct.rows(), direct.cols()) != (n, n) {
+            return Err(Error::Dimension {
+                what: "rows and columns of the direct part of a low-rank model",
+                expected: format!("{n}x{n}"),
+                found: format!("{}x{}", direct.rows(), direct.cols()),
+            });
+        }
+        let transposed = direct.transposed();
+        Ok(Self { direct: Vec::new(), spread: Some(Arc::new([direct, transposed])), ..self })
+    }
+
+    /// `G_k` alone: the model without direct light.
+    pub fn global(&self) -> Self {
+        Self { direct: Vec::new(), spread: None, ..self.clone() }
+    }
+
+    /// The diagonal `D` (`n`); empty where there is none, or more than that.
+    pub fn direct(&self) -> &[f64] {
+        &self.direct
+    }
+
+    /// `D` where it is more than a diagonal.
+    pub fn direct_matrix(&self) -> Option<&Csr> {
+        self.spread.as_ref().map(|both| &both[0])
+    }
+
+    /// Whether `G_k` is symmetric, and so better than `W Qᵀ`.
+    pub fn is_symmetric(&self) -> bool {
+        self.symmetric
+    }
+
+    /// `D x` (`n`): what comes back after one bounce. Costs no photo.
+    pub fn direct_light(&self, pattern: &[f64]) -> Vec<f64> {
+        self.direct_product(pattern, 0)
     }
 
     /// `k`: photos that it was made from.
@@ -62,6 +109,7 @@ impl LowRank {
             basis: first(&self.basis),
             photos: first(&self.photos),
             direct: self.direct.clone(),
+            spread: self.spread.clone(),
             symmetric: self.symmetric,
         }
     }
@@ -71,7 +119,7 @@ impl LowRank {
     /// # Panics
     /// In debug builds, when `x` does not have `n` entries.
     pub fn relight(&self, pattern: &[f64]) -> Vec<f64> {
-        self.product(pattern, &self.basis, &self.photos)
+        self.product(pattern, &self.basis, &self.photos, 0)
     }
 
     /// The dual photograph, `Aᵀ y`: the scene as the projector would see it, lit from the camera by `y`.
@@ -82,14 +130,21 @@ impl LowRank {
         if self.symmetric {
             return self.relight(pattern);
         }
-        self.product(pattern, &self.photos, &self.basis)
+        self.product(pattern, &self.photos, &self.basis, 1)
     }
 
     /// The diagonal (`n`): what each pixel sends back to itself.
     pub fn diagonal(&self) -> Vec<f64> {
-        let mut diagonal = match self.direct.is_empty() {
-            true => vec![0.0; self.cols()],
-            false => self.direct.clone(),
+        let mut diagonal = match (&self.spread, self.direct.is_empty()) {
+            (Some(both), _) => {
+                let entry = |row: usize| {
+                    let (columns, weights) = both[0].row(row);
+                    columns.binary_search(&(row as u32)).map_or(0.0, |at| weights[at])
+                };
+                (0..self.cols()).map(entry).collect()
+            }
+            (None, true) => vec![0.0; self.cols()],
+            (None, false) => self.direct.clone(),
         };
         // What Q (Qᵀ W) Qᵀ takes away again, column by column of T.
         let correction: Vec<Vec<f64>> = match self.symmetric {
@@ -114,13 +169,25 @@ impl LowRank {
         sum
     }
 
-    /// `diag(direct) x + to (fromᵀ x)`, and for a symmetric model `from (toᵀ z)` of the rest `z = x − from (fromᵀ x)`.
-    fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>]) -> Vec<f64> {
-        debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
-        let mut y: Vec<f64> = match self.direct.is_empty() {
+    /// `D x`, or `Dᵀ x` for `side` 1.
+    fn direct_product(&self, x: &[f64], side: usize) -> Vec<f64> {
+        if let Some(both) = &self.spread {
+            let row = |row: usize| -> f64 {
+                let (columns, weights) = both[side].row(row);
+                columns.iter().zip(weights).map(|(&column, weight)| weight * x[column as usize]).sum()
+            };
+            return (0..x.len()).map(row).collect();
+        }
+        match self.direct.is_empty() {
             true => vec![0.0; x.len()],
             false => self.direct.iter().zip(x).map(|(direct, value)| direct * value).collect(),
-        };
+        }
+    }
+
+    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1), and for a symmetric model `from (toᵀ z)` of the rest `z = x − from (fromᵀ x)`.
+    fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>], side: usize) -> Vec<f64> {
+        debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
+        let mut y = self.direct_product(x, side);
         let mut rest = x.to_vec();
         let shares: Vec<f64> = from.iter().map(|vector| dot(vector, x)).collect();
         for ((from, to), share) in from.iter().zip(to).zip(&shares) {

@@ -41,12 +41,18 @@ pub fn checkerboards(
     Ok(fit.separation())
 }
 
-/// Separates by sinusoids with a period of `period` pixels at three phases, along rows and along columns: six photos with
-/// `operator` (`n × n`).
+/// Separates by sinusoids with a period of `period` pixels at `phases` even phases, along rows and along columns: `2·phases`
+/// photos with `operator` (`n × n`).
 ///
 /// # Errors
-/// [`Error::Option`] when the period is below 2 pixels; [`Error::Dimension`]; whatever the operator fails with.
-pub fn sinusoids(operator: &mut dyn Operator, resolution: Resolution, period: f64) -> Result<Separation> {
+/// [`Error::Option`] when the period is below 2 pixels, or there are fewer than 3 phases; [`Error::Dimension`]; whatever the
+/// operator fails with.
+pub fn sinusoids(
+    operator: &mut dyn Operator,
+    resolution: Resolution,
+    period: f64,
+    phases: usize,
+) -> Result<Separation> {
     if !(period >= 2.0 && period.is_finite()) {
         return Err(Error::Option {
             option: "--period".into(),
@@ -54,10 +60,17 @@ pub fn sinusoids(operator: &mut dyn Operator, resolution: Resolution, period: f6
             help: "give at least 2 pixels; 6 is usual".into(),
         });
     }
+    if phases < 3 {
+        return Err(Error::Option {
+            option: "--phases".into(),
+            fault: format!("{phases} phases tell no wave from an even light"),
+            help: "give at least 3".into(),
+        });
+    }
     let mut fit = Fit::new(operator, resolution)?;
     for along_rows in [true, false] {
-        for phase in 0..3 {
-            let shift = f64::from(phase) / 3.0;
+        for phase in 0..phases {
+            let shift = phase as f64 / phases as f64;
             let wave = |x: usize, y: usize| {
                 let at = if along_rows { x } else { y } as f64 + 0.5;
                 0.5 + 0.5 * (std::f64::consts::TAU * (at / period + shift)).cos()
@@ -168,7 +181,7 @@ mod tests {
             checkerboards(&mut Even, resolution, 1, 2)?,
             checkerboards(&mut Even, resolution, 2, 4)?,
             // Periods fit the raster, so that each wave is half lit on average.
-            sinusoids(&mut Even, resolution, 4.0)?,
+            sinusoids(&mut Even, resolution, 4.0, 3)?,
         ];
         for (separation, photos) in found.iter().zip([4, 16, 6]) {
             assert_eq!(separation.photos, photos);
@@ -179,7 +192,8 @@ mod tests {
         }
         assert!(
             checkerboards(&mut Even, resolution, 2, 5).is_err()
-                && sinusoids(&mut Even, resolution, 1.0).is_err()
+                && sinusoids(&mut Even, resolution, 1.0, 3).is_err()
+                && sinusoids(&mut Even, resolution, 4.0, 2).is_err()
         );
         Ok(())
     }

@@ -3,18 +3,20 @@
 //! | by | photos | exact where |
 //! |---|---|---|
 //! | [`checkerboards`] | `shifts²` | global light does not see the squares |
-//! | [`sinusoids`] | 3 a direction | global light does not see the waves |
+//! | [`sinusoids`] | 3 or more a direction | global light does not see the waves |
 //! | [`random_patterns`] | any number | always on average; the noise falls as `1/√photos` |
-//! | [`from_capture`] | the white one | the same, from the photos of a Krylov capture |
+//! | [`from_capture`] | the white one | roughly, from the photos of a Krylov capture |
 //!
 //! The first two are those of Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene
 //! using high frequency illumination* (2006), doi:10.1145/1141911.1141977; they fail where global light is sharp, as behind a mirror.
 //! The other two estimate the diagonal of `A`, which a coaxial rig's direct light is (and so see mirrors as they are).
 //! A simulator knows each bounce and needs none of this: [`crate::transport::Part`], [`crate::transport::Layer`].
 
+mod by;
 mod high_frequency;
 mod statistical;
 
+pub use by::{SeparateBy, separate};
 pub use high_frequency::{checkerboards, sinusoids};
 pub use statistical::{from_capture, random_patterns};
 

@@ -28,7 +28,9 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
 /// Separates by photos that were taken for another question: `W = A Q` of patterns `Q` that a Krylov process on all of the light left
 /// behind. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`; divided by that of `Q Qᵀ` it estimates the diagonal of `A`, at no photo but
 /// the white one, and like [`random_patterns`] as far as the patterns look random to a pixel's neighbours: use
-/// [`Start::Rademacher`](crate::krylov::Start).
+/// [`Start::Rademacher`](crate::krylov::Start). More photos hardly help: at each pixel all patterns of a process carry the signs of its
+/// start, so that what they confuse once they confuse again (in a room with a mirror ball, a quarter of the light at 4 photos and at 128).
+/// Where photos are free to choose, choose [`random_patterns`].
 ///
 /// # Errors
 /// [`Error::Dimension`] when the white photo (`n`) is not of the model's size.

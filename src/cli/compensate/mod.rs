@@ -1,8 +1,11 @@
 //! `krylux compensate`: what to project, so that the scene looks like a target.
 
+mod by_model;
 mod prior;
 mod question;
 mod verdict;
+
+use std::path::PathBuf;
 
 use anyhow::Result;
 
@@ -14,11 +17,12 @@ use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
 use crate::analysis::compensate::{compare_methods, compensate_with};
-use crate::analysis::{CompensateOptions, Crosstalk, Prior, Wish};
+use crate::analysis::{CompensateOptions, Compensation, Crosstalk, MethodRun, Prior, Wish};
 use crate::error::Error;
 use crate::image::Image;
 use crate::krylov::SolveProgress;
 use crate::report::compensation::{CompensationExtras, CompensationRun};
+use crate::report::model::SavedModel;
 use crate::transport::{Channels, Part};
 use prior::ColorArgs;
 pub(super) use question::Question;
@@ -33,6 +37,10 @@ pub(super) struct Args {
     /// The radiance that 1 in the target stands for, in W/(m² sr), or in DN/s on a rig [default: half the median of the white photo]
     #[arg(long, value_name = "L")]
     peak: Option<f64>,
+    /// The folder of a `krylux relight` run on this source: its model of the light answers, and --photos only correct it. Given as
+    /// SOURCE itself, it answers without any photo
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
     #[command(flatten)]
     trace: TraceArgs,
     /// One gray system, or red, green and blue as three
@@ -63,6 +71,9 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if args.model.is_some() || SavedModel::is_in(&args.source.source) {
+        return by_model::run(args, console);
+    }
     // What is wrong with the options or the files should show before anything is written or traced.
     args.options(true, true).check()?;
     let crosstalk = args.colors.crosstalk(args.channels())?;
@@ -102,7 +113,7 @@ fn answer(
             } else {
                 Vec::new()
             };
-            Ok((found, methods))
+            crate::Result::Ok((found, methods))
         })
     });
     drop(bar);
@@ -110,18 +121,29 @@ fn answer(
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
     }
+    finish(console, (&found, &methods), &options, &name, folder)
+}
+
+/// Says what was found, and writes it.
+fn finish(
+    console: &Console,
+    (found, methods): (&Compensation, &[MethodRun]),
+    options: &CompensateOptions,
+    name: &str,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
     let compared: usize = methods.iter().map(|run| run.photos).sum();
     folder.manifest.photos = (found.photos + found.preparation + compared) as u64;
     let method = options.method.facts().name;
-    verdict::say(&found, method, &methods, console)?;
+    verdict::say(found, method, methods, console)?;
 
     let title = format!("{name} · light transport compensation");
     let run = CompensationRun {
         title,
-        found: &found,
+        found,
         method,
         floor: options.floor,
-        extras: CompensationExtras { methods: &methods, lift: options.lift },
+        extras: CompensationExtras { methods, lift: options.lift },
     };
     let seconds = folder.seconds();
     folder.manifest.outputs =
@@ -129,7 +151,7 @@ fn answer(
     let report = folder.path.join("report.html");
     console.say(format_args!("project   {}", folder.path.join("compensation.npy").display()))?;
     console.say(format_args!("report    {}", report.display()))?;
-    console.summary(&verdict::summary(folder, &report, method, &found, &methods))?;
+    console.summary(&verdict::summary(folder, &report, method, found, methods))?;
     let outcome = if found.good { Outcome::Done } else { Outcome::NotGoodEnough };
     Ok((outcome, run.sentence()))
 }

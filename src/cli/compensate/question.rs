@@ -99,6 +99,11 @@ impl Question {
         }
     }
 
+    /// Photos that correct a model's answer at most.
+    pub(super) fn corrections(&self) -> usize {
+        self.photos.unwrap_or(CompensateOptions::default().photos)
+    }
+
     /// The target, of the right size and with values that make sense.
     pub(in crate::cli) fn target(&self, resolution: Resolution, channels: Channels) -> Result<Image> {
         let image = pattern::read_sized(&self.target, resolution)?;

@@ -153,14 +153,15 @@ impl CompensationRun<'_> {
         ];
         let lift = self.extras.lift;
         more.extend((lift > 0.0).then(|| ("Target moved to", format!("[{lift}, 1]"))));
-        let mut sections = vec![
-            Section {
-                title: "Seen and projected".into(),
-                text: "Photos are developed alike. Errors are of all channels together.".into(),
-                blocks: vec![Block::Figures(figures), figures::likeness(self)],
-            },
-            figures::convergence(self),
-        ];
+        let mut sections = vec![Section {
+            title: "Seen and projected".into(),
+            text: "Photos are developed alike. Errors are of all channels together.".into(),
+            blocks: vec![Block::Figures(figures), figures::likeness(self)],
+        }];
+        // A model of the light answers without a photo.
+        if !found.history.is_empty() {
+            sections.push(figures::convergence(self));
+        }
         sections.extend(found.clamping.as_ref().map(|clamping| figures::clamping(self, clamping)));
         if !self.extras.methods.is_empty() {
             sections.push(figures::methods(self, self.extras.methods));

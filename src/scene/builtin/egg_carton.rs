@@ -1,4 +1,4 @@
-//! `carton` and `carton-eggs`: an egg carton from above; `carton-nine` and `carton-nine-eggs`: a square one.
+//! `carton` and `carton-eggs`: an egg carton from above.
 
 use glam::{DVec3, Vec3, dvec3};
 
@@ -9,9 +9,9 @@ const COLUMNS: usize = 3;
 
 /// Metres, from rim to rim.
 const CUP_WIDTH: f64 = 0.20;
-/// Metres, all cups together.
-const LENGTH: f64 = 0.60;
 const CUP_DEPTH: f64 = 0.09;
+/// All rows together.
+const LENGTH: f64 = 0.60;
 
 /// Part of the half-width over which a cup's floor is flat.
 const FLOOR: f64 = 0.4;
@@ -19,9 +19,10 @@ const FLOOR: f64 = 0.4;
 /// Cells a side of a cup's grid.
 const CUP_GRID: usize = 12;
 
-/// Half-axes of an egg, lying along the cup's width: one that stays below the rim, and one that rises 2 cm above it.
-const SMALL_EGG: DVec3 = dvec3(0.050, 0.036, 0.036);
-const LARGE_EGG: DVec3 = dvec3(0.062, 0.055, 0.055);
+/// Half-axes of an egg that lies along the cup's width, below the rims.
+const LYING: DVec3 = dvec3(0.050, 0.036, 0.036);
+/// Half-axes of an egg that stands, and rises 0.05 m above the rims.
+const STANDING: DVec3 = dvec3(0.055, 0.070, 0.055);
 const EGG_SEGMENTS: usize = 16;
 const EGG_RINGS: usize = 12;
 
@@ -30,33 +31,29 @@ const EGG_RINGS: usize = 12;
 /// equally high and no cup rises above them, so light bounces within a cup but never from one to another. Each
 /// cup is a region, in rows of three from the top left of the photo.
 pub fn carton() -> Model {
-    model("carton", 4, SMALL_EGG, |_| false)
+    model("carton", 4, LYING, |_| false)
 }
 
 /// The same carton with an egg in every second cup, as on the black squares of a chessboard. An egg belongs to
 /// the region of its cup and stays below the rim.
 pub fn carton_eggs() -> Model {
-    model("carton-eggs", 4, SMALL_EGG, |cup| (cup % COLUMNS + cup / COLUMNS).is_multiple_of(2))
+    model("carton-eggs", 4, LYING, |cup| (cup % COLUMNS + cup / COLUMNS).is_multiple_of(2))
 }
 
-/// A carton of 3 × 3 square cups, 0.20 m × 0.20 m each, otherwise like [`carton`]: nine regions.
-pub fn carton_nine() -> Model {
-    model("carton-nine", 3, LARGE_EGG, |_| false)
-}
-
-/// The same with an egg in all cups of the middle row and of the middle column. These eggs rise 2 cm above the rims, as real ones do: light
-/// goes from egg to egg, and across the rims between them.
-pub fn carton_nine_eggs() -> Model {
-    model("carton-nine-eggs", 3, LARGE_EGG, |cup| cup % COLUMNS == 1 || cup / COLUMNS == 1)
+/// A carton as in the paper's figure: 3 × 3 cups of 0.20 m × 0.20 m, seen as [`carton`] is. With `eggs`, one stands in every
+/// second cup and rises above the rims, so that light finds its way from cup to cup.
+pub fn nine_cells(eggs: bool) -> Model {
+    let name = if eggs { "nine-cells-eggs" } else { "nine-cells" };
+    model(name, 3, STANDING, |cup| eggs && cup.is_multiple_of(2))
 }
 
 fn model(name: &'static str, rows: usize, egg: DVec3, has_egg: impl Fn(usize) -> bool) -> Model {
     let mut parts = Vec::new();
     for index in 0..rows * COLUMNS {
-        let cup = Cup::new(index, rows, egg);
+        let cup = Cup::new(index, rows);
         parts.push(cup.shell());
         if has_egg(index) {
-            parts.push(cup.egg());
+            parts.push(cup.egg(egg));
         }
     }
     let camera = Camera {
@@ -76,18 +73,17 @@ struct Cup {
     index: usize,
     /// Middle of the rim.
     center: DVec3,
+    /// From rim to rim, along the rows' order.
     length: f64,
-    /// Half-axes of its egg.
-    egg: DVec3,
 }
 
 impl Cup {
-    fn new(index: usize, rows: usize, egg: DVec3) -> Self {
+    fn new(index: usize, rows: usize) -> Self {
+        let length = LENGTH / rows as f64;
         let offset = |position: usize, count: usize| position as f64 - (count as f64 - 1.0) / 2.0;
         let x = CUP_WIDTH * offset(index % COLUMNS, COLUMNS);
-        let length = LENGTH / rows as f64;
         let z = length * offset(index / COLUMNS, rows);
-        Self { index, center: dvec3(x, 0.0, z), length, egg }
+        Self { index, center: dvec3(x, 0.0, z), length }
     }
 
     fn shell(&self) -> Part {
@@ -103,13 +99,13 @@ impl Cup {
     }
 
     /// An ellipsoid that rests on the cup's floor.
-    fn egg(&self) -> Part {
+    fn egg(&self, half_axes: DVec3) -> Part {
         let mut part = Part::new(format!("egg {}", self.index), Some(self.index as u32));
-        let center = self.center + dvec3(0.0, self.egg.y - CUP_DEPTH, 0.0);
+        let center = self.center + dvec3(0.0, half_axes.y - CUP_DEPTH, 0.0);
         let point = |longitude: f64, latitude: f64| {
             let on_sphere =
                 dvec3(latitude.sin(), latitude.cos() * longitude.sin(), latitude.cos() * longitude.cos());
-            (center + self.egg * on_sphere).as_vec3()
+            (center + half_axes * on_sphere).as_vec3()
         };
         let turn = std::f64::consts::TAU / EGG_SEGMENTS as f64;
         let step = std::f64::consts::PI / EGG_RINGS as f64;
@@ -118,8 +114,8 @@ impl Cup {
             let latitude = step * ring as f64 - std::f64::consts::FRAC_PI_2;
             part.positions.extend((0..EGG_SEGMENTS).map(|segment| point(turn * segment as f64, latitude)));
         }
-        part.positions.push((center - dvec3(self.egg.x, 0.0, 0.0)).as_vec3());
-        part.positions.push((center + dvec3(self.egg.x, 0.0, 0.0)).as_vec3());
+        part.positions.push((center - dvec3(half_axes.x, 0.0, 0.0)).as_vec3());
+        part.positions.push((center + dvec3(half_axes.x, 0.0, 0.0)).as_vec3());
         let vertex = |ring: usize, segment: usize| (ring * EGG_SEGMENTS + segment % EGG_SEGMENTS) as u32;
         let last = EGG_RINGS - 2;
         let south = ((last + 1) * EGG_SEGMENTS) as u32;
@@ -148,24 +144,31 @@ fn depth(across: f64, along: f64) -> f64 {
 mod tests {
     use super::*;
 
+    /// The least height above the wall, and the greatest above the plane of the rims.
+    fn clearance(rows: usize, half_axes: DVec3) -> (f64, f64) {
+        let cup = Cup::new(0, rows);
+        let heights = cup.egg(half_axes).positions.into_iter().map(|position| {
+            let local = position.as_dvec3() - cup.center;
+            let wall = -depth(local.x / (CUP_WIDTH / 2.0), local.z / (cup.length / 2.0));
+            (local.y - wall, local.y)
+        });
+        heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (above, height)| {
+            (low.min(above), high.max(height))
+        })
+    }
+
     #[test]
-    fn eggs_touch_no_walls_and_only_large_ones_rise_above_the_rims() {
-        for (rows, egg) in [(4, SMALL_EGG), (3, LARGE_EGG)] {
-            let cup = Cup::new(0, rows, egg);
-            let mut highest = f64::NEG_INFINITY;
-            for position in cup.egg().positions {
-                let local = position.as_dvec3() - cup.center;
-                let floor = -depth(local.x / (CUP_WIDTH / 2.0), local.z / (cup.length / 2.0));
-                // Single precision rounds the point where the egg rests.
-                assert!(local.y > floor - 1e-6, "{local} is below the wall at {floor}");
-                highest = highest.max(local.y);
-            }
-            if rows == 4 {
-                assert!(highest < -0.01, "{highest} is close to the rim");
-            } else {
-                // The mesh's highest corner is a little below the ellipsoid's top.
-                assert!((highest - 0.02).abs() < 0.002, "{highest}");
-            }
-        }
+    fn lying_eggs_touch_neither_the_walls_nor_the_plane_of_the_rims() {
+        let (above, height) = clearance(4, LYING);
+        // Single precision rounds the point where the egg rests.
+        assert!(above > -1e-6, "{above} m below the wall");
+        assert!(height < -0.01, "{height} m is close to the rim");
+    }
+
+    #[test]
+    fn standing_eggs_touch_no_wall_and_rise_above_the_rims() {
+        let (above, height) = clearance(3, STANDING);
+        assert!(above > -1e-6, "{above} m below the wall");
+        assert!((height - 0.05).abs() < 1e-6, "{height} m above the rims, to single precision");
     }
 }

@@ -17,9 +17,10 @@ const RADIUS: f64 = 0.28;
 const SUBDIVISIONS: u32 = 4;
 
 /// A white room of 1 m, open towards the camera that stands 1.3 m in front of it, and on its floor a perfect mirror in the shape of a
-/// ball. What the ball shows and throws on walls and floor is as sharp as what is projected, so separation by patterns of
-/// high frequency takes it for direct light; yet hardly any light comes straight back from the ball. Room is region 0, ball region 1 by
-/// name, not labels: they exchange light.
+/// ball. Light that the ball throws on walls and floor, and light of the room that is seen in it, is as sharp as what is projected, so that
+/// separation by patterns of high frequency takes some of it for direct light, and loses direct light to it. What is seen and lit by
+/// way of the ball along the same chain of mirrors scatters once, and is direct light. Room is region 0, ball region 1 by name, not
+/// labels: they exchange light.
 pub fn mirror_ball() -> Model {
     let (low, high) = (-0.5, 0.5);
     let mut room = Part::new("room", None);

@@ -11,8 +11,6 @@
 //! | `two-sheets-post` | the same behind a post, which parts one of them in the picture |
 //! | `carton` | an egg carton of twelve cups that exchange no light |
 //! | `carton-eggs` | the same with an egg in every second cup |
-//! | `carton-nine` | an egg carton of nine square cups |
-//! | `carton-nine-eggs` | the same with eggs that rise above the rims in five of them |
 //!
 //! `cargo run --example regenerate_assets` writes the files anew.
 
@@ -20,6 +18,7 @@ mod analytic;
 mod cornell;
 mod corner;
 mod egg_carton;
+mod facing_sheets;
 mod glb;
 mod icosphere;
 mod mirror;
@@ -27,17 +26,20 @@ mod mirror_ball;
 mod model;
 mod tessellated_box;
 mod two_sheets;
+mod white_room;
 mod zigzag;
 
 pub use analytic::{inside_sphere, parallel_plates, plane};
 pub use cornell::cornell;
 pub use corner::corner;
-pub use egg_carton::{carton, carton_eggs, carton_nine, carton_nine_eggs};
+pub use egg_carton::{carton, carton_eggs, nine_cells};
+pub use facing_sheets::facing_sheets;
 pub use mirror::mirror;
 pub use mirror_ball::mirror_ball;
 pub use model::{Model, Part};
 pub use tessellated_box::tessellated_box;
 pub use two_sheets::{two_sheets, two_sheets_post};
+pub use white_room::white_room;
 pub use zigzag::zigzag;
 
 /// Every shipped scene; the file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
@@ -52,7 +54,5 @@ pub fn shipped() -> Vec<Model> {
         two_sheets_post(),
         carton(),
         carton_eggs(),
-        carton_nine(),
-        carton_nine_eggs(),
     ]
 }

@@ -1,0 +1,111 @@
+//! Separation by any of the methods, as a plain value.
+
+use super::{Separation, checkerboards, from_capture, random_patterns, sinusoids};
+use crate::analysis::low_rank::{LowRankCapture, capture};
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::krylov::Start;
+use crate::operator::{Operator, Symmetry};
+
+/// How direct and global light are told apart, with photos.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SeparateBy {
+    /// [`checkerboards`] with squares of so many pixels at `shifts²` places.
+    Checkerboards {
+        /// Pixels of a square's side.
+        square: usize,
+        /// Places in each direction.
+        shifts: usize,
+    },
+    /// [`sinusoids`] along rows and along columns.
+    Sinusoids {
+        /// Pixels of a wave.
+        period: f64,
+        /// Photos in each direction.
+        phases: usize,
+    },
+    /// [`random_patterns`].
+    Random {
+        /// Photos besides the white one.
+        photos: usize,
+    },
+    /// [`from_capture`], of a capture that starts from random signs.
+    Capture {
+        /// Photos besides the white one.
+        photos: usize,
+    },
+}
+
+impl SeparateBy {
+    /// The method's name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Checkerboards { .. } => "checkerboards",
+            Self::Sinusoids { .. } => "sinusoids",
+            Self::Random { .. } => "random",
+            Self::Capture { .. } => "capture",
+        }
+    }
+
+    /// The method with its setting, for people.
+    pub fn in_words(self) -> String {
+        match self {
+            Self::Checkerboards { square, shifts } => {
+                format!("checkerboards of {square} px at {shifts}×{shifts} places")
+            }
+            Self::Sinusoids { period, phases } => {
+                format!("sinusoids of {period} px at 2×{phases} phases")
+            }
+            Self::Random { photos } => format!("{photos} random patterns"),
+            Self::Capture { photos } => format!("a capture of {photos} photos"),
+        }
+    }
+
+    /// Photos that it takes, the white one included.
+    pub fn photos(self) -> usize {
+        match self {
+            Self::Checkerboards { shifts, .. } => shifts * shifts,
+            Self::Sinusoids { phases, .. } => 2 * phases,
+            Self::Random { photos } | Self::Capture { photos } => photos + 1,
+        }
+    }
+}
+
+/// Separates with `operator` (`n × n`, all of its light, of a coaxial rig).
+///
+/// # Errors
+/// [`Error::Option`] naming `--by` when the operator is not symmetric (what a pixel sees directly is then lit by another pixel);
+/// as the method.
+pub fn separate(
+    operator: &mut dyn Operator,
+    resolution: Resolution,
+    by: SeparateBy,
+    seed: u64,
+) -> Result<Separation> {
+    if operator.symmetry() != Symmetry::Symmetric {
+        return Err(Error::Option {
+            option: "--by".into(),
+            fault: format!(
+                "{} needs a coaxial rig, where the light that a pixel sees directly comes from that very pixel of the projector",
+                by.name()
+            ),
+            help: "use --by exact on a scene, or put the projector where the camera is".into(),
+        });
+    }
+    match by {
+        SeparateBy::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
+        SeparateBy::Sinusoids { period, phases } => sinusoids(operator, resolution, period, phases),
+        SeparateBy::Random { photos } => random_patterns(operator, photos, seed),
+        SeparateBy::Capture { photos } => {
+            let options = LowRankCapture {
+                photos,
+                start: Some(Start::Rademacher { seed }),
+                ..LowRankCapture::default()
+            };
+            let model = capture(operator, &[], &options, &mut |_| {})?;
+            let mut white = vec![0.0; resolution.pixels()];
+            operator.apply(&vec![1.0; resolution.pixels()], &mut white)?;
+            from_capture(&model, &white)
+        }
+    }
+}

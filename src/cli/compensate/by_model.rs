@@ -1,0 +1,128 @@
+//! A new target on a scene that `krylux relight` captured: answered by the model that it left.
+
+use anyhow::Result;
+
+use super::super::Outcome;
+use super::super::console::Console;
+use super::super::run_folder::RunFolder;
+use super::super::source::Source;
+use super::{Args, finish};
+use crate::analysis::compensate::compensate_by_model;
+use crate::analysis::{CompensateOptions, Compensation, Wish};
+use crate::error::Error;
+use crate::operator::Operator;
+use crate::report::model::SavedModel;
+use crate::transport::{Channels, Part};
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    // A model takes no photos: a budget of 0 is fine.
+    let options = CompensateOptions { photos: 1, ..args.options(false, true) };
+    options.check()?;
+    let path = args.model.as_ref().unwrap_or(&args.source.source);
+    if !SavedModel::is_in(path) {
+        return Err(Error::Data {
+            path: path.clone(),
+            fault: "there is no model in this folder".into(),
+            help: "give the folder of a `krylux relight` run".into(),
+        }
+        .into());
+    }
+    let mut model = SavedModel::read(path)?;
+    let channels = match model.channels.len() {
+        1 => Channels::Luma,
+        _ => Channels::Rgb,
+    };
+    let target = args.question.target(model.resolution, channels)?;
+    let wish = Wish::new(&target, &model.ambient)?;
+    if args.model.is_none() {
+        refuse_trace(args)?;
+        let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", model.source), console)?;
+        folder.describe_file(&SavedModel::record_path(path))?;
+        folder.manifest.resolution = Some(model.resolution);
+        let outcome = folder
+            .timed("model", |_| {
+                compensate_by_model(&mut model.channels, &wish, &options, 0, &mut |_| Err(Error::Interrupted))
+            })
+            .map_err(Into::into)
+            .and_then(|found| finish(console, (&found, &[]), &options, &model.source, &mut folder));
+        return folder.close(outcome);
+    }
+    let mut source = Source::open(&args.source, &args.trace, console)?;
+    fits(&source, &model)?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
+    source.describe(&mut folder.manifest, channels);
+    let name = source.name();
+    let outcome = corrected(args, console, &mut source, channels, &mut model, &wish, &options, &mut folder)
+        .and_then(|found| finish(console, (&found, &[]), &options, &name, &mut folder));
+    folder.close(outcome)
+}
+
+/// Without a scene nothing is traced.
+fn refuse_trace(args: &Args) -> Result<()> {
+    match args.trace.given() {
+        Some(option) => Err(Error::Option {
+            option: option.into(),
+            fault: format!("{} holds a model, and nothing is traced", args.source.source.display()),
+            help: "leave it out, or give the scene as SOURCE and this folder by --model".into(),
+        }
+        .into()),
+        None => Ok(()),
+    }
+}
+
+fn fits(source: &Source, model: &SavedModel) -> Result<()> {
+    if source.resolution() == model.resolution && source.projector_resolution() == model.projector {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: "--model".into(),
+        fault: format!(
+            "its photos have {} pixels, but those of {} have {}",
+            model.resolution,
+            source.name(),
+            source.resolution()
+        ),
+        help: format!("give --size {}, or the source that it was captured from", model.resolution),
+    }
+    .into())
+}
+
+/// By the model, corrected by photos of the source.
+#[allow(clippy::too_many_arguments, reason = "one call, of what a run consists of")]
+fn corrected(
+    args: &Args,
+    console: &Console,
+    source: &mut Source,
+    channels: Channels,
+    model: &mut SavedModel,
+    wish: &Wish,
+    options: &CompensateOptions,
+    folder: &mut RunFolder,
+) -> Result<Compensation> {
+    let mut light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, channels, Some(folder), console)
+    })?;
+    folder.manifest.noise = light.noise().map(Into::into);
+    let found = folder.timed("photos", |_| {
+        light.with_channels(Part::Full, console, |operators| {
+            let mut photograph = |patterns: &[Vec<f64>]| {
+                let each = operators.iter_mut().zip(patterns);
+                let photo =
+                    |(operator, pattern): (&mut super::super::light::ChannelOperator<'_>, &Vec<f64>)| {
+                        let mut photo = vec![0.0; pattern.len()];
+                        operator.apply(pattern, &mut photo)?;
+                        crate::Result::Ok(photo)
+                    };
+                each.map(photo).collect()
+            };
+            compensate_by_model(
+                &mut model.channels,
+                wish,
+                options,
+                args.question.corrections(),
+                &mut photograph,
+            )
+        })
+    });
+    folder.record_rig(&mut light, found, console)
+}

@@ -1,0 +1,276 @@
+//! `krylux relight`: low-rank light transport from one capture, and what it answers at no further photo.
+
+mod capture;
+mod questions;
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde_json::json;
+
+use super::Outcome;
+use super::console::Console;
+use super::light::Light;
+use super::noise::percent;
+use super::operator::OperatorArgs;
+use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
+use super::pattern::Pattern;
+use super::run_folder::RunFolder;
+use super::source::Source;
+use super::trace::TraceArgs;
+use crate::error::Error;
+use crate::report::manifest::Manifest;
+use crate::report::model::SavedModel;
+use crate::report::relighting::{RankRow, RelightingRun};
+use crate::transport::Channels;
+use questions::{Answers, Questions};
+
+/// Enough to tell the twelve cups of a carton apart.
+const BLOCK: usize = 12;
+
+/// Capture light transport in a few dozen photos, and relight the scene with any pattern
+///
+/// The run's folder keeps the model. Given as SOURCE, it relights with other patterns without any photo, and without a
+/// graphics device.
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// One gray system, or red, green and blue as three [default: luma, or what the model has]
+    #[arg(long, value_enum)]
+    channels: Option<ChannelsArg>,
+    /// Photos of the capture [default: 40]
+    #[arg(long, value_name = "N")]
+    photos: Option<usize>,
+    /// Patterns of the capture that are chosen beforehand, white and smooth random ones; the others are photos projected back. 1 is
+    /// white alone, as for rigs that are not coaxial [default: 12]
+    #[arg(long, value_name = "N")]
+    block: Option<usize>,
+    /// Relight with it: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file; may be given several
+    /// times [default: white]
+    #[arg(long = "pattern", value_name = "PATTERN")]
+    patterns: Vec<Pattern>,
+    /// Light the scene from the camera by each pattern, as the projector would see it
+    #[arg(long)]
+    dual: bool,
+    /// Take the interreflections out of this photo: a .npy, .exr or .png file of radiance; may be given several times
+    #[arg(long = "inverse", value_name = "PHOTO")]
+    photographs: Vec<PathBuf>,
+    /// Exit status 1 if a relit photo differs from the true one by more than this share of it (scenes only)
+    #[arg(long, value_name = "X")]
+    max_error: Option<f64>,
+    #[command(flatten)]
+    operator: OperatorArgs,
+    #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+impl Args {
+    fn channels(&self) -> Channels {
+        self.channels.map_or(Channels::Luma, Into::into)
+    }
+
+    fn questions(&self) -> Questions<'_> {
+        Questions { patterns: &self.patterns, dual: self.dual, photographs: &self.photographs }
+    }
+
+    /// A rig takes no true photos beside those of the capture.
+    fn check_for_scene(&self, is_scene: bool) -> Result<()> {
+        if is_scene || self.max_error.is_none() {
+            return Ok(());
+        }
+        Err(Error::Option {
+            option: "--max-error".into(),
+            fault: "a rig does not know the true photos of patterns that it never showed".into(),
+            help: "leave it out, or give a scene".into(),
+        }
+        .into())
+    }
+
+    /// A model is what it is: what says how it is captured must not be given with it.
+    fn check_for_model(&self) -> Result<()> {
+        let given = [
+            (self.photos.is_some(), "--photos"),
+            (self.block.is_some(), "--block"),
+            (self.channels.is_some(), "--channels"),
+            (self.max_error.is_some(), "--max-error"),
+        ];
+        let given = given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name);
+        match given.or(self.trace.given()) {
+            Some(option) => Err(Error::Option {
+                option: option.into(),
+                fault: format!(
+                    "{} holds a model that is captured already, and no scene to hold it against",
+                    self.source.source.display()
+                ),
+                help: "leave it out, or give the scene or the rig".into(),
+            }
+            .into()),
+            None => Ok(()),
+        }
+    }
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if SavedModel::is_in(&args.source.source) {
+        return from_model(args, console);
+    }
+    let mut source = Source::open(&args.source, &args.trace, console)?;
+    // What is wrong with a file should show before anything is traced.
+    args.questions().patterns(source.projector_resolution(), source.resolution(), args.channels().count())?;
+    args.questions().photographs(source.resolution(), args.channels().count())?;
+    args.check_for_scene(matches!(source, Source::Scene(_)))?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-relight", source.name()), console)?;
+    source.describe(&mut folder.manifest, args.channels());
+    let outcome = captured(args, console, &mut source, &mut folder);
+    folder.close(outcome)
+}
+
+/// Answers from the model that an earlier run left.
+fn from_model(args: &Args, console: &Console) -> Result<Outcome> {
+    args.check_for_model()?;
+    let model = SavedModel::read(&args.source.source)?;
+    args.questions().patterns(model.projector, model.resolution, model.channels.len())?;
+    args.questions().photographs(model.resolution, model.channels.len())?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-relight", model.source), console)?;
+    folder.describe_file(&SavedModel::record_path(&args.source.source))?;
+    folder.manifest.resolution = Some(model.resolution);
+    let outcome = folder
+        .timed("relighting", |_| args.questions().answers(&model, None, console))
+        .and_then(|answers| finish(args, &model, &answers, &[], 0, Vec::new(), &mut folder, console));
+    folder.close(outcome)
+}
+
+fn captured(
+    args: &Args,
+    console: &Console,
+    source: &mut Source,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
+    let (name, resolution, projector) = (source.name(), source.resolution(), source.projector_resolution());
+    let unit = source.unit();
+    // A simulator is also asked for the truth, hundreds of times: that is no journal's business.
+    let kept = !matches!(source, Source::Scene(_));
+    let mut light: Light<'_> = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, args.channels(), kept.then_some(&*folder), console)
+    })?;
+    folder.manifest.noise = light.noise().map(Into::into);
+    let process = capture::Process {
+        photos: args.photos.unwrap_or(40),
+        block: args.block.unwrap_or(BLOCK),
+        seed: args.trace.seed(),
+    };
+    let model = folder.timed("photos", |_| {
+        capture::model(&mut light, process, [&name, unit], [resolution, projector], console)
+    });
+    let model = folder.record_rig(&mut light, model, console)?;
+    let rank = rank_of(&model);
+    folder.manifest.photos = rank as u64;
+    // As soon as it is there: what follows can be asked again.
+    let files = model.write(&folder.path)?;
+    let curve = folder.timed("error curve", |_| capture::error_curve(&mut light, &model, console))?;
+    let answers =
+        folder.timed("relighting", |_| args.questions().answers(&model, Some(&mut light), console))?;
+    if console.check().is_break() {
+        return Err(Error::Interrupted.into());
+    }
+    finish(args, &model, &answers, &curve, rank, files, folder, console)
+}
+
+/// Photos of the capture; a colour photo is one for each channel.
+fn rank_of(model: &SavedModel) -> usize {
+    model.channels.iter().map(crate::analysis::LowRank::rank).max().unwrap_or(0)
+}
+
+#[allow(clippy::too_many_arguments, reason = "a capture and a model end alike")]
+fn finish(
+    args: &Args,
+    model: &SavedModel,
+    answers: &Answers,
+    curve: &[RankRow],
+    photos: usize,
+    mut files: Vec<String>,
+    folder: &mut RunFolder,
+    console: &Console,
+) -> Result<(Outcome, String)> {
+    let mut run = RelightingRun {
+        title: format!("{} · low-rank light transport", model.source),
+        photos,
+        rank: rank_of(model),
+        unit: &model.unit,
+        relit: &answers.relit,
+        duals: &answers.duals,
+        reduced: &answers.reduced,
+        curve,
+        good: true,
+    };
+    let worst = run.worst();
+    run.good = match (args.max_error, worst) {
+        (Some(most), Some(worst)) => worst <= most,
+        _ => true,
+    };
+    let seconds = folder.seconds();
+    let write = |manifest: &Manifest, folder: &std::path::Path| run.write(folder, manifest, seconds);
+    files.extend(folder.timed("files", |folder| write(&folder.manifest, &folder.path))?);
+    folder.manifest.outputs = files;
+    let report = folder.path.join("report.html");
+    console.say(format_args!("photos    {photos}; the model has rank {}", run.rank))?;
+    for relit in run.relit {
+        match relit.errors.last() {
+            Some(error) => {
+                console.say(format_args!("relit     {}: within {} %", relit.name, percent(*error)))?;
+            }
+            None => console.say(format_args!("relit     {}", relit.name))?,
+        }
+    }
+    for reduced in run.reduced {
+        let error = reduced.error.map(|error| format!(", within {} %", percent(error))).unwrap_or_default();
+        console.say(format_args!("direct    of {}{error}", reduced.name))?;
+    }
+    if let Some(row) = curve.last() {
+        let optimal = row.optimal.map(|optimal| {
+            format!(
+                "; the best of rank {} {} %, ratio {:.3}",
+                row.photos,
+                percent(optimal),
+                row.error / optimal
+            )
+        });
+        console.say(format_args!(
+            "matrix    within {} %{}",
+            percent(row.error),
+            optimal.unwrap_or_default()
+        ))?;
+    }
+    console.say(format_args!("report    {}", report.display()))?;
+    console.summary(&json!({
+        "verb": "relight",
+        "folder": folder.path,
+        "report": report,
+        "photos": photos,
+        "rank": run.rank,
+        "relit": run.relit.iter().map(|relit| json!({
+            "pattern": relit.name,
+            "relative_error": relit.errors.last(),
+        })).collect::<Vec<_>>(),
+        "dual": run.duals.iter().map(|dual| json!({
+            "pattern": dual.name,
+            "relative_error": dual.error,
+        })).collect::<Vec<_>>(),
+        "inverse": run.reduced.iter().map(|reduced| json!({
+            "photo": reduced.name,
+            "residual": reduced.residual,
+            "relative_error": reduced.error,
+        })).collect::<Vec<_>>(),
+        "matrix": curve.last(),
+        "seconds": folder.seconds(),
+    }))?;
+    if let (false, Some(worst), Some(most)) = (run.good, worst, args.max_error) {
+        console.note(format_args!("the error of a relit photo, {worst:.5}, is above {most}"));
+    }
+    Ok((if run.good { Outcome::Done } else { Outcome::NotGoodEnough }, run.sentence()))
+}

@@ -1,0 +1,169 @@
+//! `krylux reproduce`: the paper's figures, made again and held to bounds.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::Result;
+use clap::ValueEnum;
+use serde_json::json;
+
+use super::Outcome;
+use super::console::Console;
+use super::options::{OutputArgs, RunArgs};
+use super::run_folder::RunFolder;
+use crate::error::Error;
+use crate::paper::{self, Bench, BenchOptions, Figure, Reproduced, Rig};
+use crate::report::gallery::Gallery;
+
+/// Make the paper's figures again: pictures, numbers and a page that holds them beside what the paper says
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Which figures
+    #[arg(value_name = "FIGURE", required = true, value_enum)]
+    figures: Vec<FigureArg>,
+    /// Photos without devices' faults, through a virtual projector and camera with theirs, or one after the other
+    #[arg(long, value_enum, default_value = "ideal")]
+    rig: RigArg,
+    /// Small and noisy, in seconds: to see that everything runs
+    #[arg(long)]
+    quick: bool,
+    /// The graphics adapter whose name contains this; `krylux info` lists them
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+    #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum FigureArg {
+    /// Power iteration
+    Fig2,
+    /// Segmentation of a folded sheet into 2, 6 and 10 groups
+    Fig4,
+    /// Pixels by their eigenvector entries
+    Fig5,
+    /// Patches that are apart in the photo
+    Fig6,
+    /// An egg carton, empty and with eggs
+    Fig8,
+    /// The photos of a segmentation
+    Fig9,
+    /// The photos of a compensation
+    Fig10,
+    /// Compensation
+    Fig11,
+    /// Compensation out of focus
+    Fig12,
+    /// Bit planes of a projector of one bit
+    Fig13,
+    /// All of them
+    All,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum RigArg {
+    Ideal,
+    Virtual,
+    Both,
+}
+
+impl Args {
+    /// In the paper's order, each once.
+    fn figures(&self) -> Vec<Figure> {
+        let asked = |figure: &Figure| {
+            self.figures.iter().any(|argument| match argument {
+                FigureArg::Fig2 => *figure == Figure::Fig2,
+                FigureArg::Fig4 => *figure == Figure::Fig4,
+                FigureArg::Fig5 => *figure == Figure::Fig5,
+                FigureArg::Fig6 => *figure == Figure::Fig6,
+                FigureArg::Fig8 => *figure == Figure::Fig8,
+                FigureArg::Fig9 => *figure == Figure::Fig9,
+                FigureArg::Fig10 => *figure == Figure::Fig10,
+                FigureArg::Fig11 => *figure == Figure::Fig11,
+                FigureArg::Fig12 => *figure == Figure::Fig12,
+                FigureArg::Fig13 => *figure == Figure::Fig13,
+                FigureArg::All => true,
+            })
+        };
+        Figure::ALL.into_iter().filter(asked).collect()
+    }
+
+    fn rigs(&self) -> &'static [Rig] {
+        match self.rig {
+            RigArg::Ideal => &[Rig::Ideal],
+            RigArg::Virtual => &[Rig::Virtual],
+            RigArg::Both => &[Rig::Ideal, Rig::Virtual],
+        }
+    }
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if args.run.resume {
+        return Err(Error::Option {
+            option: "--resume".into(),
+            fault: "figures are made anew each time, and keep no journal".into(),
+            help: "leave it out, and add --overwrite to write into the same folder".into(),
+        }
+        .into());
+    }
+    let mut folder = RunFolder::create(&args.run, "reproduce", console)?;
+    let outcome = reproduce(args, console, &mut folder);
+    folder.close(outcome)
+}
+
+fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(Outcome, String)> {
+    let mut made = Vec::new();
+    for &rig in args.rigs() {
+        let options = BenchOptions { rig, quick: args.quick, adapter: args.adapter.clone() };
+        let bar = console.bar("tracing");
+        let mut watch = |done, total| bar.at(done, total);
+        let mut bench = Bench::new(options, &mut watch);
+        for figure in args.figures() {
+            let start = Instant::now();
+            let one = paper::reproduce(figure, &mut bench)?;
+            folder.manifest.record(format!("{}, {}", figure.name(), rig.name()), start.elapsed());
+            say(&one, console)?;
+            made.push(one);
+        }
+    }
+    let gallery = Gallery { made: &made, quick: args.quick };
+    folder.manifest.photos = made.iter().map(|one| one.photos as u64).sum();
+    let seconds = folder.seconds();
+    let files: Vec<String> =
+        folder.timed("files", |folder| gallery.write(&folder.path, &folder.manifest, seconds))?;
+    folder.manifest.outputs = files;
+    let report: PathBuf = folder.path.join("report.html");
+    console.say(format_args!("report    {}", report.display()))?;
+    let verdict = gallery.verdict();
+    console.say(format_args!("verdict   {}", verdict.sentence))?;
+    let all_met = made.iter().all(Reproduced::is_met);
+    console.summary(&json!({
+        "verb": "reproduce",
+        "folder": folder.path,
+        "report": report,
+        "quick": args.quick,
+        "met": all_met,
+        "figures": gallery.summary(),
+        "seconds": folder.seconds(),
+    }))?;
+    Ok((if all_met { Outcome::Done } else { Outcome::NotGoodEnough }, verdict.sentence))
+}
+
+/// A line for the figure, and one for each number that is not what it has to be.
+fn say(made: &Reproduced, console: &Console) -> Result<()> {
+    let verdict = if made.is_met() { "met" } else { "NOT MET" };
+    console.say(format_args!(
+        "{:<9} {verdict}, {} photos, {:.1} s ({} rig)",
+        made.figure.name(),
+        made.photos,
+        made.seconds,
+        made.rig.name()
+    ))?;
+    for check in &made.checks {
+        let line = format!("          {:<12.6} {}", check.value, check.what);
+        if check.is_met() { console.detail(line) } else { console.say(line)? }
+    }
+    Ok(())
+}

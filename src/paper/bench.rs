@@ -1,0 +1,225 @@
+//! Where the figures' photos come from: scenes made in memory and traced once, seen by an ideal rig or by virtual devices.
+
+use std::ops::ControlFlow;
+use std::rc::Rc;
+
+use super::devices::Devices;
+use crate::analysis::MASKED;
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::render::{TraceSettings, Tracer};
+use crate::scene::{Lens, Scene, builtin};
+use crate::transport::{Assembled, Channels, MatrixOperator, Part, assemble};
+
+/// What stands between light and numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rig {
+    /// Nothing: any real pattern, and photos of the light itself.
+    Ideal,
+    /// A projector of 8 bits and a camera of 14 with their usual faults, calibrated from captures.
+    Virtual,
+}
+
+impl Rig {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Virtual => "virtual",
+        }
+    }
+}
+
+/// How figures are made again.
+#[derive(Clone, Debug)]
+pub struct BenchOptions {
+    /// By which rig.
+    pub rig: Rig,
+    /// A third of the pixels a side, and a quarter of the light paths: to see that everything runs.
+    pub quick: bool,
+    /// The graphics adapter whose name contains this.
+    pub adapter: Option<String>,
+}
+
+/// A scene of the figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Set {
+    Zigzag,
+    Corner,
+    /// The corner, by a projector whose lens is wide open and focused behind it.
+    Defocused,
+    TwoSheets,
+    FacingSheets,
+    Room,
+    Carton,
+    CartonEggs,
+}
+
+impl Set {
+    fn scene(self) -> Scene {
+        match self {
+            Self::Zigzag => builtin::zigzag().to_scene(),
+            Self::Corner => builtin::corner().to_scene(),
+            Self::Defocused => {
+                let mut scene = builtin::corner().to_scene();
+                let mut projector = scene.camera.clone();
+                // Walls from 0.6 to 1.2 m away: at 128 pixels a side blurred over discs of 1 to 3 pixels' radius.
+                projector.lens = Lens { radius: 0.015, focus: 2.4 };
+                scene.projector = Some(projector);
+                scene
+            }
+            Self::TwoSheets => builtin::two_sheets().to_scene(),
+            Self::FacingSheets => builtin::facing_sheets().to_scene(),
+            Self::Room => builtin::white_room().to_scene(),
+            Self::Carton => builtin::nine_cells(false).to_scene(),
+            Self::CartonEggs => builtin::nine_cells(true).to_scene(),
+        }
+    }
+}
+
+/// A traced scene.
+pub(super) struct Stage {
+    pub(super) traced: Assembled,
+    /// The true region of each pixel.
+    pub(super) truth: Vec<u8>,
+    pub(super) resolution: Resolution,
+}
+
+impl Stage {
+    /// The light itself, as the ideal rig sees it; what an answer is judged by, whoever took the photos.
+    pub(super) fn ideal(&self, part: Part) -> MatrixOperator<'_> {
+        MatrixOperator { matrix: &self.traced.matrix, part, channel: 0 }
+    }
+
+    pub(super) fn pixels(&self) -> usize {
+        self.resolution.pixels()
+    }
+
+    /// The photo of `pattern` by all its light.
+    pub(super) fn photo(&self, pattern: &[f64]) -> Vec<f64> {
+        let mut photo = vec![0.0; self.pixels()];
+        self.traced.matrix.apply(Part::Full, 0, pattern, &mut photo);
+        photo
+    }
+}
+
+/// Told of light paths done, and of all; breaks off where it says so.
+pub type Watch<'a> = dyn FnMut(u64, u64) -> ControlFlow<()> + 'a;
+
+/// The scenes and the rig of the figures. What is traced once is kept for the figures that follow.
+pub struct Bench<'a> {
+    options: BenchOptions,
+    watch: &'a mut Watch<'a>,
+    stages: Vec<(Set, Resolution, Rc<Stage>)>,
+    /// Calibrated before a stage.
+    devices: Vec<(Rc<Stage>, Devices)>,
+}
+
+impl<'a> Bench<'a> {
+    /// Nothing is traced yet.
+    pub fn new(options: BenchOptions, watch: &'a mut Watch<'a>) -> Self {
+        Self { options, watch, stages: Vec::new(), devices: Vec::new() }
+    }
+
+    /// The rig.
+    pub fn rig(&self) -> Rig {
+        self.options.rig
+    }
+
+    /// Pixels a side where the paper has `side`.
+    pub(super) fn side(&self, side: usize) -> usize {
+        if self.options.quick { side / 3 } else { side }
+    }
+
+    /// A scene of `side × side` pixels, traced.
+    pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Rc<Stage>> {
+        let resolution = Resolution::new(side, side);
+        if let Some((.., stage)) = self.stages.iter().find(|(s, r, _)| (*s, *r) == (set, resolution)) {
+            return Ok(Rc::clone(stage));
+        }
+        let scene = set.scene();
+        let mut tracer = Tracer::new(&scene, self.options.adapter.as_deref())?;
+        let truth = tracer.regions(resolution)?;
+        let truth = truth.into_iter().map(|region| region.map_or(MASKED, |region| region as u8)).collect();
+        let samples = if self.options.quick { 64 } else { 256 };
+        let settings = TraceSettings::new(resolution, samples);
+        let watch = &mut *self.watch;
+        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |progress| {
+            watch(progress.done, progress.total)
+        })?;
+        let stage = Rc::new(Stage { traced, truth, resolution });
+        self.stages.push((set, resolution, Rc::clone(&stage)));
+        Ok(stage)
+    }
+
+    /// Lets `work` take photos of `stage` by the rig.
+    pub(super) fn with_rig<T>(
+        &mut self,
+        stage: &Rc<Stage>,
+        part: Part,
+        work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
+    ) -> Result<T> {
+        self.check()?;
+        match self.options.rig {
+            Rig::Ideal => work(&mut stage.ideal(part)),
+            Rig::Virtual => {
+                let mut measurement = self.devices(stage)?.measurement(stage)?;
+                let symmetry = stage.ideal(part).symmetry();
+                work(&mut Declared { operator: &mut measurement.operator(part, 0), symmetry })
+            }
+        }
+    }
+
+    /// The devices before a stage, calibrated at the first time.
+    fn devices(&mut self, stage: &Rc<Stage>) -> Result<&Devices> {
+        let known = self.devices.iter().position(|(known, _)| Rc::ptr_eq(known, stage));
+        let at = match known {
+            Some(at) => at,
+            None => {
+                let watch = &mut *self.watch;
+                let devices = Devices::set_up(stage, &mut || watch(1, 1))?;
+                self.devices.push((Rc::clone(stage), devices));
+                self.devices.len() - 1
+            }
+        };
+        Ok(&self.devices[at].1)
+    }
+
+    /// Whether to go on.
+    fn check(&mut self) -> Result<()> {
+        if (self.watch)(1, 1).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// A measured operator, which takes every rig for coaxial, with what is known of this one. It has no transpose beyond that.
+struct Declared<'a> {
+    operator: &'a mut dyn Adjoint,
+    symmetry: Symmetry,
+}
+
+impl Operator for Declared<'_> {
+    fn rows(&self) -> usize {
+        self.operator.rows()
+    }
+    fn cols(&self) -> usize {
+        self.operator.cols()
+    }
+    fn symmetry(&self) -> Symmetry {
+        self.symmetry
+    }
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.operator.apply(x, y)
+    }
+}
+
+impl Adjoint for Declared<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        match self.symmetry {
+            Symmetry::Symmetric => self.operator.apply(y, x),
+            Symmetry::General => Err(Error::Numerical(
+                "the transpose of a rig that is not coaxial cannot be photographed".into(),
+            )),
+        }
+    }
+}

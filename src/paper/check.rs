@@ -1,0 +1,79 @@
+//! A number measured, and the bound it is held to.
+
+/// What a number has to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// This, or more.
+    AtLeast(f64),
+    /// This, or less.
+    AtMost(f64),
+    /// Whatever it is: it is stated, not judged.
+    Stated,
+}
+
+/// A number with its bound.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Check {
+    /// What was measured, with its unit.
+    pub what: String,
+    /// The number.
+    pub value: f64,
+    /// What it has to be.
+    pub limit: Limit,
+}
+
+impl Check {
+    /// A number that has to be `limit` or more.
+    pub fn at_least(what: impl Into<String>, value: f64, limit: f64) -> Self {
+        Self { what: what.into(), value, limit: Limit::AtLeast(limit) }
+    }
+
+    /// A number that has to be `limit` or less.
+    pub fn at_most(what: impl Into<String>, value: f64, limit: f64) -> Self {
+        Self { what: what.into(), value, limit: Limit::AtMost(limit) }
+    }
+
+    /// A number that belongs beside the others.
+    pub fn stated(what: impl Into<String>, value: f64) -> Self {
+        Self { what: what.into(), value, limit: Limit::Stated }
+    }
+
+    /// Whether the number is what it has to be. A NaN never is, unless it is only stated.
+    pub fn is_met(&self) -> bool {
+        match self.limit {
+            Limit::AtLeast(limit) => self.value >= limit,
+            Limit::AtMost(limit) => self.value <= limit,
+            Limit::Stated => true,
+        }
+    }
+
+    /// By how much the number misses its bound; 0 where it does not.
+    pub fn shortfall(&self) -> f64 {
+        match self.limit {
+            _ if self.is_met() => 0.0,
+            Limit::AtLeast(limit) => limit - self.value,
+            Limit::AtMost(limit) => self.value - limit,
+            Limit::Stated => 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_are_met_at_the_bound_and_missed_by_the_difference() {
+        assert!(Check::at_least("purity", 0.99, 0.99).is_met());
+        assert!(Check::at_most("photos", 12.0, 12.0).is_met());
+        let missed = [Check::at_least("purity", 0.75, 1.0), Check::at_most("photos", 14.25, 14.0)];
+        assert!(missed.iter().all(|check| !check.is_met() && check.shortfall() == 0.25));
+        assert!(Check::stated("seconds", 7.0).is_met());
+    }
+
+    #[test]
+    fn not_a_number_meets_no_bound() {
+        let missed = [Check::at_least("a", f64::NAN, 0.0), Check::at_most("b", f64::NAN, 1.0)];
+        assert!(missed.iter().all(|check| !check.is_met() && check.shortfall().is_nan()));
+    }
+}

@@ -1,0 +1,115 @@
+//! The figures' scenes before virtual devices: those of the shipped rig files, embedded, so that nothing has to lie beside
+//! the program.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::rc::Rc;
+
+use super::bench::Stage;
+use crate::error::Result;
+use crate::image::{Image, Resolution};
+use crate::measure::calibrate::{CalibrateOptions, calibrate};
+use crate::measure::{Calibration, Live, MeasureOptions, Measurement, Shots};
+use crate::rig::{RigFile, RigKind, VirtualRig};
+use crate::transport::{Channels, Part, Transport};
+
+const REALISTIC: &[u8] = include_bytes!("../../assets/rigs/realistic.toml");
+const ONE_BIT: &[u8] = include_bytes!("../../assets/rigs/one-bit.toml");
+
+/// Takes of each pattern, averaged: a bench without a person to wait.
+const TAKES: u32 = 2;
+
+/// An 8-bit projector with a gamma of 2.2 and a 14-bit camera, both at their usual faults, before a stage.
+pub(super) struct Devices {
+    rig: VirtualRig,
+    calibration: Calibration,
+    options: MeasureOptions,
+}
+
+impl Devices {
+    /// Sets up the rig before `stage` and calibrates it, from captures alone. `go_on` is asked between steps.
+    pub(super) fn set_up(stage: &Rc<Stage>, go_on: &mut dyn FnMut() -> ControlFlow<()>) -> Result<Self> {
+        let (mut rig, options) = read("realistic.toml", REALISTIC)?;
+        resize(&mut rig, stage.resolution, 2.5);
+        let mut live = open(&rig, stage, &options)?;
+        let (calibration, _) = calibrate(live.as_mut(), &CalibrateOptions::default(), &mut |_| go_on())?;
+        let options = MeasureOptions { takes: TAKES, ..options };
+        Ok(Self { rig, calibration, options })
+    }
+
+    /// The rig with its stages, no photo taken yet.
+    pub(super) fn measurement(&self, stage: &Rc<Stage>) -> Result<Measurement> {
+        let live = open(&self.rig, stage, &self.options)?;
+        Measurement::new(live, self.calibration.clone(), self.options.clone())
+    }
+}
+
+/// The shipped rig whose projector has one bit, before `stage`: its devices and how it is measured. Its calibration is
+/// known: there is little that could be wrong with two levels.
+pub(super) fn one_bit(resolution: Resolution) -> Result<(VirtualRig, MeasureOptions)> {
+    let (mut rig, options) = read("one-bit.toml", ONE_BIT)?;
+    resize(&mut rig, resolution, 1.0);
+    // Any exposure may be set: they are compared at equal light in total.
+    rig.camera.exposure_step = 0.0;
+    rig.camera.exposures = [1e-7, 10.0];
+    Ok((rig, options))
+}
+
+/// The rig opened before `stage`, with a calibration from its own description.
+pub(super) fn measure_known(
+    rig: &VirtualRig,
+    stage: &Rc<Stage>,
+    options: MeasureOptions,
+) -> Result<Measurement> {
+    let live = open(rig, stage, &options)?;
+    let mut calibration = Calibration::ideal(&rig.projector_info(), &rig.camera_info());
+    let highest = f64::from((1_u32 << rig.camera.bits) - 1);
+    calibration.camera.black = rig.camera.black_level;
+    calibration.camera.saturation = highest;
+    calibration.camera.gain = rig.camera.full_well / (highest - rig.camera.black_level);
+    calibration.camera.read_noise = rig.camera.read_noise / calibration.camera.gain;
+    Measurement::new(live, calibration, options)
+}
+
+fn read(name: &str, bytes: &[u8]) -> Result<(VirtualRig, MeasureOptions)> {
+    let file = RigFile::from_bytes(Path::new(name), bytes)?;
+    let RigKind::Virtual(rig) = file.kind;
+    Ok((rig, file.measurement))
+}
+
+/// Gives projector and scene these pixels, and the camera `finer` times as many a side.
+fn resize(rig: &mut VirtualRig, resolution: Resolution, finer: f64) {
+    if let crate::rig::VirtualScene::File { size, .. } = &mut rig.scene {
+        *size = resolution;
+    }
+    let side = |pixels: usize| (finer * pixels as f64).round() as usize;
+    rig.camera.size = Some([side(resolution.width), side(resolution.height)]);
+}
+
+fn open(rig: &VirtualRig, stage: &Rc<Stage>, options: &MeasureOptions) -> Result<Box<dyn Shots>> {
+    let bench = rig.open(Box::new(Seen(Rc::clone(stage))), None)?;
+    Ok(Box::new(Live::new(bench, options.settle.unwrap_or(0.0), options.tries)))
+}
+
+/// A stage as the devices see it.
+struct Seen(Rc<Stage>);
+
+impl Transport for Seen {
+    fn pattern_resolution(&self) -> Resolution {
+        self.0.resolution
+    }
+
+    fn photo_resolution(&self) -> Resolution {
+        self.0.resolution
+    }
+
+    fn channels(&self) -> Channels {
+        Channels::Luma
+    }
+
+    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        let mut photo = vec![0.0; self.0.pixels()];
+        self.0.traced.matrix.apply(Part::Full, 0, &pattern.plane(0), &mut photo);
+        Image::new(self.0.resolution, 1, photo.iter().map(|&value| value as f32).collect())
+    }
+}

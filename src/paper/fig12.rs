@@ -1,0 +1,119 @@
+//! Figure 12: a projector out of focus, at eight and twelve photos.
+
+use super::bench::{Bench, Set};
+use super::check::Check;
+use super::contest::{self, Wish, clamped, enter, line};
+use super::fig11::{panels, percent};
+use super::figure::{Curves, Figure, Reproduced};
+use super::target::picture;
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::krylov::Method;
+use crate::transport::Part;
+
+const SIDE: usize = 128;
+/// Photos beside the white one.
+const PHOTOS: usize = 12;
+/// Products with matrix and transpose for the optimum: out of focus it converges slowly.
+const OPTIMUM: usize = 2000;
+
+pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::Defocused, side)?;
+    let target = picture(side);
+    let (wish, entries) = bench.with_rig(&stage, Part::Full, |operator| {
+        let wish = Wish::new(&stage, operator, &target)?;
+        let mut enter = |method| enter(&stage, operator, &wish, (method, false), PHOTOS);
+        let entries = [enter(Method::Gmres)?, enter(Method::KrylovBox)?, enter(Method::Jacobi)?];
+        Ok((wish, entries))
+    })?;
+    let [recipe, boxed, jacobi] = &entries;
+    let (bound, optimum) = contest::optimum(&stage, &wish, OPTIMUM)?;
+    let plain = clamped(&target.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
+    let uncompensated = wish.residual(&stage, &plain);
+    let worst = (1..=PHOTOS)
+        .map(|k| boxed.displayed_at(k) / recipe.displayed_at(k))
+        .fold(f64::NEG_INFINITY, f64::max);
+    let pattern = clamped(&boxed.pattern);
+    let sharper = edges(&pattern, stage.resolution) / edges(&plain, stage.resolution);
+    let mut checks = vec![
+        Check::at_most(
+            "residual displayed, 12 photos inside the box, over the optimum",
+            boxed.displayed_at(PHOTOS) / bound,
+            1.05,
+        ),
+        Check::at_most("the same over what clamping displays, the worst of 1 to 12 photos", worst, 1.0),
+        Check::at_least("strength of edges in what is projected, over the picture's", sharper, 1.2),
+    ];
+    for photos in [8, PHOTOS] {
+        checks.push(Check::stated(
+            format!("residual displayed, {photos} photos inside the box, %"),
+            percent(boxed.displayed_at(photos)),
+        ));
+        checks.push(Check::stated(
+            format!("residual displayed by GMRES and clamping, {photos} photos, %"),
+            percent(recipe.displayed_at(photos)),
+        ));
+    }
+    checks.extend([
+        Check::stated("optimum inside the box, % (proven from below)", percent(bound)),
+        Check::stated("uncompensated, %", percent(uncompensated)),
+    ]);
+    let lines = vec![
+        line("GMRES, not clamped", &recipe.answered),
+        line("GMRES, then clamped", &recipe.displayed),
+        line("Krylov inside the box", &boxed.displayed),
+        line("projected Jacobi", &jacobi.displayed),
+    ];
+    Ok(Reproduced {
+        figure: Figure::Fig12,
+        rig: bench.rig(),
+        setting: format!(
+            "corner by a projector lens of 30 mm focused at 2.4 m, {}, 12 photos beside the white one",
+            stage.resolution
+        ),
+        checks,
+        panels: panels(&stage, &wish, &plain, boxed),
+        plots: vec![Curves {
+            caption: "Relative residual by the light itself, at equal photos (the white one not counted)."
+                .into(),
+            x_label: "photos".into(),
+            y_label: "relative residual".into(),
+            logarithmic: true,
+            lines,
+            marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
+        }],
+        strips: Vec::new(),
+        photos: 1 + PHOTOS,
+        seconds: 0.0,
+    })
+}
+
+/// Root mean square of the differences of neighbours, relative to the mean value.
+fn edges(image: &[f64], Resolution { width, height }: Resolution) -> f64 {
+    let mean = image.iter().sum::<f64>() / image.len() as f64;
+    let pixels = (1..height).flat_map(|y| (1..width).map(move |x| y * width + x));
+    let (mut squares, mut count) = (0.0, 0_usize);
+    for at in pixels {
+        squares += (image[at] - image[at - 1]).powi(2) + (image[at] - image[at - width]).powi(2);
+        count += 1;
+    }
+    (squares / count.max(1) as f64).sqrt() / mean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_grow_with_their_height_and_not_with_brightness() {
+        let resolution = Resolution::new(4, 4);
+        let step = |low: f64, high: f64| -> Vec<f64> {
+            (0..16).map(|pixel| if pixel % 4 < 2 { low } else { high }).collect()
+        };
+        let soft = edges(&step(1.0, 1.2), resolution);
+        assert!(edges(&step(1.0, 2.0), resolution) > 3.0 * soft);
+        assert!((edges(&step(10.0, 12.0), resolution) - soft).abs() < 1e-12, "rounding");
+        assert_eq!(edges(&[3.0; 16], resolution), 0.0);
+    }
+}

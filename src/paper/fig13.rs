@@ -1,0 +1,180 @@
+//! Figure 13: a sinusoid by a projector of one bit, plain and in bit planes, and what bit planes cost in noise.
+
+use std::rc::Rc;
+
+use super::bench::{Bench, Rig, Set, Stage};
+use super::check::Check;
+use super::devices::{measure_known, one_bit};
+use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use crate::error::Result;
+use crate::image::Image;
+use crate::krylov::norm;
+use crate::measure::MeasureOptions;
+use crate::measure::bit_planes::{amplification, weights};
+use crate::rig::VirtualRig;
+
+const SIDE: usize = 100;
+/// Bit planes of the answer.
+const PLANES: u32 = 8;
+/// Bit planes of the curves, from 1.
+const MOST: u32 = 10;
+/// Periods of the sinusoid across the picture.
+const PERIODS: f64 = 4.0;
+/// Exposure in total, in seconds: white fills most of the well in the first, and next to nothing in the second.
+const BRIGHT: f64 = 0.02;
+const DIM: f64 = 2e-4;
+
+pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::Corner, side)?;
+    let (noisy, options) = one_bit(stage.resolution)?;
+    let mut exact = noisy.clone();
+    exact.camera.shot_noise = false;
+    exact.camera.read_noise = 0.0;
+    // Steps of counts are no matter of bit planes: without noise to dither them, they are made fine.
+    exact.camera.bits = 16;
+    exact.projector.black_level = 0.0;
+    let rig = if bench.rig() == Rig::Ideal { &exact } else { &noisy };
+
+    let pattern = sinusoid(side);
+    let truth = stage.photo(&pattern);
+    let take =
+        |rig: &VirtualRig, planes: u32, seconds: f64| photo(rig, &stage, &options, &pattern, planes, seconds);
+    let off = |photo: &[f64]| error(photo, &truth) / norm(&truth);
+
+    let plain = take(rig, 1, BRIGHT)?;
+    let decomposed = take(rig, PLANES, BRIGHT)?;
+    let (mut bright, mut dim) = (Vec::new(), Vec::new());
+    for planes in 1..=MOST {
+        bright.push((f64::from(planes), off(&take(rig, planes, BRIGHT)?)));
+        dim.push((f64::from(planes), off(&take(&noisy, planes, DIM)?)));
+    }
+    // The same frames with and without noise: what differs is the noise.
+    let mut read_only = noisy.clone();
+    read_only.camera.shot_noise = false;
+    read_only.camera.bits = 16;
+    let mut silent = read_only.clone();
+    silent.camera.read_noise = 0.0;
+    let noise = |planes: u32| -> Result<f64> {
+        Ok(error(&take(&read_only, planes, DIM)?, &take(&silent, planes, DIM)?))
+    };
+    let grown = noise(PLANES)? / noise(1)?;
+    let predicted = amplification(&weights(PLANES, 1.0));
+    let least = |curve: &[(f64, f64)]| {
+        curve.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(f64::NAN, |&(planes, _)| planes)
+    };
+    let checks = vec![
+        Check::at_most(
+            "error of the photo by 8 bit planes over that of plain one bit",
+            off(&decomposed) / off(&plain),
+            0.05,
+        ),
+        Check::stated("error of plain one bit, %", 100.0 * off(&plain)),
+        Check::stated("error by 8 bit planes, %", 100.0 * off(&decomposed)),
+        Check::at_most(
+            "best number of bit planes in dim light, at equal light in total",
+            least(&dim),
+            f64::from(MOST) - 1.0,
+        ),
+        Check::at_least(
+            "read noise of 8 bit planes over that of one photo, over what is predicted",
+            grown / predicted,
+            0.8,
+        ),
+        Check::at_most("the same", grown / predicted, 1.25),
+        Check::stated("read noise of 8 bit planes over that of one photo, predicted", predicted),
+    ];
+    Ok(Reproduced {
+        figure: Figure::Fig13,
+        rig: bench.rig(),
+        setting: format!("corner, {}, a projector of one bit and a camera of 12", stage.resolution),
+        checks,
+        panels: panels(&stage, &pattern, &truth, &plain, &decomposed),
+        plots: vec![Curves {
+            caption: "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read \
+                      noise: more bit planes are worse than fewer."
+                .into(),
+            x_label: "bit planes".into(),
+            y_label: "relative error".into(),
+            logarithmic: true,
+            lines: vec![
+                Curve { name: "bright".into(), points: bright },
+                Curve { name: "dim, with noise".into(), points: dim },
+            ],
+            marks: Vec::new(),
+        }],
+        strips: Vec::new(),
+        photos: 1 + PLANES as usize,
+        seconds: 0.0,
+    })
+}
+
+/// ½ + ½ sin along the rows.
+fn sinusoid(side: usize) -> Vec<f64> {
+    let value = |pixel: usize| {
+        let x = ((pixel % side) as f64 + 0.5) / side as f64;
+        0.5 + 0.5 * (std::f64::consts::TAU * PERIODS * x).sin()
+    };
+    (0..side * side).map(value).collect()
+}
+
+/// The photo of `pattern` in W/(m² sr), by so many bit planes of `seconds` of exposure together.
+fn photo(
+    rig: &VirtualRig,
+    stage: &Rc<Stage>,
+    options: &MeasureOptions,
+    pattern: &[f64],
+    planes: u32,
+    seconds: f64,
+) -> Result<Vec<f64>> {
+    let options = MeasureOptions {
+        bit_planes: planes,
+        exposures: vec![seconds / f64::from(planes)],
+        sentinel_every: 0,
+        black_takes: 16,
+        ..options.clone()
+    };
+    let mut measurement = measure_known(rig, stage, options)?;
+    let samples = pattern.iter().map(|&value| value as f32).collect();
+    let taken = measurement.photograph(&Image::new(stage.resolution, 1, samples)?)?;
+    // Counts a second for a W/(m² sr): the sensor is set by the white photo without noise.
+    let unit = counts_per_light(rig, stage);
+    Ok(taken.planes[0].values.iter().map(|value| value / unit).collect())
+}
+
+/// The sensor fills `white_fill` of its well within `white_exposure` at the brightest pixels of the white photo but 1 in 100.
+fn counts_per_light(rig: &VirtualRig, stage: &Stage) -> f64 {
+    let mut white = stage.photo(&vec![1.0; stage.pixels()]);
+    white.sort_by(f64::total_cmp);
+    let brightest = white[((white.len() as f64 * 0.99).ceil() as usize).saturating_sub(1)];
+    let range = f64::from((1_u32 << rig.camera.bits) - 1) - rig.camera.black_level;
+    rig.camera.white_fill * range / rig.camera.white_exposure / brightest
+}
+
+fn error(a: &[f64], b: &[f64]) -> f64 {
+    norm(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>())
+}
+
+fn panels(stage: &Stage, pattern: &[f64], truth: &[f64], plain: &[f64], decomposed: &[f64]) -> Vec<Panel> {
+    let white = truth.iter().copied().fold(0.0, f64::max);
+    let panel = |name: &str, caption: &str, content: Content| Panel {
+        name: name.into(),
+        caption: caption.into(),
+        resolution: stage.resolution,
+        content,
+    };
+    let light = |values: &[f64]| Content::Light { values: values.to_vec(), white: Some(white) };
+    let less = |photo: &[f64]| Content::Signed(photo.iter().zip(truth).map(|(a, b)| a - b).collect());
+    vec![
+        panel(
+            "pattern",
+            "What is to be projected, 0 to 1",
+            Content::Light { values: pattern.to_vec(), white: Some(1.0) },
+        ),
+        panel("truth", "Its photo, W/(m² sr)", light(truth)),
+        panel("plain", "By a projector of one bit", light(plain)),
+        panel("decomposed", "In 8 bit planes", light(decomposed)),
+        panel("error-plain", "One bit less truth, W/(m² sr)", less(plain)),
+        panel("error-decomposed", "8 bit planes less truth, W/(m² sr)", less(decomposed)),
+    ]
+}

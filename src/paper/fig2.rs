@@ -1,0 +1,119 @@
+//! Figure 2: the principal eigenvector, by projecting photos back.
+
+use super::bench::{Bench, Set, Stage};
+use super::check::Check;
+use super::dense;
+use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::recorded::Recorded;
+use crate::error::Result;
+use crate::krylov::{EigsMethod, EigsOptions, Which, dot, eigs, keep_going, norm};
+use crate::operator::Adjoint;
+use crate::transport::Part;
+
+const SIDE: usize = 100;
+/// Pixels a side that a dense eigensolver gets through: 1024 unknowns.
+const DENSE_SIDE: usize = 32;
+const PHOTOS: usize = 50;
+
+pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+    let small = bench.stage(Set::Room, DENSE_SIDE.min(bench.side(SIDE)))?;
+    let (_, exact) = dense::principal(&small.traced.matrix.to_csr(Part::Full, 0)?)?;
+    let from_small = bench.with_rig(&small, Part::Full, iterate)?;
+    let dense_overlap = overlap(&from_small.vector, &exact);
+
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::Room, side)?;
+    let reference = reference(&stage)?;
+    let found = bench.with_rig(&stage, Part::Full, iterate)?;
+    let least = found.vector.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = found.vector.iter().copied().fold(0.0, f64::max);
+    let checks = vec![
+        Check::at_least(
+            format!("overlap with the dense eigenvector, {}", small.resolution),
+            dense_overlap,
+            0.999,
+        ),
+        Check::at_least(
+            format!("overlap with the eigenvector by 400 Lanczos steps, {}", stage.resolution),
+            overlap(&found.vector, &reference),
+            0.999,
+        ),
+        Check::at_least("least entry, relative to the greatest", least / most, 0.0),
+    ];
+    let points =
+        found.patterns.iter().enumerate().map(|(k, x)| (k as f64 + 1.0, 1.0 - overlap(x, &reference)));
+    let curve = Curve { name: "power iteration".into(), points: points.collect() };
+    Ok(Reproduced {
+        figure: Figure::Fig2,
+        rig: bench.rig(),
+        setting: format!("a white room, {}, {PHOTOS} photos from white", stage.resolution),
+        checks,
+        panels: panels(&stage, &found.vector, &reference),
+        plots: vec![Curves {
+            caption: "How far the pattern is from the principal eigenvector (one minus overlap).".into(),
+            x_label: "photos".into(),
+            y_label: "1 − overlap".into(),
+            logarithmic: true,
+            lines: vec![curve],
+            marks: vec![(1e-3, "wanted".into())],
+        }],
+        strips: Vec::new(),
+        photos: PHOTOS,
+        seconds: 0.0,
+    })
+}
+
+struct Iterated {
+    vector: Vec<f64>,
+    patterns: Vec<Vec<f64>>,
+}
+
+/// The paper's Algorithm 1, from a white pattern: no photo of a pattern without negative pixels has any.
+fn iterate(operator: &mut dyn Adjoint) -> Result<Iterated> {
+    let n = operator.cols();
+    let mut recorded = Recorded::new(operator);
+    let options = EigsOptions {
+        count: 1,
+        which: Which::LargestMagnitude,
+        products: PHOTOS,
+        tolerance: 0.0,
+        method: EigsMethod::Power,
+        start: crate::krylov::Start::Given(vec![1.0; n]),
+        ..EigsOptions::default()
+    };
+    let found = eigs(&mut recorded, &options, &mut keep_going)?;
+    let patterns = recorded.shots.into_iter().map(|shot| shot.pattern).collect();
+    Ok(Iterated { vector: found.vectors.into_iter().next().unwrap_or_default(), patterns })
+}
+
+/// By Lanczos on the matrix itself, until nothing changes.
+fn reference(stage: &Stage) -> Result<Vec<f64>> {
+    let options = EigsOptions { count: 1, products: 400, tolerance: 1e-12, ..EigsOptions::default() };
+    let found = eigs(&mut stage.ideal(Part::Full), &options, &mut keep_going)?;
+    Ok(found.vectors.into_iter().next().unwrap_or_default())
+}
+
+/// `|xᵀ y| / (‖x‖ ‖y‖)`
+fn overlap(x: &[f64], y: &[f64]) -> f64 {
+    dot(x, y).abs() / (norm(x) * norm(y))
+}
+
+fn panels(stage: &Stage, vector: &[f64], reference: &[f64]) -> Vec<Panel> {
+    let panel = |name: &str, caption: &str, content: Content| Panel {
+        name: name.into(),
+        caption: caption.into(),
+        resolution: stage.resolution,
+        content,
+    };
+    let difference: Vec<f64> = vector.iter().zip(reference).map(|(a, b)| a - b).collect();
+    vec![
+        panel(
+            "white",
+            "The photo under white, W/(m² sr)",
+            Content::Light { values: stage.photo(&vec![1.0; stage.pixels()]), white: None },
+        ),
+        panel("power", "The pattern after 50 photos, of norm 1", Content::Amounts(vector.to_vec())),
+        panel("reference", "The principal eigenvector", Content::Amounts(reference.to_vec())),
+        panel("difference", "Their difference", Content::Signed(difference)),
+    ]
+}

@@ -1,0 +1,165 @@
+//! Figure 5: pixels as points in the space of eigenvectors.
+
+use super::bench::{Bench, Set, Stage};
+use super::check::Check;
+use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use crate::analysis::segment::segment;
+use crate::analysis::{SegmentOptions, Segmentation};
+use crate::error::Result;
+use crate::krylov::keep_going;
+use crate::transport::Part;
+
+const SIDE: usize = 100;
+const PHOTOS: usize = 50;
+
+/// Pixels to look at: name, and place in the photo from 0 to 1.
+const CHOSEN: [(&str, [f64; 2]); 4] = [
+    ("A: left sheet, its left face, above", [0.12, 0.25]),
+    ("B: left sheet, its right face, above", [0.38, 0.25]),
+    ("C: left sheet, its left face, below", [0.12, 0.75]),
+    ("D: right sheet, its left face, above", [0.62, 0.25]),
+];
+
+pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::Zigzag, side)?;
+    let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
+    let found =
+        bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    let features = features(&found);
+    let chosen = CHOSEN.map(|(name, [x, y])| {
+        let at = |share: f64| (share * side as f64) as usize;
+        (name, at(y) * side + at(x))
+    });
+    let distances = chosen.map(|(_, pixel)| distances(&features, pixel));
+    let ranks: Vec<f64> =
+        chosen.iter().zip(&distances).map(|((_, pixel), from)| ranked(from, &stage.truth, *pixel)).collect();
+    let between = |a: usize, b: usize| distances[a][chosen[b].1];
+    let checks = vec![
+        Check::at_least(
+            "share of pixel pairs of which the one on the same sheet is nearer, the least of four pixels",
+            ranks.iter().copied().fold(f64::INFINITY, f64::min),
+            0.99,
+        ),
+        Check::at_most(
+            "distance from A to B, which faces it, over that to D, beside B but on the other sheet",
+            between(0, 1) / between(0, 3),
+            0.5,
+        ),
+        Check::at_most(
+            "distance from A to B, which faces it, over that to C, on the same face but below",
+            between(0, 1) / between(0, 2),
+            1.0,
+        ),
+    ];
+    let lines = chosen.iter().map(|&(name, pixel)| Curve {
+        name: name.into(),
+        points: features.iter().enumerate().map(|(k, column)| (k as f64 + 2.0, column[pixel])).collect(),
+    });
+    Ok(Reproduced {
+        figure: Figure::Fig5,
+        rig: bench.rig(),
+        setting: format!("zigzag, {}, {PHOTOS} photos, 10 eigenvectors", stage.resolution),
+        checks,
+        panels: panels(&stage, &chosen, &distances),
+        plots: vec![Curves {
+            caption: "What each pixel has in the eigenvectors, weighted as for the groups. A and B are alike, though \
+                      they are apart in the photo."
+                .into(),
+            x_label: "eigenvector".into(),
+            y_label: "entry / √(1 − λ)".into(),
+            logarithmic: false,
+            lines: lines.collect(),
+            marks: Vec::new(),
+        }],
+        strips: Vec::new(),
+        photos: found.photos,
+        seconds: 0.0,
+    })
+}
+
+/// One column for each eigenvector but the first: `u / √(1 − λ)`, at most as large as an eigenvalue 0.001 below 1 makes it.
+fn features(found: &Segmentation) -> Vec<Vec<f64>> {
+    let pairs = found.eigenvectors.iter().zip(&found.eigenvalues).zip(&found.residuals).skip(1);
+    pairs
+        .map(|((vector, value), residual)| {
+            let weight = 1.0 / (1.0 - value).max(*residual).max(1e-3).sqrt();
+            vector.iter().map(|entry| weight * entry).collect()
+        })
+        .collect()
+}
+
+/// From `pixel` to each other, in the space of features.
+fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
+    let count = features.first().map_or(0, Vec::len);
+    let square = |other: usize| -> f64 {
+        features.iter().map(|column| (column[other] - column[pixel]).powi(2)).sum::<f64>()
+    };
+    (0..count).map(|other| square(other).sqrt()).collect()
+}
+
+/// Of all pairs of a pixel in `pixel`'s region and one in another, the share whose first is nearer (the area under the
+/// curve of a classifier by distance; Mann and Whitney).
+fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
+    let mut order: Vec<usize> = (0..distances.len()).collect();
+    order.sort_by(|&a, &b| distances[a].total_cmp(&distances[b]));
+    let (mut inside, mut nearer) = (0_u64, 0_u64);
+    for other in order {
+        if truth[other] == truth[pixel] {
+            inside += 1;
+        } else {
+            nearer += inside;
+        }
+    }
+    let outside = distances.len() as u64 - inside;
+    nearer as f64 / (inside * outside) as f64
+}
+
+fn panels(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]) -> Vec<Panel> {
+    let maps = chosen.iter().zip(distances).map(|((name, _), from)| Panel {
+        name: format!("from-{}", &name[..1].to_lowercase()),
+        caption: format!("Distance of each pixel from {name}"),
+        resolution: stage.resolution,
+        content: Content::Amounts(from.clone()),
+    });
+    // Where the four are: marked in the photo by what is brighter than all of it.
+    let white = stage.photo(&vec![1.0; stage.pixels()]);
+    let brightest = white.iter().copied().fold(0.0, f64::max);
+    let mut marked: Vec<f64> = white.iter().map(|value| 0.6 * value).collect();
+    let width = stage.resolution.width;
+    for &(_, pixel) in chosen {
+        for step in [-2_isize, -1, 0, 1, 2] {
+            for at in [pixel.checked_add_signed(step), pixel.checked_add_signed(step * width as isize)] {
+                if let Some(value) = at.and_then(|at| marked.get_mut(at)) {
+                    *value = brightest;
+                }
+            }
+        }
+    }
+    let photo = Panel {
+        name: "chosen".into(),
+        caption: "The pixels looked at: A and B above on the left sheet, C below, D on the right sheet"
+            .into(),
+        resolution: stage.resolution,
+        content: Content::Light { values: marked, white: Some(brightest) },
+    };
+    std::iter::once(photo).chain(maps).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_are_one_when_all_of_the_region_is_nearer_and_a_half_without_order() {
+        let truth = [0, 0, 0, 1, 1, 1];
+        assert_eq!(ranked(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0], &truth, 0), 1.0);
+        assert_eq!(ranked(&[0.0, 4.0, 5.0, 1.0, 2.0, 3.0], &truth, 0), 3.0 / 9.0);
+    }
+
+    #[test]
+    fn distances_are_euclidean() {
+        let features = [vec![0.0, 3.0], vec![0.0, 4.0]];
+        assert_eq!(distances(&features, 0), [0.0, 5.0]);
+    }
+}

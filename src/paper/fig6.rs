@@ -1,0 +1,94 @@
+//! Figure 6: patches that are apart in the photo share a group.
+
+use super::bench::{Bench, Set, Stage};
+use super::check::Check;
+use super::components::components;
+use super::figure::{Content, Figure, Panel, Reproduced};
+use crate::analysis::segment::segment;
+use crate::analysis::{SegmentOptions, Segmentation};
+use crate::error::Result;
+use crate::krylov::keep_going;
+use crate::transport::Part;
+
+const SIDE: usize = 100;
+const PHOTOS: usize = 50;
+const GROUPS: [usize; 3] = [2, 4, 6];
+/// The least part of the photo that counts as a patch.
+const PATCH: f64 = 0.01;
+
+pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let stage = bench.stage(Set::FacingSheets, side)?;
+    let options = SegmentOptions {
+        photos: PHOTOS,
+        tolerance: 0.0,
+        groups: GROUPS.to_vec(),
+        ..SegmentOptions::default()
+    };
+    let found =
+        bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    let mut checks = Vec::new();
+    for (groups, labels) in &found.labels {
+        let apart = (0..*groups as u8).filter(|&group| is_apart(labels, group, &stage)).count() as f64;
+        let what = format!("groups of {groups} with a patch on either sheet, apart in the photo");
+        checks.push(match groups {
+            2 => Check::at_least(what, apart, 2.0),
+            _ => Check::stated(what, apart),
+        });
+    }
+    checks.push(Check::stated("second eigenvalue of the normalized cut", found.eigenvalues[1]));
+    Ok(Reproduced {
+        figure: Figure::Fig6,
+        rig: bench.rig(),
+        setting: format!(
+            "two sheets that face each other, {}, {PHOTOS} photos, 10 eigenvectors",
+            stage.resolution
+        ),
+        checks,
+        panels: panels(&stage, &found),
+        plots: Vec::new(),
+        strips: Vec::new(),
+        photos: found.photos,
+        seconds: 0.0,
+    })
+}
+
+/// Whether the group's two largest connected parts are patches on different sheets.
+fn is_apart(labels: &[u8], group: u8, stage: &Stage) -> bool {
+    let least = (PATCH * stage.pixels() as f64) as usize;
+    let parts = components(labels, group, stage.resolution);
+    match parts.as_slice() {
+        [first, second, ..] => second.len() >= least && stage.truth[first[0]] != stage.truth[second[0]],
+        _ => false,
+    }
+}
+
+fn panels(stage: &Stage, found: &Segmentation) -> Vec<Panel> {
+    let panel = |name: String, caption: String, content: Content| Panel {
+        name,
+        caption,
+        resolution: stage.resolution,
+        content,
+    };
+    let white = stage.photo(&vec![1.0; stage.pixels()]);
+    let mut panels = vec![panel(
+        "white".into(),
+        "The photo under white, W/(m² sr)".into(),
+        Content::Light { values: white, white: None },
+    )];
+    for (groups, labels) in &found.labels {
+        panels.push(panel(
+            format!("groups-{groups}"),
+            format!("{groups} groups"),
+            Content::Labels(labels.clone()),
+        ));
+    }
+    for (index, vector) in found.eigenvectors.iter().enumerate().skip(1).take(2) {
+        panels.push(panel(
+            format!("eigenvector-{}", index + 1),
+            format!("Eigenvector {}: λ = {:.4}", index + 1, found.eigenvalues[index]),
+            Content::Signed(vector.clone()),
+        ));
+    }
+    panels
+}

@@ -1,0 +1,112 @@
+//! Figure 8: an egg carton, empty and with eggs, at 100 photos and 20 eigenvectors.
+
+use super::bench::{Bench, Set, Stage};
+use super::check::Check;
+use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use crate::analysis::segment::segment;
+use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
+use crate::error::Result;
+use crate::krylov::keep_going;
+use crate::transport::Part;
+
+const SIDE: usize = 128;
+const PHOTOS: usize = 100;
+const EIGENVECTORS: usize = 20;
+const CELLS: usize = 9;
+/// Where rims meet they are flat and see next to nothing; what little they exchange would be a group of its own.
+const MASK: f64 = 0.05;
+/// An eigenvalue this near to 1 tells of a region that exchanges hardly any light.
+const ONE: f64 = 0.99;
+
+pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+    let side = bench.side(SIDE);
+    let (empty_stage, empty) = run(bench, Set::Carton, side)?;
+    let (egg_stage, eggs) = run(bench, Set::CartonEggs, side)?;
+    let [without, with] = [&empty, &eggs].map(|found| found.labels[0].1.as_slice());
+    let ones = |found: &Segmentation| found.eigenvalues.iter().filter(|value| **value >= ONE).count() as f64;
+    let checks = vec![
+        Check::at_least(
+            "adjusted Rand index of nine groups with the nine cells, empty",
+            adjusted_rand_index(without, &empty_stage.truth)?,
+            0.95,
+        ),
+        Check::at_most(
+            "adjusted Rand index of nine groups with eggs and nine without: they change",
+            adjusted_rand_index(with, without)?,
+            0.9,
+        ),
+        Check::at_least("eigenvalues of 0.99 and more, empty", ones(&empty), CELLS as f64),
+        Check::at_most("eigenvalues of 0.99 and more, with eggs", ones(&eggs), (CELLS - 1) as f64),
+        Check::stated(
+            "adjusted Rand index with the cells, with eggs",
+            adjusted_rand_index(with, &egg_stage.truth)?,
+        ),
+    ];
+    let spectrum = |name: &str, found: &Segmentation| Curve {
+        name: name.into(),
+        points: found.eigenvalues.iter().enumerate().map(|(k, value)| (k as f64 + 1.0, *value)).collect(),
+    };
+    let mut panels = panels("empty", "Empty", &empty_stage, &empty);
+    panels.extend(self::panels("eggs", "With eggs", &egg_stage, &eggs));
+    Ok(Reproduced {
+        figure: Figure::Fig8,
+        rig: bench.rig(),
+        setting: format!(
+            "a carton of 3 × 3 cells, {}, {PHOTOS} photos and {EIGENVECTORS} eigenvectors each",
+            empty_stage.resolution
+        ),
+        checks,
+        panels,
+        plots: vec![Curves {
+            caption:
+                "Eigenvalues of the normalized cut: as many at one as there are cells that exchange no light."
+                    .into(),
+            x_label: "eigenvector".into(),
+            y_label: "eigenvalue λ".into(),
+            logarithmic: false,
+            lines: vec![spectrum("empty", &empty), spectrum("with eggs", &eggs)],
+            marks: Vec::new(),
+        }],
+        strips: Vec::new(),
+        photos: empty.photos + eggs.photos,
+        seconds: 0.0,
+    })
+}
+
+fn run(bench: &mut Bench<'_>, set: Set, side: usize) -> Result<(std::rc::Rc<Stage>, Segmentation)> {
+    let stage = bench.stage(set, side)?;
+    let options = SegmentOptions {
+        photos: PHOTOS,
+        tolerance: 0.0,
+        eigenvectors: EIGENVECTORS,
+        mask_below: MASK,
+        groups: vec![CELLS, EIGENVECTORS],
+        ..SegmentOptions::default()
+    };
+    let found =
+        bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    Ok((stage, found))
+}
+
+fn panels(name: &str, what: &str, stage: &Stage, found: &Segmentation) -> Vec<Panel> {
+    let panel = |part: String, caption: String, content: Content| Panel {
+        name: format!("{name}-{part}"),
+        caption: format!("{what}: {caption}"),
+        resolution: stage.resolution,
+        content,
+    };
+    let white = stage.photo(&vec![1.0; stage.pixels()]);
+    let mut panels = vec![panel(
+        "white".into(),
+        "the photo under white, W/(m² sr)".into(),
+        Content::Light { values: white, white: None },
+    )];
+    for (groups, labels) in &found.labels {
+        panels.push(panel(
+            format!("groups-{groups}"),
+            format!("{groups} groups"),
+            Content::Labels(labels.clone()),
+        ));
+    }
+    panels
+}

@@ -1,0 +1,122 @@
+//! The files and the page of a probed photo.
+
+use std::path::Path;
+
+use super::colormap::{paint_sequential, paint_signed, robust_range};
+use super::html::{Block, Figure, Legend, Outcome, Report, Section, Verdict};
+use super::manifest::Manifest;
+use super::planes::{difference, mean, percent};
+use super::run::{self, Files};
+use super::separation::{Planes, relative_error};
+use super::tone::{develop, exposure};
+use super::{atomic, picture};
+use crate::analysis::Probing;
+use crate::error::Result;
+use crate::image::{Image, Resolution};
+
+/// A probed photo with what belongs beside it.
+#[derive(Clone, Debug)]
+pub struct ProbingRun<'a> {
+    /// The page's title.
+    pub title: String,
+    /// Which paths were let through.
+    pub probing: Probing,
+    /// Photos taken.
+    pub photos: usize,
+    /// Pixels of all images.
+    pub resolution: Resolution,
+    /// What the values are in.
+    pub unit: &'a str,
+    /// `(Π ∘ A) 1` as found.
+    pub values: &'a Planes,
+    /// The standard error of each value.
+    pub standard_errors: &'a Planes,
+    /// The same from the matrix itself, where there is one.
+    pub truth: Option<&'a Planes>,
+}
+
+impl ProbingRun<'_> {
+    /// Writes `probed`, `standard-error` and, where it is known, `exact`, and `report.html` into `folder`; `seconds` is what the
+    /// run took so far. Returns the files' names.
+    ///
+    /// # Errors
+    /// [`crate::Error::Write`] naming the file.
+    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+        let mut files = Files::new(folder);
+        let mut images = vec![("probed", self.values, format!("Let through: {}", self.probing.in_words()))];
+        images.extend(self.truth.map(|truth| ("exact", truth, "The same from the matrix itself".to_owned())));
+        let scale = exposure(&Image::from_planes(self.resolution, self.truth.unwrap_or(self.values))?);
+        let mut figures = Vec::new();
+        for (name, planes, caption) in images {
+            let image = Image::from_planes(self.resolution, planes)?;
+            for extension in ["npy", "exr"] {
+                picture::write(&files.path(&format!("{name}.{extension}")), &image)?;
+            }
+            let png = develop(&image, scale).encode_png()?;
+            atomic::write_bytes(&files.path(&format!("{name}.png")), &png)?;
+            figures.push(Figure { png, caption, legend: Legend::None });
+        }
+        let errors = Image::from_planes(self.resolution, self.standard_errors)?;
+        picture::write(&files.path("standard-error.npy"), &errors)?;
+        figures.extend(self.error_figures()?);
+        let report = Report {
+            title: self.title.clone(),
+            verdict: Verdict { outcome: Outcome::Good, sentence: self.sentence() },
+            facts: run::facts(manifest, self.photos, [("Paths", self.probing.in_words())], seconds),
+            sections: vec![Section {
+                title: "What is let through".into(),
+                text: format!(
+                    "Under an all-ones pattern, in {}. Each random pattern is projected and, sign and all, multiplied into its photo; the mean of these is without bias, and its standard error falls with the square root of the photos.",
+                    self.unit
+                ),
+                blocks: vec![Block::Figures(figures)],
+            }],
+            footer: manifest.command.join(" "),
+        };
+        report.write(&files.path("report.html"))?;
+        Ok(files.names)
+    }
+
+    /// How it ended, in a sentence or two.
+    pub fn sentence(&self) -> String {
+        let mut text = format!(
+            "{} photos let through {}, with a standard error of {}.",
+            self.photos,
+            self.probing.in_words(),
+            percent(self.noise())
+        );
+        if let Some(truth) = self.truth {
+            text += &format!(
+                " The matrix itself says so within {}.",
+                percent(relative_error(self.values, truth))
+            );
+        }
+        text
+    }
+
+    /// The root mean square of the standard errors, relative to that of the values (the exact ones where they are known).
+    pub fn noise(&self) -> f64 {
+        let size = |planes: &Planes| planes.iter().flatten().map(|value| value * value).sum::<f64>().sqrt();
+        size(self.standard_errors) / size(self.truth.unwrap_or(self.values))
+    }
+
+    fn error_figures(&self) -> Result<Vec<Figure>> {
+        let errors = mean(self.standard_errors);
+        let high = robust_range(&errors, None);
+        let mut figures = vec![Figure {
+            png: paint_sequential(self.resolution, &errors, None, (0.0, high))?.encode_png()?,
+            caption: format!("Standard error, {}", self.unit),
+            legend: Legend::sequential(0.0, high),
+        }];
+        if let Some(truth) = self.truth {
+            let error = difference(self.values, truth);
+            let range = robust_range(&error, None);
+            figures.push(Figure {
+                png: paint_signed(self.resolution, &error, None, range)?.encode_png()?,
+                caption: format!("Found less exact, {}", self.unit),
+                legend: Legend::signed(range),
+            });
+        }
+        Ok(figures)
+    }
+}

@@ -1,0 +1,291 @@
+//! The files and the page of a separation of direct and global light.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::colormap::{paint_sequential, paint_signed, robust_range};
+use super::html::{Block, Figure, Legend, Outcome, Report, Section, Verdict};
+use super::manifest::Manifest;
+use super::planes::{difference, mean, percent};
+use super::plot::{LinePlot, Series};
+use super::run::{self, Files};
+use super::tone::{develop, exposure};
+use super::{atomic, picture};
+use crate::error::Result;
+use crate::image::{Image, Resolution};
+
+/// A plane of values for each channel.
+pub type Planes = Vec<Vec<f64>>;
+
+/// A finished separation with what belongs beside it. Light is under an all-ones pattern.
+#[derive(Clone, Debug)]
+pub struct SeparationRun<'a> {
+    /// The page's title.
+    pub title: String,
+    /// The method with its setting, in words.
+    pub method: String,
+    /// Photos that the method took; those of `reach` are beside them.
+    pub photos: usize,
+    /// Pixels of all images.
+    pub resolution: Resolution,
+    /// What the values are in.
+    pub unit: &'a str,
+    /// One bounce.
+    pub direct: &'a Planes,
+    /// Two bounces and more.
+    pub global: &'a Planes,
+    /// Standard errors of `direct`, where the method tells them.
+    pub standard_error: Option<&'a Planes>,
+    /// The exact first bounce, where a simulator knows it and the method is another.
+    pub truth: Option<&'a Planes>,
+    /// The second bounce, and three and more.
+    pub bounces: Option<&'a [Planes; 2]>,
+    /// Global light by how far it went.
+    pub reach: Option<&'a Reach>,
+    /// Every method at several photo counts; may be empty.
+    pub comparison: &'a [ComparisonRow],
+    /// Whether it is as good as was asked for.
+    pub good: bool,
+}
+
+/// Global light by how far from its own pixel it comes back.
+#[derive(Clone, Debug)]
+pub struct Reach {
+    /// Weighed by `exp(−d²/2σ²)` of the distance `d` in pixels.
+    pub near: Planes,
+    /// The rest.
+    pub far: Planes,
+    /// `σ` in pixels.
+    pub sigma: f64,
+    /// Photos of random patterns that it took.
+    pub photos: usize,
+    /// The root mean square of the standard errors of `near`, relative to that of `near`.
+    pub noise: f64,
+    /// How far `near` is from what the matrix says, where there is one.
+    pub error: Option<f64>,
+}
+
+/// A method with its setting, against the exact first bounce.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct ComparisonRow {
+    /// Its name.
+    pub method: &'static str,
+    /// Its setting, in words.
+    pub setting: String,
+    /// Photos.
+    pub photos: usize,
+    /// `‖direct − exact‖ / ‖exact‖`.
+    pub error: f64,
+    /// The same of the global light.
+    pub global_error: f64,
+}
+
+impl SeparationRun<'_> {
+    /// Writes images, `errors.csv` and `report.html` into `folder`; `seconds` is what the run took so far. Returns the files'
+    /// names. The `.png` of direct and global light are developed alike.
+    ///
+    /// # Errors
+    /// [`crate::Error::Write`] naming the file.
+    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+        let mut files = Files::new(folder);
+        let images = self.images()?;
+        for (name, image, _) in &images {
+            for extension in ["npy", "exr"] {
+                picture::write(&files.path(&format!("{name}.{extension}")), image)?;
+            }
+        }
+        if let Some(errors) = self.standard_error {
+            let image = Image::from_planes(self.resolution, errors)?;
+            picture::write(&files.path("standard-error.npy"), &image)?;
+        }
+        let white: Planes = sum(self.direct, self.global);
+        let scale = exposure(&Image::from_planes(self.resolution, &white)?);
+        let mut figures = Vec::new();
+        for (name, image, caption) in &images {
+            let png = develop(image, scale).encode_png()?;
+            atomic::write_bytes(&files.path(&format!("{name}.png")), &png)?;
+            figures.push(Figure { png, caption: caption.clone(), legend: Legend::None });
+        }
+        if !self.comparison.is_empty() {
+            atomic::write_bytes(&files.path("errors.csv"), self.csv().as_bytes())?;
+        }
+        self.page(figures, manifest, seconds)?.write(&files.path("report.html"))?;
+        Ok(files.names)
+    }
+
+    /// How it ended, in a sentence.
+    pub fn sentence(&self) -> String {
+        let share = norm(self.global) / norm(&sum(self.direct, self.global));
+        let mut text = format!(
+            "By {}{}: global light is {} of all that is seen under white.",
+            self.method,
+            match self.photos {
+                0 => String::new(),
+                photos => format!(", {photos} photos"),
+            },
+            percent(share)
+        );
+        if let Some(error) = self.error() {
+            let _ = write!(text, " The direct light is within {} of the exact first bounce.", percent(error));
+        }
+        text
+    }
+
+    /// `‖direct − exact‖ / ‖exact‖`, where the exact first bounce is known.
+    pub fn error(&self) -> Option<f64> {
+        self.truth.map(|truth| relative_error(self.direct, truth))
+    }
+
+    /// Every image by its file's name, with its caption.
+    fn images(&self) -> Result<Vec<(&'static str, Image, String)>> {
+        let mut found = Vec::new();
+        let mut add = |name, planes: &Planes, caption: String| -> Result<()> {
+            found.push((name, Image::from_planes(self.resolution, planes)?, caption));
+            Ok(())
+        };
+        add("direct", self.direct, "Direct light: one bounce".into())?;
+        add("global", self.global, "Global light: two bounces and more".into())?;
+        if let Some([second, rest]) = self.bounces {
+            add("second", second, "The second bounce".into())?;
+            add("rest", rest, "Three bounces and more".into())?;
+        }
+        if let Some(reach) = self.reach {
+            let sigma = reach.sigma;
+            add("near-indirect", &reach.near, format!("Global light from near by, σ {sigma} px"))?;
+            add("far-indirect", &reach.far, "Global light from farther away".into())?;
+        }
+        if let Some(truth) = self.truth {
+            add("exact", truth, "The exact first bounce".into())?;
+        }
+        Ok(found)
+    }
+
+    fn csv(&self) -> String {
+        let mut text = "method,setting,photos,direct_error,global_error\n".to_owned();
+        for row in self.comparison {
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "{},\"{}\",{},{:e},{:e}",
+                row.method, row.setting, row.photos, row.error, row.global_error
+            );
+        }
+        text
+    }
+
+    fn page(&self, figures: Vec<Figure>, manifest: &Manifest, seconds: f64) -> Result<Report> {
+        let mut sections = vec![Section {
+            title: "Where the light comes from".into(),
+            text: format!("Under an all-ones pattern, in {}; all developed alike.", self.unit),
+            blocks: vec![Block::Figures(figures)],
+        }];
+        let errors = self.error_figures()?;
+        if !errors.is_empty() {
+            sections.push(Section {
+                title: "How right it is".into(),
+                text: "Light that comes back to its own pixel, or to its neighbours, cannot be told from direct light by patterns.".into(),
+                blocks: vec![Block::Figures(errors)],
+            });
+        }
+        if !self.comparison.is_empty() {
+            sections.push(self.compared());
+        }
+        let mut more = vec![("Method", self.method.clone())];
+        if let Some(reach) = self.reach {
+            let mut text = format!("{} photos, noise {}", reach.photos, percent(reach.noise));
+            if let Some(error) = reach.error {
+                let _ = write!(text, ", error {}", percent(error));
+            }
+            more.push(("Near indirect light by probing", text));
+        }
+        Ok(Report {
+            title: self.title.clone(),
+            verdict: Verdict {
+                outcome: if self.good { Outcome::Good } else { Outcome::Short },
+                sentence: self.sentence(),
+            },
+            facts: run::facts(
+                manifest,
+                self.photos + self.reach.map_or(0, |reach| reach.photos),
+                more,
+                seconds,
+            ),
+            sections,
+            footer: manifest.command.join(" "),
+        })
+    }
+
+    fn error_figures(&self) -> Result<Vec<Figure>> {
+        let mut figures = Vec::new();
+        if let Some(truth) = self.truth {
+            let error = difference(self.direct, truth);
+            let range = robust_range(&error, None);
+            figures.push(Figure {
+                png: paint_signed(self.resolution, &error, None, range)?.encode_png()?,
+                caption: format!("Direct light found less exact, {}", self.unit),
+                legend: Legend::signed(range),
+            });
+        }
+        if let Some(errors) = self.standard_error {
+            let errors = mean(errors);
+            let high = robust_range(&errors, None);
+            figures.push(Figure {
+                png: paint_sequential(self.resolution, &errors, None, (0.0, high))?.encode_png()?,
+                caption: format!("Standard error of the direct light, {}", self.unit),
+                legend: Legend::sequential(0.0, high),
+            });
+        }
+        Ok(figures)
+    }
+
+    fn compared(&self) -> Section {
+        let mut names: Vec<&'static str> = Vec::new();
+        for row in self.comparison {
+            if !names.contains(&row.method) {
+                names.push(row.method);
+            }
+        }
+        let points = |name: &str| {
+            let rows = self.comparison.iter().filter(|row| row.method == name);
+            rows.map(|row| (row.photos as f64, row.error)).collect()
+        };
+        let plot = LinePlot {
+            x_label: "photos".into(),
+            y_label: "relative error of the direct light".into(),
+            logarithmic: true,
+            series: names.iter().map(|name| Series { name: (*name).into(), points: points(name) }).collect(),
+            marks: Vec::new(),
+        };
+        let row = |row: &ComparisonRow| {
+            vec![row.setting.clone(), row.photos.to_string(), percent(row.error), percent(row.global_error)]
+        };
+        let table = Block::Table {
+            headers: ["method", "photos", "direct", "global"].map(String::from).to_vec(),
+            rows: self.comparison.iter().map(row).collect(),
+            caption: "Errors of direct and global light, relative to the exact ones".into(),
+        };
+        Section {
+            title: "Every method at several photo counts".into(),
+            text: "Against the exact first bounce. Random patterns are right on average for the light that comes back to its own pixel, and their noise falls with more of them; checkerboards and sinusoids keep what is as sharp as they are; the patterns of one capture all carry the signs of its start, so that more of them hardly help.".into(),
+            blocks: vec![Block::Plot { svg: plot.render(), caption: String::new() }, table],
+        }
+    }
+}
+
+/// `‖found − truth‖ / ‖truth‖` over all channels.
+pub fn relative_error(found: &Planes, truth: &Planes) -> f64 {
+    let less: Planes = found
+        .iter()
+        .zip(truth)
+        .map(|(found, truth)| found.iter().zip(truth).map(|(found, truth)| found - truth).collect())
+        .collect();
+    norm(&less) / norm(truth)
+}
+
+fn norm(planes: &Planes) -> f64 {
+    planes.iter().flatten().map(|value| value * value).sum::<f64>().sqrt()
+}
+
+fn sum(a: &Planes, b: &Planes) -> Planes {
+    a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a + b).collect()).collect()
+}
