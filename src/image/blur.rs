@@ -111,8 +111,8 @@ mod tests {
             assert!((columns.iter().map(|column| column[i]).sum::<f64>() - 1.0).abs() < 1e-14);
             let expected: f64 = (0..n).map(|k| columns[k][i].powi(2) * (1.0 + k as f64)).sum();
             assert!((variance[i] - expected).abs() < 1e-12);
-            for k in 0..n {
-                assert!((columns[i][k] - columns[k][i]).abs() < 1e-16);
+            for (k, column) in columns.iter().enumerate() {
+                assert!((columns[i][k] - column[i]).abs() < 1e-16);
             }
         }
         assert!(Blur::new(resolution, 0.0).is_none());
