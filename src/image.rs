@@ -1,5 +1,9 @@
 //! Patterns and photos: dense `f32` rasters in linear radiometric units.
 
+mod blur;
+
+pub use blur::Blur;
+
 use crate::error::{Error, Result};
 
 /// The size of a raster in pixels.

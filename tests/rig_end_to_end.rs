@@ -125,8 +125,8 @@ fn each_stage_that_answers_need_makes_them_worse_when_it_is_off() {
         switch(&mut other);
         let [score, excess] = [score(&one), excess(&other)];
         println!("{name:<24} {score:>18.4} {:>21.1}%", 100.0 * excess);
-        // Each of them costs a compensation at least two tenths of the optimum.
-        assert!(excess >= all_excess + 0.2, "{name}: {excess} without, {all_excess} with");
+        // Each of them at least doubles what devices cost a compensation, which is below a tenth of the optimum.
+        assert!(excess >= all_excess + 0.1, "{name}: {excess} without, {all_excess} with");
         // The segmentation forgives ambient light, which it never sees in differences of photos.
         assert!(name == "ambient" || score <= all_score - 0.03, "{name}: {score} without, {all_score} with");
     }

@@ -5,6 +5,7 @@
 //! | which pixels exchange light? | [`mod@segment`]; the photos it takes: [`Capture`] |
 //! | on which matrix | [`Graph`], [`NormalizedAdjacency`], [`NegativeLaplacian`] |
 //! | what is to be projected, so that the scene looks as wanted? | [`mod@compensate`], for a [`Wish`] |
+//! | which part of the light is asked about: [`mod@direct`]; its blurring | [`WithoutDirect`], [`Blurred`] |
 //! | which light came straight from the projector? | [`mod@separate`] |
 //! | how does it look under another pattern? | [`mod@low_rank`] |
 //! | which light came from how far away? | [`mod@probe`] |
@@ -14,30 +15,29 @@
 //! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
 //! | how alike are two images? | [`mod@likeness`] |
 
-mod adjacency;
 pub mod audit;
-mod capture;
 pub mod compensate;
-mod graph;
+pub mod direct;
 pub mod kmeans;
-mod laplacian;
 pub mod likeness;
 pub mod low_rank;
 pub mod plan;
 pub mod probe;
 mod rand_index;
 pub mod segment;
-mod segmentation;
 pub mod separate;
 
-pub use adjacency::NormalizedAdjacency;
-pub use capture::Capture;
-pub use compensate::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
-pub use graph::Graph;
-pub use laplacian::NegativeLaplacian;
+pub use compensate::{
+    Clamping, CompensateOptions, Compensation, CompensationRow, Crosstalk, MethodRun, Precondition, Prior,
+    Wish,
+};
+pub use direct::{Blurred, DirectMethod, WithoutDirect, measure_direct};
 pub use likeness::Likeness;
 pub use low_rank::LowRank;
 pub use probe::{Probed, Probing};
 pub use rand_index::adjusted_rand_index;
-pub use segmentation::{Cut, MASKED, SegmentOptions, Segmentation};
+pub use segment::{
+    Capture, Cut, Evidence, FeatureView, Graph, MASKED, NegativeLaplacian, NormalizedAdjacency, Regions,
+    SegmentOptions, Segmentation,
+};
 pub use separate::Separation;

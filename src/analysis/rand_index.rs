@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::segmentation::MASKED;
+use super::MASKED;
 use crate::error::{Error, Result};
 
 /// The adjusted Rand index of two labellings: 1 when they are the same up to names, 0 on average for labels drawn at

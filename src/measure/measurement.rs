@@ -3,7 +3,6 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use super::blur::Blur;
 use super::calibration::{Calibration, Registration};
 use super::display::Display;
 use super::drift::DriftReport;
@@ -16,7 +15,7 @@ use super::registration::{choose, combine};
 use super::response::CameraCurve;
 use super::shots::{Effort, Shots};
 use crate::error::{Error, Result};
-use crate::image::{Image, Resolution};
+use crate::image::{Blur, Image, Resolution};
 use crate::rig::Frame;
 use crate::transport::Part;
 

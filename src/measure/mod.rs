@@ -24,7 +24,6 @@
 mod ambient;
 mod averaging;
 pub mod bit_planes;
-mod blur;
 pub mod calibrate;
 mod calibration;
 mod calibration_file;

@@ -6,7 +6,7 @@
 //! | `.exr` layers, 32-bit floats | [`exr`] |
 //! | `.png` for people | [`png`], after [`tone`], [`colormap`] or [`palette`] chose the colours |
 //! | `.npz` (for `scipy.sparse.load_npz`) and `.mtx` matrices | [`sparse`] |
-//! | `report.html` | [`html`], with plots by [`plot`] |
+//! | `report.html` | [`html`], with plots by [`plot`] and [`scatter`] |
 //! | `run.json` | [`manifest`] |
 //! | `model/` | [`model`] |
 //! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
@@ -40,6 +40,7 @@ mod raster;
 pub mod relighting;
 mod residuals;
 mod run;
+pub mod scatter;
 pub mod segmentation;
 pub mod separation;
 pub mod solution;

@@ -126,6 +126,21 @@ impl Chart {
         draw!(self.body, r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}" fill="{color}"/>"#);
     }
 
+    /// A circle that is not filled, legible on light and dark points.
+    pub fn ring(&mut self, (x, y): (f64, f64), radius: f64) {
+        draw!(
+            self.body,
+            r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}" fill="none" stroke="currentColor" stroke-width="2"/>"#
+        );
+    }
+
+    /// Text that begins at a point of the drawing, or ends there where it would leave the frame.
+    pub fn note(&mut self, (x, y): (f64, f64), text: &str) {
+        let anchor = if x > WIDTH - RIGHT - 8.0 * text.chars().count() as f64 { "end" } else { "start" };
+        let x = if anchor == "end" { x - 20.0 } else { x };
+        draw!(self.body, r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{}</text>"#, escape(text));
+    }
+
     /// A dashed horizontal line over the whole width with a note at its left end, where curves that
     /// fall have not come down yet.
     pub fn horizontal_mark(&mut self, value: f64, note: &str) {

@@ -8,12 +8,14 @@ pub mod material;
 mod obj;
 mod picture;
 mod rig;
+mod shape;
 mod source;
 mod texture;
 mod triangle;
 
 pub use camera::{Camera, Lens};
 pub use material::{AlphaMode, Material, Volume};
+pub use shape::predicted_direct;
 pub use texture::{Texture, TextureRef, Wrap};
 pub use triangle::Triangle;
 

@@ -1,8 +1,10 @@
 //! A new target on a scene that is captured already: compensation by a model of its light, at no or few further photos.
 
+use super::run::Run;
 use super::wish::{norm_of, residual_norm};
-use super::{CompensateOptions, Compensation, CompensationRow, Run, Wish, clipped, least_good, photograph};
+use super::{CompensateOptions, Compensation, CompensationRow, Prior, Scene, Wish, clipped};
 use crate::analysis::LowRank;
+use crate::analysis::likeness::likeness;
 use crate::error::Result;
 use crate::krylov::{Constraint, keep_solving};
 
@@ -39,21 +41,23 @@ pub fn compensate_by_model(
     photograph_it: &mut Photograph<'_>,
 ) -> Result<Compensation> {
     options.check()?;
+    let wish = &wish.lifted(options.lift);
     wish.fits(model)?;
-    let white = photograph(model, &vec![vec![1.0; wish.pixels()]; model.len()])?;
+    let prior = Prior::default();
+    let mut scene = Scene { channels: model, prior: &prior };
+    let white = scene.photograph(&vec![vec![1.0; wish.pixels()]; scene.channels.len()])?;
     let peak = options.peak.map_or_else(|| wish.default_peak(&white), Ok)?;
     let b = wish.light(peak)?;
     let scale = norm_of(&b);
-    let mut missed: Vec<Vec<f64>> = vec![vec![0.0; wish.pixels()]; model.len()];
+    let mut missed: Vec<Vec<f64>> = vec![vec![0.0; wish.pixels()]; scene.channels.len()];
     let mut history: Vec<CompensationRow> = Vec::new();
     let mut stalled = false;
     loop {
         let goal = combined(&b, &missed, |b, missed| b - missed);
-        let mut run = Run { wish, white: &white, b: &goal, options, preparation: 0 };
-        let solutions = run.solve_all(model, options.method, PRODUCTS, &mut keep_solving)?;
-        let answer: Vec<Vec<f64>> = solutions.iter().map(|found| found.x.clone()).collect();
-        let pattern = clipped(&answer, options.floor);
-        let modelled = photograph(model, &pattern)?;
+        let mut run = Run { wish, white: &white, b: &goal, options, prior: &prior, preparation: 0 };
+        let solved = run.solve(scene.channels, options.method, PRODUCTS, false, &mut keep_solving)?;
+        let pattern = clipped(&solved.patterns, options.floor);
+        let modelled = scene.photograph(&pattern)?;
         if history.len() < corrections && !stalled {
             let photo = photograph_it(&pattern)?;
             let residual = residual_norm(&b, &photo) / scale;
@@ -65,26 +69,30 @@ pub fn compensate_by_model(
             continue;
         }
         let predicted = combined(&modelled, &missed, |modelled, missed| modelled + missed);
-        let plain = photograph(model, &clipped(&wish.dimmed(&white, peak)?, options.floor))?;
+        let plain = scene.photograph(&clipped(&wish.dimmed(&white, peak)?, options.floor))?;
         let (residual, uncompensated_residual) =
             (residual_norm(&b, &predicted) / scale, residual_norm(&b, &plain) / scale);
-        let status = least_good(&solutions);
+        let (target, observed) = (wish.radiance(peak)?, wish.photo(&predicted)?);
+        let uncompensated = wish.photo(&plain)?;
         let boxed = options.method.facts().constraint == Constraint::Box;
         return Ok(Compensation {
-            unclipped: if pattern == answer { None } else { Some(wish.image(&answer)?) },
+            unclipped: if pattern == solved.patterns { None } else { Some(wish.image(&solved.patterns)?) },
             pattern: wish.image(&pattern)?,
-            target: wish.radiance(peak)?,
-            observed: wish.photo(&predicted)?,
-            uncompensated: wish.photo(&plain)?,
+            likeness: likeness(&observed, &target, peak)?,
+            uncompensated_likeness: likeness(&uncompensated, &target, peak)?,
+            target,
+            observed,
+            uncompensated,
             peak,
             residual,
-            unclipped_residual: run.total(solutions.iter().map(|found| found.residual)),
+            unclipped_residual: solved.residual,
             uncompensated_residual,
             photos: history.len(),
             history,
             baseline: Vec::new(),
             preparation: 0,
-            status,
+            clamping: None,
+            status: solved.status,
             // No further photo of the model's could make it better, so this is as good as the model.
             good: residual < uncompensated_residual && (boxed || residual <= options.rtol),
         });

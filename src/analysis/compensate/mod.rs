@@ -1,21 +1,36 @@
 //! Light transport compensation: what to project so that the scene looks as wanted.
+//!
+//! | idea | here |
+//! |---|---|
+//! | what is wished | [`Wish`] |
+//! | what is known beside the photos: direct light, shape, crosstalk of colours, a first pattern | [`Prior`] |
+//! | what clamping does, and what a method inside the box does instead | [`Clamping`] |
+//! | every method at equal photos | [`compare_methods`] |
+//! | another target for a scene that is captured already | [`compensate_by_model`] |
 
 mod by_model;
+mod clamping;
+mod compare;
+mod crosstalk;
+mod defocus;
 mod options;
+mod run;
 mod wish;
 
 pub use by_model::{Photograph, compensate_by_model};
+pub use clamping::Clamping;
+pub use compare::{MethodRun, compare_methods};
+pub use crosstalk::Crosstalk;
 pub use options::{CompensateOptions, Precondition};
 pub use wish::Wish;
-use wish::{norm_of, residual_norm};
 
-use crate::error::Result;
+use super::likeness::{Likeness, likeness};
+use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::krylov::{
-    Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveMonitor, SolveOptions, SolveRow,
-    Start, Status, keep_solving, solve_adjoint,
-};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::krylov::{Constraint, Method, SolveMonitor, Status, keep_solving};
+use crate::operator::Adjoint;
+use run::{Planes, Run};
+use wish::{norm_of, residual_norm};
 
 /// A residual, relative to the wish, after so many photos of the method: the least until then.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,10 +72,29 @@ pub struct Compensation {
     pub photos: usize,
     /// Photos before them: the white one, and one to measure a multiscale preconditioner.
     pub preparation: usize,
+    /// How alike `observed` and `target` are, the data range being the peak.
+    pub likeness: Likeness,
+    /// The same of `uncompensated`.
+    pub uncompensated_likeness: Likeness,
+    /// What clipping did, photo by photo; none for an answer inside the box, and where no baseline is asked for.
+    pub clamping: Option<Clamping>,
     /// Why the method ended; of several channels, the one that went least well.
     pub status: Status,
     /// The pattern is better than none, and within the tolerance or the best inside the box.
     pub good: bool,
+}
+
+/// What is known beside the photos; by default nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Prior {
+    /// The direct image under white of each channel (`n`), for [`Precondition::Direct`]; empty: it is measured.
+    pub direct: Vec<Vec<f64>>,
+    /// The direct image that the scene's shape alone predicts (`n`), up to a factor, for [`Precondition::Geometry`].
+    pub geometry: Vec<f64>,
+    /// The crosstalk of projector and camera colours; only for three channels.
+    pub crosstalk: Option<Crosstalk>,
+    /// Where methods start (a plane for each channel), in place of darkness or the target over the white photo.
+    pub start: Option<Vec<Vec<f64>>>,
 }
 
 /// What to project so that the photo is `target` times the peak: solves `A x = b` in each channel, with `b` the light
@@ -72,168 +106,143 @@ pub struct Compensation {
 /// belongs inside the method ([`Method::KrylovBox`]).
 ///
 /// # Errors
-/// As [`CompensateOptions::check`] and [`solve_adjoint`]; [`Error::Option`](crate::Error::Option) naming `--peak` when none is given and half of the white
-/// photo is black; [`Error::Dimension`](crate::Error::Dimension) when sizes differ; [`Error::Numerical`](crate::Error::Numerical) when there is nothing to wish for.
+/// As [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` when none is given and half of the white
+/// photo is black; [`Error::Dimension`] when sizes differ; [`Error::Numerical`] when there is nothing to wish for.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     wish: &Wish,
     options: &CompensateOptions,
     monitor: &mut SolveMonitor<'_>,
 ) -> Result<Compensation> {
+    compensate_with(channels, wish, options, &Prior::default(), monitor)
+}
+
+/// As [`compensate`], with what is known beside the photos.
+///
+/// # Errors
+/// As [`compensate`]; [`Error::Dimension`] when `prior` has crosstalk and there are not three channels, or a plane of another
+/// size; [`Error::Option`] naming `--precondition` when it lacks what that needs.
+pub fn compensate_with<O: Adjoint>(
+    channels: &mut [O],
+    wish: &Wish,
+    options: &CompensateOptions,
+    prior: &Prior,
+    monitor: &mut SolveMonitor<'_>,
+) -> Result<Compensation> {
     options.check()?;
+    let wish = &wish.lifted(options.lift);
     wish.fits(channels)?;
-    let ones = vec![vec![1.0; wish.pixels()]; channels.len()];
-    let white = photograph(channels, &ones)?;
+    prior.fits(wish, channels.len())?;
+    let mut scene = Scene { channels, prior };
+    let ones = vec![vec![1.0; wish.pixels()]; scene.channels.len()];
+    let white = scene.photograph(&ones)?;
     let peak = options.peak.map_or_else(|| wish.default_peak(&white), Ok)?;
     let b = wish.light(peak)?;
-    let mut run = Run { wish, white: &white, b: &b, options, preparation: 1 };
-    let solutions = run.solve_all(channels, options.method, options.photos, monitor)?;
-    let photos = solutions.iter().map(|found| found.stats.products).max().unwrap_or(0);
+    let mut run = Run { wish, white: &white, b: &b, options, prior, preparation: 1 };
+    let keep = options.method.facts().constraint != Constraint::Box && options.baseline;
+    let solved = run.solve(scene.channels, options.method, options.photos, keep, monitor)?;
+    let preparation = run.preparation;
+    let again = solved.photos.max(1);
     let baseline = match options.method {
-        Method::Jacobi => solutions.clone(),
+        Method::Jacobi => solved.history.clone(),
         _ if !options.baseline => Vec::new(),
-        _ => run.solve_all(channels, Method::Jacobi, photos.max(1), &mut keep_solving)?,
+        _ => run.solve(scene.channels, Method::Jacobi, again, false, &mut keep_solving)?.history,
     };
 
-    let answer: Vec<Vec<f64>> = solutions.iter().map(|found| found.x.clone()).collect();
-    let pattern = clipped(&answer, options.floor);
-    let observed = photograph(channels, &pattern)?;
+    let pattern = clipped(&solved.patterns, options.floor);
+    let observed = scene.photograph(&pattern)?;
     let plain = clipped(&wish.dimmed(&white, peak)?, options.floor);
-    let uncompensated = photograph(channels, &plain)?;
+    let uncompensated = scene.photograph(&plain)?;
     let scale = norm_of(&b);
     let residual = residual_norm(&b, &observed) / scale;
     let uncompensated_residual = residual_norm(&b, &uncompensated) / scale;
-    let history = run.history(&solutions);
-    let status = least_good(&solutions);
+    let was_clipped = pattern != solved.patterns;
+    let clamping = if keep && was_clipped {
+        let boxed = run.solve(scene.channels, Method::KrylovBox, again, false, &mut keep_solving)?.history;
+        let displayed = scene.displayed(&solved.answers, options.floor, &b)?;
+        Some(Clamping { displayed, boxed, uncompensated: uncompensated_residual })
+    } else {
+        None
+    };
     // What the method knows by recurrence agrees with a photo to rounding, not to the last bit.
     let reached = residual <= options.rtol * (1.0 + 1e-6);
     let optimal =
-        options.method.facts().constraint == Constraint::Box && status == Status::ConstrainedOptimum;
+        options.method.facts().constraint == Constraint::Box && solved.status == Status::ConstrainedOptimum;
+    let (target, observed) = (wish.radiance(peak)?, wish.photo(&observed)?);
+    let uncompensated = wish.photo(&uncompensated)?;
     Ok(Compensation {
-        unclipped: if pattern == answer { None } else { Some(wish.image(&answer)?) },
+        unclipped: if was_clipped { Some(wish.image(&solved.patterns)?) } else { None },
         pattern: wish.image(&pattern)?,
-        target: wish.radiance(peak)?,
-        observed: wish.photo(&observed)?,
-        uncompensated: wish.photo(&uncompensated)?,
+        likeness: likeness(&observed, &target, peak)?,
+        uncompensated_likeness: likeness(&uncompensated, &target, peak)?,
+        target,
+        observed,
+        uncompensated,
         peak,
         residual,
-        unclipped_residual: run.total(solutions.iter().map(|found| found.residual)),
+        unclipped_residual: solved.residual,
         uncompensated_residual,
-        history,
-        baseline: run.history(&baseline),
-        photos,
-        preparation: run.preparation,
-        status,
+        history: solved.history,
+        baseline,
+        photos: solved.photos,
+        preparation,
+        clamping,
+        status: solved.status,
         good: residual < uncompensated_residual && (reached || optimal),
     })
 }
 
-/// What all channels' systems share.
-struct Run<'a> {
-    wish: &'a Wish,
-    white: &'a [Vec<f64>],
-    b: &'a [Vec<f64>],
-    options: &'a CompensateOptions,
-    preparation: usize,
-}
-
-impl Run<'_> {
-    fn solve_all<O: Adjoint>(
-        &mut self,
-        channels: &mut [O],
-        method: Method,
-        photos: usize,
-        monitor: &mut SolveMonitor<'_>,
-    ) -> Result<Vec<Solution>> {
-        let constrained = method.facts().constraint != Constraint::None;
-        let mut found = Vec::new();
-        for (channel, operator) in channels.iter_mut().enumerate() {
-            let preconditioner = if constrained { None } else { self.preconditioner(operator, channel)? };
-            let options = SolveOptions {
-                products: photos,
-                rtol: self.options.rtol,
-                lower: self.options.floor,
-                diagonal: constrained.then(|| self.white[channel].clone()),
-                preconditioner,
-                ..SolveOptions::default()
-            };
-            found.push(solve_adjoint(method, operator, &self.b[channel], &options, monitor)?);
-        }
-        Ok(found)
-    }
-
-    fn preconditioner(
-        &mut self,
-        operator: &mut dyn Operator,
-        channel: usize,
-    ) -> Result<Option<std::sync::Arc<dyn Preconditioner>>> {
-        // Where the projector stands apart, its pixels are others than those of the white photo.
-        if self.options.precondition.is_none() && operator.symmetry() != Symmetry::Symmetric {
-            return Ok(None);
-        }
-        let white = self.white[channel].clone();
-        Ok(match self.options.preconditioning() {
-            Precondition::None => None,
-            Precondition::Diagonal => Some(std::sync::Arc::new(Diagonal::new(white)?)),
-            Precondition::Multiscale => {
-                let probe = Start::default().vector(white.len());
-                let mut photo = vec![0.0; white.len()];
-                operator.apply(&probe, &mut photo)?;
-                self.preparation = 2;
-                let size = self.wish.resolution();
-                let measured = Multiscale::measured(size.width, size.height, white, &probe, &photo)?;
-                Some(std::sync::Arc::new(measured))
-            }
-        })
-    }
-
-    /// Relative residuals of all channels as one, relative to the whole wish.
-    fn total(&self, residuals: impl Iterator<Item = f64>) -> f64 {
-        let absolute = residuals.zip(self.b).map(|(residual, b)| match norm_of(std::slice::from_ref(b)) {
-            // Of a channel without a wish the residual is absolute.
-            0.0 => residual,
-            length => residual * length,
-        });
-        absolute.map(|residual| residual * residual).sum::<f64>().sqrt() / norm_of(self.b)
-    }
-
-    /// The channels' histories as one: a channel that ended stays where it was.
-    fn history(&self, solutions: &[Solution]) -> Vec<CompensationRow> {
-        let most = solutions.iter().map(|found| found.history.len()).max().unwrap_or(0);
-        let at = |found: &Solution, index: usize| {
-            let row: Option<&SolveRow> = found.history.get(index).or(found.history.last());
-            row.map_or(found.residual, |row| row.best)
+impl Prior {
+    fn fits(&self, wish: &Wish, channels: usize) -> Result<()> {
+        let mismatch = |what, expected: usize, found: usize| {
+            Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
         };
-        (0..most)
-            .map(|index| CompensationRow {
-                photo: index + 1,
-                residual: self.total(solutions.iter().map(|found| at(found, index))),
-            })
-            .collect()
+        if self.crosstalk.is_some() && channels != 3 {
+            return mismatch("channels between which there is crosstalk", 3, channels);
+        }
+        let start = self.start.as_ref().map_or(0, Vec::len);
+        for (what, count) in [("direct images", self.direct.len()), ("planes of the first pattern", start)] {
+            if count != 0 && count != channels {
+                return mismatch(what, channels, count);
+            }
+        }
+        let geometry = Some(&self.geometry).filter(|plane| !plane.is_empty());
+        let mut planes = self.direct.iter().chain(geometry).chain(self.start.iter().flatten());
+        match planes.find(|plane| plane.len() != wish.pixels()) {
+            Some(plane) => mismatch("pixels of what is known beforehand", wish.pixels(), plane.len()),
+            None => Ok(()),
+        }
     }
 }
 
-fn photograph<O: Adjoint>(channels: &mut [O], patterns: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
-    let photo = |(operator, pattern): (&mut O, &Vec<f64>)| {
-        let mut photo = vec![0.0; pattern.len()];
-        operator.apply(pattern, &mut photo)?;
-        Ok(photo)
-    };
-    channels.iter_mut().zip(patterns).map(photo).collect()
+/// The channels behind the crosstalk of their colours.
+struct Scene<'a, O> {
+    channels: &'a mut [O],
+    prior: &'a Prior,
 }
 
-fn clipped(patterns: &[Vec<f64>], floor: f64) -> Vec<Vec<f64>> {
+impl<O: Adjoint> Scene<'_, O> {
+    /// The photo of a pattern in all colours.
+    fn photograph(&mut self, patterns: &[Vec<f64>]) -> Result<Planes> {
+        let mixed = self.prior.crosstalk.as_ref().map(|crosstalk| crosstalk.mix(patterns));
+        let photo = |(operator, pattern): (&mut O, &Vec<f64>)| {
+            let mut photo = vec![0.0; pattern.len()];
+            operator.apply(pattern, &mut photo)?;
+            Ok(photo)
+        };
+        self.channels.iter_mut().zip(mixed.as_deref().unwrap_or(patterns)).map(photo).collect()
+    }
+
+    /// What would be seen of each answer, had it been clipped and projected.
+    fn displayed(&mut self, answers: &[Planes], floor: f64, b: &[Vec<f64>]) -> Result<Vec<CompensationRow>> {
+        let row = |(index, answer): (usize, &Planes)| {
+            let seen = self.photograph(&clipped(answer, floor))?;
+            Ok(CompensationRow { photo: index + 1, residual: residual_norm(b, &seen) / norm_of(b) })
+        };
+        answers.iter().enumerate().map(row).collect()
+    }
+}
+
+fn clipped(patterns: &[Vec<f64>], floor: f64) -> Planes {
     patterns.iter().map(|plane| plane.iter().map(|value| value.clamp(floor, 1.0)).collect()).collect()
-}
-
-/// A channel that reached its tolerance says nothing of the others.
-fn least_good(solutions: &[Solution]) -> Status {
-    let statuses = || solutions.iter().map(|found| found.stats.status);
-    let rank = |status: &Status| match status {
-        Status::ReachedTolerance => 0,
-        Status::SpaceExhausted => 1,
-        Status::ConstrainedOptimum | Status::LeastSquares => 2,
-        _ => 3,
-    };
-    statuses().max_by_key(rank).unwrap_or(Status::ReachedTolerance)
 }

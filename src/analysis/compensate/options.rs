@@ -20,12 +20,19 @@ pub struct CompensateOptions {
     /// symmetric operators, and
     /// nothing for those inside a box, which scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
-    /// Whether projected Jacobi is given as many photos, to be compared with. On a rig these are dear. Default true.
+    /// The width of the lens' blur, for [`Precondition::Defocus`], in pixels (the standard deviation of a Gaussian). Default `None`: told
+    /// from one photo.
+    pub defocus: Option<f64>,
+    /// The target's values are moved from [0, 1] to [`lift`, 1] before they are wished for, as the paper does so that less light
+    /// has to be taken away. From 0 to below 1; default 0.
+    pub lift: f64,
+    /// Whether projected Jacobi is given as many photos, to be compared with, and what clipping does is photographed step by step.
+    /// On a rig these photos are dear. Default true.
     pub baseline: bool,
 }
 
-/// An approximate inverse from the photos that are there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// An approximate inverse from what is known of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Precondition {
     /// None.
     None,
@@ -33,6 +40,12 @@ pub enum Precondition {
     Diagonal,
     /// That, and a gain for each scale of an image pyramid, measured by one photo more: [`Multiscale::measured`](crate::krylov::Multiscale::measured).
     Multiscale,
+    /// Division by the direct image: [`Prior::direct`](super::Prior::direct), or measured by 16 photos of shifted squares.
+    Direct,
+    /// Division by the direct image that the scene's shape alone predicts: [`Prior::geometry`](super::Prior::geometry).
+    Geometry,
+    /// Division by the white photo and by the frequencies of a lens out of focus: its width given, or measured by one photo more.
+    Defocus,
 }
 
 impl Default for CompensateOptions {
@@ -44,16 +57,32 @@ impl Default for CompensateOptions {
             floor: 0.0,
             peak: None,
             precondition: None,
+            defocus: None,
+            lift: 0.0,
             baseline: true,
         }
     }
 }
 
 impl CompensateOptions {
+    /// The paper's recipe (section 6): unconstrained residuals are made small by MINRES, or by GMRES where the operator is not
+    /// `symmetric`, preconditioned by the direct image; the target is moved to [α, 1] (`lift`), and what still leaves the projector's
+    /// range is clamped. Five photos.
+    pub fn paper(symmetric: bool, lift: f64) -> Self {
+        Self {
+            method: if symmetric { Method::Minres } else { Method::Gmres },
+            photos: 5,
+            rtol: 0.0,
+            precondition: Some(Precondition::Direct),
+            lift,
+            ..Self::default()
+        }
+    }
+
     /// Refuses values that cannot be used, before any photo.
     ///
     /// # Errors
-    /// [`Error::Option`] naming `--photos`, `--rtol`, `--floor`, `--peak` or `--precondition`.
+    /// [`Error::Option`] naming `--photos`, `--rtol`, `--floor`, `--lift`, `--peak`, `--defocus` or `--precondition`.
     pub fn check(&self) -> Result<()> {
         let refuse = |option: &str, fault: String, help: &str| {
             Err(Error::Option { option: option.into(), fault, help: help.into() })
@@ -68,12 +97,22 @@ impl CompensateOptions {
             let fault = format!("[{}, 1] is no box to project in", self.floor);
             return refuse("--floor", fault, "give a number from 0 to below 1");
         }
+        if !(0.0..1.0).contains(&self.lift) {
+            let fault = format!("[{}, 1] leaves no contrast", self.lift);
+            return refuse("--lift", fault, "give a number from 0 to below 1");
+        }
+        if let Some(width) = self.defocus
+            && !(0.0..1000.0).contains(&width)
+        {
+            return refuse("--defocus", format!("{width} pixels"), "give a standard deviation from 0 on");
+        }
         if let Some(peak) = self.peak
             && !(peak > 0.0 && peak.is_finite())
         {
             return refuse("--peak", format!("{peak} is no radiance"), "give a positive number in W/(m² sr)");
         }
-        if self.preconditioning() != Precondition::None && !self.is_preconditioned() {
+        let wanted = self.precondition.is_some_and(|kind| kind != Precondition::None);
+        if wanted && self.method.facts().constraint != Constraint::None {
             let fault = format!("{} takes no preconditioner", self.method.facts().name);
             let help = "leave it out: methods inside a box scale their steps by the white photo anyway";
             return refuse("--precondition", fault, help);
@@ -81,12 +120,8 @@ impl CompensateOptions {
         Ok(())
     }
 
-    fn is_preconditioned(&self) -> bool {
-        self.method.facts().constraint == Constraint::None
-    }
-
-    pub(super) fn preconditioning(&self) -> Precondition {
-        let default = if self.is_preconditioned() { Precondition::Diagonal } else { Precondition::None };
-        self.precondition.unwrap_or(default)
+    /// What a method without constraint is preconditioned by.
+    pub(super) fn unconstrained_preconditioning(&self) -> Precondition {
+        self.precondition.unwrap_or(Precondition::Diagonal)
     }
 }

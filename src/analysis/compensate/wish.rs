@@ -43,6 +43,12 @@ impl Wish {
         })
     }
 
+    /// The same with the target's values moved from [0, 1] to [`lift`, 1]: `t ← α + (1 − α) t`.
+    pub(super) fn lifted(&self, lift: f64) -> Self {
+        let plane = |plane: &Vec<f64>| plane.iter().map(|value| lift + (1.0 - lift) * value).collect();
+        Self { target: self.target.iter().map(plane).collect(), ..self.clone() }
+    }
+
     /// Pixels of patterns and photos.
     pub fn resolution(&self) -> Resolution {
         self.resolution

@@ -16,7 +16,7 @@ use crate::transport::{Channels, Part};
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // A model takes no photos: a budget of 0 is fine.
-    let options = CompensateOptions { photos: 1, ..args.options(false) };
+    let options = CompensateOptions { photos: 1, ..args.options(false, true) };
     options.check()?;
     let path = args.model.as_ref().unwrap_or(&args.source.source);
     if !SavedModel::is_in(path) {
@@ -44,7 +44,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
                 compensate_by_model(&mut model.channels, &wish, &options, 0, &mut |_| Err(Error::Interrupted))
             })
             .map_err(Into::into)
-            .and_then(|found| finish(args, console, &found, &model.source, &mut folder));
+            .and_then(|found| finish(console, (&found, &[]), &options, &model.source, &mut folder));
         return folder.close(outcome);
     }
     let mut source = Source::open(&args.source, &args.trace, console)?;
@@ -53,7 +53,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     source.describe(&mut folder.manifest, channels);
     let name = source.name();
     let outcome = corrected(args, console, &mut source, channels, &mut model, &wish, &options, &mut folder)
-        .and_then(|found| finish(args, console, &found, &name, &mut folder));
+        .and_then(|found| finish(console, (&found, &[]), &options, &name, &mut folder));
     folder.close(outcome)
 }
 
@@ -115,7 +115,13 @@ fn corrected(
                     };
                 each.map(photo).collect()
             };
-            compensate_by_model(&mut model.channels, wish, options, args.question.photos, &mut photograph)
+            compensate_by_model(
+                &mut model.channels,
+                wish,
+                options,
+                args.question.corrections(),
+                &mut photograph,
+            )
         })
     });
     folder.record_rig(&mut light, found, console)

@@ -8,6 +8,7 @@
 //! | `mirror-ball` | a mirror ball on the floor of a white room |
 //! | `cornell` | a coloured box with two blocks |
 //! | `two-sheets` | two curved sheets of paper that exchange no light |
+//! | `two-sheets-post` | the same behind a post, which parts one of them in the picture |
 //! | `carton` | an egg carton of twelve cups that exchange no light |
 //! | `carton-eggs` | the same with an egg in every second cup |
 //!
@@ -37,11 +38,21 @@ pub use mirror::mirror;
 pub use mirror_ball::mirror_ball;
 pub use model::{Model, Part};
 pub use tessellated_box::tessellated_box;
-pub use two_sheets::two_sheets;
+pub use two_sheets::{two_sheets, two_sheets_post};
 pub use white_room::white_room;
 pub use zigzag::zigzag;
 
 /// Every shipped scene; the file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
 pub fn shipped() -> Vec<Model> {
-    vec![zigzag(), corner(), mirror(), mirror_ball(), cornell(), two_sheets(), carton(), carton_eggs()]
+    vec![
+        zigzag(),
+        corner(),
+        mirror(),
+        mirror_ball(),
+        cornell(),
+        two_sheets(),
+        two_sheets_post(),
+        carton(),
+        carton_eggs(),
+    ]
 }

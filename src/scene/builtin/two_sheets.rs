@@ -1,8 +1,8 @@
-//! `two-sheets`: two curved sheets of paper.
+//! `two-sheets`: two curved sheets of paper; `two-sheets-post`: the same behind a post.
 
-use glam::{DVec2, Vec3, dvec2, dvec3};
+use glam::{DVec2, Vec3, dvec2, dvec3, vec3};
 
-use super::model::{Model, Part, camera_along_z, white_paper};
+use super::model::{Model, Part, camera_along_z, matte, white_paper};
 
 const TAN_HALF_FOV: f32 = 0.45;
 
@@ -27,6 +27,25 @@ pub fn two_sheets() -> Model {
         materials: white_paper(),
         camera: camera_along_z(Vec3::ZERO, TAN_HALF_FOV),
     }
+}
+
+/// The same with a black post in front of the left sheet, 3 cm wide and 3 cm behind the plane of the rims: in the picture the left
+/// sheet falls into two patches that do not touch, and light goes from one to the other behind the post. The post is region 2; it
+/// returns no light.
+pub fn two_sheets_post() -> Model {
+    let mut model = Model { name: "two-sheets-post", ..two_sheets() };
+    let mut post = Part::new("post", Some(2));
+    let [left, right, depth] = [-0.241, -0.211, -0.88];
+    post.quad([
+        vec3(left, -0.5, depth),
+        vec3(right, -0.5, depth),
+        vec3(right, 0.5, depth),
+        vec3(left, 0.5, depth),
+    ]);
+    post.material = 1;
+    model.parts.push(post);
+    model.materials.push(matte("black", Vec3::ZERO));
+    model
 }
 
 /// An arc from `left` to `right` (metres along x), whose ends rise at `angle` degrees.

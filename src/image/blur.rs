@@ -1,24 +1,24 @@
-//! A Gaussian on pattern and photo alike, so that the operator `K A K` stays symmetric.
+//! A Gaussian for rasters. On pattern and photo alike it leaves a symmetric operator symmetric: `K A K`.
 //!
 //! At the edges the picture is mirrored at the border between pixels (`… c b a | a b c …`): so `K = Kᵀ`, and `K 1 = 1`, which keeps
 //! a constant vector a constant pattern.
 
-use crate::image::Resolution;
+use super::Resolution;
 
 /// Kernels reach so many standard deviations.
 const REACH: f64 = 4.0;
 
 /// A separable Gaussian of some standard deviation in pixels.
 #[derive(Clone, Debug)]
-pub(super) struct Blur {
+pub struct Blur {
     resolution: Resolution,
     /// From the centre outwards; with their mirror images they add up to 1.
     kernel: Vec<f64>,
 }
 
 impl Blur {
-    /// `None` for a deviation of 0.
-    pub(super) fn new(resolution: Resolution, deviation: f64) -> Option<Self> {
+    /// `None` for a deviation of 0, which leaves everything as it is.
+    pub fn new(resolution: Resolution, deviation: f64) -> Option<Self> {
         if deviation <= 0.0 {
             return None;
         }
@@ -29,13 +29,18 @@ impl Blur {
         Some(Self { resolution, kernel })
     }
 
-    /// `K x`.
-    pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
+    /// The pixels that it is for.
+    pub fn resolution(&self) -> Resolution {
+        self.resolution
+    }
+
+    /// `K x`, both of length `n`.
+    pub fn apply(&self, x: &[f64]) -> Vec<f64> {
         self.with(&self.kernel, x)
     }
 
-    /// The variances of `K x` for independent entries of `x` with these.
-    pub(super) fn variance(&self, variance: &[f64]) -> Vec<f64> {
+    /// The variances (`n`) of `K x` for independent entries of `x` with these.
+    pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         // Near an edge one pixel comes in twice, so weights are collected before they are squared.
         let [across, down] = [width, height]

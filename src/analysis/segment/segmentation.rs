@@ -1,8 +1,8 @@
 //! A segmentation: what is asked for, and what is made of eigenvectors.
 
 use super::graph::Graph;
-use super::kmeans::{KmeansOptions, kmeans};
-use super::{NegativeLaplacian, NormalizedAdjacency};
+use super::{NegativeLaplacian, NormalizedAdjacency, Regions};
+use crate::analysis::kmeans::{KmeansOptions, kmeans};
 use crate::error::{Error, Result};
 use crate::krylov::{HistoryRow, RitzPair, Status};
 
@@ -121,6 +121,12 @@ pub struct Segmentation {
     /// `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or
     /// `uᵀ u = 1` (average cut). The first is the same in all pixels.
     pub eigenvectors: Vec<Vec<f64>>,
+    /// What each eigenvector is multiplied by to make coordinates for k-means (`k`), `1/√(1 − λ)`; 0 for the known one.
+    pub feature_weights: Vec<f64>,
+    /// What each pixel counts in k-means (`n`): its degree, or 1 for the average cut; 0 on masked pixels.
+    pub weights: Vec<f64>,
+    /// How many regions exchange next to no light, as far as the eigenvalues tell.
+    pub regions: Regions,
     /// The degree `D` of each pixel (`n`), in radiance, `μ m` included; zero on masked pixels.
     pub degree: Vec<f64>,
     /// True on masked pixels (`n`).
@@ -143,6 +149,17 @@ pub(super) struct Taken<'a> {
 }
 
 impl Segmentation {
+    /// A pixel's coordinates in the space that k-means works in: its values in all eigenvectors but the known one, weighted
+    /// (`k − 1` numbers).
+    pub fn feature(&self, pixel: usize) -> Vec<f64> {
+        self.eigenvectors
+            .iter()
+            .zip(&self.feature_weights)
+            .skip(1)
+            .map(|(u, weight)| weight * u[pixel])
+            .collect()
+    }
+
     pub(super) fn from_vectors(
         taken: &Taken<'_>,
         graph: &Graph,
@@ -171,7 +188,15 @@ impl Segmentation {
             Cut::Normalized => graph.degree().to_vec(),
             Cut::Average => vec![1.0; graph.degree().len()],
         };
-        let features = features(options.cut, graph, pairs, &vectors[1..]);
+        let gaps = gaps(options.cut, graph, pairs);
+        let feature_weights = feature_weights(options.cut, graph, pairs, &gaps);
+        let features: Vec<Vec<f64>> = vectors[1..]
+            .iter()
+            .zip(&feature_weights[1..])
+            .map(|(vector, weight)| vector.iter().map(|value| weight * value).collect())
+            .collect();
+        let second = vectors.get(1).map(Vec::as_slice).zip(pairs.first().map(|pair| pair.residual));
+        let regions = Regions::suggested(&gaps, second, &weights);
         let labels = options.groups.iter().map(|&groups| {
             let clusters = kmeans(&features, &weights, &KmeansOptions::new(groups, options.seed));
             (groups, graph.scatter(&number_by_appearance(&clusters.labels), MASKED))
@@ -189,6 +214,9 @@ impl Segmentation {
                 .chain(pairs.iter().map(|pair| pair.residual))
                 .collect(),
             eigenvectors: vectors.iter().map(|vector| graph.scatter(vector, 0.0)).collect(),
+            feature_weights,
+            weights: graph.scatter(&weights, 0.0),
+            regions,
             degree: graph.scatter(graph.degree(), 0.0),
             mask: graph.mask(),
             photos: taken.photos,
@@ -201,24 +229,24 @@ impl Segmentation {
     }
 }
 
-/// One column per eigenvector: `u / √(1 − λ)` (normalized cut), as in the commute-time embedding, where distances
-/// tell how long light takes to get from one pixel to another. `1 − λ` is not known better than to the residual, so
-/// no less than that divides an unresolved vector.
-fn features(cut: Cut, graph: &Graph, pairs: &[RitzPair], vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    // For the average cut λ is in units of degree.
+/// How far each eigenvalue is from that of the known pair, which is the first: `1 − λ`, or for the average cut `λ` in units of the
+/// mean degree.
+fn gaps(cut: Cut, graph: &Graph, pairs: &[RitzPair]) -> Vec<f64> {
+    let gap = |pair: &RitzPair| match cut {
+        Cut::Normalized => 1.0 - pair.value,
+        Cut::Average => -pair.value / mean(graph.degree()),
+    };
+    std::iter::once(0.0).chain(pairs.iter().map(gap)).collect()
+}
+
+/// `1/√(1 − λ)`, as in the commute-time embedding, where distances tell how long light takes to get from one pixel to
+/// another. `1 − λ` is not known better than to the residual, so no less than that divides an unresolved vector. The known one says
+/// nothing: 0.
+fn feature_weights(cut: Cut, graph: &Graph, pairs: &[RitzPair], gaps: &[f64]) -> Vec<f64> {
+    // For the average cut residuals are in units of degree.
     let unit = if cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
-    pairs
-        .iter()
-        .zip(vectors)
-        .map(|(pair, vector)| {
-            let gap = match cut {
-                Cut::Normalized => 1.0 - pair.value,
-                Cut::Average => -pair.value / unit,
-            };
-            let weight = 1.0 / gap.max(pair.residual / unit).max(FLOOR).sqrt();
-            vector.iter().map(|value| weight * value).collect()
-        })
-        .collect()
+    let weight = |(pair, gap): (&RitzPair, &f64)| 1.0 / gap.max(pair.residual / unit).max(FLOOR).sqrt();
+    std::iter::once(0.0).chain(pairs.iter().zip(&gaps[1..]).map(weight)).collect()
 }
 
 /// An eigenvalue nearer to 1 than this counts as 1: no vector may outweigh the next by more than `1/√FLOOR`.

@@ -1,7 +1,11 @@
 //! The files and the page of a light transport compensation.
 
+mod figures;
+
 use std::fmt::Write;
 use std::path::Path;
+
+use figures::rows;
 
 use super::colormap::{paint_signed, robust_range};
 use super::html::{Block, Figure, Legend, Outcome, Report, Section, Verdict};
@@ -9,7 +13,7 @@ use super::manifest::Manifest;
 use super::run::{self, Files};
 use super::tone::{develop, exposure};
 use super::{atomic, picture, residuals};
-use crate::analysis::{Compensation, CompensationRow};
+use crate::analysis::{Compensation, MethodRun};
 use crate::error::Result;
 use crate::image::Image;
 
@@ -24,6 +28,17 @@ pub struct CompensationRun<'a> {
     pub method: &'a str,
     /// The least that was to be projected.
     pub floor: f64,
+    /// What else was asked for.
+    pub extras: CompensationExtras<'a>,
+}
+
+/// What else was asked for; by default nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CompensationExtras<'a> {
+    /// Every method at equal photos.
+    pub methods: &'a [MethodRun],
+    /// The target's values were moved to [`lift`, 1].
+    pub lift: f64,
 }
 
 impl CompensationRun<'_> {
@@ -58,6 +73,14 @@ impl CompensationRun<'_> {
             &files.path("residuals.csv"),
             residuals::csv("photo", &rows(&found.history)).as_bytes(),
         )?;
+        if let Some(clamping) = &found.clamping {
+            let displayed = residuals::csv("photo", &rows(&clamping.displayed));
+            atomic::write_bytes(&files.path("residuals-displayed.csv"), displayed.as_bytes())?;
+        }
+        if !self.extras.methods.is_empty() {
+            let text = figures::csv(self.extras.methods);
+            atomic::write_bytes(&files.path("methods.csv"), text.as_bytes())?;
+        }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
         self.page(figures, manifest, seconds).write(&files.path("report.html"))?;
         Ok(files.names)
@@ -76,6 +99,12 @@ impl CompensationRun<'_> {
                 " The answer had to be clipped to [{}, 1]; before that its residual was {:.4}.",
                 self.floor, found.unclipped_residual
             );
+        }
+        if let Some(ssim) = found.likeness.ssim {
+            let _ = write!(text, " PSNR {:.2} dB, SSIM {ssim:.4}.", found.likeness.psnr);
+        }
+        if let Some(warning) = found.clamping.as_ref().and_then(crate::analysis::Clamping::warning) {
+            let _ = write!(text, " Warning: {warning}.");
         }
         text
     }
@@ -118,22 +147,24 @@ impl CompensationRun<'_> {
 
     fn page(&self, figures: Vec<Figure>, manifest: &Manifest, seconds: f64) -> Report {
         let found = self.found;
-        let more = [
+        let mut more = vec![
             ("Peak", format!("{:.5} W/(m² sr)", found.peak)),
             ("Photos before the method's", found.preparation.to_string()),
         ];
+        let lift = self.extras.lift;
+        more.extend((lift > 0.0).then(|| ("Target moved to", format!("[{lift}, 1]"))));
         let mut sections = vec![Section {
             title: "Seen and projected".into(),
             text: "Photos are developed alike. Errors are of all channels together.".into(),
-            blocks: vec![Block::Figures(figures)],
+            blocks: vec![Block::Figures(figures), figures::likeness(self)],
         }];
         // A model of the light answers without a photo.
         if !found.history.is_empty() {
-            sections.push(Section {
-                title: "Convergence".into(),
-                text: "Residuals are relative to the light wished. The photos that show target and result, and those of the baseline, are not the method's and are not counted.".into(),
-                blocks: vec![self.convergence()],
-            });
+            sections.push(figures::convergence(self));
+        }
+        sections.extend(found.clamping.as_ref().map(|clamping| figures::clamping(self, clamping)));
+        if !self.extras.methods.is_empty() {
+            sections.push(figures::methods(self, self.extras.methods));
         }
         Report {
             title: self.title.clone(),
@@ -146,30 +177,6 @@ impl CompensationRun<'_> {
             footer: manifest.command.join(" "),
         }
     }
-
-    fn convergence(&self) -> Block {
-        let found = self.found;
-        let (ours, theirs) = (rows(&found.history), rows(&found.baseline));
-        let mut lines: Vec<(&str, &[residuals::Row])> = vec![(self.method, &ours)];
-        if self.method != "jacobi" && !theirs.is_empty() {
-            lines.push(("projected Jacobi", &theirs));
-        }
-        let mut marks = vec![(found.uncompensated_residual, "uncompensated".to_owned())];
-        if found.unclipped.is_some() {
-            marks.push((found.residual, "after clipping".to_owned()));
-        }
-        let caption = match found.unclipped {
-            Some(_) => {
-                "The least residual so far, of answers that are not clipped: what can be projected is worse, as marked."
-            }
-            None => "The least residual so far: what would be seen, had the photos ended there.",
-        };
-        residuals::plot("photos", &lines, marks, caption)
-    }
-}
-
-fn rows(history: &[CompensationRow]) -> Vec<residuals::Row> {
-    history.iter().map(|row| (row.photo, row.residual)).collect()
 }
 
 /// Pixel by pixel, the mean over the channels of `a − b`.

@@ -1,5 +1,8 @@
 //! The files and the page of a light transport segmentation.
 
+mod evidence;
+mod features;
+
 use std::path::Path;
 
 use super::html::{Block, Figure, Legend, Outcome, Report, Section, Swatch, Verdict};
@@ -8,7 +11,7 @@ use super::palette::{label_color, paint_labels};
 use super::run::{self, Files};
 use super::tone::{develop, exposure};
 use super::{exr, npy, picture, spectrum};
-use crate::analysis::{MASKED, Segmentation};
+use crate::analysis::{Evidence, FeatureView, MASKED, Segmentation, Separation};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 
@@ -43,6 +46,27 @@ pub struct SegmentationRun<'a> {
     pub truth: Option<&'a Truth>,
     /// Adjusted Rand index for each number of groups; empty without truth.
     pub scores: &'a [(usize, f64)],
+    /// What else was asked for.
+    pub extras: SegmentationExtras<'a>,
+}
+
+/// What else was asked for; by default nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SegmentationExtras<'a> {
+    /// Direct light that was measured by photos, and is not in the graph.
+    pub direct: Option<&'a Separation>,
+    /// Chosen pixels in the space of eigenvectors.
+    pub features: Option<&'a FeatureView>,
+    /// The photos of groups lit alone, for some of the numbers of groups.
+    pub evidence: &'a [Evidence],
+}
+
+impl SegmentationExtras<'_> {
+    /// Photos taken for them.
+    pub fn photos(&self) -> usize {
+        let evidence: usize = self.evidence.iter().map(|of| of.photos.len()).sum();
+        evidence + self.direct.map_or(0, |direct| direct.photos)
+    }
 }
 
 impl SegmentationRun<'_> {
@@ -53,11 +77,12 @@ impl SegmentationRun<'_> {
     pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         self.write_arrays(&mut files)?;
+        self.write_extras(&mut files)?;
         let pictures = self.pictures()?;
         for (name, figure) in &pictures.all() {
             super::atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
         }
-        self.page(pictures, manifest, seconds).write(&files.path("report.html"))?;
+        self.page(pictures, manifest, seconds)?.write(&files.path("report.html"))?;
         Ok(files.names)
     }
 
@@ -86,6 +111,21 @@ impl SegmentationRun<'_> {
         layers.push(("degree".into(), spectrum::narrowed(self.resolution, &found.degree)?));
         let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
         exr::write_exr(&files.path("eigenvectors.exr"), &layers)
+    }
+
+    fn write_extras(&self, files: &mut Files<'_>) -> Result<()> {
+        let Resolution { width, height } = self.resolution;
+        if let Some(direct) = self.extras.direct {
+            npy::write_npy(&files.path("direct.npy"), &[height, width], &direct.direct)?;
+        }
+        if let Some(view) = self.extras.features {
+            super::atomic::write_bytes(&files.path("features.csv"), features::csv(view).as_bytes())?;
+        }
+        for evidence in self.extras.evidence {
+            let name = format!("evidence-{}.npy", evidence.groups);
+            npy::write_npy(&files.path(&name), &[evidence.groups, height, width], &evidence.photos.concat())?;
+        }
+        Ok(())
     }
 
     fn pictures(&self) -> Result<Pictures> {
@@ -122,7 +162,7 @@ impl SegmentationRun<'_> {
         })
     }
 
-    fn page(&self, pictures: Pictures, manifest: &Manifest, seconds: f64) -> Report {
+    fn page(&self, pictures: Pictures, manifest: &Manifest, seconds: f64) -> Result<Report> {
         let found = self.segmentation;
         let figures =
             |of: Vec<(String, Figure)>| Block::Figures(of.into_iter().map(|(_, figure)| figure).collect());
@@ -134,14 +174,20 @@ impl SegmentationRun<'_> {
             text: "Pixels of one colour exchange light with one another, and little with the rest. All numbers of groups come from the same photos.".into(),
             blocks: vec![groups],
         }];
+        for of in self.extras.evidence {
+            sections.push(evidence::section(self, of)?);
+        }
         sections.push(Section {
             title: "Eigenvectors".into(),
             text: "The generalized eigenvectors of the cut: regions that exchange no light stand apart as areas of one colour. The first is the same everywhere and was known before any photo was taken.".into(),
             blocks: vec![figures(pictures.eigenvectors)],
         });
+        if let Some(view) = self.extras.features {
+            sections.push(features::section(self, view));
+        }
         sections.push(Section {
             title: "Spectrum and convergence".into(),
-            text: format!("{}.", found.status),
+            text: format!("{}. From these eigenvalues {}.", found.status, found.regions.sentence()),
             blocks: vec![
                 spectrum::stems(&found.eigenvalues, &found.residuals, "Eigenvalues; bars are residual norms. As many at one as there are regions that exchange no light."),
                 // The known first pair has no history.
@@ -150,25 +196,33 @@ impl SegmentationRun<'_> {
             ],
         });
         let masked = found.mask.iter().filter(|&&masked| masked).count();
-        Report {
+        let mut more = vec![
+            ("Masked pixels", masked.to_string()),
+            ("Independent regions", found.regions.count.to_string()),
+        ];
+        more.extend(self.extras.direct.map(|direct| ("Photos of direct light", direct.photos.to_string())));
+        let lit: usize = self.extras.evidence.iter().map(|of| of.photos.len()).sum();
+        more.extend((lit > 0).then(|| ("Photos of groups lit alone", lit.to_string())));
+        Ok(Report {
             title: self.title.clone(),
             verdict: Verdict { outcome: Outcome::Good, sentence: self.sentence() },
-            facts: run::facts(manifest, found.photos, [("Masked pixels", masked.to_string())], seconds),
+            facts: run::facts(manifest, found.photos, more, seconds),
             sections,
             footer: manifest.command.join(" "),
-        }
+        })
     }
 
     fn sentence(&self) -> String {
+        let regions = self.segmentation.regions.sentence();
         let best = self.scores.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let photos = self.segmentation.photos;
         match best {
             Some((groups, score)) => {
                 format!(
-                    "{photos} photos; at {groups} groups the adjusted Rand index against the true regions is {score:.4}."
+                    "{photos} photos; at {groups} groups the adjusted Rand index against the true regions is {score:.4}; {regions}."
                 )
             }
-            None => format!("{}.", self.segmentation.status),
+            None => format!("{}; {regions}.", self.segmentation.status),
         }
     }
 }

@@ -9,8 +9,24 @@
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5 (the photos themselves:
 //! *Optical computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165).
 
-use super::capture::Capture;
-use super::segmentation::{SegmentOptions, Segmentation};
+mod adjacency;
+mod capture;
+mod evidence;
+mod features;
+mod graph;
+mod laplacian;
+mod regions;
+mod segmentation;
+
+pub use adjacency::NormalizedAdjacency;
+pub use capture::Capture;
+pub use evidence::{Evidence, evidence};
+pub use features::{FeatureView, feature_view};
+pub use graph::Graph;
+pub use laplacian::NegativeLaplacian;
+pub use regions::Regions;
+pub use segmentation::{Cut, MASKED, SegmentOptions, Segmentation};
+
 use crate::error::Result;
 use crate::krylov::Monitor;
 use crate::operator::Operator;

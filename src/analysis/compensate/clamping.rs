@@ -1,0 +1,90 @@
+//! What clamping does to an answer that leaves the projector's range.
+
+use super::CompensationRow;
+
+/// A method without a box, clamped after each photo, beside one inside the box.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clamping {
+    /// The residual of what is seen when the method's answer after each photo is clamped and projected.
+    pub displayed: Vec<CompensationRow>,
+    /// That of [`Method::KrylovBox`](crate::krylov::Method::KrylovBox) with as many photos.
+    pub boxed: Vec<CompensationRow>,
+    /// Of the target projected as it is.
+    pub uncompensated: f64,
+}
+
+impl Clamping {
+    /// The residual that clamping leaves in the end.
+    pub fn last(&self) -> f64 {
+        self.displayed.last().map_or(f64::INFINITY, |row| row.residual)
+    }
+
+    /// The residual that the method inside the box leaves.
+    pub fn inside(&self) -> f64 {
+        self.boxed.last().map_or(f64::INFINITY, |row| row.residual)
+    }
+
+    /// Whether projecting the target as it is would have been better.
+    pub fn is_worse_than_nothing(&self) -> bool {
+        self.last() >= self.uncompensated
+    }
+
+    /// How many times the residual inside the box that of the clamped answer is.
+    pub fn price(&self) -> f64 {
+        self.last() / self.inside()
+    }
+
+    /// The photo after which more of them made what is seen worse, if there is one.
+    pub fn turning_point(&self) -> Option<usize> {
+        let best = self.displayed.iter().min_by(|a, b| a.residual.total_cmp(&b.residual))?;
+        // A hundredth is no turn.
+        (self.last() > 1.01 * best.residual).then_some(best.photo)
+    }
+
+    /// A warning with its figures, where clamping costs more than a tenth; none otherwise.
+    pub fn warning(&self) -> Option<String> {
+        let [last, inside, nothing] = [self.last(), self.inside(), self.uncompensated];
+        let turn = self.turning_point().map_or(String::new(), |photo| {
+            format!("; it was best after {photo} photo(s), and more of them made it worse")
+        });
+        if self.is_worse_than_nothing() {
+            return Some(format!(
+                "clamping leaves a residual of {last:.4}, worse than {nothing:.4} of the target projected as it is; krylov-box leaves {inside:.4} with as many photos{turn}"
+            ));
+        }
+        (self.price() > 1.1).then(|| {
+            format!(
+                "clamping leaves a residual of {last:.4}, krylov-box {inside:.4} with as many photos{turn}"
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(residuals: &[f64]) -> Vec<CompensationRow> {
+        let row = |(index, &residual)| CompensationRow { photo: index + 1, residual };
+        residuals.iter().enumerate().map(row).collect()
+    }
+
+    #[test]
+    fn a_warning_names_the_figures_and_the_photo_after_which_it_went_wrong() {
+        let clamped = |displayed: &[f64], boxed: &[f64]| Clamping {
+            displayed: rows(displayed),
+            boxed: rows(boxed),
+            uncompensated: 0.3,
+        };
+        let harmless = clamped(&[0.2, 0.1], &[0.2, 0.095]);
+        assert_eq!((harmless.warning(), harmless.turning_point()), (None, None));
+        let worse = clamped(&[0.2, 0.15, 0.4], &[0.2, 0.1, 0.1]);
+        let warning = worse.warning().unwrap_or_default();
+        assert!(worse.is_worse_than_nothing() && worse.turning_point() == Some(2));
+        for part in ["0.4000", "0.3000", "0.1000", "after 2 photo"] {
+            assert!(warning.contains(part), "{part}: {warning}");
+        }
+        let dear = clamped(&[0.2], &[0.1]);
+        assert!(dear.warning().is_some_and(|text| text.contains("krylov-box 0.1000")));
+    }
+}

@@ -1,0 +1,196 @@
+//! Crosstalk of colours: each of the projector's three colours is seen by each of the camera's.
+//!
+//! With `M` of 3×3, `M_cp` what camera channel `c` sees of projector colour `p`, a coloured photo is `y_c = A_c Σ_p M_cp x_p`: three
+//! transport matrices behind one mixing matrix. Either the whole is solved as one system for all three colours, inside the box of the
+//! projector's colours; or each channel is solved by itself for `x'_c = Σ_p M_cp x_p`, and un-mixed: as good where the un-mixed
+//! pattern stays inside the box, and worse where it has to be clipped.
+
+use crate::error::{Error, Result};
+use crate::operator::{Adjoint, Operator, Symmetry};
+
+/// A mixing matrix between projector and camera, and what is done about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Crosstalk {
+    matrix: [[f64; 3]; 3],
+    inverse: [[f64; 3]; 3],
+    /// Solve all three colours as one system; otherwise each by itself, un-mixed afterwards.
+    pub coupled: bool,
+}
+
+impl Crosstalk {
+    /// `M`, row by row: a row for each of the camera's channels. Solved as one system.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming `--crosstalk` when an entry is negative or not finite, or the matrix cannot be inverted.
+    pub fn new(matrix: [[f64; 3]; 3]) -> Result<Self> {
+        let refuse = |fault: &str, help: &str| {
+            Err(Error::Option { option: "--crosstalk".into(), fault: fault.into(), help: help.into() })
+        };
+        if matrix.iter().flatten().any(|entry| !(*entry >= 0.0 && entry.is_finite())) {
+            return refuse(
+                "an entry is negative or no number",
+                "light can only be added: give nine numbers from 0 on",
+            );
+        }
+        let Some(inverse) = inverse(&matrix) else {
+            return refuse(
+                "the matrix cannot be inverted",
+                "each of the projector's colours must look different to the camera",
+            );
+        };
+        Ok(Self { matrix, inverse, coupled: true })
+    }
+
+    /// From three photos (each of three channels, `n` pixels): of red, green and blue alone. What a channel sees of its own colour counts
+    /// as 1, so that it is part of `A_c`; the others are the least-squares share over all pixels.
+    ///
+    /// # Errors
+    /// As [`Crosstalk::new`]; [`Error::Numerical`] when a channel sees nothing of its own colour.
+    pub fn measured(photos: &[[Vec<f64>; 3]; 3]) -> Result<Self> {
+        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let mut matrix = [[0.0; 3]; 3];
+        for (channel, row) in matrix.iter_mut().enumerate() {
+            let own = &photos[channel][channel];
+            let square = dot(own, own);
+            if !(square > 0.0 && square.is_finite()) {
+                return Err(Error::Numerical(format!(
+                    "camera channel {channel} sees nothing of projector colour {channel}: no crosstalk can be told"
+                )));
+            }
+            for (primary, entry) in row.iter_mut().enumerate() {
+                // Noise may make a share of nothing negative.
+                *entry = (dot(&photos[primary][channel], own) / square).max(0.0);
+            }
+        }
+        Self::new(matrix)
+    }
+
+    /// `M`, row by row.
+    pub fn matrix(&self) -> &[[f64; 3]; 3] {
+        &self.matrix
+    }
+
+    /// What each channel sees of white: the sums of the rows.
+    pub(super) fn white(&self) -> [f64; 3] {
+        self.matrix.map(|row| row.iter().sum())
+    }
+
+    /// `x' = M x`, pixel by pixel.
+    pub(super) fn mix(&self, patterns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        product(&self.matrix, patterns)
+    }
+
+    /// `x = M⁻¹ x'`.
+    pub(super) fn unmix(&self, mixed: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        product(&self.inverse, mixed)
+    }
+
+    fn transposed(&self) -> [[f64; 3]; 3] {
+        std::array::from_fn(|row| std::array::from_fn(|column| self.matrix[column][row]))
+    }
+}
+
+fn product(matrix: &[[f64; 3]; 3], planes: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let row = |row: &[f64; 3]| -> Vec<f64> {
+        (0..planes[0].len())
+            .map(|pixel| row.iter().zip(planes).map(|(m, plane)| m * plane[pixel]).sum())
+            .collect()
+    };
+    matrix.iter().map(row).collect()
+}
+
+/// By cofactors; `None` where rounding would be all that is left.
+fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+    let minor = |row: usize, column: usize| {
+        let [a, b] = [(row + 1) % 3, (row + 2) % 3];
+        let [c, d] = [(column + 1) % 3, (column + 2) % 3];
+        m[a][c] * m[b][d] - m[a][d] * m[b][c]
+    };
+    let determinant: f64 = (0..3).map(|column| m[0][column] * minor(0, column)).sum();
+    let size = m.iter().flatten().copied().fold(0.0, f64::max);
+    let regular = determinant.abs() > 1e-9 * size * size * size;
+    regular.then(|| std::array::from_fn(|row| std::array::from_fn(|column| minor(column, row) / determinant)))
+}
+
+/// All three colours as one operator of `3n × 3n`: `diag(A_c) (M ⊗ I)`, channel after channel.
+pub(super) struct Mixed<'a, O> {
+    pub(super) channels: &'a mut [O],
+    pub(super) crosstalk: &'a Crosstalk,
+}
+
+impl<O: Adjoint> Mixed<'_, O> {
+    fn pixels(&self) -> usize {
+        self.channels.first().map_or(0, |operator| operator.cols())
+    }
+}
+
+/// One vector as three planes.
+pub(super) fn planes(vector: &[f64], count: usize) -> Vec<Vec<f64>> {
+    vector.chunks(vector.len() / count.max(1)).map(<[f64]>::to_vec).collect()
+}
+
+impl<O: Adjoint> Operator for Mixed<'_, O> {
+    fn rows(&self) -> usize {
+        3 * self.pixels()
+    }
+
+    fn cols(&self) -> usize {
+        3 * self.pixels()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        // Symmetric only if the mixing commutes with the albedos.
+        Symmetry::General
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        let mixed = self.crosstalk.mix(&planes(x, 3));
+        let pixels = self.pixels();
+        for ((operator, plane), y) in self.channels.iter_mut().zip(&mixed).zip(y.chunks_mut(pixels)) {
+            operator.apply(plane, y)?;
+        }
+        Ok(())
+    }
+}
+
+impl<O: Adjoint> Adjoint for Mixed<'_, O> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        let pixels = self.pixels();
+        let mut back = vec![vec![0.0; pixels]; 3];
+        for ((operator, y), plane) in self.channels.iter_mut().zip(y.chunks(pixels)).zip(&mut back) {
+            operator.apply_adjoint(y, plane)?;
+        }
+        x.copy_from_slice(&product(&self.crosstalk.transposed(), &back).concat());
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unmixing_undoes_mixing_and_three_photos_tell_the_matrix() -> Result<()> {
+        let matrix = [[1.0, 0.2, 0.05], [0.1, 1.0, 0.3], [0.0, 0.15, 1.0]];
+        let crosstalk = Crosstalk::new(matrix)?;
+        let patterns: Vec<Vec<f64>> =
+            (0..3).map(|c| vec![0.1 * f64::from(c), 0.7, 1.0 - 0.3 * f64::from(c)]).collect();
+        let back = crosstalk.unmix(&crosstalk.mix(&patterns));
+        for (a, b) in back.concat().iter().zip(patterns.concat()) {
+            assert!((a - b).abs() < 1e-15 * 8.0, "{a} {b}");
+        }
+        // A wall whose albedo differs by channel and pixel: the shares do not.
+        let albedo = |channel: usize, pixel: usize| 0.2 + 0.1 * channel as f64 + 0.05 * pixel as f64;
+        let photos: [[Vec<f64>; 3]; 3] = std::array::from_fn(|primary| {
+            std::array::from_fn(|channel| {
+                (0..4).map(|pixel| matrix[channel][primary] * albedo(channel, pixel)).collect()
+            })
+        });
+        let measured = Crosstalk::measured(&photos)?;
+        for (a, b) in measured.matrix().iter().flatten().zip(matrix.iter().flatten()) {
+            assert!((a - b).abs() < 1e-14, "{a} {b}");
+        }
+        assert!(Crosstalk::new([[1.0; 3]; 3]).is_err() && Crosstalk::new([[-1.0; 3]; 3]).is_err());
+        Ok(())
+    }
+}

@@ -1,0 +1,267 @@
+//! Solving for all channels, by any method, with any preconditioner, mixed colours or not.
+
+use std::sync::Arc;
+
+use super::crosstalk::{Crosstalk, Mixed, planes};
+use super::defocus::Defocus;
+use super::options::{CompensateOptions, Precondition};
+use super::wish::{Wish, norm_of};
+use super::{CompensationRow, Prior};
+use crate::analysis::direct::{DirectMethod, measure_direct};
+use crate::error::{Error, Result};
+use crate::krylov::{
+    Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveMonitor, SolveOptions, SolveRow,
+    Start, Status, solve_adjoint,
+};
+use crate::operator::{Adjoint, Operator, Symmetry};
+
+/// Squares and shifts by which a direct image that nobody knows is measured: 16 photos.
+const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4 };
+
+/// Patterns of all channels.
+pub(super) type Planes = Vec<Vec<f64>>;
+
+/// What one method came to.
+pub(super) struct Solved {
+    /// Its own answer, which may leave the box.
+    pub(super) patterns: Planes,
+    /// Of that answer, as the method knows it.
+    pub(super) residual: f64,
+    pub(super) history: Vec<CompensationRow>,
+    pub(super) photos: usize,
+    pub(super) status: Status,
+    /// What it would have answered after each photo; only if they are to be kept.
+    pub(super) answers: Vec<Planes>,
+}
+
+/// What all channels' systems share.
+pub(super) struct Run<'a> {
+    pub(super) wish: &'a Wish,
+    pub(super) white: &'a [Vec<f64>],
+    pub(super) b: &'a [Vec<f64>],
+    pub(super) options: &'a CompensateOptions,
+    pub(super) prior: &'a Prior,
+    /// Photos before those of the method.
+    pub(super) preparation: usize,
+}
+
+impl Run<'_> {
+    /// By `method` within `photos`; keeps the answer after each photo if told to.
+    pub(super) fn solve<O: Adjoint>(
+        &mut self,
+        channels: &mut [O],
+        method: Method,
+        photos: usize,
+        keep: bool,
+        monitor: &mut SolveMonitor<'_>,
+    ) -> Result<Solved> {
+        let crosstalk = self.prior.crosstalk.as_ref();
+        let (solutions, answers) = match crosstalk {
+            Some(crosstalk) if crosstalk.coupled => {
+                let mut mixed = Mixed { channels, crosstalk };
+                let (b, white) = (self.b.concat(), self.white.concat());
+                let start = self.prior.start.as_ref().map(|start| start.concat());
+                let options = self.solve_options(&mut mixed, method, photos, (None, white, start), 1.0)?;
+                let (solution, answers) = kept(method, &mut mixed, &b, &options, keep, monitor)?;
+                (vec![solution], vec![answers])
+            }
+            _ => {
+                let (mut solutions, mut answers) = (Vec::new(), Vec::new());
+                let whites = crosstalk.map_or([1.0; 3], Crosstalk::white);
+                let starts = self.prior.start.as_ref().map(|start| match crosstalk {
+                    Some(crosstalk) => crosstalk.mix(start),
+                    None => start.clone(),
+                });
+                for (channel, operator) in channels.iter_mut().enumerate() {
+                    // Of mixed light, white is brighter than what each channel is solved for.
+                    let white = self.white[channel].iter().map(|value| value / whites[channel]).collect();
+                    let start = starts.as_ref().map(|starts| starts[channel].clone());
+                    let setup = (Some(channel), white, start);
+                    let options = self.solve_options(operator, method, photos, setup, whites[channel])?;
+                    let (solution, answer) =
+                        kept(method, operator, &self.b[channel], &options, keep, monitor)?;
+                    solutions.push(solution);
+                    answers.push(answer);
+                }
+                (solutions, answers)
+            }
+        };
+        Ok(Solved {
+            patterns: self.patterns(solutions.iter().map(|found| found.x.clone()).collect()),
+            residual: self.total(solutions.iter().map(|found| found.residual)),
+            history: self.history(&solutions),
+            photos: solutions.iter().map(|found| found.stats.products).max().unwrap_or(0),
+            status: least_good(&solutions),
+            answers: self.in_lockstep(&answers),
+        })
+    }
+
+    /// Answers of the systems as patterns of the projector's colours.
+    fn patterns(&self, answers: Planes) -> Planes {
+        match &self.prior.crosstalk {
+            Some(crosstalk) if crosstalk.coupled => planes(&answers.concat(), 3),
+            Some(crosstalk) => crosstalk.unmix(&answers),
+            None => answers,
+        }
+    }
+
+    /// After each photo of all systems; one that ended stays where it was.
+    fn in_lockstep(&self, answers: &[Vec<Vec<f64>>]) -> Vec<Planes> {
+        let most = answers.iter().map(Vec::len).max().unwrap_or(0);
+        let at = |index: usize| {
+            let one = |answer: &Vec<Vec<f64>>| answer.get(index).or(answer.last()).cloned();
+            answers.iter().map(one).collect::<Option<Planes>>()
+        };
+        (0..most).filter_map(at).map(|answers| self.patterns(answers)).collect()
+    }
+
+    /// `upper` is what a channel sees of white, in units of its own colour.
+    fn solve_options(
+        &mut self,
+        operator: &mut dyn Adjoint,
+        method: Method,
+        photos: usize,
+        (channel, white, x0): (Option<usize>, Vec<f64>, Option<Vec<f64>>),
+        upper: f64,
+    ) -> Result<SolveOptions> {
+        let constrained = method.facts().constraint != Constraint::None;
+        let preconditioner =
+            if constrained { None } else { self.preconditioner(operator, channel, white.clone())? };
+        Ok(SolveOptions {
+            products: photos,
+            rtol: self.options.rtol,
+            lower: self.options.floor * upper,
+            upper,
+            diagonal: constrained.then_some(white),
+            preconditioner,
+            x0,
+            ..SolveOptions::default()
+        })
+    }
+
+    fn preconditioner(
+        &mut self,
+        operator: &mut dyn Operator,
+        channel: Option<usize>,
+        white: Vec<f64>,
+    ) -> Result<Option<Arc<dyn Preconditioner>>> {
+        // Where the projector stands apart, its pixels are others than those of the white photo.
+        if self.options.precondition.is_none() && operator.symmetry() != Symmetry::Symmetric {
+            return Ok(None);
+        }
+        let refuse = |fault: &str, help: &str| {
+            Err(Error::Option { option: "--precondition".into(), fault: fault.into(), help: help.into() })
+        };
+        let size = self.wish.resolution();
+        let kind = self.options.unconstrained_preconditioning();
+        let Some(channel) = channel.or((kind <= Precondition::Diagonal).then_some(0)) else {
+            return refuse(
+                "three colours in one system are preconditioned by the white photo only",
+                "use diagonal or none, or un-mix the colours",
+            );
+        };
+        Ok(match kind {
+            Precondition::None => None,
+            Precondition::Diagonal => Some(Arc::new(Diagonal::new(white)?)),
+            Precondition::Multiscale => {
+                let (probe, photo) = probe(operator)?;
+                self.preparation = 2;
+                let measured = Multiscale::measured(size.width, size.height, white, &probe, &photo)?;
+                Some(Arc::new(measured))
+            }
+            Precondition::Direct => {
+                let direct = match self.prior.direct.get(channel) {
+                    Some(direct) => direct.clone(),
+                    None => {
+                        let found = measure_direct(operator, size, SQUARES, 0)?;
+                        self.preparation = 1 + found.photos;
+                        found.direct
+                    }
+                };
+                // An estimate of no light may be negative.
+                Some(Arc::new(Diagonal::new(direct.into_iter().map(|value| value.max(0.0)).collect())?))
+            }
+            Precondition::Geometry => {
+                if self.prior.geometry.is_empty() {
+                    return refuse("nothing is known of the scene's shape", "give a scene, or use diagonal");
+                }
+                Some(Arc::new(Diagonal::new(self.prior.geometry.clone())?))
+            }
+            Precondition::Defocus => match self.options.defocus {
+                Some(width) => Some(Arc::new(Defocus::new(size, white, width)?)),
+                None => {
+                    let (probe, photo) = probe(operator)?;
+                    self.preparation = 2;
+                    Some(Arc::new(Defocus::measured(size, white, &probe, &photo)?.0))
+                }
+            },
+        })
+    }
+
+    /// Relative residuals of all systems as one, relative to the whole wish.
+    fn total(&self, residuals: impl Iterator<Item = f64>) -> f64 {
+        if self.prior.crosstalk.as_ref().is_some_and(|crosstalk| crosstalk.coupled) {
+            return residuals.fold(0.0, f64::max);
+        }
+        let absolute = residuals.zip(self.b).map(|(residual, b)| match norm_of(std::slice::from_ref(b)) {
+            // Of a channel without a wish the residual is absolute.
+            0.0 => residual,
+            length => residual * length,
+        });
+        absolute.map(|residual| residual * residual).sum::<f64>().sqrt() / norm_of(self.b)
+    }
+
+    /// The systems' histories as one: one that ended stays where it was.
+    fn history(&self, solutions: &[Solution]) -> Vec<CompensationRow> {
+        let most = solutions.iter().map(|found| found.history.len()).max().unwrap_or(0);
+        let at = |found: &Solution, index: usize| {
+            let row: Option<&SolveRow> = found.history.get(index).or(found.history.last());
+            row.map_or(found.residual, |row| row.best)
+        };
+        (0..most)
+            .map(|index| CompensationRow {
+                photo: index + 1,
+                residual: self.total(solutions.iter().map(|found| at(found, index))),
+            })
+            .collect()
+    }
+}
+
+/// Random signs and their photo.
+fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
+    let probe = Start::default().vector(operator.cols());
+    let mut photo = vec![0.0; operator.rows()];
+    operator.apply(&probe, &mut photo)?;
+    Ok((probe, photo))
+}
+
+/// Solves, and keeps the answer after each photo if told to.
+fn kept(
+    method: Method,
+    operator: &mut dyn Adjoint,
+    b: &[f64],
+    options: &SolveOptions,
+    keep: bool,
+    monitor: &mut SolveMonitor<'_>,
+) -> Result<(Solution, Vec<Vec<f64>>)> {
+    let mut answers = Vec::new();
+    let solution = solve_adjoint(method, operator, b, options, &mut |step| {
+        if keep {
+            answers.push(step.solution());
+        }
+        monitor(step)
+    })?;
+    Ok((solution, answers))
+}
+
+/// A channel that reached its tolerance says nothing of the others.
+fn least_good(solutions: &[Solution]) -> Status {
+    let statuses = || solutions.iter().map(|found| found.stats.status);
+    let rank = |status: &Status| match status {
+        Status::ReachedTolerance => 0,
+        Status::SpaceExhausted => 1,
+        Status::ConstrainedOptimum | Status::LeastSquares => 2,
+        _ => 3,
+    };
+    statuses().max_by_key(rank).unwrap_or(Status::ReachedTolerance)
+}

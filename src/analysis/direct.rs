@@ -1,0 +1,206 @@
+//! The operator that a question is put to: all of the light, less its direct part, blurred or not.
+//!
+//! A coaxial rig's direct light is the diagonal of `A`, and much of it. A simulator leaves it out; from photos it is measured first and
+//! then subtracted, by arithmetic and not by light.
+
+use super::separate::{Separation, checkerboards, random_patterns};
+use crate::error::{Error, Result};
+use crate::image::{Blur, Resolution};
+use crate::operator::{Operator, Symmetry};
+
+/// How the direct light is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DirectMethod {
+    /// By Nayar's checkerboards with squares of so many pixels, shifted to as many places: `shifts²` photos
+    /// ([`checkerboards`]). Too much light is direct where global light sees the squares.
+    Checkerboards {
+        /// Pixels of a square's side.
+        square: usize,
+        /// Places in each direction.
+        shifts: usize,
+    },
+    /// By so many patterns of random signs and the white one ([`random_patterns`]): right on average, noisy.
+    Estimator {
+        /// Photos of random patterns.
+        photos: usize,
+    },
+}
+
+/// Measures the direct light of `operator` (`n × n`, all of the light).
+///
+/// # Errors
+/// As [`checkerboards`] and [`random_patterns`].
+pub fn measure_direct(
+    operator: &mut dyn Operator,
+    resolution: Resolution,
+    by: DirectMethod,
+    seed: u64,
+) -> Result<Separation> {
+    match by {
+        DirectMethod::Checkerboards { square, shifts } => checkerboards(operator, resolution, square, shifts),
+        DirectMethod::Estimator { photos } => random_patterns(operator, photos, seed),
+    }
+}
+
+/// `A − diag(d)`. As symmetric as `A`; a product is one photo.
+pub struct WithoutDirect<'a> {
+    operator: &'a mut dyn Operator,
+    direct: &'a [f64],
+}
+
+impl<'a> WithoutDirect<'a> {
+    /// Of `A` (`n × n`) and `d` (`n`).
+    ///
+    /// # Errors
+    /// [`Error::Dimension`].
+    pub fn new(operator: &'a mut dyn Operator, direct: &'a [f64]) -> Result<Self> {
+        if [operator.rows(), operator.cols()].iter().any(|&side| side != direct.len()) {
+            return Err(Error::Dimension {
+                what: "pixels of the direct image",
+                expected: operator.cols().to_string(),
+                found: direct.len().to_string(),
+            });
+        }
+        Ok(Self { operator, direct })
+    }
+}
+
+impl Operator for WithoutDirect<'_> {
+    fn rows(&self) -> usize {
+        self.direct.len()
+    }
+
+    fn cols(&self) -> usize {
+        self.direct.len()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.operator.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.operator.apply(x, y)?;
+        for ((y, x), direct) in y.iter_mut().zip(x).zip(self.direct) {
+            *y -= direct * x;
+        }
+        Ok(())
+    }
+}
+
+/// `K A K`, with one Gaussian `K = Kᵀ` for pattern and photo: as symmetric as `A`, where a blur of the photo alone would not be. What
+/// neighbours see is averaged, and so is noise; light whose way is shorter than the blur counts as direct no more than before.
+/// A product is one photo.
+pub struct Blurred<'a> {
+    operator: &'a mut dyn Operator,
+    blur: Blur,
+    photo: Vec<f64>,
+}
+
+impl<'a> Blurred<'a> {
+    /// Of `A` (`n × n`).
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when it is not of the blur's pixels.
+    pub fn new(operator: &'a mut dyn Operator, blur: Blur) -> Result<Self> {
+        let pixels = blur.resolution().pixels();
+        if [operator.rows(), operator.cols()].iter().any(|&side| side != pixels) {
+            return Err(Error::Dimension {
+                what: "rows and columns of an operator to be blurred",
+                expected: pixels.to_string(),
+                found: format!("{}x{}", operator.rows(), operator.cols()),
+            });
+        }
+        Ok(Self { operator, blur, photo: vec![0.0; pixels] })
+    }
+}
+
+impl Operator for Blurred<'_> {
+    fn rows(&self) -> usize {
+        self.photo.len()
+    }
+
+    fn cols(&self) -> usize {
+        self.photo.len()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.operator.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.operator.apply(&self.blur.apply(x), &mut self.photo)?;
+        y.copy_from_slice(&self.blur.apply(&self.photo));
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `A_ij = i j + δ_ij`, or for `i < j` a little more where it is not to be symmetric.
+    struct Dense(f64);
+
+    impl Operator for Dense {
+        fn rows(&self) -> usize {
+            12
+        }
+
+        fn cols(&self) -> usize {
+            12
+        }
+
+        fn symmetry(&self) -> Symmetry {
+            if self.0 == 0.0 { Symmetry::Symmetric } else { Symmetry::General }
+        }
+
+        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+            for (i, y) in y.iter_mut().enumerate() {
+                let entry = |j: usize| {
+                    (i * j) as f64 + f64::from(u8::from(i == j)) + if i < j { self.0 } else { 0.0 }
+                };
+                *y = (0..12).map(|j| entry(j) * x[j]).sum();
+            }
+            Ok(())
+        }
+    }
+
+    fn column(operator: &mut dyn Operator, j: usize) -> Result<Vec<f64>> {
+        let unit: Vec<f64> = (0..12).map(|i| f64::from(u8::from(i == j))).collect();
+        let mut photo = vec![0.0; 12];
+        operator.apply(&unit, &mut photo)?;
+        Ok(photo)
+    }
+
+    #[test]
+    fn without_its_diagonal_and_blurred_on_both_sides_a_matrix_stays_symmetric() -> Result<()> {
+        let direct: Vec<f64> = (0..12).map(|i| (i * i) as f64 + 1.0).collect();
+        let mut dense = Dense(0.0);
+        let mut global = WithoutDirect::new(&mut dense, &direct)?;
+        for j in 0..12 {
+            let column = column(&mut global, j)?;
+            assert!((0..12).all(|i| column[i] == if i == j { 0.0 } else { (i * j) as f64 }));
+        }
+        let Some(blur) = Blur::new(Resolution::new(4, 3), 0.8) else { return Ok(()) };
+        let mut blurred = Blurred::new(&mut global, blur)?;
+        let columns = (0..12).map(|j| column(&mut blurred, j)).collect::<Result<Vec<_>>>()?;
+        for (i, column) in columns.iter().enumerate() {
+            for (j, row) in columns.iter().enumerate() {
+                // Entries are below 121; a hundred roundings of such.
+                assert!((column[j] - row[i]).abs() < 1e-12);
+            }
+        }
+        assert!(columns[0][0] > 0.0, "the diagonal is lit by the neighbours");
+        Ok(())
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_and_a_general_operator_stays_general() -> Result<()> {
+        let mut dense = Dense(1.0);
+        assert!(WithoutDirect::new(&mut dense, &[1.0]).is_err());
+        assert_eq!(WithoutDirect::new(&mut dense, &[0.0; 12])?.symmetry(), Symmetry::General);
+        let Some(blur) = Blur::new(Resolution::new(2, 2), 1.0) else { return Ok(()) };
+        assert!(Blurred::new(&mut dense, blur).is_err());
+        Ok(())
+    }
+}

@@ -1,0 +1,62 @@
+//! Evidence for groups: each one lit alone, and where its light goes.
+//!
+//! The photo of a group's own pixels as a pattern shows all pixels that its light reaches. Summed over groups, these photos are the
+//! light exchanged between any two, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
+
+use super::segmentation::MASKED;
+use crate::error::{Error, Result};
+use crate::operator::Operator;
+
+/// The photos of one segmentation's groups, each lit alone.
+#[derive(Clone, Debug)]
+pub struct Evidence {
+    /// How many groups.
+    pub groups: usize,
+    /// The photo of each (`n`), without the direct light if the operator has none.
+    pub photos: Vec<Vec<f64>>,
+    /// `E_ab / Σ_c E_cb`: of the light that group `b` sends to unmasked pixels, the share that arrives in `a`; row `a`, column `b`.
+    pub exchange: Vec<Vec<f64>>,
+}
+
+impl Evidence {
+    /// The share of its light that each group keeps.
+    pub fn kept(&self) -> Vec<f64> {
+        (0..self.groups).map(|group| self.exchange[group][group]).collect()
+    }
+
+    /// The normalized cut's value: light that leaves its group, in shares of each group's light, added up. 0 where none leaves.
+    pub fn cut(&self) -> f64 {
+        self.kept().iter().map(|kept| 1.0 - kept).sum()
+    }
+}
+
+/// Lights each group of `labels` (`n`; 255 is masked and dark) alone: one photo with `operator` for each.
+///
+/// # Errors
+/// [`Error::Dimension`] when there is not one label per pixel; whatever the operator fails with.
+pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> {
+    if labels.len() != operator.cols() || labels.len() != operator.rows() {
+        return Err(Error::Dimension {
+            what: "labels of the groups to be lit",
+            expected: operator.cols().to_string(),
+            found: labels.len().to_string(),
+        });
+    }
+    let last = labels.iter().copied().filter(|&label| label != MASKED).max();
+    let groups = last.map_or(0, |last| usize::from(last) + 1);
+    let mut photos = Vec::with_capacity(groups);
+    let mut exchange = vec![vec![0.0; groups]; groups];
+    for group in 0..groups {
+        let lit = |&label: &u8| f64::from(u8::from(usize::from(label) == group));
+        let pattern: Vec<f64> = labels.iter().map(lit).collect();
+        let mut photo = vec![0.0; labels.len()];
+        operator.apply(&pattern, &mut photo)?;
+        for (&label, value) in labels.iter().zip(&photo).filter(|(label, _)| **label != MASKED) {
+            exchange[usize::from(label)][group] += value;
+        }
+        photos.push(photo);
+        let all: f64 = exchange.iter().map(|row| row[group]).sum();
+        exchange.iter_mut().for_each(|row| row[group] /= if all == 0.0 { 1.0 } else { all });
+    }
+    Ok(Evidence { groups, photos, exchange })
+}

@@ -1,0 +1,54 @@
+//! Pixels as points: what tells them apart is how far they lie from one another in the space of eigenvectors.
+//!
+//! A pixel's coordinates are its values in the eigenvectors, each over `√(1 − λ)`: k-means groups these points. Their distances are those
+//! of the commute time, how long light takes from one pixel to the other and back (Qiu and Hancock, 2007, doi:10.1109/TPAMI.2007.1103).
+
+use super::Segmentation;
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+
+/// Chosen pixels in the space of eigenvectors.
+#[derive(Clone, Debug)]
+pub struct FeatureView {
+    /// Column and row of each.
+    pub pixels: Vec<(usize, usize)>,
+    /// Coordinates of each: the second eigenvector first (`k − 1` numbers).
+    pub coordinates: Vec<Vec<f64>>,
+    /// Distances between them, row by row, relative to the root mean square distance of a pixel from the centre of all light.
+    pub distances: Vec<Vec<f64>>,
+}
+
+/// Looks at some pixels, given by column and row.
+///
+/// # Errors
+/// [`Error::Option`] naming `--features` for a pixel outside of the raster, or one that is masked and has no place.
+pub fn feature_view(
+    found: &Segmentation,
+    resolution: Resolution,
+    pixels: &[(usize, usize)],
+) -> Result<FeatureView> {
+    let refuse = |(x, y): (usize, usize), fault: &str, help: String| {
+        Err(Error::Option { option: "--features".into(), fault: format!("pixel {x},{y} {fault}"), help })
+    };
+    for &(x, y) in pixels {
+        if x >= resolution.width || y >= resolution.height {
+            return refuse((x, y), "is outside of the picture", format!("it has {resolution} pixels"));
+        }
+        if found.mask[y * resolution.width + x] {
+            let help = "choose one with light that reached it from elsewhere".to_owned();
+            return refuse((x, y), "is masked: it exchanges no light", help);
+        }
+    }
+    let coordinates: Vec<Vec<f64>> =
+        pixels.iter().map(|&(x, y)| found.feature(y * resolution.width + x)).collect();
+    // Eigenvectors have uᵀ W u = 1 and are orthogonal to 1: the mean square of all points is known.
+    let spread = found.feature_weights.iter().map(|weight| weight * weight).sum::<f64>()
+        / found.weights.iter().sum::<f64>();
+    let scale = spread.sqrt().max(f64::MIN_POSITIVE);
+    let distance = |a: &Vec<f64>, b: &Vec<f64>| {
+        a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt() / scale
+    };
+    let distances =
+        coordinates.iter().map(|a| coordinates.iter().map(|b| distance(a, b)).collect()).collect();
+    Ok(FeatureView { pixels: pixels.to_vec(), coordinates, distances })
+}

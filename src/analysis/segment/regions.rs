@@ -1,0 +1,135 @@
+//! How many regions the light itself shows: those that exchange next to no light.
+//!
+//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and one with little exchange an eigenvalue near 1 (von Luxburg,
+//! *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). So `1 − λ` stays small for as many
+//! as there are regions and then jumps; where it jumps farthest is the number suggested.
+//!
+//! A Krylov process sees one vector of an eigenvalue that is repeated *exactly*. That one is a random mixture of the regions'
+//! indicators, the same within each and different from region to region: its levels are counted instead.
+
+/// Eigenvalues nearer to 1 than this count as equally near, so that rounding makes no gaps.
+const FLOOR: f64 = 1e-3;
+
+/// An eigenvalue this near to 1 is 1.
+const EXACT: f64 = 1e-6;
+
+/// A region that keeps less than this share of its light is none.
+const KEPT: f64 = 0.85;
+
+/// The next eigenvalue must be so many times as far from 1 for the count to be called clear.
+const CLEAR: f64 = 4.0;
+
+/// A number of regions, with its evidence.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Regions {
+    /// The number suggested; at least 1.
+    pub count: usize,
+    /// Eigenvalues before the largest gap, the known 1 included.
+    pub at_one: usize,
+    /// How far the last of them is from 1.
+    pub last: f64,
+    /// How far the one after the gap is from 1; none where the capture ends before it.
+    pub next: Option<f64>,
+    /// `next` over `last`, the latter not below 0.001.
+    pub ratio: Option<f64>,
+    /// Levels of the second eigenvector, where its eigenvalue is 1 to six digits: regions without any exchange.
+    pub levels: Option<usize>,
+    /// Whether the gap is wide enough to be trusted.
+    pub clear: bool,
+}
+
+impl Regions {
+    /// From the distances `1 − λ` of all eigenvalues, the known one first, and the values of the second eigenvector `u` on `m` nodes
+    /// of these `degrees` (`uᵀ D u = 1`), with its residual.
+    pub(super) fn suggested(gaps: &[f64], second: Option<(&[f64], f64)>, degrees: &[f64]) -> Self {
+        let floored = |index: usize| gaps[index].max(FLOOR);
+        let jump = |index: usize| floored(index + 1) / floored(index);
+        let jumps = (0..gaps.len().saturating_sub(1)).take_while(|&index| gaps[index] <= 1.0 - KEPT);
+        let last = jumps.max_by(|&a, &b| jump(a).total_cmp(&jump(b)).then(b.cmp(&a))).unwrap_or(0);
+        let next = gaps.get(last + 1).copied();
+        let ratio = next.map(|_| jump(last));
+        let exact = gaps.iter().take_while(|gap| **gap <= EXACT).count();
+        let levels = match second {
+            Some((vector, residual)) if exact == 2 => {
+                let beyond = gaps.get(2).copied().unwrap_or(1.0).max(EXACT);
+                Some(count_levels(vector, degrees, (20.0 * residual / beyond).max(1e-3)))
+            }
+            _ => None,
+        };
+        let unseen = levels.map_or(0, |levels| levels.saturating_sub(exact));
+        Self {
+            count: last + 1 + unseen,
+            at_one: last + 1,
+            last: gaps.get(last).copied().unwrap_or(0.0),
+            next,
+            ratio,
+            levels,
+            clear: ratio.is_some_and(|ratio| ratio >= CLEAR),
+        }
+    }
+
+    /// The evidence in a sentence, without its full stop.
+    pub fn sentence(&self) -> String {
+        let regions = if self.count == 1 { "region" } else { "regions" };
+        let mut text = match (self.next, self.ratio) {
+            (Some(next), Some(ratio)) => format!(
+                "the light shows {} independent {regions}: {} eigenvalue(s) within {:.4} of one, the next {next:.4} from it ({ratio:.0} times as far)",
+                self.count,
+                self.at_one,
+                self.last.abs()
+            ),
+            _ => format!(
+                "at least {} independent {regions}: all {} eigenvalues are within {:.4} of one; ask for more --eigenvectors",
+                self.count,
+                self.at_one,
+                self.last.abs()
+            ),
+        };
+        if let Some(levels) = self.levels.filter(|levels| *levels > 2) {
+            text += &format!(
+                "; the eigenvector at one has {levels} levels, and so many regions exchange nothing at all"
+            );
+        }
+        if self.next.is_some() && !self.clear {
+            text += "; the gap is not clear, so this is a guess";
+        }
+        text
+    }
+}
+
+/// Groups of values closer to one another than `tolerance` standard deviations, of 1 in 500 pixels at least.
+fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
+    let apart = tolerance / degrees.iter().sum::<f64>().sqrt();
+    let few = (vector.len() / 500).max(2);
+    let mut values = vector.to_vec();
+    values.sort_by(f64::total_cmp);
+    values.chunk_by(|a, b| b - a <= apart).filter(|level| level.len() >= few).count().max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_widest_gap_near_one_is_the_number_of_regions() {
+        let count = |gaps: &[f64]| Regions::suggested(gaps, None, &[]).count;
+        assert_eq!(count(&[0.0, 0.2, 0.25, 0.3]), 1);
+        assert_eq!(count(&[0.0, 0.006, 0.18, 0.19]), 2);
+        assert_eq!(count(&[0.0, 1e-9, 0.001, 0.0012, 0.0036, 0.15, 0.16]), 5);
+        // A wide gap far from one tells nothing of regions.
+        assert_eq!(count(&[0.0, 0.16, 0.99]), 1);
+        let unclear = Regions::suggested(&[0.0, 0.05, 0.1, 0.14, 0.2], None, &[]);
+        assert!(unclear.clear && unclear.count == 1, "{unclear:?}");
+        let open = Regions::suggested(&[0.0], None, &[]);
+        assert!(open.next.is_none() && open.sentence().contains("at least 1"), "{}", open.sentence());
+    }
+
+    #[test]
+    fn regions_without_any_exchange_are_the_levels_of_one_eigenvector() {
+        let vector: Vec<f64> = (0..3000).map(|i| f64::from((i % 4) as u8) * 0.01 + 1e-9 * i as f64).collect();
+        let degrees = vec![1.0; 3000];
+        let found = Regions::suggested(&[0.0, 0.0, 0.003, 0.2], Some((&vector, 1e-9)), &degrees);
+        assert_eq!((found.count, found.at_one, found.levels), (5, 3, Some(4)));
+        assert!(found.sentence().contains("4 levels"), "{}", found.sentence());
+    }
+}

@@ -1,0 +1,157 @@
+//! `krylux compensate`: what to project, so that the scene looks like a target.
+
+mod by_model;
+mod prior;
+mod question;
+mod verdict;
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use super::Outcome;
+use super::console::Console;
+use super::operator::OperatorArgs;
+use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
+use super::run_folder::RunFolder;
+use super::source::Source;
+use super::trace::TraceArgs;
+use crate::analysis::compensate::{compare_methods, compensate_with};
+use crate::analysis::{CompensateOptions, Compensation, Crosstalk, MethodRun, Prior, Wish};
+use crate::error::Error;
+use crate::image::Image;
+use crate::krylov::SolveProgress;
+use crate::report::compensation::{CompensationExtras, CompensationRun};
+use crate::report::model::SavedModel;
+use crate::transport::{Channels, Part};
+use prior::ColorArgs;
+pub(super) use question::Question;
+
+/// Find what to project so that the scene looks like a target image
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
+    question: Question,
+    /// The radiance that 1 in the target stands for, in W/(m² sr), or in DN/s on a rig [default: half the median of the white photo]
+    #[arg(long, value_name = "L")]
+    peak: Option<f64>,
+    /// The folder of a `krylux relight` run on this source: its model of the light answers, and --photos only correct it. Given as
+    /// SOURCE itself, it answers without any photo
+    #[arg(long, value_name = "FOLDER")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// One gray system, or red, green and blue as three
+    #[arg(long, value_enum, default_value = "luma")]
+    channels: ChannelsArg,
+    #[command(flatten)]
+    colors: ColorArgs,
+    /// Give every method as many photos, and show them all on one plot
+    #[arg(long)]
+    compare_methods: bool,
+    #[command(flatten)]
+    operator: OperatorArgs,
+    #[command(flatten)]
+    run: RunArgs,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+impl Args {
+    /// A comparison with another method is for free where photos are products.
+    fn options(&self, baseline: bool, symmetric: bool) -> CompensateOptions {
+        CompensateOptions { peak: self.peak, baseline, ..self.question.options_on(symmetric) }
+    }
+
+    fn channels(&self) -> Channels {
+        self.channels.into()
+    }
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if args.model.is_some() || SavedModel::is_in(&args.source.source) {
+        return by_model::run(args, console);
+    }
+    // What is wrong with the options or the files should show before anything is written or traced.
+    args.options(true, true).check()?;
+    let crosstalk = args.colors.crosstalk(args.channels())?;
+    let mut source = Source::open(&args.source, &args.trace, console)?;
+    let target = args.question.target(source.resolution(), args.channels())?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
+    source.describe(&mut folder.manifest, args.channels());
+    let outcome = answer(args, console, (&target, crosstalk), &mut source, &mut folder);
+    folder.close(outcome)
+}
+
+fn answer(
+    args: &Args,
+    console: &Console,
+    (target, crosstalk): (&Image, Option<Crosstalk>),
+    source: &mut Source,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
+    let name = source.name();
+    let geometry = prior::geometry(&args.options(true, true), source);
+    let mut light = folder.timed(source.preparation(), |folder| {
+        source.light(&args.operator, args.channels(), Some(folder), console)
+    })?;
+    folder.manifest.noise = light.noise().map(Into::into);
+    let wish = Wish::new(target, &light.ambient(console)?)?;
+    let symmetric = crosstalk.is_none() && prior::is_symmetric(&mut light, console);
+    let options = args.options(light.is_simulated(), symmetric);
+    let prior =
+        Prior { direct: prior::direct(&options, &mut light, console)?, geometry, crosstalk, start: None };
+    let bar = console.bar("photos");
+    let found = folder.timed("photos", |_| {
+        light.with_channels(Part::Full, console, |channels| {
+            let mut watch = |step: &SolveProgress<'_>| bar.at(step.products as u64, step.budget as u64);
+            let found = compensate_with(channels, &wish, &options, &prior, &mut watch)?;
+            let methods = if args.compare_methods {
+                compare_methods(channels, &wish, &options, &prior, &mut watch)?
+            } else {
+                Vec::new()
+            };
+            crate::Result::Ok((found, methods))
+        })
+    });
+    drop(bar);
+    let (found, methods) = folder.record_rig(&mut light, found, console)?;
+    if console.check().is_break() {
+        return Err(Error::Interrupted.into());
+    }
+    finish(console, (&found, &methods), &options, &name, folder)
+}
+
+/// Says what was found, and writes it.
+fn finish(
+    console: &Console,
+    (found, methods): (&Compensation, &[MethodRun]),
+    options: &CompensateOptions,
+    name: &str,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
+    let compared: usize = methods.iter().map(|run| run.photos).sum();
+    folder.manifest.photos = (found.photos + found.preparation + compared) as u64;
+    let method = options.method.facts().name;
+    verdict::say(found, method, methods, console)?;
+
+    let title = format!("{name} · light transport compensation");
+    let run = CompensationRun {
+        title,
+        found,
+        method,
+        floor: options.floor,
+        extras: CompensationExtras { methods, lift: options.lift },
+    };
+    let seconds = folder.seconds();
+    folder.manifest.outputs =
+        folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
+    let report = folder.path.join("report.html");
+    console.say(format_args!("project   {}", folder.path.join("compensation.npy").display()))?;
+    console.say(format_args!("report    {}", report.display()))?;
+    console.summary(&verdict::summary(folder, &report, method, found, methods))?;
+    let outcome = if found.good { Outcome::Done } else { Outcome::NotGoodEnough };
+    Ok((outcome, run.sentence()))
+}

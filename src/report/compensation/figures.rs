@@ -1,0 +1,113 @@
+//! Plots and tables of a compensation: convergence, what clamping does, every method at equal photos, and likeness.
+
+use super::CompensationRun;
+use crate::analysis::{Clamping, CompensationRow, Likeness, MethodRun};
+use crate::report::html::{Block, Section};
+use crate::report::residuals::{self, Row};
+
+pub(super) fn rows(history: &[CompensationRow]) -> Vec<Row> {
+    history.iter().map(|row| (row.photo, row.residual)).collect()
+}
+
+pub(super) fn convergence(run: &CompensationRun<'_>) -> Section {
+    let found = run.found;
+    let (ours, theirs) = (rows(&found.history), rows(&found.baseline));
+    let mut lines: Vec<(&str, &[Row])> = vec![(run.method, &ours)];
+    if run.method != "jacobi" && !theirs.is_empty() {
+        lines.push(("projected Jacobi", &theirs));
+    }
+    let mut marks = vec![(found.uncompensated_residual, "uncompensated".to_owned())];
+    if found.unclipped.is_some() {
+        marks.push((found.residual, "after clipping".to_owned()));
+    }
+    let caption = match found.unclipped {
+        Some(_) => {
+            "The least residual so far, of answers that are not clipped: what can be projected is worse, as marked."
+        }
+        None => "The least residual so far: what would be seen, had the photos ended there.",
+    };
+    Section {
+        title: "Convergence".into(),
+        text: "Residuals are relative to the light wished. The photos that show target and result, and those of the baseline, are not the method's and are not counted.".into(),
+        blocks: vec![residuals::plot("photos", &lines, marks, caption)],
+    }
+}
+
+/// What a method without a box is worth when its answers are clamped.
+pub(super) fn clamping(run: &CompensationRun<'_>, clamping: &Clamping) -> Section {
+    let (own, displayed, boxed) =
+        (rows(&run.found.history), rows(&clamping.displayed), rows(&clamping.boxed));
+    let own_name = format!("{}, not clamped", run.method);
+    let name = format!("{}, clamped", run.method);
+    let lines: [(&str, &[Row]); 3] =
+        [(&own_name, &own), (&name, &displayed), ("krylov-box, inside the range", &boxed)];
+    let marks = vec![(clamping.uncompensated, "uncompensated".to_owned())];
+    let caption = "The residual of what is seen after each photo. The first line cannot be projected.";
+    Section {
+        title: "What clamping does".into(),
+        text: clamping.warning().map_or_else(
+            || "The answer leaves what can be projected and is clamped; here that costs little.".into(),
+            |warning| format!("Warning: {warning}."),
+        ),
+        blocks: vec![residuals::plot("photos", &lines, marks, caption)],
+    }
+}
+
+/// Every method at equal photos.
+pub(super) fn methods(run: &CompensationRun<'_>, methods: &[MethodRun]) -> Section {
+    let histories: Vec<Vec<Row>> = methods.iter().map(|method| rows(&method.displayed)).collect();
+    let lines: Vec<(&str, &[Row])> =
+        methods.iter().zip(&histories).map(|(method, rows)| (method.name, rows.as_slice())).collect();
+    let marks = vec![(run.found.uncompensated_residual, "uncompensated".to_owned())];
+    let caption = "The residual of what is seen after each photo: answers that leave the projector's range are clamped.";
+    let number = |value: f64| format!("{value:.4}");
+    let row = |method: &MethodRun| {
+        vec![
+            method.name.to_owned(),
+            method.photos.to_string(),
+            number(method.residual),
+            method.history.last().map_or("–".into(), |row| number(row.residual)),
+            method.ssim.map_or("–".into(), number),
+        ]
+    };
+    Section {
+        title: "Every method at equal photos".into(),
+        text: "All from the same white photo; the light that is seen is what counts.".into(),
+        blocks: vec![
+            residuals::plot("photos", &lines, marks, caption),
+            Block::Table {
+                headers: ["method", "photos", "seen", "before clamping", "SSIM"].map(String::from).into(),
+                rows: methods.iter().map(row).collect(),
+                caption: "Relative residuals at the end".into(),
+            },
+        ],
+    }
+}
+
+/// How alike what is seen and what is wished are.
+pub(super) fn likeness(run: &CompensationRun<'_>) -> Block {
+    let found = run.found;
+    let row = |name: &str, residual: f64, likeness: &Likeness| {
+        let ssim = likeness.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));
+        vec![name.to_owned(), format!("{residual:.4}"), format!("{:.2}", likeness.psnr), ssim]
+    };
+    Block::Table {
+        headers: ["", "relative residual", "PSNR, dB", "SSIM"].map(String::from).into(),
+        rows: vec![
+            row("compensated", found.residual, &found.likeness),
+            row("uncompensated", found.uncompensated_residual, &found.uncompensated_likeness),
+        ],
+        caption: "What is seen against what is wished; the data range is the peak".into(),
+    }
+}
+
+/// `methods.csv`: the residual of what is seen by each method after each photo.
+pub(super) fn csv(methods: &[MethodRun]) -> String {
+    let mut text = String::from("method,photo,relative_residual_displayed\n");
+    for method in methods {
+        for row in &method.displayed {
+            text += &format!("{},{},{:e}\n", method.name, row.photo, row.residual);
+        }
+    }
+    text
+}

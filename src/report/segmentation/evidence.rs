@@ -1,0 +1,41 @@
+//! Groups lit alone, and the light that they exchange.
+
+use super::SegmentationRun;
+use crate::analysis::Evidence;
+use crate::error::Result;
+use crate::report::html::{Block, Figure, Legend, Section};
+use crate::report::spectrum::narrowed;
+use crate::report::tone::{develop, exposure};
+
+pub(super) fn section(run: &SegmentationRun<'_>, evidence: &Evidence) -> Result<Section> {
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    let kept = evidence.kept();
+    let figures = evidence.photos.iter().zip(&kept).enumerate().map(|(group, (photo, kept))| {
+        let photo = narrowed(run.resolution, photo)?;
+        Ok(Figure {
+            png: develop(&photo, exposure(&photo)).encode_png()?,
+            caption: format!("group {} lit alone: it keeps {} of its light", group + 1, percent(*kept)),
+            legend: Legend::None,
+        })
+    });
+    let row = |(group, shares): (usize, &Vec<f64>)| {
+        std::iter::once(format!("group {}", group + 1))
+            .chain(shares.iter().map(|share| percent(*share)))
+            .collect()
+    };
+    let table = Block::Table {
+        headers: std::iter::once("arrives in".to_owned())
+            .chain((1..=evidence.groups).map(|group| format!("from {group}")))
+            .collect(),
+        rows: evidence.exchange.iter().enumerate().map(row).collect(),
+        caption: "Where the light of each group goes; columns add up to 100 %".into(),
+    };
+    Ok(Section {
+        title: format!("Evidence for {} groups", evidence.groups),
+        text: format!(
+            "Each group was lit alone, by a photo of its own; each picture is developed by itself, and direct light is left out where it was for the groups. What is dark receives nothing from the group. The cut's value, light that leaves its group in shares of each group's light, added up, is {:.4}.",
+            evidence.cut()
+        ),
+        blocks: vec![Block::Figures(figures.collect::<Result<_>>()?), table],
+    })
+}
