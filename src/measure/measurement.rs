@@ -152,6 +152,14 @@ impl Measurement {
         Ok(self.photographer.basics()?.exposures.clone())
     }
 
+    /// Share of the camera's samples that some exposure of the white photo saturates: there the shorter ones count.
+    ///
+    /// # Errors
+    /// Whatever keeps the white photo from being taken.
+    pub fn saturated(&mut self) -> Result<f64> {
+        Ok(self.photographer.basics()?.saturated)
+    }
+
     /// What the drift sentinel saw.
     ///
     /// # Errors

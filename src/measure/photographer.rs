@@ -32,6 +32,8 @@ pub(super) struct Basics {
     pub(super) blacks: Blacks,
     /// The white photo.
     pub(super) white: Arc<Sighting>,
+    /// Share of the samples that matter which some exposure of white saturates.
+    pub(super) saturated: f64,
     /// The lamp since.
     pub(super) drift: Drift,
     /// White at the shortest exposure: what sentinels are compared with.
@@ -105,8 +107,17 @@ impl Exposer {
             blacks = Blacks::take(&mut *self.shots, &self.curve, &black, &exposures, takes)?;
         }
         let (seen, mut exposed) = self.see(&white, &exposures, &blacks)?;
+        let saturated = self.saturated(&exposed);
         let drift = Drift::new(seen.started);
-        Ok(Basics { exposures, blacks, white: Arc::new(seen), drift, reference: exposed.swap_remove(0) })
+        let reference = exposed.swap_remove(0);
+        Ok(Basics { exposures, blacks, white: Arc::new(seen), saturated, drift, reference })
+    }
+
+    fn saturated(&self, exposed: &[Exposed]) -> f64 {
+        let channels = self.shots.camera().channels;
+        let used = || (0..self.used.len() * channels).filter(|sample| self.used[sample / channels]);
+        let lost = used().filter(|&sample| exposed.iter().any(|exposed| exposed.saturated[sample])).count();
+        lost as f64 / used().count().max(1) as f64
     }
 
     /// A frame at all exposures, merged and apart.

@@ -188,6 +188,13 @@ pub(super) fn drift(largest: f64) -> Check {
     Check::told("drift", largest, 0.0, meaning.into())
 }
 
+/// Some exposure saturates it, but not all.
+pub(super) fn saturation(share: f64) -> Check {
+    let meaning =
+        "of the camera's samples of white are saturated in some exposure: the shorter ones count there";
+    Check::told("saturation", share, 0.0, meaning.into())
+}
+
 /// The white photo could not be taken.
 pub(super) fn saturated(fault: &str) -> Check {
     Check {

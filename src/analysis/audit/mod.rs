@@ -157,6 +157,9 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
     if let Some(ambient) = subject.ambient()? {
         audit.checks.push(checks::ambient(&ambient, &white));
     }
+    if let Some(share) = subject.saturated()? {
+        audit.checks.push(checks::saturation(share));
+    }
     audit.checks.push(checks::noise_floor(&white));
     if let Some(drift) = subject.drift()? {
         audit.checks.push(checks::drift(drift));

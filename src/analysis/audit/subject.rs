@@ -40,6 +40,12 @@ pub trait Audited {
     /// Whatever keeps it from being measured.
     fn ambient(&mut self) -> Result<Option<Seen>>;
 
+    /// Share of the camera's samples that some exposure of white saturates; none where there is no camera.
+    ///
+    /// # Errors
+    /// Whatever keeps the white photo from being taken.
+    fn saturated(&mut self) -> Result<Option<f64>>;
+
     /// The largest relative change of the lamp's light that was seen, and corrected; none where nobody watched.
     ///
     /// # Errors
@@ -80,6 +86,10 @@ impl Audited for Exact<'_> {
         Ok(None)
     }
 
+    fn saturated(&mut self) -> Result<Option<f64>> {
+        Ok(None)
+    }
+
     fn drift(&mut self) -> Result<Option<f64>> {
         Ok(None)
     }
@@ -116,6 +126,10 @@ impl Audited for Measurement {
             return Ok(None);
         }
         Ok(Some(first(Self::ambient(self)?)?))
+    }
+
+    fn saturated(&mut self) -> Result<Option<f64>> {
+        Self::saturated(self).map(Some)
     }
 
     fn drift(&mut self) -> Result<Option<f64>> {
