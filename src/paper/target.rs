@@ -48,6 +48,7 @@ mod tests {
         let picture = picture(100);
         assert!(picture.iter().all(|value| (0.02..=1.0).contains(value)));
         let edges = picture.windows(2).filter(|pair| (pair[0] - pair[1]).abs() > 0.1).count();
-        assert!(edges > 500, "{edges} of 10,000 neighbours differ");
+        // The bars alone have nine edges in each of ten rows, the staircase five in fourteen, disc and ring four in most of 52.
+        assert!(edges > 9 * 10 + 5 * 14 + 2 * 52, "{edges} of 10,000 neighbours differ");
     }
 }

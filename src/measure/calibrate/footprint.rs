@@ -109,9 +109,13 @@ mod tests {
             distortion: [0.0; 2],
         };
         let found = by_overlap(&map, &[true, true, false, true]);
-        assert_eq!(found.starts, [0, 1, 3, 4, 4], "the first is half seen; the fourth by a dark pixel only");
-        assert_eq!(found.pixels, [0, 0, 1, 1]);
-        let expected = [1.0, 0.5, 0.5, 1.0];
+        assert_eq!(
+            found.starts,
+            [0, 1, 3, 4, 5],
+            "the outer ones are half seen, the third by one pixel and a dark one"
+        );
+        assert_eq!(found.pixels, [0, 0, 1, 1, 3]);
+        let expected = [1.0, 0.5, 0.5, 1.0, 1.0];
         assert!(
             found.weights.iter().zip(expected).all(|(weight, expected)| (weight - expected).abs() < 1e-9)
         );

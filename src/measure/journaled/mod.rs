@@ -208,7 +208,10 @@ impl<'a> Journaled<'a> {
                 mean(&shot.frame),
                 self.journal.photos()
             ),
-            help: format!("attach the rig: krylux VERB rig.toml --resume -o {}", folder.display()),
+            help: format!(
+                "ask for no more photos than the run took (--photos), or attach the rig: krylux VERB rig.toml --resume -o {}",
+                folder.display()
+            ),
         }
     }
 }
