@@ -100,7 +100,7 @@ pub trait Projector {
     /// [`crate::measure`]'s settle time).
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device, or the device is gone.
+    /// [`Error::Rig`] when the frame does not fit the device, or the device is gone.
     fn show(&mut self, frame: &Frame) -> Result<Shown>;
 
     /// Shows the frame that an interrupted session had left on screen, so that another can go on from there. A virtual
@@ -121,19 +121,19 @@ pub trait Camera {
     /// Sets the exposure, in seconds, and returns what was really set.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when it is out of range, or the camera is gone.
+    /// [`Error::Rig`] when it is out of range, or the camera is gone.
     fn configure(&mut self, exposure: f64) -> Result<f64>;
 
     /// Takes one frame. `None`: none came in time (dropped on the way, or the camera hangs); try again.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the camera is gone.
+    /// [`Error::Rig`] when the camera is gone.
     fn capture(&mut self) -> Result<Option<RawFrame>>;
 
     /// Closes and opens the stream, as one does with a camera that hangs. The exposure stays.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the camera does not come back.
+    /// [`Error::Rig`] when the camera does not come back.
     fn restart(&mut self) -> Result<()>;
 }
 

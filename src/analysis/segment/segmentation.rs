@@ -32,7 +32,7 @@ impl Cut {
     }
 }
 
-/// What [`segment`](super::segment::segment) is asked for.
+/// What [`segment`](super::segment()) is asked for.
 #[derive(Clone, Debug)]
 pub struct SegmentOptions {
     /// Photos at most, those of the degree included; at least 3. Default 50.

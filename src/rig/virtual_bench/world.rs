@@ -2,7 +2,7 @@
 //!
 //! Its state is the clock, what is on screen since when, and the number of the last frame. Everything else is a function
 //! of the rig's description, the frame's number and the time, so that a bench that is opened after a
-//! [`Stamp`](super::Stamp) goes on as if it had never been closed.
+//! [`Stamp`](crate::rig::Stamp) goes on as if it had never been closed.
 
 use std::collections::VecDeque;
 
