@@ -237,3 +237,56 @@ fn a_plan_predicts_cost_and_error_from_the_twin() {
     let said = summary(&["plan", &rig, "compensate", "--target", &target]);
     assert!(said["figures"]["residual"]["mean"].as_f64().is_some_and(|residual| residual < 0.05), "{said}");
 }
+
+#[test]
+fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
+    const SIDE: usize = 16;
+    let folder = folder();
+    let pixels = SIDE * SIDE;
+    // Direct light everywhere, and a little from each pixel to its neighbour.
+    let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+    for row in 0..pixels {
+        for column in [row.saturating_sub(1), row] {
+            columns.push(column as u32);
+            weights.push(if row == column { 10.0 } else { 0.5 });
+        }
+        if row == 0 {
+            columns.pop();
+            weights.pop();
+        }
+        row_start.push(columns.len());
+    }
+    let matrix = Csr::new(pixels, row_start, columns, weights).expect("well formed");
+    sparse::write(&folder.path().join("wall.npz"), &matrix).expect("the folder can be written");
+    let rig = inside(&folder, "rig.toml");
+    let file = format!(
+        "kind = \"virtual\"\n[scene]\nmatrix = \"wall.npz\"\nsize = [{SIDE}, {SIDE}]\n\
+         [projector]\nbits = 6\ngamma = 2.2\nlatency = 0.02\n[camera]\nsize = [40, 40]\nbits = 14\n"
+    );
+    std::fs::write(&rig, file).expect("the folder can be written");
+    let [whole, cut] = ["whole", "cut"].map(|name| inside(&folder, name));
+    let calibrate = |output: &str, more: &[&str]| {
+        let mut arguments = vec!["rig", "calibrate", "--json", &rig, "-o", output];
+        arguments.extend(more);
+        let output = krylux(&arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let said: Value = serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON");
+        ["taken", "replayed"].map(|kind| said["effort"][kind].as_u64().expect("a number"))
+    };
+    let [taken, replayed] = calibrate(&whole, &[]);
+    assert!(taken > 100 && replayed == 0, "{taken} {replayed}");
+    assert_error(&["rig", "calibrate", &rig, "-o", &whole], &["already holds a run", "--resume"]);
+
+    // As a killed program leaves it: the journal ends in the middle of a photo.
+    std::fs::create_dir_all(Path::new(&cut).join("journal")).expect("the folder can be written");
+    let journal = |of: &str| Path::new(of).join("journal/photos.journal");
+    let bytes = std::fs::read(journal(&whole)).expect("it was written");
+    std::fs::write(journal(&cut), &bytes[..bytes.len() * 2 / 3]).expect("the folder can be written");
+    let [again, kept] = calibrate(&cut, &["--resume"]);
+    assert!(again > 0 && kept > 0 && again + kept == taken, "{again} {kept} of {taken}");
+    for name in ["calibration.toml", "projector-curve.npy", "registration-weights.npy"] {
+        let [one, other] =
+            [&whole, &cut].map(|of| std::fs::read(Path::new(of).join(name)).expect("it is there"));
+        assert_eq!(one, other, "{name}");
+    }
+}

@@ -22,7 +22,7 @@ use crate::render::TraceSettings;
 use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
 use crate::report::sparse;
-use crate::rig::{Bench, RigFile, RigKind, VirtualRig, VirtualScene};
+use crate::rig::{RigFile, RigKind, VirtualRig, VirtualScene};
 use crate::transport::{Channels, Given};
 
 /// A rig that can be opened.
@@ -98,12 +98,6 @@ impl RigSource {
         &self.devices
     }
 
-    /// The devices, ready to be used.
-    pub(super) fn bench(&mut self, console: &Console) -> Result<Bench> {
-        let light = self.twin(console)?.transport();
-        Ok(self.devices.open(light, None)?)
-    }
-
     /// What the virtual devices look at.
     pub(super) fn twin(&mut self, console: &Console) -> Result<Twin> {
         twin(&mut self.simulation, &self.devices, &self.file.path, console)
@@ -126,7 +120,7 @@ impl RigSource {
 
     /// Opens the rig whenever raw frames are wanted of it; whatever is traced for that is traced then, and kept. The scene behind it
     /// is handed over.
-    fn opener(&mut self, console: &Console) -> Opener<'static> {
+    pub(super) fn opener(&mut self, console: &Console) -> Opener<'static> {
         let (mut simulation, devices) = (self.simulation.take(), self.devices.clone());
         let (path, console) = (self.file.path.clone(), console.clone());
         let options = &self.file.measurement;

@@ -7,14 +7,16 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use super::super::console::Console;
-use super::super::options::{OutputArgs, SourceArgs};
+use super::super::journal;
+use super::super::options::{OutputArgs, RunArgs, SourceArgs};
 use super::super::rig_source::RigSource;
+use super::super::run_folder::RunFolder;
 use super::super::source::is_rig;
 use super::super::trace::TraceArgs;
 use super::super::{Outcome, simulation};
 use crate::error::Error;
-use crate::measure::Live;
 use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
+use crate::measure::{Journaled, Shots};
 use crate::report::calibration;
 
 /// Measure a rig's devices from captures alone: responses, noise, pixel map, latency, drift
@@ -34,6 +36,12 @@ pub(in super::super) struct Args {
     /// NAME-calibration beside it]
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     folder: Option<PathBuf>,
+    /// Calibrate anew into a folder that holds a calibration's photos, and throw these away
+    #[arg(long)]
+    overwrite: bool,
+    /// Go on with the calibration in the folder: no photo that is in its journal is taken again
+    #[arg(long, conflicts_with = "overwrite")]
+    resume: bool,
     #[command(flatten)]
     pub(in super::super) output: OutputArgs,
 }
@@ -62,9 +70,23 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         .clone()
         .or_else(|| rig.file.calibration.clone())
         .unwrap_or_else(|| path.with_file_name(format!("{}-calibration", simulation::short_name(path))));
-    std::fs::create_dir_all(&folder).map_err(Error::writing(&folder))?;
-    let bench = rig.bench(console)?;
-    let mut shots = Live::new(bench, 0.0, rig.file.measurement.tries);
+    let wanted =
+        RunArgs { folder: Some(folder), overwrite: args.overwrite, open: false, resume: args.resume };
+    let mut folder = RunFolder::create(&wanted, "calibration", console)?;
+    rig.describe(&mut folder.manifest);
+    let outcome = measure(args, console, &mut rig, &mut folder);
+    folder.close(outcome)
+}
+
+fn measure(
+    args: &Args,
+    console: &Console,
+    rig: &mut RigSource,
+    folder: &mut RunFolder,
+) -> Result<(Outcome, String)> {
+    let journal = folder.journal(&rig.identity()?, console)?;
+    let warn = journal::warning(&journal, console);
+    let mut shots = Journaled::new(journal, rig.opener(console))?.reporting(warn);
     let options = CalibrateOptions {
         takes: args.takes,
         map: args.map.map(|map| match map {
@@ -76,19 +98,23 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         console.detail(format_args!("measuring {step}"));
         console.check()
     })?;
-    found.save(&folder)?;
-    calibration::write(&folder, &found, &report)?;
+    found.save(&folder.path)?;
+    calibration::write(&folder.path, &found, &report)?;
+    let effort = shots.effort();
+    folder.manifest.photos = effort.taken + effort.replayed;
     say(&report, console)?;
-    console.say(format_args!("wrote     {}", folder.display()))?;
-    if rig.file.calibration.as_deref() != Some(folder.as_path()) {
+    console.say(format_args!("wrote     {}", folder.path.display()))?;
+    if rig.file.calibration.as_deref() != Some(folder.path.as_path()) {
         console.note(format_args!(
             "note: name it in {} as `calibration = {:?}` (relative to that file), and every verb will use it",
-            path.display(),
-            folder.file_name().unwrap_or(folder.as_os_str())
+            rig.file.path.display(),
+            folder.path.file_name().unwrap_or(folder.path.as_os_str())
         ));
     }
-    console.summary(&json!({ "verb": "rig calibrate", "folder": folder, "report": report }))?;
-    Ok(Outcome::Done)
+    console.summary(
+        &json!({ "verb": "rig calibrate", "folder": folder.path, "effort": effort, "report": report }),
+    )?;
+    Ok((Outcome::Done, "calibrated".into()))
 }
 
 fn say(report: &CalibrationReport, console: &Console) -> Result<()> {
