@@ -8,17 +8,11 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::options::{OutputArgs, SourceArgs};
-use super::simulation::Simulation;
 use super::source::Source;
 use super::trace::{SizeArgs, TraceArgs};
+use super::truth::true_labels;
 use crate::image::Resolution;
-use crate::render::Tracer;
-use crate::report::segmentation::Truth;
 use crate::report::{npy, palette, picture};
-use crate::scene::Scene;
-
-/// The label of a pixel that sees no region, as in all label images.
-pub(super) const NO_REGION: u8 = 255;
 
 /// Write which region of the scene each pixel sees: the truth that a segmentation is measured against
 #[derive(clap::Args)]
@@ -62,29 +56,6 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "pixels": (0..scene.regions.len()).map(|index| counts(index as u8)).collect::<Vec<_>>(),
     }))?;
     Ok(Outcome::Done)
-}
-
-/// The region that each pixel's centre sees.
-fn true_labels(tracer: &mut Tracer, scene: &Scene, resolution: Resolution) -> crate::Result<Vec<u8>> {
-    if scene.regions.len() > usize::from(NO_REGION) {
-        return Err(crate::Error::Scene {
-            path: scene.path.clone(),
-            fault: format!("its {} regions do not fit a label image", scene.regions.len()),
-            help: format!("give at most {NO_REGION} regions by `region` in the extras of nodes or meshes"),
-        });
-    }
-    let regions = tracer.regions(resolution)?;
-    Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())
-}
-
-/// The labels of the scene's author, where there are any.
-pub(super) fn truth(simulation: &mut Simulation, resolution: Resolution) -> Result<Option<Truth>> {
-    let Simulation { scene, tracer, .. } = simulation;
-    if !scene.regions_are_labels {
-        return Ok(None);
-    }
-    let labels = true_labels(tracer, scene, resolution)?;
-    Ok(Some(Truth { labels, regions: scene.regions.clone() }))
 }
 
 fn write(file: &Path, resolution: Resolution, labels: &[u8]) -> crate::Result<()> {

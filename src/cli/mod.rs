@@ -2,9 +2,11 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
+mod about;
 mod audit;
 mod brute_force;
 mod cache;
+mod channel;
 mod compare;
 mod compensate;
 mod console;
@@ -36,6 +38,7 @@ mod simulation;
 mod solve;
 mod source;
 mod trace;
+mod truth;
 
 use std::process::ExitCode;
 

@@ -3,13 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use serde::{Deserialize, Serialize};
 
+use super::about::{ABOUT, About, Kind, RIG_FILE, TRUTH, calibration};
 use super::console::Console;
 use super::light::{Kept, Light};
 use super::{journal, rig_source};
 use crate::error::Error;
-use crate::image::Resolution;
 use crate::journal::Journal;
 use crate::measure::{Calibration, Journaled};
 use crate::report::manifest::{self, Manifest};
@@ -17,43 +16,11 @@ use crate::report::segmentation::Truth;
 use crate::rig::RigFile;
 use crate::transport::Channels;
 
-/// The names of a journal's notes.
-pub(super) const ABOUT: &str = "source";
-pub(super) const RIG_FILE: &str = "rig file";
-pub(super) const TRUTH: &str = "truth";
-
-/// What a journal's photos are of.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct About {
-    pub(super) kind: Kind,
-    pub(super) name: String,
-    pub(super) path: PathBuf,
-    pub(super) hash: String,
-    /// Pixels of photos and of patterns.
-    pub(super) photos: Resolution,
-    pub(super) patterns: Resolution,
-    pub(super) symmetric: bool,
-    pub(super) channels: usize,
-}
-
-/// What took them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Kind {
-    Scene,
-    Rig,
-}
-
 /// A run that can be asked anew.
 pub(super) struct Replay {
     folder: PathBuf,
     pub(super) about: About,
     truth: Option<Truth>,
-}
-
-/// Where a run keeps the calibration of its rig.
-pub(super) fn calibration(run: &Path) -> PathBuf {
-    journal::folder(run).join("calibration")
 }
 
 impl Replay {

@@ -41,10 +41,9 @@ pub(super) fn say(file: &RigFile, console: &Console) -> Result<()> {
 pub(super) fn describe(file: &RigFile) -> Value {
     let RigKind::Virtual(rig) = &file.kind;
     let (projector, camera) = (rig.projector_info(), rig.camera_info());
-    let hash: String = file.hash.iter().map(|byte| format!("{byte:02x}")).collect();
     json!({
         "path": file.path,
-        "hash": hash,
+        "hash": blake3::Hash::from_bytes(file.hash).to_string(),
         "kind": "virtual",
         "scene": scene(rig),
         "projector": {

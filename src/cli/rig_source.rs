@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
+use super::about;
 use super::console::Console;
 use super::journal;
-use super::labels;
 use super::measured::Measured;
 use super::options::{SourceArgs, ViewArgs};
-use super::replay;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
+use super::truth;
 use crate::analysis::plan::Twin;
 use crate::error::Error;
 use crate::image::Resolution;
@@ -89,7 +89,7 @@ impl RigSource {
     /// The labels of a virtual scene's author.
     pub(super) fn truth(&mut self) -> Result<Option<Truth>> {
         let resolution = self.resolution();
-        let truth = self.simulation.as_mut().map(|simulation| labels::truth(simulation, resolution));
+        let truth = self.simulation.as_mut().map(|simulation| truth::truth(simulation, resolution));
         Ok(truth.transpose()?.flatten())
     }
 
@@ -106,8 +106,8 @@ impl RigSource {
     /// All that the photos of this rig depend on.
     pub(super) fn identity(&self) -> Result<Identity> {
         let identity = Identity::new()
-            .with("rig file", hex(&self.file.hash))
-            .with("calibration", hex(&self.calibration.identity()));
+            .with("rig file", blake3::Hash::from_bytes(self.file.hash).to_string())
+            .with("calibration", blake3::Hash::from_bytes(self.calibration.identity()).to_string());
         Ok(match (&self.simulation, &self.devices.scene) {
             (Some(simulation), _) => simulation.identity(identity, self.devices.channels()),
             (None, VirtualScene::Matrix { path, .. }) => {
@@ -161,8 +161,8 @@ impl RigSource {
     pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
         let path = &self.file.path;
         let bytes = std::fs::read(path).map_err(Error::reading(path))?;
-        journal.note(replay::RIG_FILE, &bytes)?;
-        let calibration = replay::calibration(folder);
+        journal.note(about::RIG_FILE, &bytes)?;
+        let calibration = about::calibration(folder);
         let kept =
             Calibration::load(&calibration).is_ok_and(|kept| kept.identity() == self.calibration.identity());
         if !kept {
@@ -173,9 +173,9 @@ impl RigSource {
 
     /// Notes what a run depends on.
     pub(super) fn describe(&self, manifest: &mut Manifest) {
-        let hash = hex(&self.file.hash);
+        let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
         if let Some(simulation) = &self.simulation {
-            super::source::describe_simulation(simulation, manifest);
+            simulation.describe(manifest);
         }
         manifest.scene = Some(manifest::Scene { path: self.file.path.display().to_string(), hash });
     }
@@ -225,11 +225,6 @@ fn into_error(error: anyhow::Error) -> Error {
         fault: format!("{error:#}"),
         help: "make standard output writable, or add -q".into(),
     })
-}
-
-/// In hexadecimal.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn no_scene(path: &Path) -> Error {

@@ -8,11 +8,11 @@ use anyhow::Result;
 use super::console::Console;
 use super::noise;
 use super::options::ViewArgs;
-use super::rig_source::hex;
 use super::trace::TraceArgs;
 use crate::cache::{Cache, Found, Key};
 use crate::journal::Identity;
 use crate::render::{TraceSettings, TraceSummary, Tracer};
+use crate::report::manifest::{self, Manifest};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::transport::{self, Assembled, Channels};
 
@@ -56,7 +56,7 @@ impl Simulation {
     pub(super) fn identity(&self, identity: Identity, channels: Channels) -> Identity {
         let (settings, adapter) = (&self.settings, self.tracer.adapter());
         identity
-            .with("scene", hex(&self.scene.hash))
+            .with("scene", blake3::Hash::from_bytes(self.scene.hash).to_string())
             .with("size", settings.resolution)
             .with("samples per pixel", settings.samples)
             .with("bounces", settings.max_bounces)
@@ -64,6 +64,24 @@ impl Simulation {
             .with("channels", channels.count())
             .with("adapter", format!("{} {} {}", adapter.name, adapter.driver, adapter.driver_version))
             .with("all that is traced", self.key(channels, false).hex())
+    }
+
+    /// Notes what a trace depends on.
+    pub(super) fn describe(&self, manifest: &mut Manifest) {
+        let (scene, settings) = (&self.scene, &self.settings);
+        let adapter = self.tracer.adapter();
+        manifest.seed = Some(u64::from(settings.seed));
+        manifest.adapter = Some(manifest::Adapter {
+            name: adapter.name.clone(),
+            driver: format!("{} {}", adapter.driver, adapter.driver_version),
+            backend: "vulkan".into(),
+        });
+        manifest.scene = Some(manifest::Scene {
+            path: scene.path.display().to_string(),
+            hash: blake3::Hash::from_bytes(scene.hash).to_string(),
+        });
+        manifest.samples_per_pixel = Some(settings.samples);
+        manifest.max_bounces = Some(settings.max_bounces);
     }
 
     /// The matrix from the cache, if it is there and whole.

@@ -4,20 +4,21 @@ use std::path::Path;
 
 use anyhow::Result;
 
+use super::about::{self, About, Kind};
 use super::console::Console;
-use super::labels;
 use super::light::{Kept, Light};
 use super::operator::OperatorArgs;
 use super::options::SourceArgs;
-use super::replay::{self, About, Kind, Replay};
-use super::rig_source::{RigSource, hex};
+use super::replay::Replay;
+use super::rig_source::RigSource;
 use super::run_folder::RunFolder;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
+use super::truth;
 use crate::error::Error;
 use crate::image::Resolution;
 use crate::journal::Identity;
-use crate::report::manifest::{self, Manifest};
+use crate::report::manifest::Manifest;
 use crate::report::segmentation::Truth;
 use crate::transport::Channels;
 
@@ -122,7 +123,7 @@ impl Source {
     pub(super) fn truth(&mut self) -> Result<Option<Truth>> {
         let resolution = self.resolution();
         match self {
-            Self::Scene(simulation) => labels::truth(simulation, resolution),
+            Self::Scene(simulation) => truth::truth(simulation, resolution),
             Self::Rig(rig) => rig.truth(),
             Self::Run(run) => Ok(run.truth()),
         }
@@ -153,13 +154,13 @@ impl Source {
             Self::Scene(simulation) => {
                 let identity = simulation.identity(Identity::new(), channels);
                 let mut journal = folder.journal(&identity, console)?;
-                journal.note(replay::ABOUT, &serde_json::to_vec(&about)?)?;
+                journal.note(about::ABOUT, &serde_json::to_vec(&about)?)?;
                 let light = Light::of_scene(simulation, choice, channels, console)?;
                 Ok(Light::Kept(Box::new(Kept::new(journal, about, light))))
             }
             Self::Rig(rig) => {
                 let mut journal = folder.journal(&rig.identity()?, console)?;
-                journal.note(replay::ABOUT, &serde_json::to_vec(&about)?)?;
+                journal.note(about::ABOUT, &serde_json::to_vec(&about)?)?;
                 rig.keep(&folder.path, &mut journal)?;
                 Ok(Light::Measured(Box::new(rig.measured(Some(channels), Some(journal), console)?)))
             }
@@ -173,12 +174,16 @@ impl Source {
         let channels = channels.count();
         match self {
             Self::Scene(simulation) => {
-                let (path, hash) = (simulation.scene.path.clone(), hex(&simulation.scene.hash));
+                let (path, hash) = (
+                    simulation.scene.path.clone(),
+                    blake3::Hash::from_bytes(simulation.scene.hash).to_string(),
+                );
                 let symmetric = simulation.tracer.symmetric(&simulation.settings);
                 About { kind: Kind::Scene, name, path, hash, photos, patterns, symmetric, channels }
             }
             Self::Rig(rig) => {
-                let (path, hash) = (rig.file.path.clone(), hex(&rig.file.hash));
+                let (path, hash) =
+                    (rig.file.path.clone(), blake3::Hash::from_bytes(rig.file.hash).to_string());
                 About { kind: Kind::Rig, name, path, hash, photos, patterns, symmetric: true, channels }
             }
             Self::Run(run) => run.about.clone(),
@@ -188,7 +193,7 @@ impl Source {
     /// Notes what a run depends on.
     pub(super) fn describe(&self, manifest: &mut Manifest, channels: Channels) {
         match self {
-            Self::Scene(simulation) => describe_simulation(simulation, manifest),
+            Self::Scene(simulation) => simulation.describe(manifest),
             Self::Rig(rig) => rig.describe(manifest),
             Self::Run(run) => run.describe(manifest),
         }
@@ -223,22 +228,4 @@ pub(super) fn not_for_runs(run: &Path) -> anyhow::Error {
         help: "give the scene or the rig".into(),
     }
     .into()
-}
-
-/// Notes what a trace depends on.
-pub(super) fn describe_simulation(simulation: &Simulation, manifest: &mut Manifest) {
-    let (scene, settings) = (&simulation.scene, &simulation.settings);
-    let adapter = simulation.tracer.adapter();
-    manifest.seed = Some(u64::from(settings.seed));
-    manifest.adapter = Some(manifest::Adapter {
-        name: adapter.name.clone(),
-        driver: format!("{} {}", adapter.driver, adapter.driver_version),
-        backend: "vulkan".into(),
-    });
-    manifest.scene = Some(manifest::Scene {
-        path: scene.path.display().to_string(),
-        hash: scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
-    });
-    manifest.samples_per_pixel = Some(settings.samples);
-    manifest.max_bounces = Some(settings.max_bounces);
 }

@@ -114,7 +114,7 @@ impl Calibration {
             projector_info,
             camera_info,
         };
-        if hexadecimal(calibration.identity()) != record.identity {
+        if blake3::Hash::from_bytes(calibration.identity()).to_string() != record.identity {
             return Err(damaged(&path, "its checksum does not fit what the folder holds".into()));
         }
         Ok(calibration)
@@ -202,7 +202,7 @@ impl Calibration {
     }
 
     fn record(&self) -> String {
-        let identity = hexadecimal(self.identity());
+        let identity = blake3::Hash::from_bytes(self.identity()).to_string();
         format!(
             "# Made by krylux rig calibrate; the arrays beside it belong to it.\nformat = {FORMAT}\nidentity = \"{identity}\"\n\n{}",
             self.head()
@@ -222,10 +222,6 @@ fn quoted(text: &str) -> String {
 
 fn size(Resolution { width, height }: Resolution) -> String {
     format!("{{ width = {width}, height = {height} }}")
-}
-
-fn hexadecimal(bytes: [u8; 32]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn damaged(path: &Path, fault: String) -> Error {

@@ -108,7 +108,7 @@ fn corrected(
             let mut photograph = |patterns: &[Vec<f64>]| {
                 let each = operators.iter_mut().zip(patterns);
                 let photo =
-                    |(operator, pattern): (&mut super::super::light::ChannelOperator<'_>, &Vec<f64>)| {
+                    |(operator, pattern): (&mut super::super::channel::ChannelOperator<'_>, &Vec<f64>)| {
                         let mut photo = vec![0.0; pattern.len()];
                         operator.apply(pattern, &mut photo)?;
                         crate::Result::Ok(photo)

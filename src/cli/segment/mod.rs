@@ -8,10 +8,10 @@ use anyhow::Result;
 use serde_json::json;
 
 use super::Outcome;
+use super::about;
 use super::console::Console;
 use super::operator::OperatorArgs;
 use super::options::{OutputArgs, RunArgs, SourceArgs};
-use super::replay;
 use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
@@ -66,7 +66,7 @@ fn segment(
     let (name, resolution) = (source.name(), source.resolution());
     let truth = folder.timed("true labels", |_| source.truth())?;
     if let Some(truth) = &truth {
-        folder.keep(replay::TRUTH, truth)?;
+        folder.keep(about::TRUTH, truth)?;
     }
     let mut light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, Channels::Luma, Some(folder), console)

@@ -1,0 +1,40 @@
+//! What a run's journal says of its photos, beside them.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::journal;
+use crate::image::Resolution;
+
+/// The names of a journal's notes.
+pub(super) const ABOUT: &str = "source";
+pub(super) const RIG_FILE: &str = "rig file";
+pub(super) const TRUTH: &str = "truth";
+
+/// What a journal's photos are of.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct About {
+    pub(super) kind: Kind,
+    pub(super) name: String,
+    pub(super) path: PathBuf,
+    pub(super) hash: String,
+    /// Pixels of photos and of patterns.
+    pub(super) photos: Resolution,
+    pub(super) patterns: Resolution,
+    pub(super) symmetric: bool,
+    pub(super) channels: usize,
+}
+
+/// What took them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Kind {
+    Scene,
+    Rig,
+}
+
+/// Where a run keeps the calibration of its rig.
+pub(super) fn calibration(run: &Path) -> PathBuf {
+    journal::folder(run).join("calibration")
+}
