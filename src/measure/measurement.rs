@@ -7,7 +7,6 @@ use super::calibration::{Calibration, Registration};
 use super::display::Display;
 use super::drift::DriftReport;
 use super::hdr::Sighting;
-use super::operator::MeasuredOperator;
 use super::options::MeasureOptions;
 use super::photo::{Photo, Plane};
 use super::photographer::{Exposer, Photographer};
@@ -166,12 +165,6 @@ impl Measurement {
     /// Whatever keeps the white photo from being taken.
     pub fn drift(&mut self) -> Result<DriftReport> {
         Ok(self.photographer.basics()?.drift.report())
-    }
-
-    /// One channel of the rig's matrix as the Krylov methods see it.
-    pub fn operator(&mut self, part: Part, channel: usize) -> MeasuredOperator<'_> {
-        debug_assert!(channel < self.channels());
-        MeasuredOperator { measurement: self, part, channel }
     }
 
     /// The white photo, `A 1`. It is taken once.

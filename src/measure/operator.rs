@@ -15,6 +15,14 @@ pub struct MeasuredOperator<'a> {
     pub(super) channel: usize,
 }
 
+impl Measurement {
+    /// One channel of the rig's matrix as the Krylov methods see it.
+    pub fn operator(&mut self, part: Part, channel: usize) -> MeasuredOperator<'_> {
+        debug_assert!(channel < self.channels());
+        MeasuredOperator { measurement: self, part, channel }
+    }
+}
+
 impl MeasuredOperator<'_> {
     /// The last product, with the variance of each entry.
     pub fn last_product(&self) -> Option<&Plane> {

@@ -1,9 +1,9 @@
 //! Compensation as the paper's figures show it: the recipe that clamps, the methods inside the box, and the optimum, at
 //! equal numbers of photos.
 
-use super::bench::Stage;
 use super::figure::{Curve, Shot};
 use super::recorded::Recorded;
+use super::stage::Stage;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, SolveProgress, dot, keep_solving, norm, solve_adjoint};
 use crate::operator::{Adjoint, Operator};

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::rc::Rc;
 
-use super::bench::Stage;
+use super::stage::Stage;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::measure::calibrate::{CalibrateOptions, calibrate};

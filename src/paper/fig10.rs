@@ -1,10 +1,12 @@
 //! Figure 10: the photos of a compensation, in order.
 
-use super::bench::{Bench, Set};
+use super::bench::Bench;
 use super::check::Check;
+use super::compensated::percent;
 use super::contest::{Wish, enter};
-use super::fig11::{PHOTOS, SIDE, percent};
+use super::fig11::{PHOTOS, SIDE};
 use super::figure::{Figure, Reproduced, Strip};
+use super::stage::Set;
 use super::target::picture;
 use crate::error::Result;
 use crate::krylov::Method;

@@ -1,9 +1,11 @@
 //! Figure 11: what to project into a corner so that it looks like a picture, at five photos.
 
-use super::bench::{Bench, Set, Stage};
+use super::bench::Bench;
 use super::check::Check;
-use super::contest::{self, Entry, Wish, clamped, enter, line};
-use super::figure::{Content, Curves, Figure, Panel, Reproduced};
+use super::compensated::{panels, percent, residuals};
+use super::contest::{self, Wish, clamped, enter, line};
+use super::figure::{Figure, Reproduced};
+use super::stage::Set;
 use super::target::picture;
 use crate::error::Result;
 use crate::krylov::Method;
@@ -75,52 +77,9 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         setting: format!("corner, {}, 5 photos beside the white one", stage.resolution),
         checks,
         panels: panels(&stage, &wish, &plain, &short),
-        plots: vec![Curves {
-            caption: "Relative residual by the light itself, at equal photos (the white one not counted)."
-                .into(),
-            x_label: "photos".into(),
-            y_label: "relative residual".into(),
-            logarithmic: true,
-            lines,
-            marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
-        }],
+        plots: vec![residuals(lines, uncompensated, optimum)],
         strips: Vec::new(),
         photos: 1 + PHOTOS,
         seconds: 0.0,
     })
-}
-
-pub(super) fn percent(share: f64) -> f64 {
-    100.0 * share
-}
-
-/// Wish, photos with and without compensation, what is projected, and errors; photos are shown alike.
-pub(super) fn panels(stage: &Stage, wish: &Wish, plain: &[f64], best: &Entry) -> Vec<Panel> {
-    let panel = |name: &str, caption: String, content: Content| Panel {
-        name: name.into(),
-        caption,
-        resolution: stage.resolution,
-        content,
-    };
-    let light = |values: Vec<f64>| Content::Light { values, white: Some(wish.peak) };
-    let pattern = clamped(&best.pattern);
-    let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
-    let error = |photo: &[f64]| -> Vec<f64> { photo.iter().zip(&wish.light).map(|(y, b)| y - b).collect() };
-    let residual = |pattern: &[f64]| format!("residual {:.2} %", percent(wish.residual(stage, pattern)));
-    vec![
-        panel("wish", "What is wished, W/(m² sr)".into(), light(wish.light.clone())),
-        panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
-        panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
-        panel(
-            "pattern",
-            "What is projected, 0 to 1".into(),
-            Content::Light { values: pattern, white: Some(1.0) },
-        ),
-        panel(
-            "error-before",
-            "Projected as it is less wished, W/(m² sr)".into(),
-            Content::Signed(error(&before)),
-        ),
-        panel("error-after", "Compensated less wished, W/(m² sr)".into(), Content::Signed(error(&seen))),
-    ]
 }

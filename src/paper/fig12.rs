@@ -1,10 +1,11 @@
 //! Figure 12: a projector out of focus, at eight and twelve photos.
 
-use super::bench::{Bench, Set};
+use super::bench::Bench;
 use super::check::Check;
+use super::compensated::{panels, percent, residuals};
 use super::contest::{self, Wish, clamped, enter, line};
-use super::fig11::{panels, percent};
-use super::figure::{Curves, Figure, Reproduced};
+use super::figure::{Figure, Reproduced};
+use super::stage::Set;
 use super::target::picture;
 use crate::error::Result;
 use crate::image::Resolution;
@@ -74,15 +75,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         ),
         checks,
         panels: panels(&stage, &wish, &plain, boxed),
-        plots: vec![Curves {
-            caption: "Relative residual by the light itself, at equal photos (the white one not counted)."
-                .into(),
-            x_label: "photos".into(),
-            y_label: "relative residual".into(),
-            logarithmic: true,
-            lines,
-            marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
-        }],
+        plots: vec![residuals(lines, uncompensated, optimum)],
         strips: Vec::new(),
         photos: 1 + PHOTOS,
         seconds: 0.0,

@@ -2,10 +2,11 @@
 
 use std::rc::Rc;
 
-use super::bench::{Bench, Rig, Set, Stage};
+use super::bench::{Bench, Rig};
 use super::check::Check;
 use super::devices::{measure_known, one_bit};
 use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::stage::{Set, Stage};
 use crate::error::Result;
 use crate::image::Image;
 use crate::krylov::norm;

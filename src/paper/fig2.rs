@@ -1,10 +1,11 @@
 //! Figure 2: the principal eigenvector, by projecting photos back.
 
-use super::bench::{Bench, Set, Stage};
+use super::bench::Bench;
 use super::check::Check;
 use super::dense;
 use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
 use super::recorded::Recorded;
+use super::stage::{Set, Stage};
 use crate::error::Result;
 use crate::krylov::{EigsMethod, EigsOptions, Which, dot, eigs, keep_going, norm};
 use crate::operator::Adjoint;

@@ -2,10 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use super::bench::{Bench, Set, Stage};
+use super::bench::Bench;
 use super::check::Check;
 use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::groups::panels;
 use super::purity::{bands, purity};
+use super::stage::{Set, Stage};
 use crate::analysis::segment::segment;
 use crate::analysis::{Capture, SegmentOptions, Segmentation};
 use crate::error::Result;
@@ -62,7 +64,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
             stage.resolution
         ),
         checks,
-        panels: panels(&stage, &found).into_iter().chain(bent_panels).collect(),
+        panels: panels(&stage, &found, 4).into_iter().chain(bent_panels).collect(),
         plots: vec![plot(curve)],
         strips: Vec::new(),
         photos: found.photos + bent.photos,
@@ -116,36 +118,6 @@ fn segment_step_by_step(
 fn fewest(curve: &[(f64, f64)]) -> f64 {
     let from = curve.iter().rposition(|&(_, purity)| purity.is_nan() || purity < PURE).map_or(0, |at| at + 1);
     curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
-}
-
-fn panels(stage: &Stage, found: &Segmentation) -> Vec<Panel> {
-    let panel = |name: String, caption: String, content: Content| Panel {
-        name,
-        caption,
-        resolution: stage.resolution,
-        content,
-    };
-    let white = stage.photo(&vec![1.0; stage.pixels()]);
-    let mut panels = vec![panel(
-        "white".into(),
-        "The photo under white, W/(m² sr)".into(),
-        Content::Light { values: white, white: None },
-    )];
-    for (groups, labels) in &found.labels {
-        panels.push(panel(
-            format!("groups-{groups}"),
-            format!("{groups} groups"),
-            Content::Labels(labels.clone()),
-        ));
-    }
-    for (index, vector) in found.eigenvectors.iter().enumerate().skip(1).take(4) {
-        panels.push(panel(
-            format!("eigenvector-{}", index + 1),
-            format!("Eigenvector {}: λ = {:.4}", index + 1, found.eigenvalues[index]),
-            Content::Signed(vector.clone()),
-        ));
-    }
-    panels
 }
 
 fn plot(points: Vec<(f64, f64)>) -> Curves {

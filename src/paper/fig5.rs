@@ -1,8 +1,9 @@
 //! Figure 5: pixels as points in the space of eigenvectors.
 
-use super::bench::{Bench, Set, Stage};
+use super::bench::Bench;
 use super::check::Check;
 use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::stage::{Set, Stage};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::Result;

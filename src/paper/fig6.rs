@@ -1,11 +1,13 @@
 //! Figure 6: patches that are apart in the photo share a group.
 
-use super::bench::{Bench, Set, Stage};
+use super::bench::Bench;
 use super::check::Check;
 use super::components::components;
-use super::figure::{Content, Figure, Panel, Reproduced};
+use super::figure::{Figure, Reproduced};
+use super::groups::panels;
+use super::stage::{Set, Stage};
+use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
-use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::Result;
 use crate::krylov::keep_going;
 use crate::transport::Part;
@@ -45,7 +47,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
             stage.resolution
         ),
         checks,
-        panels: panels(&stage, &found),
+        panels: panels(&stage, &found, 2),
         plots: Vec::new(),
         strips: Vec::new(),
         photos: found.photos,
@@ -61,34 +63,4 @@ fn is_apart(labels: &[u8], group: u8, stage: &Stage) -> bool {
         [first, second, ..] => second.len() >= least && stage.truth[first[0]] != stage.truth[second[0]],
         _ => false,
     }
-}
-
-fn panels(stage: &Stage, found: &Segmentation) -> Vec<Panel> {
-    let panel = |name: String, caption: String, content: Content| Panel {
-        name,
-        caption,
-        resolution: stage.resolution,
-        content,
-    };
-    let white = stage.photo(&vec![1.0; stage.pixels()]);
-    let mut panels = vec![panel(
-        "white".into(),
-        "The photo under white, W/(m² sr)".into(),
-        Content::Light { values: white, white: None },
-    )];
-    for (groups, labels) in &found.labels {
-        panels.push(panel(
-            format!("groups-{groups}"),
-            format!("{groups} groups"),
-            Content::Labels(labels.clone()),
-        ));
-    }
-    for (index, vector) in found.eigenvectors.iter().enumerate().skip(1).take(2) {
-        panels.push(panel(
-            format!("eigenvector-{}", index + 1),
-            format!("Eigenvector {}: λ = {:.4}", index + 1, found.eigenvalues[index]),
-            Content::Signed(vector.clone()),
-        ));
-    }
-    panels
 }

@@ -1,8 +1,10 @@
 //! Figure 8: an egg carton, empty and with eggs, at 100 photos and 20 eigenvectors.
 
-use super::bench::{Bench, Set, Stage};
+use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Curve, Curves, Figure, Panel, Reproduced};
+use super::groups::panels;
+use super::stage::{Set, Stage};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::error::Result;
@@ -46,8 +48,9 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         name: name.into(),
         points: found.eigenvalues.iter().enumerate().map(|(k, value)| (k as f64 + 1.0, *value)).collect(),
     };
-    let mut panels = panels("empty", "Empty", &empty_stage, &empty);
-    panels.extend(self::panels("eggs", "With eggs", &egg_stage, &eggs));
+    let panels = panels_of("empty", "Empty", &empty_stage, &empty)
+        .chain(panels_of("eggs", "With eggs", &egg_stage, &eggs))
+        .collect();
     Ok(Reproduced {
         figure: Figure::Fig8,
         rig: bench.rig(),
@@ -88,25 +91,11 @@ fn run(bench: &mut Bench<'_>, set: Set, side: usize) -> Result<(std::rc::Rc<Stag
     Ok((stage, found))
 }
 
-fn panels(name: &str, what: &str, stage: &Stage, found: &Segmentation) -> Vec<Panel> {
-    let panel = |part: String, caption: String, content: Content| Panel {
-        name: format!("{name}-{part}"),
-        caption: format!("{what}: {caption}"),
-        resolution: stage.resolution,
-        content,
-    };
-    let white = stage.photo(&vec![1.0; stage.pixels()]);
-    let mut panels = vec![panel(
-        "white".into(),
-        "the photo under white, W/(m² sr)".into(),
-        Content::Light { values: white, white: None },
-    )];
-    for (groups, labels) in &found.labels {
-        panels.push(panel(
-            format!("groups-{groups}"),
-            format!("{groups} groups"),
-            Content::Labels(labels.clone()),
-        ));
-    }
-    panels
+/// The pictures of one carton, named and captioned as its own.
+fn panels_of(name: &str, what: &str, stage: &Stage, found: &Segmentation) -> impl Iterator<Item = Panel> {
+    panels(stage, found, 0).into_iter().map(move |panel| Panel {
+        name: format!("{name}-{}", panel.name),
+        caption: format!("{what}: {}", panel.caption),
+        ..panel
+    })
 }

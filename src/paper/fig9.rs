@@ -1,9 +1,10 @@
 //! Figure 9: the photos of a segmentation, in order.
 
-use super::bench::{Bench, Set};
+use super::bench::Bench;
 use super::check::Check;
 use super::figure::{Figure, Reproduced, Strip};
 use super::recorded::Recorded;
+use super::stage::Set;
 use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
 use crate::error::Result;

@@ -18,6 +18,7 @@
 
 mod bench;
 mod check;
+mod compensated;
 mod components;
 mod contest;
 mod dense;
@@ -33,8 +34,10 @@ mod fig6;
 mod fig8;
 mod fig9;
 mod figure;
+mod groups;
 mod purity;
 mod recorded;
+mod stage;
 mod target;
 
 pub use bench::{Bench, BenchOptions, Rig};
