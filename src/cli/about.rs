@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::journal;
 use crate::image::Resolution;
+use crate::operator::Symmetry;
 
 /// The names of a journal's notes.
 pub(super) const ABOUT: &str = "source";
@@ -24,6 +25,13 @@ pub(super) struct About {
     pub(super) patterns: Resolution,
     pub(super) symmetric: bool,
     pub(super) channels: usize,
+}
+
+impl About {
+    /// Whether the matrix is symmetric.
+    pub(super) fn symmetry(&self) -> Symmetry {
+        if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
+    }
 }
 
 /// What took them.

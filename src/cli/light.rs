@@ -14,7 +14,7 @@ use super::simulation::Simulation;
 use crate::error::Error;
 use crate::image::{Image, Resolution};
 use crate::journal::{Journal, Key};
-use crate::operator::{Adjoint, Symmetry};
+use crate::operator::Adjoint;
 use crate::render::{TraceSettings, Tracer};
 use crate::report::manifest;
 use crate::transport::{
@@ -142,7 +142,7 @@ impl<'a> Light<'a> {
             Self::Kept(kept) => {
                 let Kept { journal, about, channels, .. } = &**kept;
                 let size = [about.photos, about.patterns].map(Resolution::pixels);
-                let symmetry = if about.symmetric { Symmetry::Symmetric } else { Symmetry::General };
+                let symmetry = about.symmetry();
                 let operator = |channel| {
                     let name = name(part, channel);
                     ChannelOperator::Kept(JournaledOperator::replay(journal, name, size, symmetry))

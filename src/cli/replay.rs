@@ -58,7 +58,12 @@ impl Replay {
         let calibration = Calibration::load(&calibration(&self.folder))?;
         let warn = journal::warning(&journal, console);
         let shots = Box::new(Journaled::replay(journal)?.reporting(warn));
-        Ok(Light::Measured(Box::new(rig_source::measured(shots, &calibration, &file, Some(channels))?)))
+        Ok(Light::Measured(Box::new(rig_source::measured(
+            shots,
+            &calibration,
+            &file,
+            (Some(channels), self.about.symmetry()),
+        )?)))
     }
 
     /// Notes what the run depends on.

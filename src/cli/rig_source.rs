@@ -17,6 +17,7 @@ use crate::analysis::plan::Twin;
 use crate::error::Error;
 use crate::image::Resolution;
 use crate::journal::{Identity, Journal};
+use crate::operator::Symmetry;
 use crate::measure::{Calibration, Journaled, Live, Measurement, Opener, Shots};
 use crate::render::TraceSettings;
 use crate::report::manifest::{self, Manifest};
@@ -32,6 +33,8 @@ pub(super) struct RigSource {
     devices: VirtualRig,
     /// The virtual rig's scene, where it is to be traced.
     simulation: Option<Box<Simulation>>,
+    /// Symmetric where projector and camera have the same pose and lens. A given matrix is taken for that of such a rig.
+    symmetry: Symmetry,
 }
 
 impl RigSource {
@@ -59,7 +62,9 @@ impl RigSource {
         let RigKind::Virtual(mut devices) = file.kind.clone();
         let simulation = scene_of(&mut devices.scene, &args.source, &args.view, trace, console)?;
         let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
-        Ok(Self { file, calibration, devices, simulation })
+        let symmetric = simulation.as_ref().is_none_or(|simulation| simulation.is_symmetric());
+        let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
+        Ok(Self { file, calibration, devices, simulation, symmetry })
     }
 
     /// Pixels of patterns and of photos, which are resampled to them.
@@ -79,6 +84,11 @@ impl RigSource {
     pub(super) fn simulation(&mut self) -> Result<&mut Simulation> {
         let path = &self.file.path;
         self.simulation.as_deref_mut().ok_or_else(|| no_scene(path).into())
+    }
+
+    /// Whether the rig is coaxial, so that its matrix is symmetric.
+    pub(super) fn symmetry(&self) -> Symmetry {
+        self.symmetry
     }
 
     /// Whether its devices are virtual, and a scene has to be traced first.
@@ -154,7 +164,7 @@ impl RigSource {
             }
             None => opener(None)?,
         };
-        measured(shots, &self.calibration, &self.file, channels)
+        measured(shots, &self.calibration, &self.file, (channels, self.symmetry))
     }
 
     /// Keeps beside the journal of the run in `folder` what a replay needs of the rig.
@@ -186,9 +196,10 @@ pub(super) fn measured(
     shots: Box<dyn Shots>,
     calibration: &Calibration,
     file: &RigFile,
-    channels: Option<Channels>,
+    (channels, symmetry): (Option<Channels>, Symmetry),
 ) -> Result<Measured> {
-    let mut measurement = Measurement::new(shots, calibration.clone(), file.measurement.clone())?;
+    let mut measurement =
+        Measurement::new(shots, calibration.clone(), file.measurement.clone())?.declared(symmetry);
     match channels {
         Some(Channels::Luma) => measurement = measurement.in_luma(),
         Some(Channels::Rgb) if measurement.channels() != 3 => {

@@ -18,6 +18,7 @@ use super::truth;
 use crate::error::Error;
 use crate::image::Resolution;
 use crate::journal::Identity;
+use crate::operator::Symmetry;
 use crate::report::manifest::Manifest;
 use crate::report::segmentation::Truth;
 use crate::transport::Channels;
@@ -178,13 +179,14 @@ impl Source {
                     simulation.scene.path.clone(),
                     blake3::Hash::from_bytes(simulation.scene.hash).to_string(),
                 );
-                let symmetric = simulation.tracer.symmetric(&simulation.settings);
+                let symmetric = simulation.is_symmetric();
                 About { kind: Kind::Scene, name, path, hash, photos, patterns, symmetric, channels }
             }
             Self::Rig(rig) => {
                 let (path, hash) =
                     (rig.file.path.clone(), blake3::Hash::from_bytes(rig.file.hash).to_string());
-                About { kind: Kind::Rig, name, path, hash, photos, patterns, symmetric: true, channels }
+                let symmetric = rig.symmetry() == Symmetry::Symmetric;
+                About { kind: Kind::Rig, name, path, hash, photos, patterns, symmetric, channels }
             }
             Self::Run(run) => run.about.clone(),
         }

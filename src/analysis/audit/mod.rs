@@ -111,7 +111,7 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
     };
     let white = match subject.photograph(&vec![1.0; resolution.pixels()]) {
         Ok(white) => white,
-        Err(Error::Rig { device, fault, .. }) if fault.contains("saturat") => {
+        Err(Error::Saturated { device, fault, .. }) => {
             audit.checks.push(checks::saturated(&format!("{device}: {fault}")));
             return Ok(audit);
         }

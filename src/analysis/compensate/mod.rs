@@ -13,6 +13,8 @@ mod clamping;
 mod compare;
 mod crosstalk;
 mod defocus;
+mod gaussian;
+mod mixture;
 mod options;
 mod run;
 mod wish;
@@ -21,6 +23,7 @@ pub use by_model::{Photograph, compensate_by_model};
 pub use clamping::Clamping;
 pub use compare::{MethodRun, compare_methods};
 pub use crosstalk::Crosstalk;
+pub(crate) use mixture::Mixture;
 pub use options::{CompensateOptions, Precondition};
 pub use wish::Wish;
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::crosstalk::{Crosstalk, Mixed, planes};
 use super::defocus::Defocus;
+use super::mixture::Mixture;
 use super::options::{CompensateOptions, Precondition};
 use super::wish::{Wish, norm_of};
 use super::{CompensationRow, Prior};
@@ -11,7 +12,7 @@ use crate::analysis::direct::{DirectMethod, measure_direct};
 use crate::error::{Error, Result};
 use crate::krylov::{
     Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveMonitor, SolveOptions, SolveRow,
-    Start, Status, solve_adjoint,
+    Start, Status, Surrogate, solve_adjoint,
 };
 use crate::operator::{Adjoint, Operator, Symmetry};
 
@@ -127,6 +128,14 @@ impl Run<'_> {
         let constrained = method.facts().constraint != Constraint::None;
         let preconditioner =
             if constrained { None } else { self.preconditioner(operator, channel, white.clone())? };
+        // Its own transpose is all that such a rig lacks.
+        let lacks_transpose = operator.symmetry() != Symmetry::Symmetric && channel.is_some();
+        let surrogate: Option<Arc<dyn Surrogate>> = match method {
+            Method::KrylovBox if lacks_transpose => {
+                Some(Arc::new(Mixture::new(self.wish.resolution(), &white)))
+            }
+            _ => None,
+        };
         Ok(SolveOptions {
             products: photos,
             rtol: self.options.rtol,
@@ -135,6 +144,7 @@ impl Run<'_> {
             diagonal: constrained.then_some(white),
             preconditioner,
             x0,
+            surrogate,
             ..SolveOptions::default()
         })
     }
