@@ -12,6 +12,7 @@ use crate::operator::Symmetry;
 pub(super) const ABOUT: &str = "source";
 pub(super) const RIG_FILE: &str = "rig file";
 pub(super) const TRUTH: &str = "truth";
+pub(super) const DIRECT: &str = "direct light";
 
 /// What a journal's photos are of.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -157,7 +157,9 @@ impl Source {
                 let mut journal = folder.journal(&identity, console)?;
                 journal.note(about::ABOUT, &serde_json::to_vec(&about)?)?;
                 let light = Light::of_scene(simulation, choice, channels, console)?;
-                Ok(Light::Kept(Box::new(Kept::new(journal, about, light))))
+                let mut kept = Kept::new(journal, about, light);
+                kept.keep_known(console)?;
+                Ok(Light::Kept(Box::new(kept)))
             }
             Self::Rig(rig) => {
                 let mut journal = folder.journal(&rig.identity()?, console)?;
@@ -226,7 +228,7 @@ pub(super) fn not_for_rigs(option: &str) -> anyhow::Error {
 pub(super) fn not_for_runs(run: &Path) -> anyhow::Error {
     Error::Data {
         path: run.to_path_buf(),
-        fault: "a run's photos answer segment, eigs and compensate only".into(),
+        fault: "a run's photos answer segment, eigs, compensate and relight only".into(),
         help: "give the scene or the rig".into(),
     }
     .into()

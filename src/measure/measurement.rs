@@ -264,7 +264,7 @@ impl Measurement {
         Ok(self.white.clone().unwrap_or_default())
     }
 
-    fn photo(&self, planes: Vec<Plane>) -> Photo {
+    pub(super) fn photo(&self, planes: Vec<Plane>) -> Photo {
         let fold = |channel| {
             let mut folded = Plane::zero(self.registration.projector.pixels());
             for (camera_channel, weight) in self.reading(channel) {

@@ -4,12 +4,11 @@
 use std::sync::Arc;
 
 use super::figure::{Curve, Shot};
-use super::recorded::Recorded;
 use super::stage::Stage;
 use crate::analysis::compensate::Mixture;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, SolveProgress, dot, keep_solving, norm, solve_adjoint};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Recorded, Symmetry};
 use crate::transport::Part;
 
 /// What is wished on a scene, in W/(m² sr), and the photo under white that says how much there is.
@@ -113,7 +112,7 @@ pub(super) fn enter(
     let wanted: Vec<f64> = wish.light.iter().map(|light| wish.unit * light).collect();
     let found = solve_adjoint(method, &mut recorded, &wanted, &options, &mut watch)?;
     entry.pattern = found.x;
-    entry.shots = recorded.shots;
+    entry.shots = recorded.products.into_iter().map(Shot::from).collect();
     Ok(entry)
 }
 

@@ -50,7 +50,11 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
             boxed.displayed_at(PHOTOS) / bound,
             1.05,
         ),
-        Check::at_most("the same over what clamping displays, the worst of 1 to 12 photos", worst(recipe), 1.0),
+        Check::at_most(
+            "the same over what clamping displays, the worst of 1 to 12 photos",
+            worst(recipe),
+            1.0,
+        ),
         Check::stated(
             "the same over clamping what is scaled by the white photo (both begin alike), the worst of 1 to 12",
             worst(scaled),

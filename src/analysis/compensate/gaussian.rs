@@ -66,7 +66,8 @@ mod tests {
         for width in [2.0, 6.0] {
             let found = Gaussian::new(resolution, width).apply(&bump);
             let exact = Blur::new(resolution, width).map(|blur| blur.apply(&bump)).unwrap_or_default();
-            let off: f64 = found.iter().zip(&exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / dot(&exact, &exact);
+            let off: f64 =
+                found.iter().zip(&exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / dot(&exact, &exact);
             assert!(off.sqrt() < 0.15, "{width}: {}", off.sqrt());
         }
     }

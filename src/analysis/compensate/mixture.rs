@@ -108,7 +108,10 @@ impl Mixture {
     }
 
     fn present(&self) -> impl Iterator<Item = (&Gaussian, &Vec<f64>)> {
-        self.blurs.iter().zip(&self.shares).filter_map(|(blur, share)| share.as_ref().map(|share| (blur, share)))
+        self.blurs
+            .iter()
+            .zip(&self.shares)
+            .filter_map(|(blur, share)| share.as_ref().map(|share| (blur, share)))
     }
 }
 
@@ -206,7 +209,8 @@ mod tests {
             of.apply(x, &mut y);
             let expected = truth(x);
             let square = |of: &mut dyn Iterator<Item = f64>| of.map(|value| value * value).sum::<f64>();
-            (square(&mut y.iter().zip(&expected).map(|(a, b)| a - b)) / square(&mut expected.iter().copied())).sqrt()
+            (square(&mut y.iter().zip(&expected).map(|(a, b)| a - b)) / square(&mut expected.iter().copied()))
+                .sqrt()
         };
         let other = noise(n, 5);
         // Windows ten pixels wide cannot follow shares that change by a fifth within them, but nearly.

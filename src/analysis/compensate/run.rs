@@ -42,6 +42,8 @@ pub(super) struct Run<'a> {
     pub(super) b: &'a [Vec<f64>],
     pub(super) options: &'a CompensateOptions,
     pub(super) prior: &'a Prior,
+    /// Whether each product is a photo, so that it pays to work long on the next.
+    pub(super) dear: bool,
     /// Photos before those of the method.
     pub(super) preparation: usize,
 }
@@ -128,8 +130,8 @@ impl Run<'_> {
         let constrained = method.facts().constraint != Constraint::None;
         let preconditioner =
             if constrained { None } else { self.preconditioner(operator, channel, white.clone())? };
-        // Its own transpose is all that such a rig lacks.
-        let lacks_transpose = operator.symmetry() != Symmetry::Symmetric && channel.is_some();
+        // The transpose is what such a rig lacks.
+        let lacks_transpose = self.dear && operator.symmetry() != Symmetry::Symmetric && channel.is_some();
         let surrogate: Option<Arc<dyn Surrogate>> = match method {
             Method::KrylovBox if lacks_transpose => {
                 Some(Arc::new(Mixture::new(self.wish.resolution(), &white)))

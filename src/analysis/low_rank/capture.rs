@@ -5,7 +5,7 @@ use crate::analysis::probe::smooth_patterns;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start};
-use crate::operator::{Operator, Symmetry};
+use crate::operator::{Operator, Recorded, Symmetry};
 
 /// How a low-rank model is captured.
 #[derive(Clone, Debug)]
@@ -59,7 +59,7 @@ pub fn capture(
     }
     let symmetric = operator.symmetry() == Symmetry::Symmetric;
     let start = options.start.as_ref().map_or_else(|| vec![1.0; n], |start| start.vector(n));
-    let mut recorder = Recorder { operator, photos: Vec::with_capacity(options.photos) };
+    let mut recorder = Recorded::new(operator);
     let basis = if symmetric {
         let mut block = vec![start];
         // A block wider than the photos would leave those that it starts with unseen.
@@ -68,13 +68,14 @@ pub fn capture(
     } else {
         run(Arnoldi::new(&start, &[])?, &mut recorder, options.photos, watch)?
     };
-    LowRank::new(basis, recorder.photos, direct.to_vec(), symmetric)
+    let photos = recorder.products.into_iter().map(|product| product.to).collect();
+    LowRank::new(basis, photos, direct.to_vec(), symmetric)
 }
 
 /// The basis after so many steps, or as many as the space has dimensions.
 fn run(
     mut process: impl Factorization,
-    recorder: &mut Recorder<'_>,
+    recorder: &mut dyn Operator,
     photos: usize,
     watch: &mut dyn FnMut(usize),
 ) -> Result<Vec<Vec<f64>>> {
@@ -83,30 +84,4 @@ fn run(
         watch(process.steps());
     }
     Ok(process.basis().to_vec())
-}
-
-/// Keeps each product.
-struct Recorder<'a> {
-    operator: &'a mut dyn Operator,
-    photos: Vec<Vec<f64>>,
-}
-
-impl Operator for Recorder<'_> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)?;
-        self.photos.push(y.to_vec());
-        Ok(())
-    }
 }

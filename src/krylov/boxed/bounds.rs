@@ -113,7 +113,8 @@ impl Boxed {
         let (mut least, mut most) = (0.0_f64, f64::INFINITY);
         for &value in x.iter() {
             // t · value = lower, and = upper, the lesser t first.
-            let [first, last] = if value > 0.0 { [lower / value, upper / value] } else { [upper / value, lower / value] };
+            let [first, last] =
+                if value > 0.0 { [lower / value, upper / value] } else { [upper / value, lower / value] };
             if value != 0.0 {
                 (least, most) = (least.max(first), most.min(last));
             }

@@ -117,7 +117,8 @@ impl Solver for KrylovBox {
         let model = match &mut self.model {
             Some(model) => model,
             none => {
-                let mut model = Model::new(&self.boxed.diagonal, symmetric, self.surrogate.clone(), self.capacity);
+                let mut model =
+                    Model::new(&self.boxed.diagonal, symmetric, self.surrogate.clone(), self.capacity);
                 let ones = vec![1.0; self.boxed.system.b.len()];
                 if taken {
                     model.learn(&ones, &self.boxed.system.work);

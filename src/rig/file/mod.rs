@@ -116,6 +116,7 @@ impl RigFile {
         let tables: VirtualTables = parse(path, text)?;
         check.projector(&tables.projector)?;
         check.camera(&tables.camera)?;
+        check.crosstalk(&tables.projector, &tables.camera)?;
         check.ambient(&tables.ambient)?;
         check.drift(&tables.drift)?;
         check.faults(&tables.faults)?;
