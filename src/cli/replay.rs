@@ -7,11 +7,12 @@ use anyhow::Result;
 use super::about::{ABOUT, About, Kind, RIG_FILE, TRUTH, calibration};
 use super::console::Console;
 use super::light::{Kept, Light};
+use super::run_folder::RECORD;
 use super::{journal, rig_source};
 use crate::error::Error;
 use crate::journal::Journal;
 use crate::measure::{Calibration, Journaled};
-use crate::report::manifest::{self, Manifest};
+use crate::report::manifest::{self, Manifest, Status};
 use crate::report::segmentation::Truth;
 use crate::rig::RigFile;
 use crate::transport::Channels;
@@ -21,6 +22,8 @@ pub(super) struct Replay {
     folder: PathBuf,
     pub(super) about: About,
     truth: Option<Truth>,
+    /// Photos that the run was allowed to take, if it came to its end.
+    pub(super) photos: Option<usize>,
 }
 
 impl Replay {
@@ -38,7 +41,9 @@ impl Replay {
         let mut journal = Journal::read_only(&folder)?;
         let about = read(&mut journal, ABOUT)?.ok_or_else(|| unfinished(&journal, "what they are of"))?;
         let truth = read(&mut journal, TRUTH)?;
-        Ok(Self { folder: run.to_path_buf(), about, truth })
+        let record = Manifest::read(&run.join(RECORD)).ok().filter(|record| record.status == Status::Done);
+        let photos = record.and_then(|record| record.photos_allowed);
+        Ok(Self { folder: run.to_path_buf(), about, truth, photos })
     }
 
     /// The labels of the scene's author, where the run knew them.

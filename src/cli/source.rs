@@ -82,6 +82,14 @@ impl Source {
         }
     }
 
+    /// Photos that a run was allowed to take, where the source is one that came to its end: what is asked of it by default.
+    pub(super) fn held(&self) -> Option<usize> {
+        match self {
+            Self::Run(run) => run.photos,
+            Self::Scene(_) | Self::Rig(_) => None,
+        }
+    }
+
     /// The scene behind it, to be looked at.
     ///
     /// # Errors

@@ -37,8 +37,18 @@ impl Default for LowRankCapture {
     }
 }
 
+/// How a capture stands after a photo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaptureStep {
+    /// Photos taken.
+    pub photos: usize,
+    /// What the model of the photos before would have got wrong of this one, `‖w − Q Wᵀ q‖`, in shares of the strongest photo: as it
+    /// falls, so does the model's error. Patterns are of norm 1.
+    pub news: f64,
+}
+
 /// Takes `photos` photos with `operator` (`n × n`, without its direct light) and keeps them as a model; `direct` is the direct image
-/// under white (`n`), or empty where it stays in the operator. Calls `watch` after each photo, with their number.
+/// under white (`n`), or empty where it stays in the operator. Calls `watch` after each photo.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos`; [`Error::Dimension`] when the operator is not square or `direct` has another length;
@@ -47,7 +57,7 @@ pub fn capture(
     operator: &mut dyn Operator,
     direct: &[f64],
     options: &LowRankCapture,
-    watch: &mut dyn FnMut(usize),
+    watch: &mut dyn FnMut(CaptureStep),
 ) -> Result<LowRank> {
     let n = operator.cols();
     if options.photos == 0 {
@@ -59,7 +69,7 @@ pub fn capture(
     }
     let symmetric = operator.symmetry() == Symmetry::Symmetric;
     let start = options.start.as_ref().map_or_else(|| vec![1.0; n], |start| start.vector(n));
-    let mut recorder = Recorder { operator, photos: Vec::with_capacity(options.photos) };
+    let mut recorder = Recorder { operator, symmetric, patterns: Vec::new(), photos: Vec::new() };
     let basis = if symmetric {
         let mut block = vec![start];
         // A block wider than the photos would leave those that it starts with unseen.
@@ -76,11 +86,11 @@ fn run(
     mut process: impl Factorization,
     recorder: &mut Recorder<'_>,
     photos: usize,
-    watch: &mut dyn FnMut(usize),
+    watch: &mut dyn FnMut(CaptureStep),
 ) -> Result<Vec<Vec<f64>>> {
     while process.steps() < photos && !process.is_exhausted() {
         process.expand(recorder)?;
-        watch(process.steps());
+        watch(CaptureStep { photos: process.steps(), news: recorder.news() });
     }
     Ok(process.basis().to_vec())
 }
@@ -88,7 +98,34 @@ fn run(
 /// Keeps each product.
 struct Recorder<'a> {
     operator: &'a mut dyn Operator,
+    symmetric: bool,
+    patterns: Vec<Vec<f64>>,
     photos: Vec<Vec<f64>>,
+}
+
+impl Recorder<'_> {
+    /// [`CaptureStep::news`] of the last photo. Without symmetry nothing is known of a pattern that stands at right angles to all
+    /// before.
+    fn news(&self) -> f64 {
+        let (Some((pattern, patterns)), Some((photo, photos))) =
+            (self.patterns.split_last(), self.photos.split_last())
+        else {
+            return 1.0;
+        };
+        let mut rest = photo.clone();
+        if self.symmetric {
+            for (known, seen) in patterns.iter().zip(photos) {
+                let share = dot(seen, pattern);
+                rest.iter_mut().zip(known).for_each(|(rest, known)| *rest -= share * known);
+            }
+        }
+        let strongest = self.photos.iter().map(|photo| dot(photo, photo)).fold(0.0, f64::max).sqrt();
+        if strongest > 0.0 { dot(&rest, &rest).sqrt() / strongest } else { 0.0 }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl Operator for Recorder<'_> {
@@ -106,6 +143,7 @@ impl Operator for Recorder<'_> {
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.operator.apply(x, y)?;
+        self.patterns.push(x.to_vec());
         self.photos.push(y.to_vec());
         Ok(())
     }

@@ -20,7 +20,7 @@ mod error_curve;
 mod inverse;
 mod model;
 
-pub use capture::{LowRankCapture, capture, smooth_starts};
+pub use capture::{CaptureStep, LowRankCapture, capture, smooth_starts};
 pub use error_curve::{ErrorRow, error_curve, optimal_errors};
 pub use inverse::{Cancelled, cancel_interreflections};
 pub use model::LowRank;
