@@ -7,7 +7,9 @@ use anyhow::Result;
 use super::about::{ABOUT, About, Kind, RIG_FILE, TRUTH, calibration};
 use super::console::Console;
 use super::light::{Kept, Light};
+use super::measured::Measured;
 use super::run_folder::RECORD;
+use super::source::not_for_runs;
 use super::{journal, rig_source};
 use crate::error::Error;
 use crate::journal::Journal;
@@ -64,6 +66,18 @@ impl Replay {
         let warn = journal::warning(&journal, console);
         let shots = Box::new(Journaled::replay(journal)?.reporting(warn));
         Ok(Light::Measured(Box::new(rig_source::measured(shots, &calibration, &file, Some(channels))?)))
+    }
+
+    /// The rig of the run, without the rig.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where the run had none, but a scene.
+    pub(super) fn measured(&self, channels: Option<Channels>, console: &Console) -> Result<Measured> {
+        let own = if self.about.channels == 1 { Channels::Luma } else { Channels::Rgb };
+        match self.light(channels.unwrap_or(own), console)? {
+            Light::Measured(measured) => Ok(*measured),
+            _ => Err(not_for_runs(&self.folder)),
+        }
     }
 
     /// Notes what the run depends on.

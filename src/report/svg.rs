@@ -69,9 +69,12 @@ impl Chart {
                 r#"<line x1="{x:.1}" y1="{bottom}" x2="{x:.1}" y2="{:.1}" stroke="currentColor" stroke-opacity="0.55"/>"#,
                 bottom + 5.0
             );
+            // The last label must not leave the drawing.
+            let most = WIDTH - LETTER / 2.0 * tick.label.chars().count() as f64;
             draw!(
                 lines,
-                r#"<text x="{x:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
+                r#"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
+                x.min(most),
                 bottom + 20.0,
                 tick.label
             );
