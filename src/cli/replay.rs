@@ -8,13 +8,16 @@ use anyhow::Result;
 use super::about::{ABOUT, About, DIRECT, Kind, RIG_FILE, TRUTH, calibration};
 use super::console::Console;
 use super::light::{self, Kept, Light};
+use super::measured::Measured;
+use super::run_folder::RECORD;
+use super::source::not_for_runs;
 use super::{journal, rig_source};
 use crate::error::Error;
 use crate::image::Image;
 use crate::journal::Journal;
 use crate::measure::{Calibration, Journaled};
 use crate::operator::Product;
-use crate::report::manifest::{self, Manifest};
+use crate::report::manifest::{self, Manifest, Status};
 use crate::report::segmentation::Truth;
 use crate::rig::{Frame, RigFile};
 use crate::transport::{Channels, JournaledOperator, Part};
@@ -24,6 +27,8 @@ pub(super) struct Replay {
     folder: PathBuf,
     pub(super) about: About,
     truth: Option<Truth>,
+    /// Photos that the run was allowed to take, if it came to its end.
+    pub(super) photos: Option<usize>,
 }
 
 /// The photos of a run: patterns with what was seen of them, for each channel, without ambient light.
@@ -52,7 +57,9 @@ impl Replay {
         let mut journal = Journal::read_only(&folder)?;
         let about = read(&mut journal, ABOUT)?.ok_or_else(|| unfinished(&journal, "what they are of"))?;
         let truth = read(&mut journal, TRUTH)?;
-        Ok(Self { folder: run.to_path_buf(), about, truth })
+        let record = Manifest::read(&run.join(RECORD)).ok().filter(|record| record.status == Status::Done);
+        let photos = record.and_then(|record| record.photos_allowed);
+        Ok(Self { folder: run.to_path_buf(), about, truth, photos })
     }
 
     /// The labels of the scene's author, where the run knew them.
@@ -142,6 +149,18 @@ impl Replay {
             direct: direct.map(|photo| photo.planes.into_iter().map(|plane| plane.values).collect()),
             ambient: measurement.ambient()?.to_image()?,
         })
+    }
+
+    /// The rig of the run, without the rig.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where the run had none, but a scene.
+    pub(super) fn measured(&self, channels: Option<Channels>, console: &Console) -> Result<Measured> {
+        let own = if self.about.channels == 1 { Channels::Luma } else { Channels::Rgb };
+        match self.light(channels.unwrap_or(own), console)? {
+            Light::Measured(measured) => Ok(*measured),
+            _ => Err(not_for_runs(&self.folder)),
+        }
     }
 
     /// Notes what the run depends on.

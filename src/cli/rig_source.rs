@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::about;
+use super::about::{self, About, Kind};
 use super::console::Console;
 use super::journal;
 use super::measured::Measured;
 use super::options::{SourceArgs, ViewArgs};
+use super::run_folder::RunFolder;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
 use super::truth;
@@ -85,12 +86,6 @@ impl RigSource {
         let path = &self.file.path;
         self.simulation.as_deref_mut().ok_or_else(|| no_scene(path).into())
     }
-
-    /// Whether the rig is coaxial, so that its matrix is symmetric.
-    pub(super) fn symmetry(&self) -> Symmetry {
-        self.symmetry
-    }
-
     /// Whether its devices are virtual, and a scene has to be traced first.
     pub(super) fn is_traced(&self) -> bool {
         self.simulation.is_some()
@@ -168,7 +163,7 @@ impl RigSource {
     }
 
     /// Keeps beside the journal of the run in `folder` what a replay needs of the rig.
-    pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
+    fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
         let path = &self.file.path;
         let bytes = std::fs::read(path).map_err(Error::reading(path))?;
         journal.note(about::RIG_FILE, &bytes)?;
@@ -179,6 +174,33 @@ impl RigSource {
             self.calibration.save(&calibration)?;
         }
         Ok(())
+    }
+
+    /// The journal of a run on this rig, with what a replay has to know.
+    pub(super) fn journal(
+        &self,
+        folder: &RunFolder,
+        channels: Channels,
+        console: &Console,
+    ) -> Result<Journal> {
+        let mut journal = folder.journal(&self.identity()?, console)?;
+        journal.note(about::ABOUT, &serde_json::to_vec(&self.about(channels))?)?;
+        self.keep(&folder.path, &mut journal)?;
+        Ok(journal)
+    }
+
+    /// What a replay has to know of it.
+    pub(super) fn about(&self, channels: Channels) -> About {
+        About {
+            kind: Kind::Rig,
+            name: self.name(),
+            path: self.file.path.clone(),
+            hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
+            photos: self.resolution(),
+            patterns: self.resolution(),
+            symmetric: self.symmetry == Symmetry::Symmetric,
+            channels: channels.count(),
+        }
     }
 
     /// Notes what a run depends on.

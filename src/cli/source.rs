@@ -18,7 +18,6 @@ use super::truth;
 use crate::error::Error;
 use crate::image::Resolution;
 use crate::journal::Identity;
-use crate::operator::Symmetry;
 use crate::report::manifest::Manifest;
 use crate::report::segmentation::Truth;
 use crate::transport::Channels;
@@ -80,6 +79,14 @@ impl Source {
             }
             Self::Rig(rig) => rig.resolution(),
             Self::Run(run) => run.about.patterns,
+        }
+    }
+
+    /// Photos that a run was allowed to take, where the source is one that came to its end: what is asked of it by default.
+    pub(super) fn held(&self) -> Option<usize> {
+        match self {
+            Self::Run(run) => run.photos,
+            Self::Scene(_) | Self::Rig(_) => None,
         }
     }
 
@@ -162,9 +169,7 @@ impl Source {
                 Ok(Light::Kept(Box::new(kept)))
             }
             Self::Rig(rig) => {
-                let mut journal = folder.journal(&rig.identity()?, console)?;
-                journal.note(about::ABOUT, &serde_json::to_vec(&about)?)?;
-                rig.keep(&folder.path, &mut journal)?;
+                let journal = rig.journal(folder, channels, console)?;
                 Ok(Light::Measured(Box::new(rig.measured(Some(channels), Some(journal), console)?)))
             }
             Self::Run(run) => run.light(channels, console),
@@ -174,7 +179,6 @@ impl Source {
     /// What a replay has to know of it.
     fn about(&self, channels: Channels) -> About {
         let (photos, patterns, name) = (self.resolution(), self.projector_resolution(), self.name());
-        let channels = channels.count();
         match self {
             Self::Scene(simulation) => {
                 let (path, hash) = (
@@ -182,14 +186,10 @@ impl Source {
                     blake3::Hash::from_bytes(simulation.scene.hash).to_string(),
                 );
                 let symmetric = simulation.is_symmetric();
+                let channels = channels.count();
                 About { kind: Kind::Scene, name, path, hash, photos, patterns, symmetric, channels }
             }
-            Self::Rig(rig) => {
-                let (path, hash) =
-                    (rig.file.path.clone(), blake3::Hash::from_bytes(rig.file.hash).to_string());
-                let symmetric = rig.symmetry() == Symmetry::Symmetric;
-                About { kind: Kind::Rig, name, path, hash, photos, patterns, symmetric, channels }
-            }
+            Self::Rig(rig) => rig.about(channels),
             Self::Run(run) => run.about.clone(),
         }
     }
@@ -224,11 +224,11 @@ pub(super) fn not_for_rigs(option: &str) -> anyhow::Error {
     .into()
 }
 
-/// Verbs that take photos of their own have none in a journal.
+/// What a verb cannot ask of the photos of a run.
 pub(super) fn not_for_runs(run: &Path) -> anyhow::Error {
     Error::Data {
         path: run.to_path_buf(),
-        fault: "a run's photos answer segment, eigs, compensate and relight only".into(),
+        fault: "its photos do not answer this verb".into(),
         help: "give the scene or the rig".into(),
     }
     .into()

@@ -12,6 +12,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::light::Light;
+use super::live::{Live, LiveArgs};
 use super::noise::percent;
 use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
@@ -24,6 +25,7 @@ use crate::error::Error;
 use crate::report::manifest::Manifest;
 use crate::report::model::SavedModel;
 use crate::report::relighting::{RankRow, RelightingRun};
+use crate::report::strip::Strip;
 use crate::transport::Channels;
 use questions::{Answers, Questions};
 
@@ -43,7 +45,7 @@ pub(super) struct Args {
     /// One gray system, or red, green and blue as three [default: luma, or what the model has]
     #[arg(long, value_enum)]
     channels: Option<ChannelsArg>,
-    /// Photos of the capture [default: 40]
+    /// Photos of the capture [default: 40, or as many as the run that is SOURCE might take]
     #[arg(long, value_name = "N")]
     photos: Option<usize>,
     /// Patterns of the capture that are chosen beforehand, white and smooth random ones; the others are photos projected back. 1 is
@@ -67,6 +69,8 @@ pub(super) struct Args {
     operator: OperatorArgs,
     #[command(flatten)]
     run: RunArgs,
+    #[command(flatten)]
+    live: LiveArgs,
     #[command(flatten)]
     pub(super) output: OutputArgs,
 }
@@ -149,7 +153,7 @@ fn from_run(args: &Args, run: &Replay, console: &Console) -> Result<Outcome> {
             let files = model.write(&folder.path)?;
             Ok((args.questions().answers(&model, None, console)?, files))
         })
-        .and_then(|(answers, files)| finish(args, &model, &answers, &[], 0, files, &mut folder, console));
+        .and_then(|(answers, files)| finish(args, &model, &answers, &[], None, files, &mut folder, console));
     folder.close(outcome)
 }
 
@@ -164,7 +168,7 @@ fn from_model(args: &Args, console: &Console) -> Result<Outcome> {
     folder.manifest.resolution = Some(model.resolution);
     let outcome = folder
         .timed("relighting", |_| args.questions().answers(&model, None, console))
-        .and_then(|answers| finish(args, &model, &answers, &[], 0, Vec::new(), &mut folder, console));
+        .and_then(|answers| finish(args, &model, &answers, &[], None, Vec::new(), &mut folder, console));
     folder.close(outcome)
 }
 
@@ -176,19 +180,18 @@ fn captured(
 ) -> Result<(Outcome, String)> {
     let (name, resolution, projector) = (source.name(), source.resolution(), source.projector_resolution());
     let unit = source.unit();
+    let photos = args.photos.or(source.held()).unwrap_or(40);
+    folder.manifest.photos_allowed = Some(photos);
+    let live = Live::new(&args.live, source, args.channels(), console);
     // A simulator is also asked for the truth, hundreds of times: that is no journal's business.
     let kept = !matches!(source, Source::Scene(_));
     let mut light: Light<'_> = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, args.channels(), kept.then_some(&*folder), console)
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
-    let process = capture::Process {
-        photos: args.photos.unwrap_or(40),
-        block: args.block.unwrap_or(BLOCK),
-        seed: args.trace.seed(),
-    };
+    let process = capture::Process { photos, block: args.block.unwrap_or(BLOCK), seed: args.trace.seed() };
     let model = folder.timed("photos", |_| {
-        capture::model(&mut light, process, [&name, unit], [resolution, projector], console)
+        capture::model(&mut light, process, [&name, unit], [resolution, projector], &live, console)
     });
     let model = folder.record_rig(&mut light, model, console)?;
     let rank = rank_of(&model);
@@ -201,7 +204,7 @@ fn captured(
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
     }
-    finish(args, &model, &answers, &curve, rank, files, folder, console)
+    finish(args, &model, &answers, &curve, Some(&live.strip()), files, folder, console)
 }
 
 /// Photos of the capture; a colour photo is one for each channel.
@@ -215,11 +218,13 @@ fn finish(
     model: &SavedModel,
     answers: &Answers,
     curve: &[RankRow],
-    photos: usize,
+    strip: Option<&Strip>,
     mut files: Vec<String>,
     folder: &mut RunFolder,
     console: &Console,
 ) -> Result<(Outcome, String)> {
+    // Without a capture there is none.
+    let photos = strip.map_or(0, |_| rank_of(model));
     let mut run = RelightingRun {
         title: format!("{} · low-rank light transport", model.source),
         photos,
@@ -230,6 +235,7 @@ fn finish(
         reduced: &answers.reduced,
         curve,
         good: true,
+        strip,
     };
     let worst = run.worst();
     run.good = match (args.max_error, worst) {
