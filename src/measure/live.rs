@@ -101,6 +101,8 @@ impl Live {
         if frame.started < ready || frame.started <= last_started || !is_as_set {
             return Ok(Err(Refused::Late));
         }
+        // A photo of something else must not count.
+        self.bench.projector.confirm()?;
         Ok(Ok(frame))
     }
 

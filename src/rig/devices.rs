@@ -111,6 +111,15 @@ pub trait Projector {
     fn restore(&mut self, frame: &Frame) -> Result<Shown> {
         self.show(frame)
     }
+
+    /// That the frame shown last has been on screen ever since, and nothing else: a photo taken meanwhile is of it. A device that
+    /// nothing can come before has nothing to say.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when something else was on screen, or the device is gone.
+    fn confirm(&mut self) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// Something that counts light.

@@ -4,11 +4,15 @@
 //! counted, and what both mean as light is for [`crate::measure`] to say. Hardware and virtual devices stand behind the
 //! same three traits, [`Projector`], [`Camera`] and [`Clock`]; together they are a [`Bench`].
 
+mod clock;
 mod devices;
 mod file;
 mod frame;
+mod nearest;
 mod virtual_bench;
+mod x11;
 
+pub use clock::WallClock;
 pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown, Stamp};
 pub use file::{RigFile, RigKind};
 pub use frame::{Frame, RawFrame};
@@ -16,3 +20,4 @@ pub use virtual_bench::{
     Ambient, Drift, Faults, Misregistration, Response, VirtualCamera, VirtualProjector, VirtualRig,
     VirtualScene,
 };
+pub use x11::{Helper, MonitorInfo, ProjectorKind, Times, X11Monitor, X11Projector, X11Spec, monitors, serve};

@@ -21,7 +21,6 @@
 //! [`crate::scene::load_with`]) is another one; a virtual rig may name it as `scene.camera_file`.
 
 mod check;
-mod nearest;
 mod parse;
 mod scene;
 
@@ -29,11 +28,11 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::nearest::nearest;
 use super::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector, VirtualRig};
 use crate::error::{Error, Result};
 use crate::measure::MeasureOptions;
 use check::Check;
-use nearest::nearest;
 use parse::parse;
 use scene::SceneTable;
 
