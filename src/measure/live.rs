@@ -221,6 +221,10 @@ impl Shots for Live {
     }
 
     fn effort(&self) -> Effort {
-        Effort { seconds: self.bench.clock.now() - self.opened, ..self.effort }
+        Effort {
+            seconds: self.bench.clock.now() - self.opened,
+            resent: self.bench.camera.resent(),
+            ..self.effort
+        }
     }
 }

@@ -144,6 +144,11 @@ pub trait Camera {
     /// # Errors
     /// [`Error::Rig`] when the camera does not come back.
     fn restart(&mut self) -> Result<()>;
+
+    /// Packets of its frames that were lost on the way and came when they were asked for again.
+    fn resent(&self) -> u64 {
+        0
+    }
 }
 
 /// The time of a rig: the wall's for hardware, simulated for virtual devices.

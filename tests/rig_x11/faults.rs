@@ -109,8 +109,8 @@ fn a_server_that_is_gone_is_named() {
 fn a_helper_that_was_killed_or_hangs_is_replaced() {
     let server = XServer::start(64, 48);
     let quick = Helper { patience: Duration::from_secs(2), ..helper() };
-    let mut projector =
-        X11Projector::open(&spec(&server, [16, 12]), &quick, WallClock::starting_at(0.0)).expect("it is there");
+    let mut projector = X11Projector::open(&spec(&server, [16, 12]), &quick, WallClock::starting_at(0.0))
+        .expect("it is there");
     for (signal, restarts) in [("KILL", 1), ("STOP", 2)] {
         let id = projector.helper_id().expect("it lives").to_string();
         let sent = std::process::Command::new("sh").args(["-c", &format!("kill -{signal} {id}")]).status();
@@ -126,8 +126,9 @@ fn a_helper_that_was_killed_or_hangs_is_replaced() {
 fn a_helper_that_cannot_be_started_is_named() {
     let server = XServer::start(64, 48);
     let missing = Helper::of("/nonexistent/krylux");
-    let message =
-        refused(X11Projector::open(&spec(&server, [16, 12]), &missing, WallClock::starting_at(0.0)).map(drop));
+    let message = refused(
+        X11Projector::open(&spec(&server, [16, 12]), &missing, WallClock::starting_at(0.0)).map(drop),
+    );
     assert!(message.contains("/nonexistent/krylux projector) failed"), "{message}");
     let other = Helper::of("/bin/true");
     let message =

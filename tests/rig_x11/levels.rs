@@ -50,7 +50,8 @@ fn each_level_of_each_channel_arrives_at_its_pixel_of_the_chosen_monitor() {
 fn a_gray_pattern_is_magnified_in_the_middle() {
     let server = XServer::start(64, 48);
     let mut projector = open(&X11Spec { magnify: 5, ..spec(&server, [8, 6]) }).expect("the server is there");
-    let frame = Frame::new(Resolution::new(8, 6), 1, (0..48).map(|at| 5 * at + 3).collect()).expect("48 levels");
+    let frame =
+        Frame::new(Resolution::new(8, 6), 1, (0..48).map(|at| 5 * at + 3).collect()).expect("48 levels");
     projector.show(&frame).expect("it is on screen");
     let seen = server.pixels([12, 9, 40, 30]);
     for (at, &pixel) in seen.iter().enumerate() {
@@ -78,7 +79,9 @@ fn confirmations_follow_each_other_and_say_what_they_took() {
         sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
     }
     let [draw, present, settle, verify] = sums.map(|sum| 1e3 * sum / 40.0);
-    println!("128x96: draw {draw:.2} ms, present {present:.2} ms, settle {settle:.2} ms, verify {verify:.2} ms");
+    println!(
+        "128x96: draw {draw:.2} ms, present {present:.2} ms, settle {settle:.2} ms, verify {verify:.2} ms"
+    );
     // Refreshes are waited for: on average at least half of one.
     assert!(settle > 4.0, "{settle} ms");
 }

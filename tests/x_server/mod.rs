@@ -1,4 +1,5 @@
 //! An X server without a screen, and a look at what is on it.
+#![allow(dead_code, reason = "each test binary uses its own part of this")]
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -43,7 +44,13 @@ impl XServer {
 
     /// Names a part of the picture as a monitor.
     pub fn add_monitor(&self, name: &str, [x, y, width, height]: [i16; 4]) {
-        let name = self.connection.intern_atom(false, name.as_bytes()).expect("sent").reply().expect("answered").atom;
+        let name = self
+            .connection
+            .intern_atom(false, name.as_bytes())
+            .expect("sent")
+            .reply()
+            .expect("answered")
+            .atom;
         let monitor = MonitorInfo {
             name,
             primary: false,
@@ -61,12 +68,31 @@ impl XServer {
 
     /// Red, green and blue of these pixels: columns, then rows.
     pub fn pixels(&self, [x, y, width, height]: [i16; 4]) -> Vec<[u8; 3]> {
-        let (image, _) = Image::get(&self.connection, self.root, x, y, width as u16, height as u16).expect("inside");
+        let (image, _) =
+            Image::get(&self.connection, self.root, x, y, width as u16, height as u16).expect("inside");
         let pixel = |at: usize| {
             let value = image.get_pixel((at % width as usize) as u16, (at / width as usize) as u16);
             [16, 8, 0].map(|shift| (value >> shift) as u8)
         };
         (0..width as usize * height as usize).map(pixel).collect()
+    }
+
+    /// A look at a square pattern, whose pixels are squares of so many of the server's, on a side: the green level of each. None once
+    /// the server is gone.
+    pub fn eye(
+        &self,
+        corner: [i16; 2],
+        magnify: usize,
+        side: usize,
+    ) -> impl FnMut() -> Option<Vec<u16>> + Send + use<> {
+        let (connection, _) = x11rb::connect(Some(&self.display)).expect("it is there");
+        let (root, [x, y], size) = (self.root, corner, (magnify * side) as u16);
+        move || {
+            let (image, _) = Image::get(&connection, root, x, y, size, size).ok()?;
+            let middle = |at: usize| (at * magnify + magnify / 2) as u16;
+            let level = |at: usize| (image.get_pixel(middle(at % side), middle(at / side)) >> 8) as u8;
+            Some((0..side * side).map(|at| level(at).into()).collect())
+        }
     }
 
     /// The windows on it.
@@ -98,7 +124,11 @@ impl XServer {
         let gc = self.connection.generate_id().expect("there is one");
         self.connection.create_gc(gc, window, &CreateGCAux::new().foreground(0x12_3456)).expect("sent");
         let place = Rectangle { x: 0, y: 0, width: 2000, height: 2000 };
-        self.connection.poly_fill_rectangle(window, gc, &[place]).expect("sent").check().expect("it is there");
+        self.connection
+            .poly_fill_rectangle(window, gc, &[place])
+            .expect("sent")
+            .check()
+            .expect("it is there");
     }
 
     /// As if it crashed.

@@ -26,11 +26,16 @@ impl Canvas {
         let visual = visuals.into_iter().find(|visual| visual.visual_id == screen.root_visual);
         let exact = visual
             .filter(|visual| visual.class == VisualClass::TRUE_COLOR)
-            .filter(|visual| [visual.red_mask, visual.green_mask, visual.blue_mask].iter().all(|m| m.count_ones() == 8))
+            .filter(|visual| {
+                [visual.red_mask, visual.green_mask, visual.blue_mask].iter().all(|m| m.count_ones() == 8)
+            })
             .and_then(|visual| PixelLayout::from_visual_type(*visual).ok());
         let layout = exact.ok_or_else(|| {
             fault(
-                format!("the X server's screen, of depth {}, does not show 8 bits for each colour", screen.root_depth),
+                format!(
+                    "the X server's screen, of depth {}, does not show 8 bits for each colour",
+                    screen.root_depth
+                ),
                 "set the server's depth to 24",
             )
         })?;

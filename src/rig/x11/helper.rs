@@ -2,9 +2,9 @@
 
 use std::io::{Read, Write};
 
+use super::fault;
 use super::screen::Screen;
 use super::wire::{self, Reply, Request};
-use super::fault;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 

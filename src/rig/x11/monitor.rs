@@ -126,7 +126,9 @@ pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
     {
         return Err(fault(
             format!("monitor {name} has {found} pixels, but the rig file says {width}x{height}"),
-            format!("set its own pixels (xrandr --output {name} --mode {width}x{height}), or correct monitor_size"),
+            format!(
+                "set its own pixels (xrandr --output {name} --mode {width}x{height}), or correct monitor_size"
+            ),
         ));
     }
     let shown = spec.shown();
@@ -140,7 +142,10 @@ pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
         && (frame_time / spec.frame_time - 1.0).abs() > 0.02
     {
         return Err(fault(
-            format!("monitor {name} refreshes every {frame_time:.5} s, but the rig file says {} s", spec.frame_time),
+            format!(
+                "monitor {name} refreshes every {frame_time:.5} s, but the rig file says {} s",
+                spec.frame_time
+            ),
             format!("write frame_time = {frame_time:.5} in [projector]"),
         ));
     }
@@ -157,7 +162,9 @@ pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -
         let gamma = connection.randr_get_crtc_gamma(crtc).map_err(sent)?.reply().map_err(reply)?;
         if [&gamma.red, &gamma.green, &gamma.blue].into_iter().any(|ramp| !is_line(ramp)) {
             return Err(fault(
-                format!("monitor {name} has a gamma ramp: a colour profile or a night light changes what is shown"),
+                format!(
+                    "monitor {name} has a gamma ramp: a colour profile or a night light changes what is shown"
+                ),
                 format!("switch it off: xrandr --output {name} --gamma 1:1:1"),
             ));
         }
@@ -188,7 +195,8 @@ fn is_identity(transform: &x11rb::protocol::render::Transform) -> bool {
     const ONE: i32 = 1 << 16;
     let rows = transform;
     [rows.matrix11, rows.matrix22, rows.matrix33] == [ONE; 3]
-        && [rows.matrix12, rows.matrix13, rows.matrix21, rows.matrix23, rows.matrix31, rows.matrix32] == [0; 6]
+        && [rows.matrix12, rows.matrix13, rows.matrix21, rows.matrix23, rows.matrix31, rows.matrix32]
+            == [0; 6]
 }
 
 #[cfg(test)]
@@ -225,7 +233,9 @@ mod tests {
         assert!(refused(&native).contains("but the rig file says 1920x1080"));
         let mut slow = monitor("A", 640, 480);
         slow.frame_time = Some(1.0 / 50.0);
-        assert!(choose(vec![slow], &spec).expect_err("60 Hz is said").to_string().contains("frame_time = 0.02"));
+        assert!(
+            choose(vec![slow], &spec).expect_err("60 Hz is said").to_string().contains("frame_time = 0.02")
+        );
     }
 
     #[test]

@@ -142,7 +142,10 @@ impl X11Projector {
         match why {
             Silence::Said(error) => error,
             Silence::Helper(why) => fault(
-                format!("the helper process with its window ({} projector) failed: {why}", self.helper.program.display()),
+                format!(
+                    "the helper process with its window ({} projector) failed: {why}",
+                    self.helper.program.display()
+                ),
                 "check that the program can be started and that the X server answers; go on with --resume",
             ),
         }
@@ -211,7 +214,9 @@ impl Process {
             Err(RecvTimeoutError::Disconnected) => {
                 let ended = self.child.wait().map(|status| status.to_string());
                 let why = ended.unwrap_or_else(|why| why.to_string());
-                Err(sent.err().map_or_else(|| format!("it ended ({why})"), |pipe| format!("it ended ({why}; {pipe})")))
+                Err(sent
+                    .err()
+                    .map_or_else(|| format!("it ended ({why})"), |pipe| format!("it ended ({why}; {pipe})")))
             }
         }
     }

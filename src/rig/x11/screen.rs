@@ -111,7 +111,23 @@ impl Screen {
         self.serial += 1;
         let none = x11rb::NONE;
         self.connection
-            .present_pixmap(self.window, pixmap, self.serial, none, none, 0, 0, none, none, none, 0, 0, 0, 0, &[])
+            .present_pixmap(
+                self.window,
+                pixmap,
+                self.serial,
+                none,
+                none,
+                0,
+                0,
+                none,
+                none,
+                none,
+                0,
+                0,
+                0,
+                0,
+                &[],
+            )
             .map_err(presenting)?;
         self.connection.flush().map_err(presenting)?;
         let confirmed = self.watch.completed(&self.connection, self.serial, true)?;
@@ -150,9 +166,7 @@ impl Screen {
     /// Waits until the server's monitor has refreshed so often; returns which refresh it was.
     fn pass(&mut self, refresh: u64) -> Result<u64> {
         self.serial += 1;
-        self.connection
-            .present_notify_msc(self.window, self.serial, refresh, 0, 0)
-            .map_err(presenting)?;
+        self.connection.present_notify_msc(self.window, self.serial, refresh, 0, 0).map_err(presenting)?;
         self.connection.flush().map_err(presenting)?;
         Ok(self.watch.completed(&self.connection, self.serial, false)?.refresh)
     }

@@ -62,7 +62,10 @@ impl Watch {
         while !self.mapped {
             self.look(connection)?;
             if began.elapsed() > PATIENCE {
-                return Err(fault("the X server does not show the projector's window", "start the server anew"));
+                return Err(fault(
+                    "the X server does not show the projector's window",
+                    "start the server anew",
+                ));
             }
             std::thread::sleep(POLL);
         }
@@ -70,11 +73,18 @@ impl Watch {
     }
 
     /// Waits for the confirmation of this number, of a frame or of a refresh.
-    pub(super) fn completed(&mut self, connection: &RustConnection, serial: u32, of_frame: bool) -> Result<Completed> {
+    pub(super) fn completed(
+        &mut self,
+        connection: &RustConnection,
+        serial: u32,
+        of_frame: bool,
+    ) -> Result<Completed> {
         let began = Instant::now();
         loop {
             self.look(connection)?;
-            if let Some(found) = self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame) {
+            if let Some(found) =
+                self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame)
+            {
                 return Ok(found);
             }
             if began.elapsed() > PATIENCE {
@@ -104,11 +114,15 @@ impl Watch {
             Trouble::Closed => ("was closed", "leave it alone while photos are taken"),
             Trouble::Hidden => ("was hidden", "leave it alone while photos are taken"),
             Trouble::Moved => ("was moved or resized", "switch the window manager's placing of it off"),
-            Trouble::Covered => {
-                ("is covered by another one", "keep other windows, notifications and screen savers off its monitor")
-            }
+            Trouble::Covered => (
+                "is covered by another one",
+                "keep other windows, notifications and screen savers off its monitor",
+            ),
             Trouble::Rearranged => {
-                return Err(fault("the server's monitors were changed", "leave them alone while photos are taken"));
+                return Err(fault(
+                    "the server's monitors were changed",
+                    "leave them alone while photos are taken",
+                ));
             }
         };
         // A window that is gone stays gone.
@@ -121,12 +135,15 @@ impl Watch {
     fn note(&mut self, event: &Event) {
         match event {
             Event::MapNotify(event) if event.window == self.window => self.mapped = true,
-            Event::DestroyNotify(event) if event.window == self.window => self.trouble = Some(Trouble::Closed),
+            Event::DestroyNotify(event) if event.window == self.window => {
+                self.trouble = Some(Trouble::Closed)
+            }
             Event::UnmapNotify(event) if event.window == self.window => {
                 self.trouble.get_or_insert(Trouble::Hidden);
             }
             Event::ConfigureNotify(event) if event.window == self.window => {
-                let place: [i32; 4] = [event.x.into(), event.y.into(), event.width.into(), event.height.into()];
+                let place: [i32; 4] =
+                    [event.x.into(), event.y.into(), event.width.into(), event.height.into()];
                 if place != self.place {
                     self.trouble.get_or_insert(Trouble::Moved);
                 }

@@ -6,8 +6,8 @@ use x11rb::protocol::present::{self, ConnectionExt as _};
 use x11rb::protocol::randr::{ConnectionExt as _, NotifyMask};
 use x11rb::protocol::screensaver::{self, ConnectionExt as _};
 use x11rb::protocol::xproto::{
-    AtomEnum, ConnectionExt as _, CreateGCAux, CreateWindowAux, Cursor, EventMask, Gcontext, Pixmap, PropMode, Rectangle,
-    Screen, Window, WindowClass,
+    AtomEnum, ConnectionExt as _, CreateGCAux, CreateWindowAux, Cursor, EventMask, Gcontext, Pixmap,
+    PropMode, Rectangle, Screen, Window, WindowClass,
 };
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
@@ -72,7 +72,8 @@ fn sides(monitor: &MonitorInfo) -> [u16; 2] {
 
 /// A pointer without a picture.
 fn blank_cursor(connection: &RustConnection, root: Window) -> Made<Cursor> {
-    let [pixmap, cursor, gc] = [connection.generate_id()?, connection.generate_id()?, connection.generate_id()?];
+    let [pixmap, cursor, gc] =
+        [connection.generate_id()?, connection.generate_id()?, connection.generate_id()?];
     connection.create_pixmap(1, pixmap, root, 1, 1)?;
     connection.create_gc(gc, pixmap, &CreateGCAux::new().foreground(0))?;
     connection.poly_fill_rectangle(pixmap, gc, &[Rectangle { x: 0, y: 0, width: 1, height: 1 }])?;
