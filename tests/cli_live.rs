@@ -139,6 +139,11 @@ fn every_page_shows_all_photos_in_order() {
         };
         assert_eq!(photos, expected, "{arguments:?}");
         assert!(page.contains("stands for in DN/s"), "{arguments:?}: photos have a unit");
+        assert!(!page.contains("alt=\"\"") && !page.contains("aria-label=\"\""), "pictures have a text");
+        // An eigenvector of norm 1 has no unit; every other scale has.
+        let (scales, units) = (page.matches("class=\"scale\"").count(), page.matches("<small>").count());
+        let without = page.matches(": λ = ").count() / 2;
+        assert_eq!(units + without, scales, "{arguments:?}");
     }
 }
 
