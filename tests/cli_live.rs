@@ -133,7 +133,8 @@ fn every_page_shows_all_photos_in_order() {
             "relight" => 8,
             // Beside white.
             "separate" => 12,
-            "probe" => 5,
+            // And white, since indirect light is what is left of it.
+            "probe" => 6,
             // White, at most four of the method, and two that show the result and the uncompensated target.
             _ => photos.clamp(4, 7),
         };
