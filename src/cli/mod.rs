@@ -32,6 +32,7 @@ mod replay;
 mod reproduce;
 mod rig;
 mod rig_info;
+mod rig_scene;
 mod rig_source;
 mod run_folder;
 mod segment;
