@@ -73,6 +73,7 @@ pub struct RigFile {
 }
 
 /// What is behind a rig file.
+#[allow(clippy::large_enum_variant, reason = "a program has one of them")]
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum RigKind {
