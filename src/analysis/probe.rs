@@ -63,6 +63,15 @@ impl Probing {
         })
     }
 
+    /// Photos that so many random patterns take.
+    pub fn photos(self, patterns: usize) -> usize {
+        match self {
+            Self::NearIndirect { .. } => 2 * patterns,
+            Self::Indirect | Self::Far { .. } => patterns + 1,
+            Self::Direct | Self::Near { .. } => patterns,
+        }
+    }
+
     /// Which paths these are, for people.
     pub fn in_words(self) -> String {
         match self {

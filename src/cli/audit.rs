@@ -66,7 +66,7 @@ fn audited(
     source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
-    let (name, resolution) = (source.name(), source.resolution());
+    let (name, resolution, unit) = (source.name(), source.resolution(), source.unit());
     let options = AuditOptions {
         patterns: args.patterns,
         tolerance: args.tolerance,
@@ -87,7 +87,7 @@ fn audited(
         console.say(check.line())?;
     }
     console.say(found.sentence())?;
-    let run = AuditRun { title: format!("{name} · audit"), found: &found };
+    let run = AuditRun { title: format!("{name} · audit"), found: &found, unit };
     let seconds = folder.seconds();
     folder.manifest.outputs =
         folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;

@@ -1,7 +1,5 @@
 //! A matrix by as many photos as it has columns: on a small rig the plain truth that everything else can be held against.
 
-use std::ops::ControlFlow;
-
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::operator::Operator;
@@ -34,11 +32,8 @@ pub(super) fn check(resolution: Resolution, channels: Channels, allowed: Option<
 /// is not for this to say.
 ///
 /// # Errors
-/// [`Error::Interrupted`], and what keeps a photo from being taken.
-pub(super) fn columns(
-    operator: &mut dyn Operator,
-    progress: &mut dyn FnMut(u64, u64) -> ControlFlow<()>,
-) -> Result<Csr> {
+/// What keeps a photo from being taken.
+pub(super) fn columns(operator: &mut dyn Operator) -> Result<Csr> {
     let (rows, count) = (operator.rows(), operator.cols());
     let mut entries: Vec<Vec<(u32, f64)>> = vec![Vec::new(); rows];
     let (mut pattern, mut photo) = (vec![0.0; count], vec![0.0; rows]);
@@ -48,9 +43,6 @@ pub(super) fn columns(
         pattern[column] = 0.0;
         for (entries, &value) in entries.iter_mut().zip(&photo).filter(|(_, value)| **value != 0.0) {
             entries.push((column as u32, value));
-        }
-        if progress(column as u64 + 1, count as u64).is_break() {
-            return Err(Error::Interrupted);
         }
     }
     let mut row_start = vec![0];
@@ -70,13 +62,8 @@ mod tests {
     fn columns_are_those_of_the_operator() {
         let matrix = Csr::new(3, vec![0, 2, 3], vec![0, 2, 1], vec![1.0, -0.5, 4.0]);
         let matrix = matrix.expect("well formed");
-        let mut steps = Vec::new();
-        let found = columns(&mut SparseOperator::new(matrix.clone()), &mut |done, total| {
-            steps.push((done, total));
-            ControlFlow::Continue(())
-        });
+        let found = columns(&mut SparseOperator::new(matrix.clone()));
         assert_eq!(found.expect("no product fails"), matrix);
-        assert_eq!(steps, [(1, 3), (2, 3), (3, 3)]);
     }
 
     #[test]

@@ -88,31 +88,53 @@ impl Console {
         }
     }
 
-    /// A bar for `total` steps of `what`: drawn on a terminal, invisible in a pipe and with `-q`.
-    pub(super) fn bar(&self, what: &'static str) -> Bar<'_> {
-        let hidden = self.quiet || !std::io::stderr().is_terminal();
+    /// Whether progress is drawn on a terminal.
+    pub(super) fn has_terminal(&self) -> bool {
+        std::io::stderr().is_terminal()
+    }
+
+    /// A bar for steps of `what`: drawn on a terminal, invisible in a pipe and with `-q`.
+    pub(super) fn bar(&self, what: &'static str) -> Bar {
+        self.drawn(what, TEMPLATE)
+    }
+
+    /// A bar that counts photos.
+    pub(super) fn photos(&self) -> Bar {
+        self.drawn("photos", PHOTOS)
+    }
+
+    fn drawn(&self, what: &'static str, template: &str) -> Bar {
+        let hidden = self.quiet || !self.has_terminal();
         let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(Some(0), target);
-        // The template is a constant, so that it parses is settled by the test below.
-        if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {
+        // The templates are constants, so that they parse is settled by the test below.
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.progress_chars("━╸─"));
         }
         bar.set_prefix(what);
         bar.enable_steady_tick(Duration::from_millis(200));
-        Bar { console: self, bar, total: Cell::new(0) }
+        Bar { console: self.clone(), bar, total: Cell::new(0) }
     }
 }
 
-const TEMPLATE: &str = "{prefix:<9} {bar:32} {percent:>3} %  {elapsed} gone, {eta} left  {msg}";
+const TEMPLATE: &str = "{prefix:<9} {bar:32} {percent:>3} %  {elapsed} gone, {eta} left";
+
+/// One line of 80 columns, with what is said of the answer so far.
+const PHOTOS: &str = "{prefix:<9} {bar:16} {pos:>3}/{len}  {elapsed} gone, {eta} left  {wide_msg}";
 
 /// A progress bar that also answers whether to go on.
-pub(super) struct Bar<'a> {
-    console: &'a Console,
+pub(super) struct Bar {
+    console: Console,
     bar: ProgressBar,
     total: Cell<u64>,
 }
 
-impl Bar<'_> {
+impl Bar {
+    /// Something beside it.
+    pub(super) fn say(&self, text: &str) {
+        self.bar.set_message(text.to_owned());
+    }
+
     /// `done` of `total` steps are done.
     pub(super) fn at(&self, done: u64, total: u64) -> ControlFlow<()> {
         if self.total.replace(total) != total {
@@ -123,7 +145,7 @@ impl Bar<'_> {
     }
 }
 
-impl Drop for Bar<'_> {
+impl Drop for Bar {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }
@@ -138,7 +160,9 @@ pub(super) fn is_broken_pipe(error: &anyhow::Error) -> bool {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn the_bars_template_parses() {
-        assert!(indicatif::ProgressStyle::with_template(super::TEMPLATE).is_ok());
+    fn the_bars_templates_parse() {
+        for template in [super::TEMPLATE, super::PHOTOS] {
+            assert!(indicatif::ProgressStyle::with_template(template).is_ok(), "{template}");
+        }
     }
 }

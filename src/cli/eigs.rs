@@ -8,6 +8,7 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
+use super::live::{Live, LiveArgs};
 use super::matrix::PartArg;
 use super::operator::OperatorArgs;
 use super::options::{OutputArgs, RunArgs, SourceArgs, ViewArgs};
@@ -15,10 +16,10 @@ use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
 use crate::image::Resolution;
-use crate::krylov::{Eigs, EigsMethod, EigsOptions, Start, Verdict, Which, eigs};
-use crate::operator::Operator;
+use crate::krylov::{Eigs, EigsMethod, EigsOptions, Progress, Start, Verdict, Which, eigs};
 use crate::report::eigenpairs::EigenpairsRun;
 use crate::report::sparse;
+use crate::report::strip::Strip;
 use crate::sparse::SparseOperator;
 use crate::transport::{Channels, Part};
 
@@ -39,6 +40,8 @@ pub(super) struct Args {
     question: Question,
     #[command(flatten)]
     run: RunArgs,
+    #[command(flatten)]
+    live: LiveArgs,
     #[command(flatten)]
     pub(super) output: OutputArgs,
 }
@@ -61,9 +64,9 @@ pub(super) struct Question {
     /// At which end of the spectrum
     #[arg(long, value_enum, default_value = "la")]
     which: WhichArg,
-    /// Photos (products with the matrix) to take at most
-    #[arg(long, value_name = "N", default_value_t = 50)]
-    photos: usize,
+    /// Photos (products with the matrix) to take at most [default: 50, or as many as the run that is SOURCE might take]
+    #[arg(long, value_name = "N")]
+    photos: Option<usize>,
     /// Done when each residual norm is at most this share of the matrix norm
     #[arg(long, value_name = "X", default_value_t = 1e-8)]
     tolerance: f64,
@@ -98,8 +101,8 @@ enum WhichArg {
 }
 
 impl Question {
-    /// As the library has it; `seed` for the starting vector.
-    pub(super) fn options(&self, seed: u64) -> EigsOptions {
+    /// As the library has it; `seed` for the starting vector, `held` the photos of a run that is asked anew.
+    pub(super) fn options(&self, seed: u64, held: Option<usize>) -> EigsOptions {
         EigsOptions {
             count: self.count,
             which: match self.which {
@@ -110,7 +113,7 @@ impl Question {
                 WhichArg::Be => Which::BothEnds,
                 WhichArg::Li => Which::LargestImaginary,
             },
-            products: self.photos,
+            products: self.photos.or(held).unwrap_or(50),
             tolerance: self.tolerance,
             method: match self.method {
                 MethodArg::Power => EigsMethod::Power,
@@ -138,7 +141,16 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         let outcome = folder
             .describe_file(&args.source)
             .map_err(Into::into)
-            .and_then(|()| Ok(photograph(args, console, &mut operator, &mut folder)?))
+            .and_then(|()| {
+                let bar = console.photos();
+                let options = args.question.options(args.trace.seed(), None);
+                Ok(folder.timed("photos", |_| {
+                    eigs(&mut operator, &options, &mut |step| {
+                        bar.say(&bound(step));
+                        bar.at(step.products as u64, step.budget as u64)
+                    })
+                })?)
+            })
             .and_then(|found| {
                 interrupted(console)?;
                 report(args, console, &found, &stem, None, &mut folder)
@@ -147,20 +159,27 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let source = SourceArgs { source: args.source.clone(), view: args.view.clone() };
     let mut source = Source::open(&source, &args.trace, console)?;
-    let (name, resolution) = (source.name(), source.resolution());
+    let (name, resolution, unit) = (source.name(), source.resolution(), source.unit());
     let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"), console)?;
     source.describe(&mut folder.manifest, Channels::Luma);
+    let options = args.question.options(args.trace.seed(), source.held());
+    folder.manifest.photos_allowed = Some(options.products);
+    let live = Live::new(&args.live, &source, Channels::Luma, console);
     let light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, Channels::Luma, Some(folder), console)
     });
     let outcome = light.and_then(|mut light| {
         folder.manifest.noise = light.noise().map(Into::into);
-        let found = light.with_operator(args.question.part(), console, |operator| {
-            photograph(args, console, operator, &mut folder)
+        live.expect(options.products);
+        let found = folder.timed("photos", |_| {
+            light.with_operator(args.question.part(), console, |operator| {
+                eigs(&mut live.watch(0, operator), &options, &mut |step| live.so_far(bound(step)))
+            })
         });
+        live.pause();
         let found = folder.record_rig(&mut light, found, console)?;
         interrupted(console)?;
-        report(args, console, &found, &name, Some(resolution), &mut folder)
+        report(args, console, &found, &name, Some((resolution, live.strip(), unit)), &mut folder)
     });
     folder.close(outcome)
 }
@@ -170,18 +189,14 @@ fn is_matrix(source: &Path) -> bool {
     matches!(extension.as_deref(), Some("npz" | "mtx" | "npy"))
 }
 
-fn photograph(
-    args: &Args,
-    console: &Console,
-    operator: &mut dyn Operator,
-    folder: &mut RunFolder,
-) -> crate::Result<Eigs> {
-    let bar = console.bar("photos");
-    folder.timed("photos", |_| {
-        eigs(operator, &args.question.options(args.trace.seed()), &mut |step| {
-            bar.at(step.products as u64, step.budget as u64)
-        })
-    })
+/// How far the eigenvalues are off at most, as of now.
+pub(super) fn bound(step: &Progress<'_>) -> String {
+    let worst = step.residuals.iter().copied().fold(0.0, f64::max);
+    match step.residuals.len() {
+        0 => String::new(),
+        1 => format!("eigenvalue within {worst:.1e}"),
+        count => format!("{count} eigenvalues within {worst:.1e}"),
+    }
 }
 
 fn interrupted(console: &Console) -> Result<()> {
@@ -193,7 +208,7 @@ fn report(
     console: &Console,
     found: &Eigs,
     name: &str,
-    resolution: Option<Resolution>,
+    pictures: Option<(Resolution, Strip, &str)>,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     folder.manifest.photos = found.stats.products as u64;
@@ -202,7 +217,11 @@ fn report(
         && found.values.len() == args.question.count;
     say(found, &verdicts, console)?;
     let title = format!("{name} · eigenpairs");
-    let run = EigenpairsRun { title, found, resolution, verdicts: &verdicts, good };
+    let (resolution, strip) = match &pictures {
+        Some((resolution, strip, unit)) => (Some(*resolution), Some((strip, *unit))),
+        None => (None, None),
+    };
+    let run = EigenpairsRun { title, found, resolution, verdicts: &verdicts, good, strip };
     let seconds = folder.seconds();
     folder.manifest.outputs =
         folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;

@@ -7,13 +7,16 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use super::console::Console;
-use super::options::{ChannelsArg, OutputArgs, SourceArgs};
-use super::rig_source::RigSource;
+use super::live::{Live, LiveArgs};
+use super::measured::{self, Measured};
+use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
+use super::run_folder::RunFolder;
 use super::simulation::Simulation;
-use super::source::{self, Source};
+use super::source::Source;
 use super::trace::TraceArgs;
-use super::{Outcome, brute_force, measured};
+use super::{Outcome, brute_force};
 use crate::error::Error;
+use crate::image::Resolution;
 use crate::report::{manifest, sparse};
 use crate::sparse::Csr;
 use crate::transport::{Bounces, Channels, Part, TransportMatrix};
@@ -41,6 +44,10 @@ pub(super) struct Args {
     #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "matrix.npz")]
     file: PathBuf,
     #[command(flatten)]
+    keep: KeepArgs,
+    #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
     pub(super) output: OutputArgs,
 }
 
@@ -63,10 +70,37 @@ impl From<PartArg> for Part {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     sparse::check_writable(&args.file)?;
-    match Source::open(&args.source, &args.trace, console)? {
-        Source::Scene(mut simulation) => of_scene(args, &mut simulation, console),
-        Source::Rig(mut rig) => of_rig(args, &mut rig, console),
-        Source::Run(_) => Err(source::not_for_runs(&args.source.source)),
+    let mut source = Source::open(&args.source, &args.trace, console)?;
+    let (resolution, channels) = (source.resolution(), Channels::from(args.channels));
+    let live = Live::new(&args.live, &source, channels, console);
+    match &mut source {
+        Source::Scene(simulation) => {
+            args.keep.refuse()?;
+            of_scene(args, simulation, console)
+        }
+        Source::Rig(rig) => {
+            check_rig(args, resolution)?;
+            let Some(wanted) = args.keep.run() else {
+                return of_devices(args, &mut rig.measured(Some(channels), None, console)?, &live, console);
+            };
+            let mut folder = RunFolder::create(&wanted, "matrix", console)?;
+            rig.describe(&mut folder.manifest);
+            let measured = rig
+                .journal(&folder, channels, console)
+                .and_then(|journal| rig.measured(Some(channels), Some(journal), console));
+            let outcome = measured.and_then(|mut measured| {
+                let outcome = of_devices(args, &mut measured, &live, console);
+                folder.manifest.rig = Some(measured.record(outcome.is_ok())?);
+                outcome
+            });
+            folder.manifest.photos = (resolution.pixels() * channels.count()) as u64;
+            folder.close(outcome.map(|outcome| (outcome, "every column photographed".to_owned())))
+        }
+        Source::Run(run) => {
+            args.keep.refuse()?;
+            check_rig(args, resolution)?;
+            of_devices(args, &mut run.measured(Some(channels), console)?, &live, console)
+        }
     }
 }
 
@@ -105,7 +139,8 @@ fn of_scene(args: &Args, simulation: &mut Simulation, console: &Console) -> Resu
     Ok(Outcome::Done)
 }
 
-fn of_rig(args: &Args, rig: &mut RigSource, console: &Console) -> Result<Outcome> {
+/// What a rig cannot tell, or not in so many photos.
+fn check_rig(args: &Args, resolution: Resolution) -> Result<()> {
     if args.split_bounces {
         return Err(Error::Option {
             option: "--split-bounces".into(),
@@ -114,21 +149,24 @@ fn of_rig(args: &Args, rig: &mut RigSource, console: &Console) -> Result<Outcome
         }
         .into());
     }
-    let (channels, resolution) = (Channels::from(args.channels), rig.resolution());
-    brute_force::check(resolution, channels, args.photos)?;
-    let mut measured = rig.measured(Some(channels), None, console)?;
+    Ok(brute_force::check(resolution, args.channels.into(), args.photos)?)
+}
+
+/// Column by column, by the devices of a rig or by the photos that a run took of it.
+fn of_devices(args: &Args, measured: &mut Measured, live: &Live, console: &Console) -> Result<Outcome> {
+    let (channels, resolution) = (Channels::from(args.channels), live.resolution());
+    live.expect(resolution.pixels());
     let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
     for (channel, name) in names(channels).iter().enumerate() {
-        let bar = console.bar("photos");
         let mut operator = measured.measurement.operator(args.part.into(), channel);
-        let csr = brute_force::columns(&mut operator, &mut |done, total| bar.at(done, total))?;
-        drop(bar);
+        let csr = brute_force::columns(&mut live.watch(channel, &mut operator))?;
         let file = with_suffix(&args.file, name);
         sparse::write(&file, &csr)?;
         nonzeros.push(csr.weights().len());
         console.say(format_args!("wrote     {}", file.display()))?;
         files.push(file);
     }
+    live.pause();
     let record = measured.record(true)?;
     measured::say(&record, console)?;
     console.summary(&json!({

@@ -15,6 +15,7 @@ mod info;
 mod journal;
 mod labels;
 mod light;
+mod live;
 mod matrix;
 mod measured;
 mod noise;

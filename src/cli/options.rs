@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use crate::error::Error;
 use crate::krylov::{METHODS, Method};
 use crate::transport::Channels;
 
@@ -51,6 +52,49 @@ pub(super) struct RunArgs {
     /// Go on with the run in the folder: no photo that is in its journal is taken again
     #[arg(long, conflicts_with = "overwrite")]
     pub(super) resume: bool,
+}
+
+/// Where a verb that leaves single files keeps the photos of a rig.
+#[derive(Args)]
+pub(super) struct KeepArgs {
+    /// Keep a rig's photos in this folder, as other verbs do in theirs: each is on disk before it is used, and the folder can be
+    /// given as SOURCE afterwards
+    #[arg(long = "journal", value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Start --journal anew where it holds an earlier run, and throw its photos away
+    #[arg(long, requires = "folder")]
+    overwrite: bool,
+    /// Go on with the run in --journal: no photo that is there is taken again
+    #[arg(long, requires = "folder", conflicts_with = "overwrite")]
+    resume: bool,
+}
+
+impl KeepArgs {
+    /// The folder as that of a run, where there is to be one.
+    pub(super) fn run(&self) -> Option<RunArgs> {
+        let Self { folder, overwrite, resume } = self;
+        folder.as_ref().map(|folder| RunArgs {
+            folder: Some(folder.clone()),
+            overwrite: *overwrite,
+            open: false,
+            resume: *resume,
+        })
+    }
+
+    /// What is no rig has no photos to be kept.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where a folder is given.
+    pub(super) fn refuse(&self) -> crate::Result<()> {
+        match self.folder {
+            None => Ok(()),
+            Some(_) => Err(Error::Option {
+                option: "--journal".into(),
+                fault: "only photos of a rig are kept: those of a scene are made from it, and those of a run are there".into(),
+                help: "leave it out".into(),
+            }),
+        }
+    }
 }
 
 /// How much is said, and how.

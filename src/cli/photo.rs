@@ -7,17 +7,20 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
+use super::live::{Live, LiveArgs};
+use super::measured::Measured;
 use super::noise::percent;
 use super::operator::OperatorArg;
-use super::options::{ChannelsArg, OutputArgs, SourceArgs};
+use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
 use super::pattern::Pattern;
 use super::rig_source::RigSource;
+use super::run_folder::RunFolder;
 use super::simulation::Simulation;
 use super::source::{self, Source};
 use super::trace::TraceArgs;
 use crate::image::Image;
-use crate::report::picture;
-use crate::transport::{Retraced, Simulated, Transport};
+use crate::report::{manifest, picture};
+use crate::transport::{Channels, Retraced, Simulated, Transport};
 
 /// Take one photo of a scene under a pattern
 #[derive(clap::Args)]
@@ -40,6 +43,10 @@ pub(super) struct Args {
     #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "photo.png")]
     files: Vec<PathBuf>,
     #[command(flatten)]
+    keep: KeepArgs,
+    #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
     pub(super) output: OutputArgs,
 }
 
@@ -47,11 +54,28 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     args.files.iter().try_for_each(|file| picture::check_writable(file))?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let pattern = args.pattern.image(source.projector_resolution())?;
-    let Taken { photo, noise, of, facts } = match &mut source {
-        Source::Scene(simulation) => of_scene(args, simulation, &pattern, console)?,
+    let Taken { photo, noise, of, facts, .. } = match &mut source {
+        Source::Scene(simulation) => {
+            args.keep.refuse()?;
+            of_scene(args, simulation, &pattern, console)?
+        }
         Source::Rig(rig) => of_rig(args, rig, &pattern, console)?,
-        Source::Run(_) => return Err(source::not_for_runs(&args.source.source)),
+        Source::Run(run) => {
+            args.keep.refuse()?;
+            of_devices(args, run.measured(args.channels.map(Into::into), console)?, &pattern)?
+        }
     };
+    let channels = if photo.channels() == 3 { Channels::Rgb } else { Channels::Luma };
+    let live = Live::new(&args.live, &source, channels, console);
+    for (channel, plane) in photo.planes().iter().enumerate() {
+        live.show(
+            "pattern",
+            pattern.resolution(),
+            channel,
+            &pattern.plane(channel.min(pattern.channels() - 1)),
+        );
+        live.show("photo", photo.resolution(), channel, plane);
+    }
     for file in &args.files {
         picture::write(file, &photo)?;
         console.say(format_args!("wrote     {}", file.display()))?;
@@ -84,6 +108,8 @@ struct Taken {
     of: &'static str,
     /// What the summary has about how it was taken, by name.
     facts: (&'static str, serde_json::Value),
+    /// What it has cost on a rig.
+    rig: Option<manifest::Rig>,
 }
 
 fn of_scene(args: &Args, simulation: &mut Simulation, pattern: &Image, console: &Console) -> Result<Taken> {
@@ -99,30 +125,51 @@ fn of_scene(args: &Args, simulation: &mut Simulation, pattern: &Image, console: 
     if let Some(traced) = replayed {
         let noise = traced.noise.as_ref().map(|noise| noise.white_relative);
         let photo = Simulated { traced }.photograph(pattern)?;
-        return Ok(Taken { photo, noise, of: "the white photo", facts });
+        return Ok(Taken { photo, noise, of: "the white photo", facts, rig: None });
     }
     let bar = console.bar("tracing");
     let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
     let mut rig = Retraced { tracer: &mut simulation.tracer, settings, channels, progress: &mut progress };
     let (photo, error) = rig.photograph_with_error(pattern)?;
     let noise = (settings.samples > 1).then(|| norm(&error) / norm(&photo));
-    Ok(Taken { photo, noise: noise.filter(|noise| noise.is_finite()), of: "the photo", facts })
+    Ok(Taken { photo, noise: noise.filter(|noise| noise.is_finite()), of: "the photo", facts, rig: None })
+}
+
+/// Takes the photo with the rig, and keeps it where it is to be kept.
+fn of_rig(args: &Args, rig: &mut RigSource, pattern: &Image, console: &Console) -> Result<Taken> {
+    let channels = args.channels.map(Into::into);
+    let Some(wanted) = args.keep.run() else {
+        return of_devices(args, rig.measured(channels, None, console)?, pattern);
+    };
+    let mut folder = RunFolder::create(&wanted, "photo", console)?;
+    rig.describe(&mut folder.manifest);
+    let seen = channels.unwrap_or(rig.devices().channels());
+    let outcome = rig
+        .journal(&folder, seen, console)
+        .and_then(|journal| rig.measured(channels, Some(journal), console))
+        .and_then(|measured| of_devices(args, measured, pattern));
+    if let Ok(taken) = &outcome {
+        folder.manifest.photos = 1;
+        folder.manifest.rig = taken.rig.clone();
+    }
+    folder.close(outcome.map(|taken| (taken, "photographed".to_owned())))
 }
 
 /// The light of the pattern alone: the black photo, with all other light, is subtracted if the rig file does not say otherwise.
-fn of_rig(args: &Args, rig: &mut RigSource, pattern: &Image, console: &Console) -> Result<Taken> {
+fn of_devices(args: &Args, mut measured: Measured, pattern: &Image) -> Result<Taken> {
     if args.operator != OperatorArg::Auto {
         return Err(source::not_for_rigs("--operator"));
     }
-    let mut measured = rig.measured(args.channels.map(Into::into), None, console)?;
     let photo = measured.measurement.photograph(pattern)?;
     let noise = norm(&photo.errors_to_image()?) / norm(&photo.to_image()?);
-    let facts = ("rig", json!(measured.record(true)?));
+    let rig = measured.record(true)?;
+    let facts = ("rig", json!(rig));
     Ok(Taken {
         photo: photo.to_image()?,
         noise: Some(noise).filter(|noise| noise.is_finite()),
         of: "the photo",
         facts,
+        rig: Some(rig),
     })
 }
 

@@ -113,7 +113,7 @@ fn of_segment(
     seeds: &[u64],
     console: &Console,
 ) -> Result<Trials> {
-    let (part, options) = (question.part(), question.options(args.trace.seed()));
+    let (part, options) = (question.part(), question.options(args.trace.seed(), None));
     let ideal = planner.ideal_segmentation(part, &options)?;
     let trials = each(seeds, console, &mut |seed| {
         planner.segmentation(part, &options, &ideal, labels, seed, &mut |_| console.check())
@@ -168,7 +168,7 @@ fn of_eigs(
     seeds: &[u64],
     console: &Console,
 ) -> Result<Trials> {
-    let (part, options) = (question.part(), question.options(args.trace.seed()));
+    let (part, options) = (question.part(), question.options(args.trace.seed(), None));
     let ideal = planner.ideal_eigenpairs(part, &options)?;
     let trials = each(seeds, console, &mut |seed| {
         planner.eigenvalues(part, &options, &ideal, seed, &mut |_| console.check())

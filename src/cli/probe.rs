@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
+use super::live::{Live, LiveArgs};
 use super::noise::percent;
 use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
@@ -36,13 +37,16 @@ pub(super) struct Args {
     /// Near is weighed by exp(−d²/2σ²) of the distance d in pixels [default: a sixteenth of the width]
     #[arg(long, value_name = "σ")]
     sigma: Option<f64>,
-    /// Random patterns; near-indirect takes two photos for each, and indirect and far a white one more
-    #[arg(long, value_name = "N", default_value_t = 100)]
-    photos: usize,
+    /// Random patterns; near-indirect takes two photos for each, and indirect and far a white one more [default: 100, or as many as
+    /// the run that is SOURCE might take]
+    #[arg(long, value_name = "N")]
+    photos: Option<usize>,
     #[command(flatten)]
     operator: OperatorArgs,
     #[command(flatten)]
     run: RunArgs,
+    #[command(flatten)]
+    live: LiveArgs,
     #[command(flatten)]
     pub(super) output: OutputArgs,
 }
@@ -86,17 +90,21 @@ fn answer(
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     let (name, resolution, seed) = (source.name(), source.resolution(), args.trace.seed());
-    let unit = source.unit();
+    let (unit, photos) = (source.unit(), args.photos.or(source.held()).unwrap_or(100));
+    folder.manifest.photos_allowed = Some(photos);
+    let live = Live::new(&args.live, source, args.channels.into(), console);
     let mut light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, args.channels.into(), Some(folder), console)
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
+    live.expect(probing.photos(photos));
     let found: crate::Result<Vec<Probed>> = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |channels| {
-            let one = |operator: &mut dyn Operator| probe(operator, resolution, probing, args.photos, seed);
-            channels.iter_mut().map(|operator| one(operator)).collect()
+            let one = |operator: &mut dyn Operator| probe(operator, resolution, probing, photos, seed);
+            live.watch_all(channels).iter_mut().map(|operator| one(operator)).collect()
         })
     });
+    live.pause();
     let found = folder.record_rig(&mut light, found, console)?;
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
@@ -124,6 +132,7 @@ fn answer(
         values: &values,
         standard_errors: &standard_errors,
         truth: truth.as_ref(),
+        strip: &live.strip(),
     };
     let seconds = folder.seconds();
     folder.manifest.outputs =

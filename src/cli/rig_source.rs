@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::about;
+use super::about::{self, About, Kind};
 use super::console::Console;
 use super::journal;
 use super::measured::Measured;
 use super::options::{SourceArgs, ViewArgs};
+use super::run_folder::RunFolder;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
 use super::truth;
@@ -18,6 +19,7 @@ use crate::error::Error;
 use crate::image::Resolution;
 use crate::journal::{Identity, Journal};
 use crate::measure::{Calibration, Journaled, Live, Measurement, Opener, Shots};
+use crate::operator::Symmetry;
 use crate::render::TraceSettings;
 use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
@@ -32,6 +34,8 @@ pub(super) struct RigSource {
     devices: RigKind,
     /// The virtual rig's scene, where it is to be traced.
     simulation: Option<Box<Simulation>>,
+    /// Symmetric where projector and camera have the same pose and lens. A given matrix is taken for that of such a rig.
+    symmetry: Symmetry,
 }
 
 impl RigSource {
@@ -62,7 +66,9 @@ impl RigSource {
             RigKind::Hardware(_) => refuse_tracing(&args.source, &args.view, trace).map(|()| None)?,
         };
         let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
-        Ok(Self { file, calibration, devices, simulation })
+        let symmetric = simulation.as_ref().is_none_or(|simulation| simulation.is_symmetric());
+        let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
+        Ok(Self { file, calibration, devices, simulation, symmetry })
     }
 
     /// Pixels of patterns and of photos, which are resampled to them.
@@ -83,7 +89,6 @@ impl RigSource {
         let path = &self.file.path;
         self.simulation.as_deref_mut().ok_or_else(|| no_scene(path).into())
     }
-
     /// Whether its devices are virtual, and a scene has to be traced first.
     pub(super) fn is_traced(&self) -> bool {
         self.simulation.is_some()
@@ -175,11 +180,11 @@ impl RigSource {
             }
             None => opener(None)?,
         };
-        measured(shots, &self.calibration, &self.file, channels)
+        measured(shots, &self.calibration, &self.file, (channels, self.symmetry))
     }
 
     /// Keeps beside the journal of the run in `folder` what a replay needs of the rig.
-    pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
+    fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
         let path = &self.file.path;
         let bytes = std::fs::read(path).map_err(Error::reading(path))?;
         journal.note(about::RIG_FILE, &bytes)?;
@@ -190,6 +195,33 @@ impl RigSource {
             self.calibration.save(&calibration)?;
         }
         Ok(())
+    }
+
+    /// The journal of a run on this rig, with what a replay has to know.
+    pub(super) fn journal(
+        &self,
+        folder: &RunFolder,
+        channels: Channels,
+        console: &Console,
+    ) -> Result<Journal> {
+        let mut journal = folder.journal(&self.identity()?, console)?;
+        journal.note(about::ABOUT, &serde_json::to_vec(&self.about(channels))?)?;
+        self.keep(&folder.path, &mut journal)?;
+        Ok(journal)
+    }
+
+    /// What a replay has to know of it.
+    pub(super) fn about(&self, channels: Channels) -> About {
+        About {
+            kind: Kind::Rig,
+            name: self.name(),
+            path: self.file.path.clone(),
+            hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
+            photos: self.resolution(),
+            patterns: self.resolution(),
+            symmetric: self.symmetry == Symmetry::Symmetric,
+            channels: channels.count(),
+        }
     }
 
     /// Notes what a run depends on.
@@ -207,9 +239,10 @@ pub(super) fn measured(
     shots: Box<dyn Shots>,
     calibration: &Calibration,
     file: &RigFile,
-    channels: Option<Channels>,
+    (channels, symmetry): (Option<Channels>, Symmetry),
 ) -> Result<Measured> {
-    let mut measurement = Measurement::new(shots, calibration.clone(), file.measurement.clone())?;
+    let mut measurement =
+        Measurement::new(shots, calibration.clone(), file.measurement.clone())?.declared(symmetry);
     match channels {
         Some(Channels::Luma) => measurement = measurement.in_luma(),
         Some(Channels::Rgb) if measurement.channels() != 3 => {

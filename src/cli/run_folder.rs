@@ -13,7 +13,8 @@ use crate::error::{Error, Result};
 use crate::journal::{Identity, Journal};
 use crate::report::manifest::{self, Manifest, Status};
 
-const RECORD: &str = "run.json";
+/// What a run says of itself.
+pub(super) const RECORD: &str = "run.json";
 
 /// An open run: the folder is there and writable before any work starts, and its record says `running` until the end.
 pub(super) struct RunFolder {

@@ -82,6 +82,14 @@ impl Source {
         }
     }
 
+    /// Photos that a run was allowed to take, where the source is one that came to its end: what is asked of it by default.
+    pub(super) fn held(&self) -> Option<usize> {
+        match self {
+            Self::Run(run) => run.photos,
+            Self::Scene(_) | Self::Rig(_) => None,
+        }
+    }
+
     /// The scene behind it, to be looked at.
     ///
     /// # Errors
@@ -156,12 +164,12 @@ impl Source {
                 let mut journal = folder.journal(&identity, console)?;
                 journal.note(about::ABOUT, &serde_json::to_vec(&about)?)?;
                 let light = Light::of_scene(simulation, choice, channels, console)?;
-                Ok(Light::Kept(Box::new(Kept::new(journal, about, light))))
+                let mut kept = Kept::new(journal, about, light);
+                kept.keep_known(console)?;
+                Ok(Light::Kept(Box::new(kept)))
             }
             Self::Rig(rig) => {
-                let mut journal = folder.journal(&rig.identity()?, console)?;
-                journal.note(about::ABOUT, &serde_json::to_vec(&about)?)?;
-                rig.keep(&folder.path, &mut journal)?;
+                let journal = rig.journal(folder, channels, console)?;
                 Ok(Light::Measured(Box::new(rig.measured(Some(channels), Some(journal), console)?)))
             }
             Self::Run(run) => run.light(channels, console),
@@ -171,21 +179,17 @@ impl Source {
     /// What a replay has to know of it.
     fn about(&self, channels: Channels) -> About {
         let (photos, patterns, name) = (self.resolution(), self.projector_resolution(), self.name());
-        let channels = channels.count();
         match self {
             Self::Scene(simulation) => {
                 let (path, hash) = (
                     simulation.scene.path.clone(),
                     blake3::Hash::from_bytes(simulation.scene.hash).to_string(),
                 );
-                let symmetric = simulation.tracer.symmetric(&simulation.settings);
+                let symmetric = simulation.is_symmetric();
+                let channels = channels.count();
                 About { kind: Kind::Scene, name, path, hash, photos, patterns, symmetric, channels }
             }
-            Self::Rig(rig) => {
-                let (path, hash) =
-                    (rig.file.path.clone(), blake3::Hash::from_bytes(rig.file.hash).to_string());
-                About { kind: Kind::Rig, name, path, hash, photos, patterns, symmetric: true, channels }
-            }
+            Self::Rig(rig) => rig.about(channels),
             Self::Run(run) => run.about.clone(),
         }
     }
@@ -220,11 +224,11 @@ pub(super) fn not_for_rigs(option: &str) -> anyhow::Error {
     .into()
 }
 
-/// Verbs that take photos of their own have none in a journal.
+/// What a verb cannot ask of the photos of a run.
 pub(super) fn not_for_runs(run: &Path) -> anyhow::Error {
     Error::Data {
         path: run.to_path_buf(),
-        fault: "a run's photos answer segment, eigs and compensate only".into(),
+        fault: "its photos do not answer this verb".into(),
         help: "give the scene or the rig".into(),
     }
     .into()

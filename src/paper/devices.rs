@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::measure::calibrate::{CalibrateOptions, calibrate};
 use crate::measure::{Calibration, Live, MeasureOptions, Measurement, Shots};
+use crate::operator::Operator;
 use crate::rig::{RigFile, RigKind, VirtualRig};
 use crate::transport::{Channels, Part, Transport};
 
@@ -40,7 +41,8 @@ impl Devices {
     /// The rig with its stages, no photo taken yet.
     pub(super) fn measurement(&self, stage: &Rc<Stage>) -> Result<Measurement> {
         let live = open(&self.rig, stage, &self.options)?;
-        Measurement::new(live, self.calibration.clone(), self.options.clone())
+        let measurement = Measurement::new(live, self.calibration.clone(), self.options.clone())?;
+        Ok(measurement.declared(stage.ideal(Part::Full).symmetry()))
     }
 }
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::colormap::{paint_sequential, paint_signed, robust_range};
-use super::html::{Block, Figure, Legend, Outcome, Report, Section, Verdict};
+use super::colormap::{paint_sequential, paint_signed, robust_range, sequential_color};
+use super::html::{Block, Figure, Legend, Outcome, Report, Section, Swatch, Verdict};
 use super::manifest::Manifest;
 use super::run::{self, Files};
 use super::{atomic, npy};
@@ -17,6 +17,8 @@ pub struct AuditRun<'a> {
     pub title: String,
     /// The result.
     pub found: &'a Audit,
+    /// What photos are in.
+    pub unit: &'a str,
 }
 
 impl AuditRun<'_> {
@@ -56,7 +58,7 @@ impl AuditRun<'_> {
                 Figure {
                     png: paint_sequential(found.resolution, &found.white, None, (0.0, top))?.encode_png()?,
                     caption: "The photo under white".into(),
-                    legend: Legend::sequential(0.0, top),
+                    legend: Legend::sequential(0.0, top).with_unit(self.unit),
                 },
             ));
         }
@@ -66,8 +68,8 @@ impl AuditRun<'_> {
                 "additivity",
                 Figure {
                     png: paint_signed(found.resolution, &found.additivity, None, range)?.encode_png()?,
-                    caption: "Two halves of white less white, of its mean".into(),
-                    legend: Legend::signed(range),
+                    caption: "Two halves of white less white".into(),
+                    legend: Legend::signed(range).with_unit("of white's mean"),
                 },
             ));
         }
@@ -77,9 +79,12 @@ impl AuditRun<'_> {
                 "shadow",
                 Figure {
                     png: paint_sequential(found.resolution, &shadow, None, (0.0, 1.0))?.encode_png()?,
-                    caption: "No direct shadows: yellow is seen by the camera, but not lit by the projector"
-                        .into(),
-                    legend: Legend::None,
+                    caption: "Direct shadows: what the camera sees, but the projector does not light".into(),
+                    legend: Legend::Swatches(
+                        [(0.0, "lit"), (1.0, "in shadow")]
+                            .map(|(value, text)| Swatch { color: sequential_color(value), text: text.into() })
+                            .to_vec(),
+                    ),
                 },
             ));
         }

@@ -1,8 +1,13 @@
-//! What a calibration's folder holds for people: `report.json` with every figure, and pictures of the curves and the map.
+//! What a calibration's folder holds for people: `report.json` with every figure, pictures of the curves and the map, and a page
+//! of all that.
 
 use std::path::Path;
 
+use super::figure;
+use super::html::{Block, Outcome, Report, Section, Verdict};
+use super::manifest::Manifest;
 use super::plot::{LinePlot, Series};
+use super::run;
 use super::{atomic, colormap};
 use crate::error::{Error, Result};
 use crate::measure::Calibration;
@@ -19,29 +24,97 @@ pub fn write(folder: &Path, calibration: &Calibration, report: &CalibrationRepor
         serde_json::to_string_pretty(report).map_err(|error| Error::writing(&path)(error.into()))?;
     text.push('\n');
     atomic::write_bytes(&path, text.as_bytes())?;
+    for (name, _, plot) in plots(calibration, report) {
+        atomic::write_bytes(&folder.join(format!("{name}.svg")), plot.render().as_bytes())?;
+    }
+    let counts = footprints(calibration);
+    let most = counts.iter().copied().fold(1.0, f64::max);
+    colormap::paint_sequential(calibration.registration.projector, &counts, None, (0.0, most))?
+        .write_png(&folder.join("footprints.png"))
+}
+
+/// Writes `report.html`: `figures` are names and values of what was measured, `seconds` what the run took so far.
+///
+/// # Errors
+/// [`Error::Write`] naming the file.
+pub fn write_page(
+    folder: &Path,
+    (title, figures): (String, &[[String; 2]]),
+    (calibration, report): (&Calibration, &CalibrationReport),
+    manifest: &Manifest,
+    seconds: f64,
+) -> Result<()> {
+    let table = Block::Table {
+        headers: ["Of", "Measured"].map(str::to_owned).to_vec(),
+        rows: figures.iter().map(|row| row.to_vec()).collect(),
+        caption: String::new(),
+    };
+    let map = figure::amounts(
+        calibration.registration.projector,
+        &footprints(calibration),
+        "camera pixels",
+        "Camera pixels that see each pixel of the projector",
+    )?;
+    let curves = plots(calibration, report)
+        .map(|(_, caption, plot)| Block::Plot { svg: plot.render(), caption: caption.into() });
+    let section =
+        |title: &str, text: &str, blocks| Section { title: title.into(), text: text.into(), blocks };
+    let taken = report.effort.taken + report.effort.replayed;
+    let page = Report {
+        title,
+        verdict: Verdict {
+            outcome: Outcome::Good,
+            sentence: format!("Calibrated from {taken} frames, from captures alone."),
+        },
+        facts: run::facts(manifest, usize::try_from(taken).unwrap_or(usize::MAX), [], seconds),
+        sections: vec![
+            section("Figures", "Each with its standard error.", vec![table]),
+            section("Curves", "", curves.into()),
+            section("Pixel map", "", vec![Block::Figures(vec![map])]),
+        ],
+        footer: manifest.command.join(" "),
+    };
+    page.write(&folder.join("report.html"))
+}
+
+/// Plots by their files' names, with captions.
+fn plots(
+    calibration: &Calibration,
+    report: &CalibrationReport,
+) -> [(&'static str, &'static str, LinePlot); 3] {
     let curves = calibration.projector.iter().enumerate().map(|(channel, curve)| Series {
         name: format!("channel {channel}"),
         points: curve.iter().enumerate().map(|(level, &light)| (level as f64, light)).collect(),
     });
-    plot(folder, "projector-curve.svg", "level", "light, of white", curves.collect())?;
     let stability = &report.stability;
     let line = |points: &[(f64, f64)]| vec![Series { name: String::new(), points: points.to_vec() }];
-    plot(folder, "latency.svg", "seconds waited", "light, of white", line(&stability.sweep))?;
-    plot(folder, "drift.svg", "seconds", "white, relative to the first", line(&stability.whites))?;
-    let rows = &calibration.registration;
-    let counts: Vec<f64> = rows.starts.windows(2).map(|ends| (ends[1] - ends[0]) as f64).collect();
-    let most = counts.iter().copied().fold(1.0, f64::max);
-    colormap::paint_sequential(rows.projector, &counts, None, (0.0, most))?
-        .write_png(&folder.join("footprints.png"))
-}
-
-fn plot(folder: &Path, name: &str, x_label: &str, y_label: &str, series: Vec<Series>) -> Result<()> {
-    let plot = LinePlot {
-        x_label: x_label.into(),
-        y_label: y_label.into(),
+    let plot = |x: &str, y: &str, series| LinePlot {
+        x_label: x.into(),
+        y_label: y.into(),
         logarithmic: false,
         series,
         marks: Vec::new(),
     };
-    atomic::write_bytes(&folder.join(name), plot.render().as_bytes())
+    [
+        (
+            "projector-curve",
+            "The projector's response: light by level, in shares of the light of white.",
+            plot("level", "light, of white", curves.collect()),
+        ),
+        (
+            "latency",
+            "How much of a frame's light is there after a wait.",
+            plot("seconds waited", "light, of white", line(&stability.sweep)),
+        ),
+        (
+            "drift",
+            "The lamp, by white photos in the course of the calibration.",
+            plot("seconds", "white, relative to the first", line(&stability.whites)),
+        ),
+    ]
+}
+
+/// Camera pixels for each projector pixel.
+fn footprints(calibration: &Calibration) -> Vec<f64> {
+    calibration.registration.starts.windows(2).map(|ends| (ends[1] - ends[0]) as f64).collect()
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::html::{Block, Outcome, Report, Section, Verdict};
 use super::manifest::Manifest;
 use super::run::{self, Files};
+use super::strip::Strip;
 use super::{exr, npy, spectrum};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -23,6 +24,8 @@ pub struct EigenpairsRun<'a> {
     pub verdicts: &'a [String],
     /// Whether all is as good as was asked for.
     pub good: bool,
+    /// Every photo in order, and what photos are in; none where the matrix is not of images.
+    pub strip: Option<(&'a Strip, &'a str)>,
 }
 
 impl EigenpairsRun<'_> {
@@ -56,7 +59,7 @@ impl EigenpairsRun<'_> {
             }
         }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-        self.page(Block::Figures(figures), manifest, seconds).write(&files.path("report.html"))?;
+        self.page(Block::Figures(figures), manifest, seconds)?.write(&files.path("report.html"))?;
         Ok(files.names)
     }
 
@@ -75,7 +78,7 @@ impl EigenpairsRun<'_> {
         exr::write_exr(&files.path("eigenvectors.exr"), &layers)
     }
 
-    fn page(&self, figures: Block, manifest: &Manifest, seconds: f64) -> Report {
+    fn page(&self, figures: Block, manifest: &Manifest, seconds: f64) -> Result<Report> {
         let found = self.found;
         let sentence = format!("{} photos: {}.", found.stats.products, found.stats.status);
         let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();
@@ -101,13 +104,16 @@ impl EigenpairsRun<'_> {
                 spectrum::table(&found.values, &found.residuals, &columns),
             ],
         });
+        if let Some((strip, unit)) = self.strip {
+            sections.extend(strip.section(unit, "")?);
+        }
         let outcome = if self.good { Outcome::Good } else { Outcome::Short };
-        Report {
+        Ok(Report {
             title: self.title.clone(),
             verdict: Verdict { outcome, sentence },
             facts: run::facts(manifest, found.stats.products, [], seconds),
             sections,
             footer: manifest.command.join(" "),
-        }
+        })
     }
 }

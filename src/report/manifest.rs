@@ -54,6 +54,9 @@ pub struct Manifest {
     /// What a run on a rig cost, and how its photos were made.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub rig: Option<Rig>,
+    /// Photos that it was allowed to take, of its method: what another question asked of the same photos may count on.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub photos_allowed: Option<usize>,
     /// Photos taken.
     pub photos: u64,
     /// What took how long, in the order in which it happened.
@@ -161,6 +164,7 @@ impl Manifest {
             channels: None,
             noise: None,
             rig: None,
+            photos_allowed: None,
             photos: 0,
             timings: Vec::new(),
             outputs: Vec::new(),

@@ -9,10 +9,11 @@
 //! | `report.html` | [`html`], with plots by [`plot`] and [`scatter`] |
 //! | `run.json` | [`manifest`] |
 //! | `model/` | [`model`] |
+//! | every photo of a run on one sheet | [`strip`] |
 //! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | the paper's figures beside what it says of them | [`gallery`] |
 //!
-//! [`picture`] reads and writes an image by its file's extension. Every writer goes through [`atomic`]: a file is
+//! [`picture`] reads and writes an image by its file's extension; [`viewer`] shows images while they come. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
 
 pub mod atomic;
@@ -24,6 +25,7 @@ pub mod colormap;
 pub mod compensation;
 pub mod eigenpairs;
 pub mod exr;
+mod figure;
 pub mod gallery;
 pub mod html;
 pub mod manifest;
@@ -47,7 +49,9 @@ pub mod solution;
 pub mod sparse;
 mod spectrum;
 mod srgb;
+pub mod strip;
 mod svg;
 pub mod tone;
+pub mod viewer;
 
 pub(crate) use run::stages;

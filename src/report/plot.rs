@@ -44,7 +44,7 @@ impl LinePlot {
         let scale = if self.logarithmic { Scale::Log } else { Scale::Linear };
         let heights = points().map(|point| point.1).chain(self.marks.iter().map(|mark| mark.0));
         let (Some(x), Some(y)) =
-            (Axis::around(Scale::Linear, points().map(|point| point.0), 8), Axis::around(scale, heights, 6))
+            (Axis::around(Scale::Linear, points().map(|point| point.0), 6), Axis::around(scale, heights, 6))
         else {
             return nothing_to_plot();
         };
@@ -106,7 +106,7 @@ impl StemPlot {
         };
         let count = self.values.len();
         let stride =
-            [1, 2, 5, 10, 20, 50, 100].into_iter().find(|stride| count / stride <= 20).unwrap_or(count / 10);
+            [1, 2, 5, 10, 20, 50, 100].into_iter().find(|stride| count / stride <= 12).unwrap_or(count / 10);
         let ticks = (1..=count)
             .filter(|number| stride == 1 || number % stride == 0)
             .map(|number| Tick { value: number as f64, label: number.to_string() })

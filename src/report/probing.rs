@@ -2,14 +2,15 @@
 
 use std::path::Path;
 
-use super::colormap::{paint_sequential, paint_signed, robust_range};
-use super::html::{Block, Figure, Legend, Outcome, Report, Section, Verdict};
+use super::colormap::robust_range;
+use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
 use super::manifest::Manifest;
 use super::planes::{difference, mean, percent};
 use super::run::{self, Files};
 use super::separation::{Planes, relative_error};
-use super::tone::{develop, exposure};
-use super::{atomic, picture};
+use super::strip::Strip;
+use super::tone::exposure;
+use super::{atomic, figure, picture};
 use crate::analysis::Probing;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -33,6 +34,8 @@ pub struct ProbingRun<'a> {
     pub standard_errors: &'a Planes,
     /// The same from the matrix itself, where there is one.
     pub truth: Option<&'a Planes>,
+    /// Every photo in order.
+    pub strip: &'a Strip,
 }
 
 impl ProbingRun<'_> {
@@ -52,25 +55,27 @@ impl ProbingRun<'_> {
             for extension in ["npy", "exr"] {
                 picture::write(&files.path(&format!("{name}.{extension}")), &image)?;
             }
-            let png = develop(&image, scale).encode_png()?;
-            atomic::write_bytes(&files.path(&format!("{name}.png")), &png)?;
-            figures.push(Figure { png, caption, legend: Legend::None });
+            let figure = figure::light(&image, scale, self.unit, caption)?;
+            atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+            figures.push(figure);
         }
         let errors = Image::from_planes(self.resolution, self.standard_errors)?;
         picture::write(&files.path("standard-error.npy"), &errors)?;
         figures.extend(self.error_figures()?);
+        let mut sections = vec![Section {
+            title: "What is let through".into(),
+            text: format!(
+                "Under an all-ones pattern, in {}. Each random pattern is projected and, sign and all, multiplied into its photo; the mean of these is without bias, and its standard error falls with the square root of the photos.",
+                self.unit
+            ),
+            blocks: vec![Block::Figures(figures)],
+        }];
+        sections.extend(self.strip.section(self.unit, "")?);
         let report = Report {
             title: self.title.clone(),
             verdict: Verdict { outcome: Outcome::Good, sentence: self.sentence() },
             facts: run::facts(manifest, self.photos, [("Paths", self.probing.in_words())], seconds),
-            sections: vec![Section {
-                title: "What is let through".into(),
-                text: format!(
-                    "Under an all-ones pattern, in {}. Each random pattern is projected and, sign and all, multiplied into its photo; the mean of these is without bias, and its standard error falls with the square root of the photos.",
-                    self.unit
-                ),
-                blocks: vec![Block::Figures(figures)],
-            }],
+            sections,
             footer: manifest.command.join(" "),
         };
         report.write(&files.path("report.html"))?;
@@ -102,20 +107,11 @@ impl ProbingRun<'_> {
 
     fn error_figures(&self) -> Result<Vec<Figure>> {
         let errors = mean(self.standard_errors);
-        let high = robust_range(&errors, None);
-        let mut figures = vec![Figure {
-            png: paint_sequential(self.resolution, &errors, None, (0.0, high))?.encode_png()?,
-            caption: format!("Standard error, {}", self.unit),
-            legend: Legend::sequential(0.0, high),
-        }];
+        let mut figures = vec![figure::amounts(self.resolution, &errors, self.unit, "Standard error")?];
         if let Some(truth) = self.truth {
             let error = difference(self.values, truth);
             let range = robust_range(&error, None);
-            figures.push(Figure {
-                png: paint_signed(self.resolution, &error, None, range)?.encode_png()?,
-                caption: format!("Found less exact, {}", self.unit),
-                legend: Legend::signed(range),
-            });
+            figures.push(figure::signed(self.resolution, &error, range, self.unit, "Found less exact")?);
         }
         Ok(figures)
     }

@@ -29,7 +29,8 @@
     // What is not on the scale is masked, or no number.
     if (best[0] > 900) return "";
     const [low, high] = [labels[0], labels[labels.length - 1]];
-    return " ≈ " + (low + best[1] * (high - low)).toPrecision(2);
+    const unit = scale.querySelector("small");
+    return " ≈ " + (low + best[1] * (high - low)).toPrecision(2) + (unit ? " " + unit.textContent : "");
   };
 
   const value = (image, color) => {
@@ -43,7 +44,7 @@
     return "";
   };
 
-  const isPicture = (node) => node instanceof HTMLImageElement && node.closest(".figures, .strip");
+  const isPicture = (node) => node instanceof HTMLImageElement && node.closest(".figures");
 
   document.addEventListener("pointermove", (event) => {
     const image = event.target;
@@ -67,7 +68,9 @@
   document.addEventListener("click", (event) => {
     const zoomed = event.target.closest(".zoomed");
     close();
-    if (!zoomed && isPicture(event.target)) event.target.closest("figure, li").classList.add("zoomed");
+    if (!zoomed && (isPicture(event.target) || event.target.closest(".strip ol svg"))) {
+      event.target.closest("figure, li").classList.add("zoomed");
+    }
   });
   document.addEventListener("keydown", (event) => {
     if (event.key === "Escape") close();

@@ -3,14 +3,15 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::colormap::{paint_sequential, paint_signed, robust_range};
-use super::html::{Block, Figure, Legend, Outcome, Report, Section, Verdict};
+use super::colormap::robust_range;
+use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
 use super::manifest::Manifest;
 use super::planes::{difference, mean, percent};
 use super::plot::{LinePlot, Series};
 use super::run::{self, Files};
-use super::tone::{develop, exposure};
-use super::{atomic, picture};
+use super::strip::Strip;
+use super::tone::exposure;
+use super::{atomic, figure, picture};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 
@@ -46,6 +47,8 @@ pub struct SeparationRun<'a> {
     pub comparison: &'a [ComparisonRow],
     /// Whether it is as good as was asked for.
     pub good: bool,
+    /// Every photo in order.
+    pub strip: &'a Strip,
 }
 
 /// Global light by how far from its own pixel it comes back.
@@ -102,9 +105,9 @@ impl SeparationRun<'_> {
         let scale = exposure(&Image::from_planes(self.resolution, &white)?);
         let mut figures = Vec::new();
         for (name, image, caption) in &images {
-            let png = develop(image, scale).encode_png()?;
-            atomic::write_bytes(&files.path(&format!("{name}.png")), &png)?;
-            figures.push(Figure { png, caption: caption.clone(), legend: Legend::None });
+            let figure = figure::light(image, scale, self.unit, caption.clone())?;
+            atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+            figures.push(figure);
         }
         if !self.comparison.is_empty() {
             atomic::write_bytes(&files.path("errors.csv"), self.csv().as_bytes())?;
@@ -190,6 +193,7 @@ impl SeparationRun<'_> {
         if !self.comparison.is_empty() {
             sections.push(self.compared());
         }
+        sections.extend(self.strip.section(self.unit, ORDER)?);
         let mut more = vec![("Method", self.method.clone())];
         if let Some(reach) = self.reach {
             let mut text = format!("{} photos, noise {}", reach.photos, percent(reach.noise));
@@ -220,20 +224,13 @@ impl SeparationRun<'_> {
         if let Some(truth) = self.truth {
             let error = difference(self.direct, truth);
             let range = robust_range(&error, None);
-            figures.push(Figure {
-                png: paint_signed(self.resolution, &error, None, range)?.encode_png()?,
-                caption: format!("Direct light found less exact, {}", self.unit),
-                legend: Legend::signed(range),
-            });
+            let caption = "Direct light found less exact";
+            figures.push(figure::signed(self.resolution, &error, range, self.unit, caption)?);
         }
         if let Some(errors) = self.standard_error {
             let errors = mean(errors);
-            let high = robust_range(&errors, None);
-            figures.push(Figure {
-                png: paint_sequential(self.resolution, &errors, None, (0.0, high))?.encode_png()?,
-                caption: format!("Standard error of the direct light, {}", self.unit),
-                legend: Legend::sequential(0.0, high),
-            });
+            let caption = "Standard error of the direct light";
+            figures.push(figure::amounts(self.resolution, &errors, self.unit, caption)?);
         }
         Ok(figures)
     }
@@ -271,6 +268,9 @@ impl SeparationRun<'_> {
         }
     }
 }
+
+/// What the photos of a separation are.
+const ORDER: &str = "Those of the method come first, those that tell near from far last.";
 
 /// `‖found − truth‖ / ‖truth‖` over all channels.
 pub fn relative_error(found: &Planes, truth: &Planes) -> f64 {

@@ -22,11 +22,17 @@ pub(super) struct Chart {
     body: String,
 }
 
-const WIDTH: f64 = 720.0;
-const HEIGHT: f64 = 380.0;
-const LEFT: f64 = 84.0;
-const RIGHT: f64 = 20.0;
+/// So narrow that on a phone, where the drawing is 340 pixels wide, its text is still of 10.
+const WIDTH: f64 = 480.0;
+/// Of the frame, whatever the legend above it takes.
+const FRAME: f64 = 260.0;
+const LEFT: f64 = 88.0;
+const RIGHT: f64 = 16.0;
 const BOTTOM: f64 = 56.0;
+const FONT: f64 = 14.5;
+
+/// Width of a letter. Without the font at hand: those of a sans-serif face are about half as wide as high.
+const LETTER: f64 = 7.7;
 
 impl Chart {
     /// Draws grid, ticks and axis labels. `legend` is (colour, dashes, name) of each entry, in rows above the frame.
@@ -39,7 +45,7 @@ impl Chart {
     }
 
     fn draw_frame(&mut self, x_label: &str, y_label: &str) {
-        let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
+        let (right, bottom) = (WIDTH - RIGHT, self.bottom());
         let mut lines = String::new();
         for tick in &self.y.ticks {
             let Some(y) = self.y.position(tick.value).map(|along| self.down(along)) else { continue };
@@ -63,9 +69,12 @@ impl Chart {
                 r#"<line x1="{x:.1}" y1="{bottom}" x2="{x:.1}" y2="{:.1}" stroke="currentColor" stroke-opacity="0.55"/>"#,
                 bottom + 5.0
             );
+            // The last label must not leave the drawing.
+            let most = WIDTH - LETTER / 2.0 * tick.label.chars().count() as f64;
             draw!(
                 lines,
-                r#"<text x="{x:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
+                r#"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
+                x.min(most),
                 bottom + 20.0,
                 tick.label
             );
@@ -78,14 +87,17 @@ impl Chart {
         draw!(
             lines,
             r#"<text x="{middle_x:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
-            HEIGHT - 10.0,
+            bottom + 46.0,
             escape(x_label)
         );
-        draw!(
-            lines,
-            r#"<text transform="translate(18 {middle_y:.1}) rotate(-90)" text-anchor="middle">{}</text>"#,
-            escape(y_label)
-        );
+        for (row, text) in rows(y_label, FRAME).iter().enumerate() {
+            draw!(
+                lines,
+                r#"<text transform="translate({:.1} {middle_y:.1}) rotate(-90)" text-anchor="middle">{}</text>"#,
+                14.0 + 17.0 * row as f64,
+                escape(text)
+            );
+        }
         self.body.push_str(&lines);
     }
 
@@ -95,7 +107,12 @@ impl Chart {
     }
 
     fn down(&self, along: f64) -> f64 {
-        HEIGHT - BOTTOM - along * (HEIGHT - BOTTOM - self.top)
+        self.bottom() - along * FRAME
+    }
+
+    /// Where the frame ends.
+    fn bottom(&self) -> f64 {
+        self.top + FRAME
     }
 
     /// A line through points of the drawing.
@@ -136,7 +153,7 @@ impl Chart {
 
     /// Text that begins at a point of the drawing, or ends there where it would leave the frame.
     pub fn note(&mut self, (x, y): (f64, f64), text: &str) {
-        let anchor = if x > WIDTH - RIGHT - 8.0 * text.chars().count() as f64 { "end" } else { "start" };
+        let anchor = if x > WIDTH - RIGHT - 8.6 * text.chars().count() as f64 { "end" } else { "start" };
         let x = if anchor == "end" { x - 20.0 } else { x };
         draw!(self.body, r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{}</text>"#, escape(text));
     }
@@ -161,22 +178,23 @@ impl Chart {
 
     /// The whole drawing.
     pub fn finish(self) -> String {
-        wrap(&self.body)
+        wrap(&self.body, self.bottom() + BOTTOM)
     }
 }
 
 /// A drawing that says so where there is nothing to plot.
 pub(super) fn nothing_to_plot() -> String {
-    wrap(&format!(
+    let body = format!(
         r#"<text x="{}" y="{}" text-anchor="middle" fill-opacity="0.6">no values to plot</text>"#,
         WIDTH / 2.0,
-        HEIGHT / 2.0
-    ))
+        FRAME / 2.0
+    );
+    wrap(&body, FRAME)
 }
 
-fn wrap(body: &str) -> String {
+fn wrap(body: &str, height: f64) -> String {
     format!(
-        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="system-ui, 'Helvetica Neue', Arial, sans-serif" font-size="13.5" fill="currentColor" role="img">{body}</svg>"#
+        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" font-family="system-ui, 'Helvetica Neue', Arial, sans-serif" font-size="{FONT}" fill="currentColor" role="img">{body}</svg>"#
     )
 }
 
@@ -185,8 +203,7 @@ fn draw_legend(body: &mut String, legend: &[(&str, &str, &str)]) -> f64 {
     const ROW: f64 = 22.0;
     let (mut x, mut baseline) = (LEFT, 18.0);
     for &(color, dashes, name) in legend {
-        // Without the font at hand: letters of a sans-serif face are about half as wide as high.
-        let width = 34.0 + 7.2 * name.chars().count() as f64 + 22.0;
+        let width = 34.0 + LETTER * name.chars().count() as f64 + 18.0;
         if x > LEFT && x + width > WIDTH - RIGHT {
             (x, baseline) = (LEFT, baseline + ROW);
         }
@@ -201,6 +218,16 @@ fn draw_legend(body: &mut String, legend: &[(&str, &str, &str)]) -> f64 {
         x += width;
     }
     if legend.is_empty() { 14.0 } else { baseline + 18.0 }
+}
+
+/// A text in one row, or, where that is longer than `length`, in two.
+fn rows(text: &str, length: f64) -> Vec<&str> {
+    let half = text.len() / 2;
+    let break_at = text.match_indices(' ').map(|(at, _)| at).min_by_key(|at| at.abs_diff(half));
+    match break_at {
+        Some(at) if LETTER * text.chars().count() as f64 > length => vec![&text[..at], &text[at + 1..]],
+        _ => vec![text],
+    }
 }
 
 fn across(along: f64) -> f64 {
@@ -225,4 +252,17 @@ fn escape(text: &str) -> String {
         }
     }
     escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_label_longer_than_its_axis_takes_two_rows() {
+        assert_eq!(rows("relative residual", FRAME), ["relative residual"]);
+        let long = "relative error of global light, Frobenius norm";
+        assert_eq!(rows(long, FRAME), ["relative error of global", "light, Frobenius norm"]);
+        assert_eq!(rows("withoutanyspace", 10.0), ["withoutanyspace"]);
+    }
 }

@@ -4,8 +4,8 @@ use super::LowRank;
 use crate::analysis::probe::smooth_patterns;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start};
-use crate::operator::{Operator, Symmetry};
+use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start, dot, norm};
+use crate::operator::{Operator, Product, Recorded, Symmetry};
 
 /// How a low-rank model is captured.
 #[derive(Clone, Debug)]
@@ -37,8 +37,18 @@ impl Default for LowRankCapture {
     }
 }
 
+/// How a capture stands after a photo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaptureStep {
+    /// Photos taken.
+    pub photos: usize,
+    /// What the model of the photos before would have got wrong of this one, `‖w − Q Wᵀ q‖`, in shares of the strongest photo: as it
+    /// falls, so does the model's error. Patterns are of norm 1.
+    pub news: f64,
+}
+
 /// Takes `photos` photos with `operator` (`n × n`, without its direct light) and keeps them as a model; `direct` is the direct image
-/// under white (`n`), or empty where it stays in the operator. Calls `watch` after each photo, with their number.
+/// under white (`n`), or empty where it stays in the operator. Calls `watch` after each photo.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos`; [`Error::Dimension`] when the operator is not square or `direct` has another length;
@@ -47,7 +57,7 @@ pub fn capture(
     operator: &mut dyn Operator,
     direct: &[f64],
     options: &LowRankCapture,
-    watch: &mut dyn FnMut(usize),
+    watch: &mut dyn FnMut(CaptureStep),
 ) -> Result<LowRank> {
     let n = operator.cols();
     if options.photos == 0 {
@@ -59,54 +69,43 @@ pub fn capture(
     }
     let symmetric = operator.symmetry() == Symmetry::Symmetric;
     let start = options.start.as_ref().map_or_else(|| vec![1.0; n], |start| start.vector(n));
-    let mut recorder = Recorder { operator, photos: Vec::with_capacity(options.photos) };
+    let mut recorder = Recorded::new(operator);
     let basis = if symmetric {
         let mut block = vec![start];
         // A block wider than the photos would leave those that it starts with unseen.
         block.extend(options.beside.iter().take(options.photos - 1).cloned());
-        run(BlockLanczos::new(&block, &[])?, &mut recorder, options.photos, watch)?
+        run(BlockLanczos::new(&block, &[])?, &mut recorder, (options.photos, symmetric), watch)?
     } else {
-        run(Arnoldi::new(&start, &[])?, &mut recorder, options.photos, watch)?
+        run(Arnoldi::new(&start, &[])?, &mut recorder, (options.photos, symmetric), watch)?
     };
-    LowRank::new(basis, recorder.photos, direct.to_vec(), symmetric)
+    let photos = recorder.products.into_iter().map(|product| product.to).collect();
+    LowRank::new(basis, photos, direct.to_vec(), symmetric)
 }
 
 /// The basis after so many steps, or as many as the space has dimensions.
 fn run(
     mut process: impl Factorization,
-    recorder: &mut Recorder<'_>,
-    photos: usize,
-    watch: &mut dyn FnMut(usize),
+    recorder: &mut Recorded<'_, dyn Operator + '_>,
+    (photos, symmetric): (usize, bool),
+    watch: &mut dyn FnMut(CaptureStep),
 ) -> Result<Vec<Vec<f64>>> {
     while process.steps() < photos && !process.is_exhausted() {
         process.expand(recorder)?;
-        watch(process.steps());
+        watch(CaptureStep { photos: process.steps(), news: news(&recorder.products, symmetric) });
     }
     Ok(process.basis().to_vec())
 }
 
-/// Keeps each product.
-struct Recorder<'a> {
-    operator: &'a mut dyn Operator,
-    photos: Vec<Vec<f64>>,
-}
-
-impl Operator for Recorder<'_> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
+/// [`CaptureStep::news`] of the last photo. Without symmetry nothing is known of a pattern that stands at right angles to all before.
+fn news(products: &[Product], symmetric: bool) -> f64 {
+    let Some((last, before)) = products.split_last() else { return 1.0 };
+    let mut rest = last.to.clone();
+    if symmetric {
+        for known in before {
+            let share = dot(&known.to, &last.from);
+            rest.iter_mut().zip(&known.from).for_each(|(rest, known)| *rest -= share * known);
+        }
     }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)?;
-        self.photos.push(y.to_vec());
-        Ok(())
-    }
+    let strongest = products.iter().map(|product| norm(&product.to)).fold(0.0, f64::max);
+    if strongest > 0.0 { norm(&rest) / strongest } else { 0.0 }
 }

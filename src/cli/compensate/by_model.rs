@@ -3,7 +3,9 @@
 use anyhow::Result;
 
 use super::super::Outcome;
+use super::super::channel::ChannelOperator;
 use super::super::console::Console;
+use super::super::live::{Live, Watched};
 use super::super::run_folder::RunFolder;
 use super::super::source::Source;
 use super::{Args, finish};
@@ -16,7 +18,7 @@ use crate::transport::{Channels, Part};
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // A model takes no photos: a budget of 0 is fine.
-    let options = CompensateOptions { photos: 1, ..args.options(false, true) };
+    let options = CompensateOptions { photos: 1, ..args.options(false, true, None) };
     options.check()?;
     let path = args.model.as_ref().unwrap_or(&args.source.source);
     if !SavedModel::is_in(path) {
@@ -44,16 +46,22 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
                 compensate_by_model(&mut model.channels, &wish, &options, 0, &mut |_| Err(Error::Interrupted))
             })
             .map_err(Into::into)
-            .and_then(|found| finish(console, (&found, &[]), &options, &model.source, &mut folder));
+            .and_then(|found| {
+                finish(console, (&found, &[]), &options, (&model.source, &model.unit, None), &mut folder)
+            });
         return folder.close(outcome);
     }
     let mut source = Source::open(&args.source, &args.trace, console)?;
     fits(&source, &model)?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
     source.describe(&mut folder.manifest, channels);
-    let name = source.name();
-    let outcome = corrected(args, console, &mut source, channels, &mut model, &wish, &options, &mut folder)
-        .and_then(|found| finish(console, (&found, &[]), &options, &name, &mut folder));
+    let (name, unit) = (source.name(), source.unit());
+    let live = Live::new(&args.live, &source, channels, console);
+    let outcome =
+        corrected(args, console, &mut source, channels, &mut model, &wish, &options, &mut folder, &live)
+            .and_then(|found| {
+                finish(console, (&found, &[]), &options, (&name, unit, Some(&live.strip())), &mut folder)
+            });
     folder.close(outcome)
 }
 
@@ -98,21 +106,23 @@ fn corrected(
     wish: &Wish,
     options: &CompensateOptions,
     folder: &mut RunFolder,
+    live: &Live,
 ) -> Result<Compensation> {
     let mut light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, channels, Some(folder), console)
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
+    live.expect(args.question.corrections());
     let found = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |operators| {
+            let mut operators = live.watch_all(operators);
             let mut photograph = |patterns: &[Vec<f64>]| {
                 let each = operators.iter_mut().zip(patterns);
-                let photo =
-                    |(operator, pattern): (&mut super::super::channel::ChannelOperator<'_>, &Vec<f64>)| {
-                        let mut photo = vec![0.0; pattern.len()];
-                        operator.apply(pattern, &mut photo)?;
-                        crate::Result::Ok(photo)
-                    };
+                let photo = |(operator, pattern): (&mut Watched<'_, ChannelOperator<'_>>, &Vec<f64>)| {
+                    let mut photo = vec![0.0; pattern.len()];
+                    operator.apply(pattern, &mut photo)?;
+                    crate::Result::Ok(photo)
+                };
                 each.map(photo).collect()
             };
             compensate_by_model(
@@ -124,5 +134,6 @@ fn corrected(
             )
         })
     });
+    live.pause();
     folder.record_rig(&mut light, found, console)
 }

@@ -11,18 +11,20 @@ use anyhow::Result;
 
 use super::Outcome;
 use super::console::Console;
+use super::live::{Live, LiveArgs};
 use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
 use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
 use crate::analysis::compensate::{compare_methods, compensate_with};
-use crate::analysis::{CompensateOptions, Compensation, Crosstalk, MethodRun, Prior, Wish};
+use crate::analysis::{CompensateOptions, Compensation, MethodRun, Prior, Wish};
 use crate::error::Error;
 use crate::image::Image;
 use crate::krylov::SolveProgress;
 use crate::report::compensation::{CompensationExtras, CompensationRun};
 use crate::report::model::SavedModel;
+use crate::report::strip::Strip;
 use crate::transport::{Channels, Part};
 use prior::ColorArgs;
 pub(super) use question::Question;
@@ -56,13 +58,15 @@ pub(super) struct Args {
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
     pub(super) output: OutputArgs,
 }
 
 impl Args {
-    /// A comparison with another method is for free where photos are products.
-    fn options(&self, baseline: bool, symmetric: bool) -> CompensateOptions {
-        CompensateOptions { peak: self.peak, baseline, ..self.question.options_on(symmetric) }
+    /// A comparison with another method is for free where photos are products. `held` as in [`Source::held`].
+    fn options(&self, baseline: bool, symmetric: bool, held: Option<usize>) -> CompensateOptions {
+        CompensateOptions { peak: self.peak, baseline, ..self.question.options_on(symmetric, held) }
     }
 
     fn channels(&self) -> Channels {
@@ -75,53 +79,60 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         return by_model::run(args, console);
     }
     // What is wrong with the options or the files should show before anything is written or traced.
-    args.options(true, true).check()?;
-    let crosstalk = args.colors.crosstalk(args.channels())?;
+    args.options(true, true, None).check()?;
+    args.colors.check(args.channels())?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let target = args.question.target(source.resolution(), args.channels())?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels());
-    let outcome = answer(args, console, (&target, crosstalk), &mut source, &mut folder);
+    let outcome = answer(args, console, &target, &mut source, &mut folder);
     folder.close(outcome)
 }
 
 fn answer(
     args: &Args,
     console: &Console,
-    (target, crosstalk): (&Image, Option<Crosstalk>),
+    target: &Image,
     source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     let name = source.name();
-    let geometry = prior::geometry(&args.options(true, true), source);
+    let unit = source.unit();
+    let held = source.held();
+    let live = Live::new(&args.live, source, args.channels(), console);
+    let geometry = prior::geometry(&args.options(true, true, held), source);
     let mut light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, args.channels(), Some(folder), console)
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let wish = Wish::new(target, &light.ambient(console)?)?;
+    let (crosstalk, learned) = args.colors.crosstalk(&mut light, console)?;
     let symmetric = crosstalk.is_none() && prior::is_symmetric(&mut light, console);
-    let options = args.options(light.is_simulated(), symmetric);
-    let prior =
-        Prior { direct: prior::direct(&options, &mut light, console)?, geometry, crosstalk, start: None };
-    let bar = console.bar("photos");
+    let options = args.options(light.is_simulated(), symmetric, held);
+    folder.manifest.photos_allowed = Some(options.photos);
+    let direct = prior::direct(&options, &mut light, console)?;
+    let prior = Prior { direct, geometry, crosstalk, photos: learned, start: None };
+    live.expect(1 + options.photos);
     let found = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |channels| {
-            let mut watch = |step: &SolveProgress<'_>| bar.at(step.products as u64, step.budget as u64);
-            let found = compensate_with(channels, &wish, &options, &prior, &mut watch)?;
+            let mut channels = live.watch_all(channels);
+            let mut watch =
+                |step: &SolveProgress<'_>| live.so_far(format_args!("relative residual {:.4}", step.best));
+            let found = compensate_with(&mut channels, &wish, &options, &prior, &mut watch)?;
             let methods = if args.compare_methods {
-                compare_methods(channels, &wish, &options, &prior, &mut watch)?
+                compare_methods(&mut channels, &wish, &options, &prior, &mut watch)?
             } else {
                 Vec::new()
             };
             crate::Result::Ok((found, methods))
         })
     });
-    drop(bar);
+    live.pause();
     let (found, methods) = folder.record_rig(&mut light, found, console)?;
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
     }
-    finish(console, (&found, &methods), &options, &name, folder)
+    finish(console, (&found, &methods), &options, (&name, unit, Some(&live.strip())), folder)
 }
 
 /// Says what was found, and writes it.
@@ -129,7 +140,7 @@ fn finish(
     console: &Console,
     (found, methods): (&Compensation, &[MethodRun]),
     options: &CompensateOptions,
-    name: &str,
+    (name, unit, strip): (&str, &str, Option<&Strip>),
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     let compared: usize = methods.iter().map(|run| run.photos).sum();
@@ -144,6 +155,8 @@ fn finish(
         method,
         floor: options.floor,
         extras: CompensationExtras { methods, lift: options.lift },
+        unit,
+        strip,
     };
     let seconds = folder.seconds();
     folder.manifest.outputs =

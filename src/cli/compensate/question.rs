@@ -27,7 +27,7 @@ pub(in crate::cli) struct Question {
     /// afterwards: minres, gmres, fgmres, cg, cgs, bicgstab, lsqr, lsmr [default: krylov-box]
     #[arg(long, value_name = "NAME", value_parser = method)]
     method: Option<Method>,
-    /// Photos that the method may take, beside the white one [default: 20]
+    /// Photos that the method may take, beside the white one [default: 20, or as many as the run that is SOURCE might take]
     #[arg(long, value_name = "N")]
     photos: Option<usize>,
     /// Done when what is seen differs from the target by at most this share of it [default: 0.001]
@@ -78,18 +78,18 @@ impl From<PreconditionArg> for Precondition {
 impl Question {
     /// As the library has it, for a coaxial rig.
     pub(in crate::cli) fn options(&self) -> CompensateOptions {
-        self.options_on(true)
+        self.options_on(true, None)
     }
 
-    /// As the library has it, for a rig whose light transport is symmetric or not.
-    pub(super) fn options_on(&self, symmetric: bool) -> CompensateOptions {
+    /// As the library has it, for a rig whose light transport is symmetric or not; `held` the photos of a run that is asked anew.
+    pub(super) fn options_on(&self, symmetric: bool, held: Option<usize>) -> CompensateOptions {
         let base =
             if self.paper { CompensateOptions::paper(symmetric, 0.1) } else { CompensateOptions::default() };
         let method = self.method.unwrap_or(base.method);
         let free = method.facts().constraint == Constraint::None;
         CompensateOptions {
             method,
-            photos: self.photos.unwrap_or(base.photos),
+            photos: self.photos.or(held).unwrap_or(base.photos),
             rtol: self.rtol.unwrap_or(base.rtol),
             floor: self.floor,
             lift: self.lift.unwrap_or(base.lift),

@@ -3,10 +3,12 @@
 use anyhow::Result;
 
 use super::super::console::Console;
-use super::super::light::Light;
+use super::super::light::{Light, direct_diagonal};
+use super::super::live::Live;
+use super::super::noise::percent;
 use crate::analysis::LowRank;
 use crate::analysis::low_rank::{
-    ErrorRow, LowRankCapture, capture, error_curve as curve_of, optimal_errors, smooth_starts,
+    CaptureStep, ErrorRow, LowRankCapture, capture, error_curve as curve_of, optimal_errors, smooth_starts,
 };
 use crate::error::Error;
 use crate::image::Resolution;
@@ -15,7 +17,7 @@ use crate::operator::{Operator, Symmetry};
 use crate::report::model::SavedModel;
 use crate::report::relighting::RankRow;
 use crate::sparse::Csr;
-use crate::transport::{Bounces, Part};
+use crate::transport::Part;
 
 /// Products for the best approximation of each rank, beyond four times the rank: converged to well below a per cent.
 const EXTRA_PRODUCTS: usize = 40;
@@ -37,6 +39,7 @@ pub(super) fn model(
     Process { photos, block, seed }: Process,
     [source, unit]: [&str; 2],
     [resolution, projector]: [Resolution; 2],
+    live: &Live,
     console: &Console,
 ) -> Result<SavedModel> {
     if resolution.pixels() != projector.pixels() {
@@ -51,17 +54,17 @@ pub(super) fn model(
     }
     let ambient = light.ambient(console)?;
     let direct = direct(light, console)?;
-    let bar = console.bar("photos");
     let beside = smooth_starts(projector, block.max(1) - 1, seed);
     let options = LowRankCapture { photos, start: None, beside };
-    let total = photos * direct.len();
+    live.expect(photos);
     let channels = light.with_channels(Part::Global, console, |channels| {
         let mut found = Vec::new();
-        for (index, (operator, direct)) in channels.iter_mut().zip(direct).enumerate() {
+        let mut watch = |step: CaptureStep| {
+            // A run that is to be stopped ends with the next photo.
+            let _ = live.so_far(format_args!("{} % of the last photo was new", percent(step.news)));
+        };
+        for (operator, direct) in live.watch_all(channels).iter_mut().zip(direct) {
             // A coaxial rig's photos come back to where they were projected from.
-            let mut watch = |taken: usize| {
-                let _ = bar.at((index * photos + taken) as u64, total as u64);
-            };
             found.push(match direct {
                 Direct::Diagonal(diagonal) => capture(operator, &diagonal, &options, &mut watch)?,
                 Direct::Matrix(matrix) => {
@@ -71,7 +74,7 @@ pub(super) fn model(
         }
         crate::Result::Ok(found)
     })?;
-    drop(bar);
+    live.pause();
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
     }
@@ -93,15 +96,11 @@ enum Direct {
 /// The direct light of each channel: a diagonal where it is one.
 fn direct(light: &mut Light<'_>, console: &Console) -> Result<Vec<Direct>> {
     if let Some(traced) = light.matrix() {
+        if let Some(diagonals) = direct_diagonal(traced) {
+            return Ok(diagonals.into_iter().map(Direct::Diagonal).collect());
+        }
         let matrix = &traced.matrix;
-        let spread = matrix.layers().iter().any(|layer| layer.bounces() == Bounces::One);
-        let channel = |channel: usize| -> Result<Direct> {
-            let diagonal = matrix.direct(channel);
-            if spread || diagonal.is_empty() {
-                return Ok(Direct::Matrix(matrix.to_csr(Part::Direct, channel)?));
-            }
-            Ok(Direct::Diagonal(diagonal.iter().map(|&value| f64::from(value)).collect()))
-        };
+        let channel = |channel: usize| Ok(Direct::Matrix(matrix.to_csr(Part::Direct, channel)?));
         return (0..matrix.channels().count()).map(channel).collect();
     }
     // Random signs tell a diagonal from anything else.

@@ -1,6 +1,7 @@
 //! `krylux relight`: low-rank light transport from one capture, and what it answers at no further photo.
 
 mod capture;
+mod from_run;
 mod questions;
 
 use std::path::PathBuf;
@@ -11,10 +12,12 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::light::Light;
+use super::live::{Live, LiveArgs};
 use super::noise::percent;
 use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
 use super::pattern::Pattern;
+use super::replay::Replay;
 use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
@@ -22,6 +25,7 @@ use crate::error::Error;
 use crate::report::manifest::Manifest;
 use crate::report::model::SavedModel;
 use crate::report::relighting::{RankRow, RelightingRun};
+use crate::report::strip::Strip;
 use crate::transport::Channels;
 use questions::{Answers, Questions};
 
@@ -31,7 +35,7 @@ const BLOCK: usize = 12;
 /// Capture light transport in a few dozen photos, and relight the scene with any pattern
 ///
 /// The run's folder keeps the model. Given as SOURCE, it relights with other patterns without any photo, and without a
-/// graphics device.
+/// graphics device. So does the folder of a `segment`, `eigs` or `compensate` run: a model is made of the photos in its journal.
 #[derive(clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
@@ -41,7 +45,7 @@ pub(super) struct Args {
     /// One gray system, or red, green and blue as three [default: luma, or what the model has]
     #[arg(long, value_enum)]
     channels: Option<ChannelsArg>,
-    /// Photos of the capture [default: 40]
+    /// Photos of the capture [default: 40, or as many as the run that is SOURCE might take]
     #[arg(long, value_name = "N")]
     photos: Option<usize>,
     /// Patterns of the capture that are chosen beforehand, white and smooth random ones; the others are photos projected back. 1 is
@@ -65,6 +69,8 @@ pub(super) struct Args {
     operator: OperatorArgs,
     #[command(flatten)]
     run: RunArgs,
+    #[command(flatten)]
+    live: LiveArgs,
     #[command(flatten)]
     pub(super) output: OutputArgs,
 }
@@ -120,6 +126,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         return from_model(args, console);
     }
     let mut source = Source::open(&args.source, &args.trace, console)?;
+    if let Source::Run(run) = &source {
+        return from_run(args, run, console);
+    }
     // What is wrong with a file should show before anything is traced.
     args.questions().patterns(source.projector_resolution(), source.resolution(), args.channels().count())?;
     args.questions().photographs(source.resolution(), args.channels().count())?;
@@ -127,6 +136,24 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut folder = RunFolder::create(&args.run, &format!("{}-relight", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels());
     let outcome = captured(args, console, &mut source, &mut folder);
+    folder.close(outcome)
+}
+
+/// Answers from the photos that a run of another verb took.
+fn from_run(args: &Args, run: &Replay, console: &Console) -> Result<Outcome> {
+    args.check_for_model()?;
+    let model = from_run::model(run, console)?;
+    args.questions().patterns(model.projector, model.resolution, model.channels.len())?;
+    args.questions().photographs(model.resolution, model.channels.len())?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-relight", model.source), console)?;
+    run.describe(&mut folder.manifest);
+    folder.manifest.resolution = Some(model.resolution);
+    let outcome = folder
+        .timed("relighting", |folder| {
+            let files = model.write(&folder.path)?;
+            Ok((args.questions().answers(&model, None, console)?, files))
+        })
+        .and_then(|(answers, files)| finish(args, &model, &answers, &[], None, files, &mut folder, console));
     folder.close(outcome)
 }
 
@@ -141,7 +168,7 @@ fn from_model(args: &Args, console: &Console) -> Result<Outcome> {
     folder.manifest.resolution = Some(model.resolution);
     let outcome = folder
         .timed("relighting", |_| args.questions().answers(&model, None, console))
-        .and_then(|answers| finish(args, &model, &answers, &[], 0, Vec::new(), &mut folder, console));
+        .and_then(|answers| finish(args, &model, &answers, &[], None, Vec::new(), &mut folder, console));
     folder.close(outcome)
 }
 
@@ -153,19 +180,18 @@ fn captured(
 ) -> Result<(Outcome, String)> {
     let (name, resolution, projector) = (source.name(), source.resolution(), source.projector_resolution());
     let unit = source.unit();
+    let photos = args.photos.or(source.held()).unwrap_or(40);
+    folder.manifest.photos_allowed = Some(photos);
+    let live = Live::new(&args.live, source, args.channels(), console);
     // A simulator is also asked for the truth, hundreds of times: that is no journal's business.
     let kept = !matches!(source, Source::Scene(_));
     let mut light: Light<'_> = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, args.channels(), kept.then_some(&*folder), console)
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
-    let process = capture::Process {
-        photos: args.photos.unwrap_or(40),
-        block: args.block.unwrap_or(BLOCK),
-        seed: args.trace.seed(),
-    };
+    let process = capture::Process { photos, block: args.block.unwrap_or(BLOCK), seed: args.trace.seed() };
     let model = folder.timed("photos", |_| {
-        capture::model(&mut light, process, [&name, unit], [resolution, projector], console)
+        capture::model(&mut light, process, [&name, unit], [resolution, projector], &live, console)
     });
     let model = folder.record_rig(&mut light, model, console)?;
     let rank = rank_of(&model);
@@ -178,7 +204,7 @@ fn captured(
     if console.check().is_break() {
         return Err(Error::Interrupted.into());
     }
-    finish(args, &model, &answers, &curve, rank, files, folder, console)
+    finish(args, &model, &answers, &curve, Some(&live.strip()), files, folder, console)
 }
 
 /// Photos of the capture; a colour photo is one for each channel.
@@ -192,11 +218,13 @@ fn finish(
     model: &SavedModel,
     answers: &Answers,
     curve: &[RankRow],
-    photos: usize,
+    strip: Option<&Strip>,
     mut files: Vec<String>,
     folder: &mut RunFolder,
     console: &Console,
 ) -> Result<(Outcome, String)> {
+    // Without a capture there is none.
+    let photos = strip.map_or(0, |_| rank_of(model));
     let mut run = RelightingRun {
         title: format!("{} · low-rank light transport", model.source),
         photos,
@@ -207,6 +235,7 @@ fn finish(
         reduced: &answers.reduced,
         curve,
         good: true,
+        strip,
     };
     let worst = run.worst();
     run.good = match (args.max_error, worst) {

@@ -102,7 +102,11 @@ fn measure(
     calibration::write(&folder.path, &found, &report)?;
     let effort = shots.effort();
     folder.manifest.photos = effort.taken + effort.replayed;
-    say(&report, console)?;
+    let lines = lines(&report);
+    say(&lines, console)?;
+    let title = format!("{} · calibration", rig.name());
+    let seconds = folder.seconds();
+    calibration::write_page(&folder.path, (title, &lines), (&found, &report), &folder.manifest, seconds)?;
     console.say(format_args!("wrote     {}", folder.path.display()))?;
     if rig.file.calibration.as_deref() != Some(folder.path.as_path()) {
         console.note(format_args!(
@@ -117,63 +121,71 @@ fn measure(
     Ok((Outcome::Done, "calibrated".into()))
 }
 
-fn say(report: &CalibrationReport, console: &Console) -> Result<()> {
+fn say(lines: &[[String; 2]], console: &Console) -> Result<()> {
+    lines.iter().try_for_each(|[of, text]| console.say(format_args!("{of:<9} {text}")))
+}
+
+/// What was measured, line by line: of what, and the figures.
+fn lines(report: &CalibrationReport) -> Vec<[String; 2]> {
     let (camera, map, stability) = (&report.camera, &report.map, &report.stability);
-    console.say(format_args!(
-        "camera    black level {} DN, read noise {} DN",
-        camera.black, camera.read_noise
-    ))?;
-    console.say(format_args!(
-        "          gain {} electrons per DN, full well {} electrons{}",
-        camera.gain,
-        camera.full_well,
-        if camera.plateau_reached { "" } else { " at least: it was never full" }
-    ))?;
     let percent = |share: f64| 100.0 * share;
-    console.say(format_args!(
-        "          response {} (departs by {:.2} % of the range beyond noise)",
-        if camera.linear { "linear" } else { "bent, and straightened" },
-        percent(camera.departure)
-    ))?;
-    console.say(format_args!(
-        "          {} DN/s without a pattern; white fills it in {:.4} s",
-        camera.dark_rate, camera.exposure
-    ))?;
+    let mut lines = Vec::new();
+    let mut say = |of: &str, text: String| lines.push([of.to_owned(), text]);
+    say("camera", format!("black level {} DN, read noise {} DN", camera.black, camera.read_noise));
+    let well = if camera.plateau_reached { "" } else { " at least: it was never full" };
+    say("", format!("gain {} electrons per DN, full well {} electrons{well}", camera.gain, camera.full_well));
+    let response = if camera.linear { "linear" } else { "bent, and straightened" };
+    let departure = percent(camera.departure);
+    say("", format!("response {response} (departs by {departure:.2} % of the range beyond noise)"));
+    say(
+        "",
+        format!("{} DN/s without a pattern; white fills it in {:.4} s", camera.dark_rate, camera.exposure),
+    );
     for (channel, projector) in report.projector.iter().enumerate() {
-        console.say(format_args!(
-            "projector channel {channel}: gamma {}, which leaves {:.3} % of white; black and ambient {} % of white",
-            projector.gamma,
-            percent(projector.gamma_residual),
-            projector.black.scaled(100.0)
-        ))?;
+        say(
+            "projector",
+            format!(
+                "channel {channel}: gamma {}, which leaves {:.3} % of white; black and ambient {} % of white",
+                projector.gamma,
+                percent(projector.gamma_residual),
+                projector.black.scaled(100.0)
+            ),
+        );
     }
     let by = match map.by {
         MapBy::GrayCode => "Gray codes",
         MapBy::Checkerboard => "a checkerboard",
     };
     let kind = if map.lens.is_some() { "homography and lens" } else { "pixel by pixel: no common map fits" };
-    console.say(format_args!("pixels    by {by}, {} points, {kind}", map.points))?;
-    console.say(format_args!(
-        "          within {:.3} pixels of the projector (points scatter by {:.2}); {:.1} % unreliable, {:.1} % unseen",
-        map.error,
-        map.rms,
-        percent(map.unreliable),
-        percent(map.masked)
-    ))?;
-    console.say(format_args!(
-        "stability light is there after {} s; drifts {} % per hour (watched for {:.0} s)",
-        stability.settle,
-        stability.drift_per_hour.scaled(100.0),
-        stability.watched
-    ))?;
-    console.say(format_args!(
-        "          noise of one white photo {:.3} % a pixel",
-        percent(stability.white_noise)
-    ))?;
-    console.say(format_args!(
-        "frames    {} taken, {} refused, in {:.0} s of the rig's time",
-        report.effort.taken,
-        report.effort.dropped + report.effort.repeated + report.effort.late,
-        report.effort.seconds
-    ))
+    say("pixels", format!("by {by}, {} points, {kind}", map.points));
+    say(
+        "",
+        format!(
+            "within {:.3} pixels of the projector (points scatter by {:.2}); {:.1} % unreliable, {:.1} % unseen",
+            map.error,
+            map.rms,
+            percent(map.unreliable),
+            percent(map.masked)
+        ),
+    );
+    say(
+        "stability",
+        format!(
+            "light is there after {} s; drifts {} % per hour (watched for {:.0} s)",
+            stability.settle,
+            stability.drift_per_hour.scaled(100.0),
+            stability.watched
+        ),
+    );
+    say("", format!("noise of one white photo {:.3} % a pixel", percent(stability.white_noise)));
+    say(
+        "frames",
+        format!(
+            "{} taken, {} refused, in {:.0} s of the rig's time",
+            report.effort.taken,
+            report.effort.dropped + report.effort.repeated + report.effort.late,
+            report.effort.seconds
+        ),
+    );
+    lines
 }

@@ -10,6 +10,8 @@ use serde_json::json;
 use super::Outcome;
 use super::about;
 use super::console::Console;
+use super::eigs::bound;
+use super::live::{Live, LiveArgs};
 use super::operator::OperatorArgs;
 use super::options::{OutputArgs, RunArgs, SourceArgs};
 use super::run_folder::RunFolder;
@@ -42,16 +44,22 @@ pub(super) struct Args {
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
     pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     // What is wrong with the options or the scene should show before anything is written or traced.
-    let capture = Capture::new(args.question.options(args.trace.seed()))?;
+    Capture::new(args.question.options(args.trace.seed(), None))?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
+    let options = args.question.options(args.trace.seed(), source.held());
+    let photos = options.photos;
+    let capture = Capture::new(options)?;
     let graph = args.light.graph(&args.question, source.resolution(), args.trace.seed())?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-segment", source.name()), console)?;
     source.describe(&mut folder.manifest, Channels::Luma);
+    folder.manifest.photos_allowed = Some(photos);
     let outcome = segment(args, console, (capture, &graph), &mut source, &mut folder);
     folder.close(outcome)
 }
@@ -63,7 +71,9 @@ fn segment(
     source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
-    let (name, resolution) = (source.name(), source.resolution());
+    let (name, resolution, unit) = (source.name(), source.resolution(), source.unit());
+    let live = Live::new(&args.live, source, Channels::Luma, console);
+    let photos = folder.manifest.photos_allowed.unwrap_or(0);
     let truth = folder.timed("true labels", |_| source.truth())?;
     if let Some(truth) = &truth {
         folder.keep(about::TRUTH, truth)?;
@@ -73,15 +83,13 @@ fn segment(
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
 
-    let bar = console.bar("photos");
+    live.expect(photos + graph.beside(&args.question));
     let taken = folder.timed("photos", |_| {
         light.with_operator(graph.part, console, |operator| {
-            graph.photograph(operator, &mut capture, &mut |step| {
-                bar.at(step.products as u64, step.budget as u64)
-            })
+            graph.photograph(&mut live.watch(0, operator), &mut capture, &mut |step| live.so_far(bound(step)))
         })
     });
-    drop(bar);
+    live.pause();
     let taken = folder.record_rig(&mut light, taken, console)?;
     if console.check().is_break() {
         return Err(crate::Error::Interrupted.into());
@@ -100,6 +108,7 @@ fn segment(
     let scores = verdict::score(segmentation, truth.as_ref())?;
     verdict::say(&taken, &scores, console)?;
     let white = light.white(console)?;
+    let strip = live.strip();
     let run = SegmentationRun {
         title: format!("{name} · light transport segmentation"),
         segmentation,
@@ -108,6 +117,8 @@ fn segment(
         truth: truth.as_ref(),
         scores: &scores,
         extras,
+        unit,
+        strip: &strip,
     };
     let seconds = folder.seconds();
     let files = folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;

@@ -127,6 +127,16 @@ pub(super) struct Taken {
 }
 
 impl Graph {
+    /// Photos beside those of the method.
+    pub(super) fn beside(&self, question: &Question) -> usize {
+        let groups: usize = if self.evidence { question.groups().iter().sum() } else { 0 };
+        let direct = self.direct.map_or(0, |by| match by {
+            DirectMethod::Checkerboards { shifts, .. } => shifts * shifts,
+            DirectMethod::Estimator { photos } => photos,
+        });
+        groups + direct
+    }
+
     /// Takes all photos with `operator`, of [`Graph::part`].
     pub(super) fn photograph(
         &self,

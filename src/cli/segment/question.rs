@@ -8,9 +8,9 @@ use crate::transport::Part;
 /// What is asked, of whatever source.
 #[derive(clap::Args)]
 pub(in crate::cli) struct Question {
-    /// Photos to take at most
-    #[arg(long, value_name = "N", default_value_t = 50)]
-    photos: usize,
+    /// Photos to take at most [default: 50, or as many as the run that is SOURCE might take]
+    #[arg(long, value_name = "N")]
+    photos: Option<usize>,
     /// Numbers of groups, all from the same photos
     #[arg(long, value_name = "K,K,...", value_delimiter = ',', default_value = "2,6,10")]
     groups: Vec<usize>,
@@ -38,10 +38,10 @@ enum CutArg {
 }
 
 impl Question {
-    /// As the library has it; `seed` for what is chosen by chance.
-    pub(in crate::cli) fn options(&self, seed: u64) -> SegmentOptions {
+    /// As the library has it; `seed` for what is chosen by chance, `held` the photos of a run that is asked anew.
+    pub(in crate::cli) fn options(&self, seed: u64, held: Option<usize>) -> SegmentOptions {
         SegmentOptions {
-            photos: self.photos,
+            photos: self.photos.or(held).unwrap_or(50),
             groups: self.groups.clone(),
             eigenvectors: self.eigenvectors,
             cut: match self.cut {
@@ -53,6 +53,11 @@ impl Question {
             seed,
             ..SegmentOptions::default()
         }
+    }
+
+    /// The numbers of groups.
+    pub(super) fn groups(&self) -> &[usize] {
+        &self.groups
     }
 
     /// Which light.

@@ -42,7 +42,7 @@ pub(super) fn compare(
         });
     };
     for by in boards.into_iter().chain(waves).chain(random) {
-        row(by, &measured(light, resolution, by, seed, console)?);
+        row(by, &measured(light, resolution, by, seed, None, console)?);
     }
     // One capture answers for all counts: its first photos are those of a shorter one.
     let white = sum(&exact[0], &exact[1]);

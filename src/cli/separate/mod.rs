@@ -11,6 +11,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::light::Light;
+use super::live::{Live, LiveArgs};
 use super::noise::percent;
 use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
@@ -50,9 +51,10 @@ pub(super) struct Args {
     /// Photos of a sinusoid in each of two directions
     #[arg(long, value_name = "N", default_value_t = 3)]
     phases: usize,
-    /// Photos of random patterns or of the capture, beside the white one
-    #[arg(long, value_name = "N", default_value_t = 40)]
-    photos: usize,
+    /// Photos of random patterns or of the capture, beside the white one [default: 40, or as many as the run that is SOURCE might
+    /// take]
+    #[arg(long, value_name = "N")]
+    photos: Option<usize>,
     /// The second bounce, and three and more, as images of their own (scenes only)
     #[arg(long)]
     bounces: bool,
@@ -74,6 +76,8 @@ pub(super) struct Args {
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
     pub(super) output: OutputArgs,
 }
 
@@ -93,8 +97,8 @@ enum ByArg {
 
 impl Args {
     /// The method, if it takes photos.
-    fn by(&self, is_scene: bool) -> Option<SeparateBy> {
-        let photos = self.photos;
+    fn by(&self, is_scene: bool, held: Option<usize>) -> Option<SeparateBy> {
+        let photos = self.photos.or(held).unwrap_or(40);
         Some(match self.by.unwrap_or(if is_scene { ByArg::Exact } else { ByArg::Checkerboards }) {
             ByArg::Exact => return None,
             ByArg::Checkerboards => SeparateBy::Checkerboards { square: self.square, shifts: self.shifts },
@@ -144,6 +148,9 @@ fn answer(
     let (name, resolution) = (source.name(), source.resolution());
     let channels: Channels = args.channels.into();
     let (preparation, unit) = (source.preparation(), source.unit());
+    let by = args.by(is_scene, source.held());
+    folder.manifest.photos_allowed = Some(args.photos.or(source.held()).unwrap_or(40));
+    let live = Live::new(&args.live, source, channels, console);
     let mut light = folder.timed(preparation, |folder| match args.bounces {
         // Bounces are layers of a matrix. A simulator is also asked for the truth, hundreds of times: that is no journal's business.
         true => {
@@ -159,9 +166,11 @@ fn answer(
         true => Some(folder.timed("exact bounces", |_| exact(&mut light, console))?),
         false => None,
     };
-    let measured = match args.by(is_scene) {
+    let measured = match by {
         Some(by) => {
-            let found = folder.timed("photos", |_| measured(&mut light, resolution, by, seed, console));
+            live.expect(by.photos());
+            let found =
+                folder.timed("photos", |_| measured(&mut light, resolution, by, seed, Some(&live), console));
             Some((by, folder.record_rig(&mut light, found, console)?))
         }
         None => None,
@@ -178,8 +187,8 @@ fn answer(
         // `by` is none on scenes only, and there the exact bounces are known.
         (None, None) => return Err(Error::Interrupted.into()),
     };
-    let reach =
-        folder.timed("probing", |_| reach(args, is_scene, &mut light, resolution, &global, console))?;
+    let reach = folder.timed("probing", |_| reach(args, is_scene, &mut light, &global, &live, console))?;
+    live.pause();
     let comparison = match exact.filter(|_| args.compare) {
         Some(exact) => {
             folder.timed("comparison", |_| compare(args, &mut light, resolution, &exact, console))?
@@ -211,6 +220,7 @@ fn answer(
         reach: reach.as_ref(),
         comparison: &comparison,
         good,
+        strip: &live.strip(),
     };
     let seconds = folder.seconds();
     folder.manifest.outputs =
@@ -222,7 +232,7 @@ fn answer(
         "verb": "separate",
         "folder": folder.path,
         "report": report,
-        "method": args.by(is_scene).map_or("exact", SeparateBy::name),
+        "method": by.map_or("exact", SeparateBy::name),
         "photos": photos,
         "photos_near_far": reach.as_ref().map_or(0, |reach| reach.photos),
         "relative_error": error,

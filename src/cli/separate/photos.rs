@@ -4,6 +4,7 @@ use anyhow::Result;
 
 use super::super::console::Console;
 use super::super::light::Light;
+use super::super::live::Live;
 use super::Args;
 use super::planes::difference;
 use crate::analysis::probe::{Probing, probe};
@@ -31,16 +32,21 @@ pub(super) fn exact(light: &mut Light<'_>, console: &Console) -> Result<[Planes;
     Ok([white(Part::Direct)?, white(Part::Global)?])
 }
 
+/// Separates every channel; seen by `live` where these are photos of the run, and not of a comparison.
 pub(super) fn measured(
     light: &mut Light<'_>,
     resolution: Resolution,
     by: SeparateBy,
     seed: u64,
+    live: Option<&Live>,
     console: &Console,
 ) -> Result<Vec<Separation>> {
     light.with_channels(Part::Full, console, |channels| {
-        let one = |operator| Ok(separate(operator, resolution, by, seed)?);
-        channels.iter_mut().map(|operator| one(operator)).collect()
+        let one = |operator: &mut dyn Operator| Ok(separate(operator, resolution, by, seed)?);
+        match live {
+            Some(live) => live.watch_all(channels).iter_mut().map(|operator| one(operator)).collect(),
+            None => channels.iter_mut().map(|operator| one(operator)).collect(),
+        }
     })
 }
 
@@ -68,10 +74,11 @@ pub(super) fn reach(
     args: &Args,
     is_scene: bool,
     light: &mut Light<'_>,
-    resolution: Resolution,
     global: &Planes,
+    live: &Live,
     console: &Console,
 ) -> Result<Option<Reach>> {
+    let resolution = live.resolution();
     let photos = args.probes.unwrap_or(if is_scene { 100 } else { 0 });
     if photos == 0 {
         return Ok(None);
@@ -85,9 +92,10 @@ pub(super) fn reach(
     }
     let sigma = args.sigma.unwrap_or_else(|| (resolution.width as f64 / 16.0).max(1.0));
     let (seed, probing) = (args.trace.seed(), Probing::Near { sigma });
+    live.expect(photos);
     let found = light.with_channels(Part::Global, console, |channels| {
         let one = |operator: &mut dyn Operator| probe(operator, resolution, probing, photos, seed);
-        channels.iter_mut().map(|operator| one(operator)).collect::<crate::Result<Vec<_>>>()
+        live.watch_all(channels).iter_mut().map(|operator| one(operator)).collect::<crate::Result<Vec<_>>>()
     })?;
     let near: Planes = found.iter().map(|found| found.values.clone()).collect();
     let errors: Planes = found.iter().map(|found| found.standard_errors.clone()).collect();

@@ -7,12 +7,13 @@ use std::path::Path;
 
 use figures::rows;
 
-use super::colormap::{paint_signed, robust_range};
-use super::html::{Block, Figure, Legend, Outcome, Report, Section, Verdict};
+use super::colormap::robust_range;
+use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
 use super::manifest::Manifest;
 use super::run::{self, Files};
-use super::tone::{develop, exposure};
-use super::{atomic, picture, residuals};
+use super::strip::Strip;
+use super::tone::exposure;
+use super::{atomic, figure, picture, residuals};
 use crate::analysis::{Compensation, MethodRun};
 use crate::error::Result;
 use crate::image::Image;
@@ -30,6 +31,10 @@ pub struct CompensationRun<'a> {
     pub floor: f64,
     /// What else was asked for.
     pub extras: CompensationExtras<'a>,
+    /// What photos are in.
+    pub unit: &'a str,
+    /// Every photo in order; none where a model answered.
+    pub strip: Option<&'a Strip>,
 }
 
 /// What else was asked for; by default nothing.
@@ -82,7 +87,7 @@ impl CompensationRun<'_> {
             atomic::write_bytes(&files.path("methods.csv"), text.as_bytes())?;
         }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-        self.page(figures, manifest, seconds).write(&files.path("report.html"))?;
+        self.page(figures, manifest, seconds)?.write(&files.path("report.html"))?;
         Ok(files.names)
     }
 
@@ -112,7 +117,7 @@ impl CompensationRun<'_> {
     fn pictures(&self) -> Result<Vec<(&'static str, Figure)>> {
         let found = self.found;
         let plain = |image: &Image, scale: f32, caption: String| -> Result<Figure> {
-            Ok(Figure { png: develop(image, scale).encode_png()?, caption, legend: Legend::None })
+            figure::light(image, scale, self.unit, caption)
         };
         let scale = exposure(&found.target);
         let mut pictures = vec![
@@ -129,26 +134,22 @@ impl CompensationRun<'_> {
                     format!("Uncompensated: residual {:.4}", found.uncompensated_residual),
                 )?,
             ),
-            ("compensation", plain(&found.pattern, 1.0, "What is projected".into())?),
+            ("compensation", figure::pattern(&found.pattern, "What is projected")?),
         ];
         let errors = [&found.observed, &found.uncompensated].map(|photo| difference(photo, &found.target));
         let range = robust_range(&errors.concat(), None);
         let captions = ["Seen less wished", "Uncompensated less wished"];
         for ((error, caption), name) in errors.iter().zip(captions).zip(["error", "error-uncompensated"]) {
-            let figure = Figure {
-                png: paint_signed(found.target.resolution(), error, None, range)?.encode_png()?,
-                caption: format!("{caption}, W/(m² sr)"),
-                legend: Legend::signed(range),
-            };
-            pictures.push((name, figure));
+            pictures
+                .push((name, figure::signed(found.target.resolution(), error, range, self.unit, caption)?));
         }
         Ok(pictures)
     }
 
-    fn page(&self, figures: Vec<Figure>, manifest: &Manifest, seconds: f64) -> Report {
+    fn page(&self, figures: Vec<Figure>, manifest: &Manifest, seconds: f64) -> Result<Report> {
         let found = self.found;
         let mut more = vec![
-            ("Peak", format!("{:.5} W/(m² sr)", found.peak)),
+            ("Peak", format!("{:.5} {}", found.peak, self.unit)),
             ("Photos before the method's", found.preparation.to_string()),
         ];
         let lift = self.extras.lift;
@@ -166,7 +167,10 @@ impl CompensationRun<'_> {
         if !self.extras.methods.is_empty() {
             sections.push(figures::methods(self, self.extras.methods));
         }
-        Report {
+        if let Some(strip) = self.strip {
+            sections.extend(strip.section(self.unit, ORDER)?);
+        }
+        Ok(Report {
             title: self.title.clone(),
             verdict: Verdict {
                 outcome: if found.good { Outcome::Good } else { Outcome::Short },
@@ -175,9 +179,12 @@ impl CompensationRun<'_> {
             facts: run::facts(manifest, found.photos, more, seconds),
             sections,
             footer: manifest.command.join(" "),
-        }
+        })
     }
 }
+
+/// What the photos of a compensation are.
+const ORDER: &str = "White comes first, then those that measure a preconditioner, if any, then those of the method; those that only show or compare (the result, the uncompensated target, other methods) come last.";
 
 /// Pixel by pixel, the mean over the channels of `a − b`.
 fn difference(a: &Image, b: &Image) -> Vec<f64> {

@@ -133,7 +133,7 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
         }
         blocks.extend(made.plots.iter().map(plot));
         for strip in &made.strips {
-            blocks.push(Block::Strip { caption: strip.caption.clone(), frames: pictures::frames(strip)? });
+            blocks.push(Block::Strip { caption: strip.caption.clone(), sheet: pictures::sheet(strip)? });
         }
     }
     Ok(Section { title: figure.title().into(), text: String::new(), blocks })

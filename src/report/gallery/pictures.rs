@@ -1,13 +1,12 @@
 //! Planes of values as pictures with their legends.
 
 use crate::error::Result;
-use crate::image::{Image, Resolution};
-use crate::paper::{Content, Panel, Shot, Strip};
+use crate::paper::{Content, Panel};
 use crate::report::colormap::{paint_sequential, paint_signed, robust_range};
-use crate::report::html::{Figure, Frame, Legend};
+use crate::report::html::{Figure, Legend};
 use crate::report::palette::paint_labels;
-use crate::report::raster::Raster;
 use crate::report::spectrum::narrowed;
+use crate::report::strip::{Sheet, Strip};
 use crate::report::tone::{develop, exposure};
 
 /// A panel as the page shows it.
@@ -33,21 +32,8 @@ pub(super) fn figure(panel: &Panel) -> Result<Figure> {
 }
 
 /// The photos of a strip, numbered from 1: each pattern above its photo.
-pub(super) fn frames(strip: &Strip) -> Result<Vec<Frame>> {
-    let frame = |(index, shot): (usize, &Shot)| {
-        let pngs =
-            [&shot.pattern, &shot.photo].map(|values| thumbnail(strip.resolution, values)?.encode_png());
-        let [pattern, photo] = pngs;
-        Ok(Frame { pngs: vec![pattern?, photo?], caption: (index + 1).to_string() })
-    };
-    strip.shots.iter().enumerate().map(frame).collect()
-}
-
-/// Light as the eye sees it; where there are negative values, the signed scale.
-fn thumbnail(resolution: Resolution, values: &[f64]) -> Result<Raster> {
-    if values.iter().any(|&value| value < 0.0) {
-        return paint_signed(resolution, values, None, robust_range(values, None));
-    }
-    let image: Image = narrowed(resolution, values)?;
-    Ok(develop(&image, exposure(&image)))
+pub(super) fn sheet(strip: &crate::paper::Strip) -> Result<Sheet> {
+    let mut photos = Strip::new([strip.resolution; 2], 1);
+    strip.shots.iter().try_for_each(|shot| photos.push(0, &shot.pattern, &shot.photo, false))?;
+    photos.sheet()
 }

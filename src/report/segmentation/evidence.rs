@@ -3,20 +3,18 @@
 use super::SegmentationRun;
 use crate::analysis::Evidence;
 use crate::error::Result;
-use crate::report::html::{Block, Figure, Legend, Section};
+use crate::report::figure;
+use crate::report::html::{Block, Section};
 use crate::report::spectrum::narrowed;
-use crate::report::tone::{develop, exposure};
+use crate::report::tone::exposure;
 
 pub(super) fn section(run: &SegmentationRun<'_>, evidence: &Evidence) -> Result<Section> {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let kept = evidence.kept();
     let figures = evidence.photos.iter().zip(&kept).enumerate().map(|(group, (photo, kept))| {
         let photo = narrowed(run.resolution, photo)?;
-        Ok(Figure {
-            png: develop(&photo, exposure(&photo)).encode_png()?,
-            caption: format!("group {} lit alone: it keeps {} of its light", group + 1, percent(*kept)),
-            legend: Legend::None,
-        })
+        let caption = format!("Group {} lit alone: it keeps {} of its light", group + 1, percent(*kept));
+        figure::light(&photo, exposure(&photo), run.unit, caption)
     });
     let row = |(group, shares): (usize, &Vec<f64>)| {
         std::iter::once(format!("group {}", group + 1))

@@ -9,8 +9,9 @@ use super::html::{Block, Figure, Legend, Outcome, Report, Section, Swatch, Verdi
 use super::manifest::Manifest;
 use super::palette::{label_color, paint_labels};
 use super::run::{self, Files};
-use super::tone::{develop, exposure};
-use super::{exr, npy, picture, spectrum};
+use super::strip::Strip;
+use super::tone::exposure;
+use super::{exr, figure, npy, picture, spectrum};
 use crate::analysis::{Evidence, FeatureView, MASKED, Segmentation, Separation};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -48,6 +49,10 @@ pub struct SegmentationRun<'a> {
     pub scores: &'a [(usize, f64)],
     /// What else was asked for.
     pub extras: SegmentationExtras<'a>,
+    /// What photos are in.
+    pub unit: &'a str,
+    /// Every photo in order.
+    pub strip: &'a Strip,
 }
 
 /// What else was asked for; by default nothing.
@@ -129,11 +134,7 @@ impl SegmentationRun<'_> {
     }
 
     fn pictures(&self) -> Result<Pictures> {
-        let white = Figure {
-            png: develop(self.white, exposure(self.white)).encode_png()?,
-            caption: "The photo under white".into(),
-            legend: Legend::None,
-        };
+        let white = figure::light(self.white, exposure(self.white), self.unit, "The photo under white")?;
         let truth = self.truth.map(|truth| {
             Ok(Figure {
                 png: paint_labels(self.resolution, &truth.labels).encode_png()?,
@@ -195,6 +196,7 @@ impl SegmentationRun<'_> {
                 spectrum::table(&found.eigenvalues, &found.residuals, &[]),
             ],
         });
+        sections.extend(self.strip.section(self.unit, ORDER)?);
         let masked = found.mask.iter().filter(|&&masked| masked).count();
         let mut more = vec![
             ("Masked pixels", masked.to_string()),
@@ -237,6 +239,9 @@ impl Truth {
             .collect()
     }
 }
+
+/// What the photos of a segmentation are.
+const ORDER: &str = "Those of direct light come first, where it was measured; then white, which is what each pixel gets from all others; then those of the Krylov process, and of groups lit alone.";
 
 /// Every picture of the run, by its file's name.
 struct Pictures {

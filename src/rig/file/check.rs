@@ -140,6 +140,24 @@ impl Check {
         Ok(())
     }
 
+    /// That colours that are mixed are there, and that each channel sees something.
+    pub(super) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
+        let Some(matrix) = camera.crosstalk else { return Ok(()) };
+        if (projector.channels, camera.channels) != (3, 3) {
+            return Err(self.fault(
+                "camera.crosstalk mixes three colours, but projector or camera has one channel",
+                "give both channels = 3, or leave it out",
+            ));
+        }
+        for (row, entries) in matrix.iter().enumerate() {
+            for (column, &entry) in entries.iter().enumerate() {
+                let least = if row == column { 1e-6 } else { 0.0 };
+                self.range(&format!("camera.crosstalk[{row}][{column}]"), entry, least, 1e3)?;
+            }
+        }
+        Ok(())
+    }
+
     pub(super) fn ambient(&self, spec: &Ambient) -> Checked {
         self.range("ambient.level", spec.level, 0.0, 1e6)?;
         self.wave("ambient", "variation", spec.variation, spec.period)

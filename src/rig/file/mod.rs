@@ -186,6 +186,7 @@ impl VirtualTables {
     fn into_rig(self, check: &Check, folder: &Path) -> Result<VirtualRig> {
         check.projector(&self.projector)?;
         check.camera(&self.camera)?;
+        check.crosstalk(&self.projector, &self.camera)?;
         check.ambient(&self.ambient)?;
         check.drift(&self.drift)?;
         check.faults(&self.faults)?;

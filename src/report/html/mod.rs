@@ -1,14 +1,19 @@
 //! `report.html`: one self-contained page with what a run found. Nothing is fetched from elsewhere; a small script enlarges
 //! pictures and reads pixels out, and without it all is there to be read.
 
+mod legend;
+
 use std::path::Path;
 
 use askama::Template;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::{atomic, colormap, palette, srgb};
+use super::atomic;
+use super::strip::Sheet;
 use crate::error::{Error, Result};
+pub(super) use legend::brief;
+pub use legend::{Legend, Swatch};
 
 /// A page. All text is plain and is escaped.
 #[derive(Clone, Debug, Default)]
@@ -89,8 +94,8 @@ pub enum Block {
     Strip {
         /// Above them; may be empty.
         caption: String,
-        /// One after the other.
-        frames: Vec<Frame>,
+        /// All of them.
+        sheet: Sheet,
     },
 }
 
@@ -120,15 +125,6 @@ pub struct Number {
     pub outcome: Option<Outcome>,
 }
 
-/// Pictures one below the other, with a caption.
-#[derive(Clone, Debug, Default)]
-pub struct Frame {
-    /// PNG files' bytes.
-    pub pngs: Vec<Vec<u8>>,
-    /// A word or a number.
-    pub caption: String,
-}
-
 /// A picture, shown without smoothing so that small ones keep their pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
@@ -138,70 +134,6 @@ pub struct Figure {
     pub caption: String,
     /// What its colours mean.
     pub legend: Legend,
-}
-
-/// What the colours of a figure mean.
-#[derive(Clone, Debug, Default)]
-pub enum Legend {
-    /// They need no explanation.
-    #[default]
-    None,
-    /// Colours with names.
-    Swatches(Vec<Swatch>),
-    /// A continuous scale.
-    Scale {
-        /// The colours from left to right.
-        colors: Vec<[u8; 3]>,
-        /// Numbers below it, from left to right.
-        labels: Vec<String>,
-    },
-}
-
-/// A colour and its name.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Swatch {
-    /// sRGB.
-    pub color: [u8; 3],
-    /// What it stands for.
-    pub text: String,
-}
-
-impl Legend {
-    /// The groups of a label image with their share of its pixels: `group 1: 34 %`. Masked pixels come last.
-    pub fn of_labels(labels: &[u8]) -> Self {
-        let mut counts = [0_usize; 256];
-        for &label in labels {
-            counts[usize::from(label)] += 1;
-        }
-        let swatch = |(label, count): (u8, usize)| {
-            let name = match label {
-                palette::MASKED_LABEL => "masked".into(),
-                label => format!("group {}", u32::from(label) + 1),
-            };
-            let text = format!("{name}: {}", percent(count as f64 / labels.len() as f64));
-            Swatch { color: palette::label_color(label), text }
-        };
-        Self::Swatches((0..=255).zip(counts).filter(|&(_, count)| count > 0).map(swatch).collect())
-    }
-
-    /// The scale of [`colormap::paint_signed`], −`range` to `range`.
-    pub fn signed(range: f64) -> Self {
-        let colors = (-8..=8).map(|step| colormap::signed_color(f64::from(step) / 8.0)).collect();
-        let end = brief(range);
-        Self::Scale { colors, labels: vec![format!("\u{2212}{end}"), "0".into(), end] }
-    }
-
-    /// The scale of [`develop`](super::tone::develop) for gray light, 0 to `white`.
-    pub fn light(white: f64) -> Self {
-        let gray = |step: i32| [srgb::encode_srgb(step as f32 / 16.0); 3];
-        Self::Scale { colors: (0..=16).map(gray).collect(), labels: vec!["0".into(), brief(white)] }
-    }
-
-    /// The scale of [`colormap::paint_sequential`], `low` to `high`.
-    pub fn sequential(low: f64, high: f64) -> Self {
-        let colors = (0..=16).map(|step| colormap::sequential_color(f64::from(step) / 16.0)).collect();
-        Self::Scale { colors, labels: vec![brief(low), brief(high)] }
-    }
 }
 
 impl Report {
@@ -245,7 +177,7 @@ impl Page<'_> {
 
     /// Zoom and pixel read-out: what the page does not depend on.
     fn script(&self) -> &'static str {
-        include_str!("report.js")
+        include_str!("../report.js")
     }
 
     fn base64(&self, png: &[u8]) -> String {
@@ -264,6 +196,27 @@ impl Page<'_> {
         if cells.peek().is_some() && cells.all(|cell| is_number(cell)) { "number" } else { "" }
     }
 
+    /// Whether a table needs more width than a phone has: about 350 pixels, at 7 a letter and 12 between columns. Texts are broken,
+    /// but not into less than 14 letters a line, nor within a word.
+    fn is_wide(&self, headers: &[String], rows: &[Vec<String>]) -> bool {
+        let length = |text: &str| text.chars().count();
+        let column = |index: usize| {
+            let cells = || rows.iter().filter_map(move |row| row.get(index));
+            let widest = if self.column(rows, index) == "number" {
+                cells().map(|cell| length(cell)).max()
+            } else {
+                let word = |cell: &String| cell.split_whitespace().map(length).max().unwrap_or(0);
+                cells().map(|cell| word(cell).max(length(cell).min(14))).max()
+            };
+            widest.unwrap_or(0).max(length(&headers[index]))
+        };
+        (0..headers.len()).map(|index| 7 * column(index) + 12).sum::<usize>() > 350
+    }
+
+    fn header<'a>(&self, headers: &'a [String], column: usize) -> &'a str {
+        headers.get(column).map_or("", String::as_str)
+    }
+
     fn gradient(&self, colors: &[[u8; 3]]) -> String {
         let colors: Vec<String> = colors.iter().map(|&color| self.css(color)).collect();
         format!("linear-gradient(to right, {})", colors.join(", "))
@@ -279,27 +232,4 @@ fn is_number(cell: &str) -> bool {
     let normal = cell.trim().replace('\u{2212}', "-");
     let first = normal.split_whitespace().next().unwrap_or_default().trim_end_matches('%');
     matches!(first, "–" | "—") || (first.parse::<f64>().is_ok() && normal.split_whitespace().count() <= 2)
-}
-
-/// `34 %`, and more digits where these would be lost.
-fn percent(fraction: f64) -> String {
-    match 100.0 * fraction {
-        percent if (99.5..100.0).contains(&percent) => format!("{percent:.1}\u{202f}%"),
-        percent if percent >= 1.0 => format!("{percent:.0}\u{202f}%"),
-        percent if percent >= 0.01 => format!("{percent:.2}\u{202f}%"),
-        _ => "<\u{202f}0.01\u{202f}%".into(),
-    }
-}
-
-/// A number for a legend: three significant digits.
-pub(super) fn brief(value: f64) -> String {
-    let text = match value.abs() {
-        0.0 => "0".into(),
-        size if (1e-3..1e4).contains(&size) => {
-            let decimals = (2.0 - size.log10().floor()).clamp(0.0, 5.0) as usize;
-            format!("{value:.decimals$}")
-        }
-        _ => format!("{value:.2e}"),
-    };
-    text.replace('-', "\u{2212}")
 }

@@ -1,0 +1,102 @@
+//! What the colours of a picture mean.
+
+use crate::report::{colormap, palette, srgb};
+
+/// What the colours of a figure mean.
+#[derive(Clone, Debug, Default)]
+pub enum Legend {
+    /// They need no explanation.
+    #[default]
+    None,
+    /// Colours with names.
+    Swatches(Vec<Swatch>),
+    /// A continuous scale.
+    Scale {
+        /// The colours from left to right.
+        colors: Vec<[u8; 3]>,
+        /// Numbers below it, from left to right.
+        labels: Vec<String>,
+        /// What they are in; empty for what has no unit, such as entries of a vector of norm 1.
+        unit: String,
+    },
+}
+
+/// A colour and its name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Swatch {
+    /// sRGB.
+    pub color: [u8; 3],
+    /// What it stands for.
+    pub text: String,
+}
+
+impl Legend {
+    /// The groups of a label image with their share of its pixels: `group 1: 34 %`. Masked pixels come last.
+    pub fn of_labels(labels: &[u8]) -> Self {
+        let mut counts = [0_usize; 256];
+        for &label in labels {
+            counts[usize::from(label)] += 1;
+        }
+        let swatch = |(label, count): (u8, usize)| {
+            let name = match label {
+                palette::MASKED_LABEL => "masked".into(),
+                label => format!("group {}", u32::from(label) + 1),
+            };
+            let text = format!("{name}: {}", percent(count as f64 / labels.len() as f64));
+            Swatch { color: palette::label_color(label), text }
+        };
+        Self::Swatches((0..=255).zip(counts).filter(|&(_, count)| count > 0).map(swatch).collect())
+    }
+
+    /// The scale of [`colormap::paint_signed`], −`range` to `range`.
+    pub fn signed(range: f64) -> Self {
+        let colors = (-8..=8).map(|step| colormap::signed_color(f64::from(step) / 8.0)).collect();
+        let end = brief(range);
+        Self::Scale { colors, labels: vec![format!("\u{2212}{end}"), "0".into(), end], unit: String::new() }
+    }
+
+    /// The scale of [`develop`](super::tone::develop) for gray light, 0 to `white`.
+    pub fn light(white: f64) -> Self {
+        let gray = |step: i32| [srgb::encode_srgb(step as f32 / 16.0); 3];
+        let labels = vec!["0".into(), brief(white)];
+        Self::Scale { colors: (0..=16).map(gray).collect(), labels, unit: String::new() }
+    }
+
+    /// The scale of [`colormap::paint_sequential`], `low` to `high`.
+    pub fn sequential(low: f64, high: f64) -> Self {
+        let colors = (0..=16).map(|step| colormap::sequential_color(f64::from(step) / 16.0)).collect();
+        Self::Scale { colors, labels: vec![brief(low), brief(high)], unit: String::new() }
+    }
+
+    /// The same scale with its unit; what is no scale has none.
+    #[must_use]
+    pub fn with_unit(self, of: &str) -> Self {
+        match self {
+            Self::Scale { colors, labels, .. } => Self::Scale { colors, labels, unit: of.to_owned() },
+            other => other,
+        }
+    }
+}
+
+/// `34 %`, and more digits where these would be lost.
+fn percent(fraction: f64) -> String {
+    match 100.0 * fraction {
+        percent if (99.5..100.0).contains(&percent) => format!("{percent:.1}\u{202f}%"),
+        percent if percent >= 1.0 => format!("{percent:.0}\u{202f}%"),
+        percent if percent >= 0.01 => format!("{percent:.2}\u{202f}%"),
+        _ => "<\u{202f}0.01\u{202f}%".into(),
+    }
+}
+
+/// A number for a legend: three significant digits.
+pub(in crate::report) fn brief(value: f64) -> String {
+    let text = match value.abs() {
+        0.0 => "0".into(),
+        size if (1e-3..1e4).contains(&size) => {
+            let decimals = (2.0 - size.log10().floor()).clamp(0.0, 5.0) as usize;
+            format!("{value:.decimals$}")
+        }
+        _ => format!("{value:.2e}"),
+    };
+    text.replace('-', "\u{2212}")
+}

@@ -1,0 +1,112 @@
+//! A small picture of light, or of signed values.
+
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+use crate::report::colormap::{paint_signed, robust_range};
+use crate::report::planes::mean;
+use crate::report::raster::Raster;
+use crate::report::tone::{develop, exposure};
+
+/// Pixels of a side at most.
+pub(super) const SIDE: usize = 64;
+
+/// Planes of values, one for each channel, of a picture made smaller by averaging squares.
+#[derive(Clone, Debug)]
+pub(super) struct Thumb {
+    pub(super) size: Resolution,
+    planes: Vec<Vec<f64>>,
+}
+
+impl Thumb {
+    /// What nobody has set is black.
+    pub(super) fn black(size: Resolution, channels: usize) -> Self {
+        let size = reduced(size, factor(size, SIDE));
+        Self { size, planes: vec![vec![0.0; size.pixels()]; channels] }
+    }
+
+    /// Sets a channel from a plane of this size.
+    pub(super) fn set(&mut self, channel: usize, size: Resolution, values: &[f64]) -> Result<()> {
+        if values.len() != size.pixels() {
+            return Err(Error::Dimension {
+                what: "pixels of a photo",
+                expected: size.pixels().to_string(),
+                found: values.len().to_string(),
+            });
+        }
+        self.planes[channel] = averaged(size, factor(size, SIDE), values);
+        Ok(())
+    }
+
+    /// The same, made smaller still.
+    pub(super) fn within(&self, side: usize) -> Self {
+        let factor = factor(self.size, side);
+        Self {
+            size: reduced(self.size, factor),
+            planes: self.planes.iter().map(|plane| averaged(self.size, factor, plane)).collect(),
+        }
+    }
+
+    /// Light as the eye sees it; where there are negative values, the signed scale. And what the end of the scale stands for.
+    pub(super) fn paint(&self) -> Result<(Raster, f64)> {
+        if self.planes.iter().flatten().any(|&value| value < 0.0) {
+            let values = mean(&self.planes);
+            let range = robust_range(&values, None);
+            return Ok((paint_signed(self.size, &values, None, range)?, range));
+        }
+        let image = Image::from_planes(self.size, &self.planes)?;
+        let scale = exposure(&image);
+        Ok((develop(&image, scale), 1.0 / f64::from(scale)))
+    }
+}
+
+/// How many pixels of a side become one.
+fn factor(size: Resolution, side: usize) -> usize {
+    size.width.max(size.height).div_ceil(side).max(1)
+}
+
+fn reduced(size: Resolution, factor: usize) -> Resolution {
+    Resolution::new(size.width.div_ceil(factor), size.height.div_ceil(factor))
+}
+
+/// Means of squares of `factor` pixels a side, of what there is of them at the right and lower edge.
+fn averaged(size: Resolution, factor: usize, values: &[f64]) -> Vec<f64> {
+    let small = reduced(size, factor);
+    let (mut sums, mut counts) = (vec![0.0; small.pixels()], vec![0_u32; small.pixels()]);
+    for (pixel, value) in values.iter().enumerate() {
+        let (x, y) = (pixel % size.width, pixel / size.width);
+        let at = y / factor * small.width + x / factor;
+        sums[at] += value;
+        counts[at] += 1;
+    }
+    sums.iter().zip(counts).map(|(sum, count)| sum / f64::from(count.max(1))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_are_averaged_and_what_hangs_over_counts_as_far_as_it_is_there() {
+        let size = Resolution::new(3, 2);
+        assert_eq!(averaged(size, 2, &[1.0, 3.0, 5.0, 2.0, 6.0, 7.0]), [3.0, 6.0]);
+        assert_eq!(
+            [(64, 64), (128, 96), (65, 10)].map(|(w, h)| factor(Resolution::new(w, h), SIDE)),
+            [1, 2, 2]
+        );
+    }
+
+    #[test]
+    fn light_is_gray_and_signed_values_are_coloured() {
+        let size = Resolution::new(2, 1);
+        let mut thumb = Thumb::black(size, 1);
+        thumb.set(0, size, &[0.25, 0.5]).expect("as many values as pixels");
+        let (light, white) = thumb.paint().expect("finite");
+        assert_eq!((light.pixel(1, 0), white), ([255; 3], 0.5));
+        thumb.set(0, size, &[-0.5, 0.5]).expect("as many values as pixels");
+        let (signed, range) = thumb.paint().expect("finite");
+        assert_eq!(range, 0.5);
+        assert!(signed.pixel(0, 0)[2] > signed.pixel(0, 0)[0], "negative is blue");
+        assert!(signed.pixel(1, 0)[0] > signed.pixel(1, 0)[2], "positive is red");
+        assert!(thumb.set(0, size, &[1.0]).is_err());
+    }
+}
