@@ -76,6 +76,11 @@ impl RigSource {
         self.devices.projector_info().resolution
     }
 
+    /// What its devices see and show: coloured as soon as one of them is.
+    pub(super) fn channels(&self) -> Channels {
+        self.devices.channels()
+    }
+
     /// The rig file's name.
     pub(super) fn name(&self) -> String {
         simulation::short_name(&self.file.path)
