@@ -94,6 +94,7 @@ impl RigSource {
         let path = &self.file.path;
         self.simulation.as_deref_mut().ok_or_else(|| no_scene(path).into())
     }
+
     /// Whether its devices are virtual, and a scene has to be traced first.
     pub(super) fn is_traced(&self) -> bool {
         self.simulation.is_some()
