@@ -143,7 +143,7 @@ fn of_rig(args: &Args, rig: &mut RigSource, pattern: &Image, console: &Console) 
     };
     let mut folder = RunFolder::create(&wanted, "photo", console)?;
     rig.describe(&mut folder.manifest);
-    let seen = channels.unwrap_or(rig.devices().channels());
+    let seen = channels.unwrap_or(rig.channels());
     let outcome = rig
         .journal(&folder, seen, console)
         .and_then(|journal| rig.measured(channels, Some(journal), console))

@@ -10,6 +10,6 @@ use crate::rig;
 pub(super) struct Args {}
 
 pub(super) fn run(_: &Args) -> Result<Outcome> {
-    rig::serve(std::io::stdin().lock(), std::io::stdout().lock()).context("the pipe to krylux")?;
+    rig::serve_projector(std::io::stdin().lock(), std::io::stdout().lock()).context("the pipe to krylux")?;
     Ok(Outcome::Done)
 }

@@ -76,6 +76,11 @@ impl RigSource {
         self.devices.projector_info().resolution
     }
 
+    /// What its devices see and show: coloured as soon as one of them is.
+    pub(super) fn channels(&self) -> Channels {
+        self.devices.channels()
+    }
+
     /// The rig file's name.
     pub(super) fn name(&self) -> String {
         simulation::short_name(&self.file.path)
@@ -89,6 +94,7 @@ impl RigSource {
         let path = &self.file.path;
         self.simulation.as_deref_mut().ok_or_else(|| no_scene(path).into())
     }
+
     /// Whether its devices are virtual, and a scene has to be traced first.
     pub(super) fn is_traced(&self) -> bool {
         self.simulation.is_some()

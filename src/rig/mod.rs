@@ -32,5 +32,6 @@ pub use virtual_bench::{
     VirtualScene,
 };
 pub use x11::{
-    Helper, MonitorInfo, ProjectorKind, Times, X11Monitor, X11Projector, X11Spec, monitors, serve,
+    Helper, MonitorInfo, ProjectorKind, ShowTimes, X11Monitor, X11Projector, X11Spec, monitors,
+    serve_projector,
 };

@@ -1,5 +1,7 @@
 //! A rig of real protocols: a window of a real X server, and a camera on the network that sees what the server shows.
+
 #![cfg(feature = "gige")]
+#![allow(clippy::panic, reason = "a failed test panics")]
 
 #[path = "../gige_camera/mod.rs"]
 mod gige_camera;

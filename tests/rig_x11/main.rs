@@ -1,5 +1,7 @@
 //! A projector that is a window of a real X server: what arrives at which pixel, and what is noticed.
 
+#![allow(clippy::panic, reason = "a failed test panics")]
+
 #[path = "../x_server/mod.rs"]
 mod x_server;
 

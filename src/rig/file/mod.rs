@@ -53,6 +53,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::measure::MeasureOptions;
+use crate::transport::Channels;
 use check::Check;
 use parse::parse;
 use scene::SceneTable;
@@ -73,6 +74,7 @@ pub struct RigFile {
 }
 
 /// What is behind a rig file.
+#[allow(clippy::large_enum_variant, reason = "a program has one of them")]
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum RigKind {
@@ -91,6 +93,12 @@ impl RigKind {
             Self::Virtual(rig) => rig.projector_info(),
             Self::Hardware(rig) => rig.projector_info(),
         }
+    }
+
+    /// The light transport between them: coloured as soon as one of them is.
+    pub fn channels(&self) -> Channels {
+        let coloured = self.projector_info().channels.max(self.camera_info().channels) > 1;
+        if coloured { Channels::Rgb } else { Channels::Luma }
     }
 
     /// The camera, as it presents itself.

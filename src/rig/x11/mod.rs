@@ -22,11 +22,11 @@ mod watch;
 mod window;
 mod wire;
 
-pub use helper::serve;
+pub use helper::serve as serve_projector;
 pub use monitor::{MonitorInfo, monitors};
 pub use projector::{Helper, X11Projector};
 pub use spec::{ProjectorKind, X11Monitor, X11Spec};
-pub use wire::Times;
+pub use wire::ShowTimes;
 
 use crate::error::Error;
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::fault;
 use super::spec::X11Spec;
-use super::wire::{self, Reply, Request, Times};
+use super::wire::{self, Reply, Request, ShowTimes};
 use crate::error::{Error, Result};
 use crate::rig::{Frame, Projector, ProjectorInfo, Shown, WallClock};
 
@@ -50,7 +50,7 @@ pub struct X11Projector {
     process: Option<Process>,
     /// What is on screen, for another helper to show.
     shown: Option<Frame>,
-    times: Times,
+    times: ShowTimes,
     restarts: u64,
 }
 
@@ -83,7 +83,7 @@ impl X11Projector {
             clock,
             process: None,
             shown: None,
-            times: Times::default(),
+            times: ShowTimes::default(),
             restarts: 0,
         };
         projector.start().map_err(|why| projector.gone(why))?;
@@ -91,7 +91,7 @@ impl X11Projector {
     }
 
     /// Where the time went when the last frame was shown.
-    pub fn times(&self) -> Times {
+    pub fn times(&self) -> ShowTimes {
         self.times
     }
 

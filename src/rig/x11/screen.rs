@@ -14,7 +14,7 @@ use super::monitor::{self, MonitorInfo};
 use super::spec::X11Spec;
 use super::watch::Watch;
 use super::window;
-use super::wire::Times;
+use super::wire::ShowTimes;
 use super::{fault, lost};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -98,7 +98,7 @@ impl Screen {
     }
 
     /// Shows a frame that fits; when it returns, the server has confirmed it, its refreshes are over, and it was read back.
-    pub(super) fn show(&mut self, frame: &Frame) -> Result<Times> {
+    pub(super) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
         let began = Instant::now();
         self.watch.look(&self.connection)?;
         let picture = self.canvas.draw(frame)?;
@@ -145,7 +145,7 @@ impl Screen {
         self.read_back(&picture)?;
         self.shown = Some(picture);
         let verified = began.elapsed();
-        Ok(Times {
+        Ok(ShowTimes {
             draw: drawn.as_secs_f64(),
             present: (presented - drawn).as_secs_f64(),
             settle: (settled - presented).as_secs_f64(),

@@ -136,7 +136,7 @@ impl Watch {
         match event {
             Event::MapNotify(event) if event.window == self.window => self.mapped = true,
             Event::DestroyNotify(event) if event.window == self.window => {
-                self.trouble = Some(Trouble::Closed)
+                self.trouble = Some(Trouble::Closed);
             }
             Event::UnmapNotify(event) if event.window == self.window => {
                 self.trouble.get_or_insert(Trouble::Hidden);

@@ -27,14 +27,14 @@ pub(super) enum Request {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Reply {
     Opened { monitor: String, resolution: Resolution },
-    Shown(Times),
+    Shown(ShowTimes),
     Confirmed,
     Fault { fault: String, help: String },
 }
 
 /// Seconds that showing one frame took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Times {
+pub struct ShowTimes {
     /// Levels to pixels to the server.
     pub draw: f64,
     /// Until the server confirmed it.
