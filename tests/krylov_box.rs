@@ -354,9 +354,7 @@ fn impossible_boxes_and_preconditioners_are_refused() {
         (SolveOptions { diagonal: Some(vec![f64::NAN; 9]), ..SolveOptions::default() }, "diagonal"),
         (
             SolveOptions {
-                preconditioner: Some(Arc::new(
-                    krylux::krylov::Diagonal::new(vec![1.0; 9]).unwrap(),
-                )),
+                preconditioner: Some(Arc::new(krylux::krylov::Diagonal::new(vec![1.0; 9]).unwrap())),
                 ..SolveOptions::default()
             },
             "--precondition",

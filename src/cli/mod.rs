@@ -17,6 +17,7 @@ mod labels;
 mod light;
 mod matrix;
 mod measured;
+mod model_of_run;
 mod noise;
 mod opener;
 mod operator;
