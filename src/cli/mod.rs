@@ -18,6 +18,7 @@ mod light;
 mod live;
 mod matrix;
 mod measured;
+mod model_of_run;
 mod noise;
 mod opener;
 mod operator;
