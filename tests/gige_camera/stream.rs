@@ -36,7 +36,7 @@ pub fn serve(
         }
         let (exposure, gain) = {
             let registers = shared.registers();
-            (1e-6 * registers.float(EXPOSURE), 10_f64.powf(registers.float(GAIN) / 20.0))
+            (registers.float(EXPOSURE) / 1e6, 10_f64.powf(registers.float(GAIN) / 20.0))
         };
         let is_late =
             shared.stale.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));

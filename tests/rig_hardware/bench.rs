@@ -43,6 +43,13 @@ pub fn devices(matrix: &Path) -> VirtualRig {
     rig
 }
 
+/// The same with little noise, as calibration needs some to tell the gain from.
+pub fn noisy(matrix: &Path) -> VirtualRig {
+    let mut rig = devices(matrix);
+    (rig.camera.shot_noise, rig.camera.full_well, rig.camera.read_noise) = (true, 1e7, 100.0);
+    rig
+}
+
 /// A server with two monitors, and a camera that sees what is on the second.
 pub struct Stage {
     pub server: XServer,

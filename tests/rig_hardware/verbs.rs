@@ -8,7 +8,7 @@ use krylux::report::{npy, sparse};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::bench::{MAGNIFY, SIDE, Stage, devices, rooms, stage};
+use crate::bench::{MAGNIFY, SIDE, Stage, noisy, rooms, stage};
 
 /// The program with these arguments, on a machine without graphics device.
 fn krylux(arguments: &[&str]) -> Output {
@@ -49,7 +49,8 @@ fn simulated(folder: &Path, more: &str) -> String {
     let path = folder.join("simulated.toml");
     let text = format!(
         "kind = \"virtual\"\n{more}\n[scene]\nmatrix = \"rooms.npz\"\nsize = [{SIDE}, {SIDE}]\n\
-         [camera]\nwhite_exposure = 0.004\nexposures = [1e-4, 1.0]\n[measurement]\ndirect_square = 1\n"
+         [camera]\nwhite_exposure = 0.004\nexposures = [1e-4, 1.0]\n\
+         shot_noise = true\nfull_well = 1e7\nread_noise = 100\n[measurement]\ndirect_square = 1\n"
     );
     std::fs::write(&path, text).expect("the folder can be written");
     path.display().to_string()
@@ -70,7 +71,7 @@ fn segment(rig: &str, run: &Path) -> Value {
 fn from_calibration_to_report_the_answers_are_those_of_the_simulated_rig() {
     let began = Instant::now();
     let folder = TempDir::new().expect("a temporary folder can be made");
-    let stage = stage(10, &devices(Path::new("rooms.npz")));
+    let stage = stage(10, &noisy(Path::new("rooms.npz")));
     let files = |more: &str| [real(folder.path(), &stage, more), simulated(folder.path(), more)];
     for (name, rig) in ["real", "simulated"].iter().zip(files("")) {
         let out = folder.path().join(format!("{name}-calibration")).display().to_string();
@@ -118,7 +119,7 @@ fn from_calibration_to_report_the_answers_are_those_of_the_simulated_rig() {
 #[test]
 fn a_run_whose_window_was_covered_says_so_and_goes_on_to_the_same_labels() {
     let folder = TempDir::new().expect("a temporary folder can be made");
-    let stage = stage(11, &devices(Path::new("rooms.npz")));
+    let stage = stage(11, &noisy(Path::new("rooms.npz")));
     let rig = real(folder.path(), &stage, "");
     let run = folder.path().join("run").display().to_string();
     let arguments = [&["segment", &rig, "-o", &run], &QUESTION[..]].concat();
@@ -154,7 +155,7 @@ fn a_run_whose_window_was_covered_says_so_and_goes_on_to_the_same_labels() {
 #[test]
 fn the_list_names_what_a_rig_file_may_name() {
     let folder = TempDir::new().expect("a temporary folder can be made");
-    let stage = stage(12, &devices(Path::new("rooms.npz")));
+    let stage = stage(12, &noisy(Path::new("rooms.npz")));
     let said = summary(&["rig", "list", &real(folder.path(), &stage, "")]);
     let monitors = said["monitors"].as_array().expect("an array");
     let beamer = monitors.iter().find(|monitor| monitor["name"] == "beamer").expect("it is listed");
