@@ -301,7 +301,7 @@ fn one_capture_serves_any_number_of_groups_numbered_by_appearance() {
 fn a_few_pixels_that_exchange_light_with_each_other_only_are_no_group() {
     for seed in 0..4 {
         // Nearly alone: each pair has an eigenvector of its own, before that of the regions. A row's mean degree is 75 or so.
-        let regions = Scene::regions(&[150, 150], 0.02, seed);
+        let regions = Scene::regions(&[150, 150], 0.005, seed);
         let plain = run(&mut regions.clone(), &SegmentOptions { seed, ..options(2, 40) });
         let mut scene = regions.with_strays(3, 75.0, 1e-3);
         let found = run(&mut scene, &SegmentOptions { seed, ..options(2, 40) });

@@ -73,12 +73,20 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
             stage.resolution
         ),
         checks,
-        panels: panels(&stage, &found, 4).into_iter().chain(bent_panels).collect(),
+        panels: panels(&stage, &found, 4).into_iter().map(folded).chain(bent_panels).collect(),
         plots: vec![plot(curve)],
         strips: Vec::new(),
         photos: found.photos + bent.photos,
         seconds: 0.0,
     })
+}
+
+/// Its groups named as those of the folded sheets.
+fn folded(mut panel: Panel) -> Panel {
+    if matches!(panel.content, Content::Labels(_)) {
+        panel.caption += " of folded sheets";
+    }
+    panel
 }
 
 fn asked(groups: &[usize]) -> SegmentOptions {

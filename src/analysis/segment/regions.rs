@@ -32,7 +32,7 @@ pub struct Regions {
     pub at_one: usize,
     /// How far the last of them is from 1.
     pub last: f64,
-    /// How far the one after the gap is from 1; none where the capture ends before it.
+    /// How far the one after the gap is from 1, or at least is; none where the capture ends before it.
     pub next: Option<f64>,
     /// `next` over `last`, the latter not below 0.001.
     pub ratio: Option<f64>,

@@ -190,7 +190,9 @@ impl Segmentation {
             .map(|index| vectors[index].iter().map(|&entry| embedding.coordinate(index, entry)).collect())
             .collect();
         let told: Vec<usize> = (0..vectors.len()).filter(|&index| !embedding.is_local(index)).collect();
-        let gaps: Vec<f64> = told.iter().map(|&index| embedding.gaps[index]).collect();
+        let mut gaps: Vec<f64> = told.iter().map(|&index| embedding.gaps[index]).collect();
+        // Where few pixels have the last of them, the next to tell of regions is no nearer to one.
+        gaps.extend(embedding.gaps.last().filter(|_| embedding.is_local(vectors.len() - 1)));
         let second = told.get(1).map(|&index| (vectors[index].as_slice(), pairs[index - 1].residual));
         let regions = Regions::suggested(&gaps, second, &weights);
         let labels = options.groups.iter().map(|&groups| {
