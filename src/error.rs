@@ -81,6 +81,16 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
+    /// A camera counts no further: some pixel is at its highest count in every exposure that it can be given.
+    #[error("{device}: {fault}\n  help: {help}")]
+    Saturated {
+        /// The camera as the rig file names it.
+        device: String,
+        /// Which pixels, at which exposure.
+        fault: String,
+        /// What to do about it.
+        help: String,
+    },
     /// A journal of photos cannot be read or written, is in use, or lacks what is asked of it. Photos in it stay as they are.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     Journal {

@@ -34,3 +34,58 @@ pub trait Adjoint: Operator {
     /// As [`Operator::apply`].
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()>;
 }
+
+/// An operator that remembers what it was asked, and what it answered.
+pub struct Recorded<'a, O: ?Sized> {
+    operator: &'a mut O,
+    /// Each product, in order; one with the transpose is kept like any other.
+    pub products: Vec<Product>,
+}
+
+/// What was multiplied, and what came of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Product {
+    /// `x`.
+    pub from: Vec<f64>,
+    /// `A x`.
+    pub to: Vec<f64>,
+}
+
+impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
+    /// Nothing was asked yet.
+    pub fn new(operator: &'a mut O) -> Self {
+        Self { operator, products: Vec::new() }
+    }
+
+    fn keep(&mut self, from: &[f64], to: &[f64]) {
+        self.products.push(Product { from: from.to_vec(), to: to.to_vec() });
+    }
+}
+
+impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
+    fn rows(&self) -> usize {
+        self.operator.rows()
+    }
+
+    fn cols(&self) -> usize {
+        self.operator.cols()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.operator.symmetry()
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.operator.apply(x, y)?;
+        self.keep(x, y);
+        Ok(())
+    }
+}
+
+impl<O: Adjoint + ?Sized> Adjoint for Recorded<'_, O> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.operator.apply_adjoint(y, x)?;
+        self.keep(y, x);
+        Ok(())
+    }
+}

@@ -248,6 +248,82 @@ fn a_captured_scene_is_relit_later_without_a_photo_and_without_a_device() {
 }
 
 #[test]
+fn a_run_of_another_verb_is_relit_from_its_journal_alone() {
+    let bench = Bench::new();
+    let cornell = scene("cornell");
+    let traced = ["--size", "32", "--spp", "64"];
+    let truth = photograph(&bench, &cornell, "left", &traced, "true.npy");
+    for (verb, most) in [("segment", 0.05), ("eigs", 0.05)] {
+        let (out, later) = (bench.name(verb), bench.name(&format!("{verb}-relit")));
+        let captured = ["--photos", "30", "-o", &out];
+        let given: &[&str] =
+            if verb == "eigs" { &["--method", "lanczos", "--count", "10"] } else { &["--groups", "2"] };
+        // Whether eigenpairs are resolved or groups found does not matter here.
+        bench.run(&[&[verb, &cornell], &captured[..], given, &traced].concat());
+        let arguments = ["relight", &out, "--pattern", "left", "-o", &later, "--json"];
+        let command = &mut bench.command(&arguments);
+        let output = command.env("VK_ICD_FILENAMES", "/nowhere").env("VK_DRIVER_FILES", "/nowhere").output();
+        let output = output.expect("the program is built with the tests");
+        assert_eq!(output.status.code(), Some(0), "{verb}: {}", String::from_utf8_lossy(&output.stderr));
+        let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!(found["photos"], 0, "nothing is photographed");
+        let rank = found["rank"].as_u64().expect("a number");
+        assert!(
+            (20..=31).contains(&rank),
+            "{verb}: one direction a photo, and what was known before: {rank}"
+        );
+        let error = relative(&bench.plane(&format!("{verb}-relit/relit-1.npy")), &truth);
+        println!("{verb}: relit within {error:.4} at rank {rank}");
+        assert!(error < most, "{verb}: {error}");
+    }
+}
+
+#[test]
+fn crosstalk_of_a_colour_rig_is_measured_by_three_photos_and_taken_out() {
+    let bench = Bench::new();
+    let (rig, out) = (bench.name("rig.toml"), bench.name("with"));
+    let text = format!(
+        "kind = \"virtual\"\n[scene]\nfile = {:?}\nsize = [16, 16]\nsamples = 64\n[projector]\nchannels = 3\nbits = 12\n\
+         [camera]\nchannels = 3\ncrosstalk = [[1, 0.3, 0.05], [0.1, 1, 0.25], [0.02, 0.15, 1]]\n",
+        scene("corner")
+    );
+    std::fs::write(&rig, text).expect("the folder is writable");
+    // Colours that hardly differ from gray can be had although they are mixed.
+    let samples: Vec<f32> =
+        (0..256).flat_map(|i| [0.5 + 0.01 * (i % 16) as f32, 0.5, 0.7 - 0.01 * (i / 16) as f32]).collect();
+    let target = bench.name("target.npy");
+    npy::write_npy::<f32>(Path::new(&target), &[16, 16, 3], &samples).expect("the folder is writable");
+    let asked = ["--target", &target, "--channels", "rgb", "--photos", "8"];
+    let seen = |name: &str, crosstalk: &[&str]| {
+        let folder = bench.name(name);
+        // Whether the target is reached is for the photo to say.
+        let output =
+            bench.run(&[&["compensate", &rig, "-o", &folder, "--json"], &asked[..], crosstalk].concat());
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code().is_some_and(|code| code < 2), "{errors}");
+        let said: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        let pattern = bench.name(&format!("{name}/compensation.npy"));
+        let photo = bench.name(&format!("{name}.npy"));
+        bench.json(&["photo", &rig, "--channels", "rgb", "--pattern", &pattern, "-o", &photo]);
+        let read = |path: &str| npy::read_npy(Path::new(path)).expect("it is written").values;
+        (said, relative(&read(&photo), &read(&bench.name(&format!("{name}/target.npy")))))
+    };
+    let ((said, with), (_, without)) = (seen("with", &["--crosstalk", "measure"]), seen("without", &[]));
+    println!("crosstalk: {with:.4} of the wish with, {without:.4} without");
+    assert_eq!(said["photos_before"], 4, "white, red, green and blue");
+    assert!(with < 0.25 * without && with < 0.03, "{with} {without}");
+    let found = bench.run(&["audit", &rig, "-o", &bench.name("audit"), "--json"]);
+    let found: serde_json::Value = serde_json::from_slice(&found.stdout).expect("JSON");
+    let checks = found["checks"].as_array().expect("a list");
+    let crosstalk = checks.iter().find(|check| check["name"] == "crosstalk").expect("it is there");
+    assert!((number(&crosstalk["figure"]) - 0.3).abs() < 0.01, "12 and 16 bits, no noise: {crosstalk}");
+    bench.assert_error(
+        &[&["compensate", &rig, "--crosstalk", "1,2,3", "-o", &out], &asked[..]].concat(),
+        &["--crosstalk", "3 numbers"],
+    );
+}
+
+#[test]
 fn colours_and_separated_rigs_are_captured_too() {
     let bench = Bench::new();
     let cornell = scene("cornell");

@@ -4,11 +4,13 @@
 
 mod krylov_gallery;
 
+use std::sync::Arc;
+
 use krylov_gallery::{Dense, defocused, diagonal, light_like, misfit, random, turned};
 use krylux::Error;
 use krylux::krylov::{
-    Constraint, METHODS, Method, Solution, SolveOptions, Status, keep_solving, norm, solve, solve_adjoint,
-    solve_from,
+    Constraint, METHODS, Method, Solution, SolveOptions, Status, Surrogate, keep_solving, norm, solve,
+    solve_adjoint, solve_from,
 };
 use krylux::operator::Symmetry;
 
@@ -223,6 +225,71 @@ fn krylov_box_knows_when_it_is_at_the_optimum() {
     assert!(found.residual <= best * 1.05, "Broyden's model is good, too: {} {best}", found.residual);
 }
 
+/// What a given matrix does, both ways.
+struct Known(Dense);
+
+impl Surrogate for Known {
+    fn size(&self) -> usize {
+        self.0.rows
+    }
+    fn fitted(&self, patterns: &[Vec<f64>], products: &[Vec<f64>]) -> Arc<dyn Surrogate> {
+        assert!(patterns.len() == products.len() && patterns.iter().all(|pattern| pattern.len() == N));
+        Arc::new(Self(self.0.clone()))
+    }
+    fn apply(&self, x: &[f64], y: &mut [f64]) {
+        y.copy_from_slice(&self.0.times(x));
+    }
+    fn apply_adjoint(&self, y: &[f64], x: &mut [f64]) {
+        x.copy_from_slice(&self.0.transposed_times(y));
+    }
+}
+
+#[test]
+fn a_surrogate_with_its_transpose_brings_an_unsymmetric_operator_to_the_optimum() {
+    // Only the projector is out of focus: rows are scaled by another albedo than columns are.
+    let sharp = light_like(SIDE, 0.4);
+    let blurred = defocused(&sharp, SIDE, 1.2);
+    let scaled = |factor: f64| {
+        let entry = |i: usize, j: usize| {
+            let albedo = 1.0 + 0.5 * ((i * i) as f64).sin();
+            // What the surrogate does not know: a part that looks like nothing in particular.
+            albedo * blurred.entries[i * N + j] * (1.0 + factor * ((i * 31 + j * 17) as f64).sin())
+        };
+        Dense::new(N, N, entry)
+    };
+    let (matrix, b) = (scaled(0.05), wanted(0.15));
+    let (_, best) = optimum(&matrix, &b, 0.0, 1.0);
+    let solve_with = |surrogate: Option<Arc<dyn Surrogate>>| {
+        let diagonal = Some(white(&matrix));
+        let options =
+            SolveOptions { products: 12, rtol: 0.0, diagonal, surrogate, ..SolveOptions::default() };
+        solve(Method::KrylovBox, &mut matrix.clone(), &b, &options, &mut keep_solving).unwrap()
+    };
+    let (without, with) = (solve_with(None), solve_with(Some(Arc::new(Known(scaled(0.0))))));
+    println!("over the optimum: {:.4} without, {:.4} with", without.residual / best, with.residual / best);
+    assert!(with.residual <= 1.01 * best, "{} {best}", with.residual);
+    assert!(with.residual < without.residual && inside(&with.x, 0.0, 1.0), "{}", without.residual);
+    let truth = misfit(&matrix, &with.x, &b) / norm(&b);
+    assert!((truth - with.residual).abs() < 1e-12, "what is reported is true: {truth}");
+    let options =
+        SolveOptions { surrogate: Some(Arc::new(Known(light_like(3, 0.4)))), ..SolveOptions::default() };
+    let error = solve(Method::KrylovBox, &mut matrix.clone(), &b, &options, &mut keep_solving).unwrap_err();
+    assert!(error.to_string().contains("surrogate"), "{error}");
+}
+
+#[test]
+fn the_first_photo_tells_how_bright_the_pattern_has_to_be() {
+    for (name, matrix, b) in scenes() {
+        let found = run(Method::KrylovBox, &matrix, &b, 1);
+        let x: Vec<f64> = b.iter().zip(white(&matrix)).map(|(b, d)| (b / d).clamp(0.0, 1.0)).collect();
+        let most = 1.0 / x.iter().copied().fold(0.0, f64::max);
+        let at = |t: f64| misfit(&matrix, &x.iter().map(|x| t * x).collect::<Vec<_>>(), &b) / norm(&b);
+        // A fine search over all brightnesses that can be shown finds none better.
+        let best = (0..=2000).map(|k| at(most * f64::from(k) / 2000.0)).fold(f64::INFINITY, f64::min);
+        assert!(found.residual <= best * (1.0 + 1e-12), "{name}: {} {best}", found.residual);
+    }
+}
+
 #[test]
 fn fista_notices_when_its_step_is_too_long() {
     // Signed entries: A 1 says nothing of the norm, and the first steps would diverge.
@@ -287,9 +354,7 @@ fn impossible_boxes_and_preconditioners_are_refused() {
         (SolveOptions { diagonal: Some(vec![f64::NAN; 9]), ..SolveOptions::default() }, "diagonal"),
         (
             SolveOptions {
-                preconditioner: Some(std::sync::Arc::new(
-                    krylux::krylov::Diagonal::new(vec![1.0; 9]).unwrap(),
-                )),
+                preconditioner: Some(Arc::new(krylux::krylov::Diagonal::new(vec![1.0; 9]).unwrap())),
                 ..SolveOptions::default()
             },
             "--precondition",

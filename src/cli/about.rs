@@ -6,11 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use super::journal;
 use crate::image::Resolution;
+use crate::operator::Symmetry;
 
 /// The names of a journal's notes.
 pub(super) const ABOUT: &str = "source";
 pub(super) const RIG_FILE: &str = "rig file";
 pub(super) const TRUTH: &str = "truth";
+pub(super) const DIRECT: &str = "direct light";
 
 /// What a journal's photos are of.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -24,6 +26,13 @@ pub(super) struct About {
     pub(super) patterns: Resolution,
     pub(super) symmetric: bool,
     pub(super) channels: usize,
+}
+
+impl About {
+    /// Whether the matrix is symmetric.
+    pub(super) fn symmetry(&self) -> Symmetry {
+        if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
+    }
 }
 
 /// What took them.

@@ -60,9 +60,9 @@ impl ChannelOperator<'_> {
                     if tracer.symmetric(settings) { Symmetry::Symmetric } else { Symmetry::General };
                 (pixels.map(Resolution::pixels), symmetry)
             }
-            // Rigs are coaxial.
             Self::Measured { measurement, .. } => {
-                ([measurement.borrow().resolution().pixels(); 2], Symmetry::Symmetric)
+                let measurement = measurement.borrow();
+                ([measurement.resolution().pixels(); 2], measurement.symmetry())
             }
         }
     }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use anyhow::Result;
 
-use super::about::About;
+use super::about::{self, About};
 use super::channel::ChannelOperator;
 use super::console::Console;
 use super::journal;
@@ -14,12 +14,12 @@ use super::simulation::Simulation;
 use crate::error::Error;
 use crate::image::{Image, Resolution};
 use crate::journal::{Journal, Key};
-use crate::operator::{Adjoint, Symmetry};
+use crate::operator::Adjoint;
 use crate::render::{TraceSettings, Tracer};
 use crate::report::manifest;
 use crate::transport::{
-    Assembled, Channels, JournaledOperator, MatrixOperator, Noise, Part, Retraced, Simulated, Transport,
-    predict,
+    Assembled, Bounces, Channels, JournaledOperator, MatrixOperator, Noise, Part, Retraced, Simulated,
+    Transport, predict,
 };
 
 /// What photos are taken by. For equal settings the first two give equal photos, to rounding.
@@ -142,7 +142,7 @@ impl<'a> Light<'a> {
             Self::Kept(kept) => {
                 let Kept { journal, about, channels, .. } = &**kept;
                 let size = [about.photos, about.patterns].map(Resolution::pixels);
-                let symmetry = if about.symmetric { Symmetry::Symmetric } else { Symmetry::General };
+                let symmetry = about.symmetry();
                 let operator = |channel| {
                     let name = name(part, channel);
                     ChannelOperator::Kept(JournaledOperator::replay(journal, name, size, symmetry))
@@ -192,6 +192,29 @@ impl<'a> Light<'a> {
         }
         let resolution = self.pattern_resolution();
         self.photograph(&Image::filled(resolution, 1, 1.0), console)
+    }
+
+    /// Photos of red, green and blue alone, in each of the camera's channels, without ambient light.
+    pub(super) fn primaries(&mut self, console: &Console) -> Result<[[Vec<f64>; 3]; 3]> {
+        if let Self::Measured(rig) = self {
+            return rig.measurement.primaries()?.ok_or_else(|| {
+                let option = "--crosstalk".into();
+                let fault = "colours are mixed by a projector and a camera of three channels each, and one of these is gray";
+                Error::Option { option, fault: fault.into(), help: "leave it out".into() }.into()
+            });
+        }
+        let (resolution, ambient) = (self.pattern_resolution(), self.ambient(console)?);
+        let mut photos: [[Vec<f64>; 3]; 3] = Default::default();
+        for (primary, photo) in photos.iter_mut().enumerate() {
+            let color = (0..3).map(|channel| f32::from(u8::from(channel == primary)));
+            let samples = color.collect::<Vec<f32>>().repeat(resolution.pixels());
+            let seen = self.photograph(&Image::new(resolution, 3, samples)?, console)?;
+            for (channel, plane) in photo.iter_mut().enumerate() {
+                let own = seen.plane(channel).into_iter().zip(ambient.plane(channel));
+                *plane = own.map(|(seen, ambient)| seen - ambient).collect();
+            }
+        }
+        Ok(photos)
     }
 
     fn pattern_resolution(&self) -> Resolution {
@@ -249,6 +272,16 @@ impl<'a> Kept<'a> {
         Ok(Self { inner: None, journal: RefCell::new(journal), about, channels })
     }
 
+    /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
+    pub(super) fn keep_known(&mut self, console: &Console) -> Result<()> {
+        let Some(traced) = self.inner.as_ref().and_then(Light::matrix) else { return Ok(()) };
+        if let Some(direct) = direct_diagonal(traced) {
+            let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+            self.journal.get_mut().note(about::DIRECT, &bytes)?;
+        }
+        self.image("ambient", |inner| inner.ambient(console)).map(drop)
+    }
+
     /// The image of this name: from the journal, or taken and kept.
     fn image(&mut self, name: &str, take: impl FnOnce(&mut Light<'a>) -> Result<Image>) -> Result<Image> {
         let journal = self.journal.get_mut();
@@ -276,7 +309,20 @@ impl<'a> Kept<'a> {
     }
 }
 
+/// The direct light of each channel, where it is a diagonal.
+pub(super) fn direct_diagonal(traced: &Assembled) -> Option<Vec<Vec<f64>>> {
+    let matrix = &traced.matrix;
+    if matrix.layers().iter().any(|layer| layer.bounces() == Bounces::One) {
+        return None;
+    }
+    let planes = (0..matrix.channels().count()).map(|channel| {
+        let diagonal = matrix.direct(channel);
+        (!diagonal.is_empty()).then(|| diagonal.iter().map(|&value| f64::from(value)).collect())
+    });
+    planes.collect()
+}
+
 /// What the products of a part and channel are called in a journal.
-fn name(part: Part, channel: usize) -> String {
+pub(super) fn name(part: Part, channel: usize) -> String {
     format!("{part:?}, channel {channel}")
 }

@@ -56,6 +56,9 @@ pub(super) fn say(rig: &manifest::Rig, console: &Console) -> Result<()> {
             effort.dropped, effort.repeated, effort.late, effort.restarts
         ))?;
     }
+    if effort.resent > 0 {
+        console.say(format_args!("network   {} packets were lost, and sent again", effort.resent))?;
+    }
     if let Some(noise) = rig.noise {
         console.say(format_args!("noise     {} % of the white photo", super::noise::percent(noise)))?;
     }

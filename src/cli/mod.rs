@@ -26,6 +26,7 @@ mod pattern;
 mod photo;
 mod plan;
 mod probe;
+mod projector;
 mod relight;
 mod replay;
 mod reproduce;
@@ -77,6 +78,8 @@ enum Verb {
     Compare(compare::Args),
     Info(info::Args),
     Cache(cache::Args),
+    #[command(hide = true)]
+    Projector(projector::Args),
 }
 
 /// How a verb ended when it ended well.
@@ -108,6 +111,7 @@ pub fn main() -> ExitCode {
         Verb::Compare(args) => compare::run(args, &console.with(&args.output)),
         Verb::Info(args) => info::run(args, &console.with(&args.output)),
         Verb::Cache(args) => cache::run(args, &console.with(args.output())),
+        Verb::Projector(args) => projector::run(args),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

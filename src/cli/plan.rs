@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     };
     let twin = rig.twin(console)?;
     let planner = Planner {
-        rig: rig.devices(),
+        rig: rig.devices()?,
         twin: &twin,
         calibration: &rig.calibration,
         measurement: &rig.file.measurement,

@@ -1,23 +1,26 @@
 //! The folder of a run as a source: its photos, asked anew with nothing attached.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::about::{ABOUT, About, Kind, RIG_FILE, TRUTH, calibration};
+use super::about::{ABOUT, About, DIRECT, Kind, RIG_FILE, TRUTH, calibration};
 use super::console::Console;
-use super::light::{Kept, Light};
+use super::light::{self, Kept, Light};
 use super::measured::Measured;
 use super::run_folder::RECORD;
 use super::source::not_for_runs;
 use super::{journal, rig_source};
 use crate::error::Error;
+use crate::image::Image;
 use crate::journal::Journal;
 use crate::measure::{Calibration, Journaled};
+use crate::operator::Product;
 use crate::report::manifest::{self, Manifest, Status};
 use crate::report::segmentation::Truth;
-use crate::rig::RigFile;
-use crate::transport::Channels;
+use crate::rig::{Frame, RigFile};
+use crate::transport::{Channels, JournaledOperator, Part};
 
 /// A run that can be asked anew.
 pub(super) struct Replay {
@@ -26,6 +29,17 @@ pub(super) struct Replay {
     truth: Option<Truth>,
     /// Photos that the run was allowed to take, if it came to its end.
     pub(super) photos: Option<usize>,
+}
+
+/// The photos of a run: patterns with what was seen of them, for each channel, without ambient light.
+pub(super) struct Taken {
+    /// Those without direct light, …
+    pub(super) global: Vec<Vec<Product>>,
+    /// … and those with all of it.
+    pub(super) full: Vec<Vec<Product>>,
+    /// The direct light, where it is a diagonal and the run knew it.
+    pub(super) direct: Option<Vec<Vec<f64>>>,
+    pub(super) ambient: Image,
 }
 
 impl Replay {
@@ -65,7 +79,76 @@ impl Replay {
         let calibration = Calibration::load(&calibration(&self.folder))?;
         let warn = journal::warning(&journal, console);
         let shots = Box::new(Journaled::replay(journal)?.reporting(warn));
-        Ok(Light::Measured(Box::new(rig_source::measured(shots, &calibration, &file, Some(channels))?)))
+        Ok(Light::Measured(Box::new(rig_source::measured(
+            shots,
+            &calibration,
+            &file,
+            (Some(channels), self.about.symmetry()),
+        )?)))
+    }
+
+    /// All the photos that the run took.
+    pub(super) fn taken(&self, console: &Console) -> Result<Taken> {
+        let mut journal = Journal::read_only(&journal::folder(&self.folder))?;
+        journal::say_damages(&journal, console);
+        match self.about.kind {
+            Kind::Scene => self.taken_of_scene(&mut journal),
+            Kind::Rig => self.taken_of_rig(journal, console),
+        }
+    }
+
+    fn taken_of_scene(&self, journal: &mut Journal) -> Result<Taken> {
+        let About { photos, channels, .. } = self.about;
+        let mut of = |part| -> Result<Vec<Vec<Product>>> {
+            let each =
+                (0..channels).map(|channel| JournaledOperator::kept(journal, &light::name(part, channel)));
+            Ok(each.collect::<crate::Result<_>>()?)
+        };
+        let (global, full) = (of(Part::Global)?, of(Part::Full)?);
+        let direct = journal.read_note(DIRECT)?.map(|bytes| {
+            let values: Vec<f64> =
+                bytes.as_chunks::<8>().0.iter().map(|value| f64::from_le_bytes(*value)).collect();
+            values.chunks(photos.pixels().max(1)).map(<[f64]>::to_vec).collect()
+        });
+        let ambient = match journal.read_note("ambient")? {
+            Some(bytes) => {
+                let samples =
+                    bytes.as_chunks::<4>().0.iter().map(|sample| f32::from_le_bytes(*sample)).collect();
+                Image::new(photos, channels, samples)?
+            }
+            None => Image::filled(photos, channels, 0.0),
+        };
+        Ok(Taken { global, full, direct, ambient })
+    }
+
+    fn taken_of_rig(&self, journal: Journal, console: &Console) -> Result<Taken> {
+        let channels = if self.about.channels == 3 { Channels::Rgb } else { Channels::Luma };
+        let mut frames: Vec<Arc<Frame>> = Vec::new();
+        for pair in Journaled::replay(journal)?.pairs() {
+            let frame = pair?.shot.frame;
+            if !frames.contains(&frame) && frame.levels().iter().any(|level| *level > 0) {
+                frames.push(frame);
+            }
+        }
+        let Light::Measured(mut measured) = self.light(channels, console)? else {
+            return Err(unfinished(&Journal::read_only(&journal::folder(&self.folder))?, "their rig").into());
+        };
+        let measurement = &mut measured.measurement;
+        let mut full = vec![Vec::new(); measurement.channels()];
+        for frame in &frames {
+            let (patterns, photo) = measurement.photograph_frame(frame)?;
+            for ((products, pattern), plane) in full.iter_mut().zip(patterns).zip(photo.planes) {
+                products.push(Product { from: pattern, to: plane.values });
+            }
+        }
+        // Of a run that did not measure it there are no photos to tell it from.
+        let direct = measurement.direct().ok();
+        Ok(Taken {
+            global: vec![Vec::new(); full.len()],
+            full,
+            direct: direct.map(|photo| photo.planes.into_iter().map(|plane| plane.values).collect()),
+            ambient: measurement.ambient()?.to_image()?,
+        })
     }
 
     /// The rig of the run, without the rig.

@@ -1,6 +1,7 @@
 //! `krylux rig`: what concerns devices rather than scenes.
 
 mod calibrate;
+mod list;
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -18,12 +19,14 @@ pub(super) struct Args {
 
 #[derive(Subcommand)]
 enum Action {
+    List(list::Args),
     Calibrate(calibrate::Args),
 }
 
 impl Args {
     pub(super) fn output(&self) -> &OutputArgs {
         match &self.action {
+            Action::List(args) => &args.output,
             Action::Calibrate(args) => &args.output,
         }
     }
@@ -31,6 +34,7 @@ impl Args {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     match &args.action {
+        Action::List(args) => list::run(args, console),
         Action::Calibrate(args) => calibrate::run(args, console),
     }
 }

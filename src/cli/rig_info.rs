@@ -9,10 +9,16 @@ use crate::rig::{RigFile, RigKind, VirtualRig, VirtualScene};
 
 /// A few lines.
 pub(super) fn say(file: &RigFile, console: &Console) -> Result<()> {
-    let RigKind::Virtual(rig) = &file.kind;
-    console.say(format_args!("rig       {} (virtual)", file.path.display()))?;
-    console.say(format_args!("  scene   {}", scene(rig)))?;
-    let (projector, camera) = (rig.projector_info(), rig.camera_info());
+    console.say(format_args!("rig       {} ({})", file.path.display(), kind(&file.kind)))?;
+    match &file.kind {
+        RigKind::Virtual(rig) => console.say(format_args!("  scene   {}", scene(rig)))?,
+        RigKind::Hardware(rig) => console.say(format_args!(
+            "  devices {}, {}",
+            rig.projector_info().name,
+            rig.camera_info().name
+        ))?,
+    }
+    let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     console.say(format_args!(
         "  shows   {} pixels, {} bits, {}",
         projector.resolution,
@@ -39,20 +45,25 @@ pub(super) fn say(file: &RigFile, console: &Console) -> Result<()> {
 
 /// The same for `--json`.
 pub(super) fn describe(file: &RigFile) -> Value {
-    let RigKind::Virtual(rig) = &file.kind;
-    let (projector, camera) = (rig.projector_info(), rig.camera_info());
+    let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
+    let scene = match &file.kind {
+        RigKind::Virtual(rig) => Some(scene(rig)),
+        RigKind::Hardware(_) => None,
+    };
     json!({
         "path": file.path,
         "hash": blake3::Hash::from_bytes(file.hash).to_string(),
-        "kind": "virtual",
-        "scene": scene(rig),
+        "kind": kind(&file.kind),
+        "scene": scene,
         "projector": {
+            "name": projector.name,
             "resolution": projector.resolution,
             "channels": projector.channels,
             "bits": projector.bits,
             "frame_time": projector.frame_time,
         },
         "camera": {
+            "name": camera.name,
             "resolution": camera.resolution,
             "channels": camera.channels,
             "bits": camera.bits,
@@ -61,6 +72,13 @@ pub(super) fn describe(file: &RigFile) -> Value {
         "calibration": file.calibration,
         "measurement": file.measurement,
     })
+}
+
+fn kind(kind: &RigKind) -> &'static str {
+    match kind {
+        RigKind::Virtual(_) => "virtual",
+        RigKind::Hardware(_) => "hardware",
+    }
 }
 
 fn scene(rig: &VirtualRig) -> String {

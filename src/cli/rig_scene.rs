@@ -43,15 +43,17 @@ pub(super) fn scene_of(
             let simulation = Simulation::open(path, &wanted, settings, trace, console)?;
             Ok(Some(Box::new(simulation)))
         }
-        VirtualScene::Matrix { .. } => {
-            let option = trace.given().or(view.given());
-            match option {
-                Some(option) => {
-                    let fault = format!("nothing is traced for {}", rig.display());
-                    refuse(option, fault, "leave it out: the rig file says what is seen")
-                }
-                None => Ok(None),
-            }
-        }
+        VirtualScene::Matrix { .. } => refuse_tracing(rig, view, trace).map(|()| None),
     }
+}
+
+/// That no option of the tracer is given where nothing is traced.
+pub(super) fn refuse_tracing(rig: &Path, view: &ViewArgs, trace: &TraceArgs) -> Result<()> {
+    let Some(option) = trace.given().or(view.given()) else { return Ok(()) };
+    Err(Error::Option {
+        option: option.into(),
+        fault: format!("nothing is traced for {}", rig.display()),
+        help: "leave it out: the rig file says what is seen".into(),
+    }
+    .into())
 }

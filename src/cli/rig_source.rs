@@ -10,7 +10,7 @@ use super::console::Console;
 use super::journal;
 use super::measured::Measured;
 use super::options::SourceArgs;
-use super::rig_scene::scene_of;
+use super::rig_scene::{refuse_tracing, scene_of};
 use super::run_folder::RunFolder;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
@@ -20,19 +20,22 @@ use crate::error::Error;
 use crate::image::Resolution;
 use crate::journal::{Identity, Journal};
 use crate::measure::{Calibration, Journaled, Live, Measurement, Opener, Shots};
+use crate::operator::Symmetry;
 use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
 use crate::report::sparse;
-use crate::rig::{RigFile, RigKind, VirtualRig, VirtualScene};
+use crate::rig::{Helper, RigFile, RigKind, VirtualRig, VirtualScene};
 use crate::transport::{Channels, Given};
 
 /// A rig that can be opened.
 pub(super) struct RigSource {
     pub(super) file: RigFile,
     pub(super) calibration: Calibration,
-    devices: VirtualRig,
+    devices: RigKind,
     /// The virtual rig's scene, where it is to be traced.
     simulation: Option<Box<Simulation>>,
+    /// Symmetric where projector and camera have the same pose and lens. A given matrix is taken for that of such a rig.
+    symmetry: Symmetry,
 }
 
 impl RigSource {
@@ -57,15 +60,20 @@ impl RigSource {
     /// As [`Self::open`], with devices taken as ideal whatever the file says of a calibration: there may be none yet.
     pub(super) fn uncalibrated(args: &SourceArgs, trace: &TraceArgs, console: &Console) -> Result<Self> {
         let file = RigFile::load(&args.source)?;
-        let RigKind::Virtual(mut devices) = file.kind.clone();
-        let simulation = scene_of(&mut devices.scene, &args.source, &args.view, trace, console)?;
+        let mut devices = file.kind.clone();
+        let simulation = match &mut devices {
+            RigKind::Virtual(rig) => scene_of(&mut rig.scene, &args.source, &args.view, trace, console)?,
+            RigKind::Hardware(_) => refuse_tracing(&args.source, &args.view, trace).map(|()| None)?,
+        };
         let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
-        Ok(Self { file, calibration, devices, simulation })
+        let symmetric = simulation.as_ref().is_none_or(|simulation| simulation.is_symmetric());
+        let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
+        Ok(Self { file, calibration, devices, simulation, symmetry })
     }
 
     /// Pixels of patterns and of photos, which are resampled to them.
     pub(super) fn resolution(&self) -> Resolution {
-        self.devices.scene.size()
+        self.devices.projector_info().resolution
     }
 
     /// The rig file's name.
@@ -81,7 +89,6 @@ impl RigSource {
         let path = &self.file.path;
         self.simulation.as_deref_mut().ok_or_else(|| no_scene(path).into())
     }
-
     /// Whether its devices are virtual, and a scene has to be traced first.
     pub(super) fn is_traced(&self) -> bool {
         self.simulation.is_some()
@@ -95,13 +102,20 @@ impl RigSource {
     }
 
     /// The virtual devices.
-    pub(super) fn devices(&self) -> &VirtualRig {
-        &self.devices
+    ///
+    /// # Errors
+    /// [`Error::Data`] where they are real.
+    pub(super) fn devices(&self) -> Result<&VirtualRig> {
+        match &self.devices {
+            RigKind::Virtual(rig) => Ok(rig),
+            RigKind::Hardware(_) => Err(not_virtual(&self.file.path).into()),
+        }
     }
 
     /// What the virtual devices look at.
     pub(super) fn twin(&mut self, console: &Console) -> Result<Twin> {
-        twin(&mut self.simulation, &self.devices, &self.file.path, console)
+        let RigKind::Virtual(rig) = &self.devices else { return Err(not_virtual(&self.file.path).into()) };
+        twin(&mut self.simulation, rig, &self.file.path, console)
     }
 
     /// All that the photos of this rig depend on.
@@ -109,8 +123,10 @@ impl RigSource {
         let identity = Identity::new()
             .with("rig file", blake3::Hash::from_bytes(self.file.hash).to_string())
             .with("calibration", blake3::Hash::from_bytes(self.calibration.identity()).to_string());
-        Ok(match (&self.simulation, &self.devices.scene) {
-            (Some(simulation), _) => simulation.identity(identity, self.devices.channels()),
+        // Of real devices nothing more is known; what they are is noted in the journal when they are opened.
+        let RigKind::Virtual(rig) = &self.devices else { return Ok(identity) };
+        Ok(match (&self.simulation, &rig.scene) {
+            (Some(simulation), _) => simulation.identity(identity, rig.channels()),
             (None, VirtualScene::Matrix { path, .. }) => {
                 let bytes = std::fs::read(path).map_err(Error::reading(path))?;
                 identity.with("matrix file", blake3::hash(&bytes).to_hex())
@@ -122,21 +138,30 @@ impl RigSource {
     /// Opens the rig whenever raw frames are wanted of it; whatever is traced for that is traced then, and kept. The scene behind it
     /// is handed over.
     pub(super) fn opener(&mut self, console: &Console) -> Opener<'static> {
-        let (mut simulation, devices) = (self.simulation.take(), self.devices.clone());
-        let (path, console) = (self.file.path.clone(), console.clone());
         let options = &self.file.measurement;
         let settle = options.settle.unwrap_or(self.calibration.stability.settle);
         let tries = options.tries;
+        let rig = match self.devices.clone() {
+            RigKind::Virtual(rig) => rig,
+            RigKind::Hardware(rig) => {
+                return Box::new(move |after| {
+                    let bench = rig.open(&Helper::this_program()?, after)?;
+                    Ok(Box::new(Live::new(bench, settle, tries)))
+                });
+            }
+        };
+        let mut simulation = self.simulation.take();
+        let (path, console) = (self.file.path.clone(), console.clone());
         let mut known: Option<Twin> = None;
         Box::new(move |after| {
             let light = match &known {
                 Some(known) => known.transport(),
                 None => {
-                    let found = twin(&mut simulation, &devices, &path, &console).map_err(into_error)?;
+                    let found = twin(&mut simulation, &rig, &path, &console).map_err(into_error)?;
                     known.insert(found).transport()
                 }
             };
-            Ok(Box::new(Live::new(devices.open(light, after)?, settle, tries)))
+            Ok(Box::new(Live::new(rig.open(light, after)?, settle, tries)))
         })
     }
 
@@ -155,7 +180,7 @@ impl RigSource {
             }
             None => opener(None)?,
         };
-        measured(shots, &self.calibration, &self.file, channels)
+        measured(shots, &self.calibration, &self.file, (channels, self.symmetry))
     }
 
     /// Keeps beside the journal of the run in `folder` what a replay needs of the rig.
@@ -194,7 +219,7 @@ impl RigSource {
             hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
             photos: self.resolution(),
             patterns: self.resolution(),
-            symmetric: true,
+            symmetric: self.symmetry == Symmetry::Symmetric,
             channels: channels.count(),
         }
     }
@@ -214,9 +239,10 @@ pub(super) fn measured(
     shots: Box<dyn Shots>,
     calibration: &Calibration,
     file: &RigFile,
-    channels: Option<Channels>,
+    (channels, symmetry): (Option<Channels>, Symmetry),
 ) -> Result<Measured> {
-    let mut measurement = Measurement::new(shots, calibration.clone(), file.measurement.clone())?;
+    let mut measurement =
+        Measurement::new(shots, calibration.clone(), file.measurement.clone())?.declared(symmetry);
     match channels {
         Some(Channels::Luma) => measurement = measurement.in_luma(),
         Some(Channels::Rgb) if measurement.channels() != 3 => {
@@ -260,5 +286,13 @@ fn no_scene(path: &Path) -> Error {
         path: path.to_path_buf(),
         fault: "there is no scene in it that could be traced".into(),
         help: "give a rig whose [scene] names a scene's `file`".into(),
+    }
+}
+
+fn not_virtual(path: &Path) -> Error {
+    Error::Data {
+        path: path.to_path_buf(),
+        fault: "its devices are real: there is no virtual twin to predict by".into(),
+        help: "describe scene and devices in a rig file of kind = \"virtual\"".into(),
     }
 }

@@ -47,6 +47,11 @@ impl Simulation {
         Ok(Self { scene, tracer, settings, cache: trace.cache.open() })
     }
 
+    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.
+    pub(super) fn is_symmetric(&self) -> bool {
+        self.tracer.symmetric(&self.settings)
+    }
+
     /// Names the matrix that tracing would make.
     pub(super) fn key(&self, channels: Channels, split: bool) -> Key {
         Key::new(&self.scene, self.tracer.adapter(), &self.settings, channels, split)

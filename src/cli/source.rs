@@ -164,7 +164,9 @@ impl Source {
                 let mut journal = folder.journal(&identity, console)?;
                 journal.note(about::ABOUT, &serde_json::to_vec(&about)?)?;
                 let light = Light::of_scene(simulation, choice, channels, console)?;
-                Ok(Light::Kept(Box::new(Kept::new(journal, about, light))))
+                let mut kept = Kept::new(journal, about, light);
+                kept.keep_known(console)?;
+                Ok(Light::Kept(Box::new(kept)))
             }
             Self::Rig(rig) => {
                 let journal = rig.journal(folder, channels, console)?;
@@ -183,7 +185,7 @@ impl Source {
                     simulation.scene.path.clone(),
                     blake3::Hash::from_bytes(simulation.scene.hash).to_string(),
                 );
-                let symmetric = simulation.tracer.symmetric(&simulation.settings);
+                let symmetric = simulation.is_symmetric();
                 let channels = channels.count();
                 About { kind: Kind::Scene, name, path, hash, photos, patterns, symmetric, channels }
             }

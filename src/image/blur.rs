@@ -67,24 +67,40 @@ impl Blur {
         weights.into_iter().map(|(at, weight)| (at, weight * weight)).collect()
     }
 
+    /// Each tap adds a shifted copy of a whole row.
     fn with(&self, kernel: &[f64], x: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
-        let along = |x: &dyn Fn(usize) -> f64, at: usize, length: usize| {
-            let mut sum = kernel[0] * x(at);
-            for (offset, weight) in kernel.iter().enumerate().skip(1) {
-                let offset = offset as isize;
-                sum += weight
-                    * (x(mirrored(at as isize - offset, length)) + x(mirrored(at as isize + offset, length)));
+        let reach = kernel.len() - 1;
+        let mut rows = vec![0.0; x.len()];
+        let mut padded = vec![0.0; width + 2 * reach];
+        for (from, to) in x.chunks(width).zip(rows.chunks_mut(width)) {
+            for (at, value) in padded.iter_mut().enumerate() {
+                *value = from[mirrored(at as isize - reach as isize, width)];
             }
-            sum
-        };
-        let rows: Vec<f64> = (0..width * height)
-            .map(|pixel| along(&|at| x[pixel / width * width + at], pixel % width, width))
-            .collect();
-        (0..width * height)
-            .map(|pixel| along(&|at| rows[at * width + pixel % width], pixel / width, height))
-            .collect()
+            for (offset, &weight) in kernel.iter().enumerate() {
+                add(to, weight, &padded[reach + offset..]);
+                if offset > 0 {
+                    add(to, weight, &padded[reach - offset..]);
+                }
+            }
+        }
+        let row = |y: isize| &rows[mirrored(y, height) * width..];
+        let mut picture = vec![0.0; x.len()];
+        for (y, to) in picture.chunks_mut(width).enumerate() {
+            for (offset, &weight) in kernel.iter().enumerate() {
+                let (y, offset) = (y as isize, offset as isize);
+                add(to, weight, row(y + offset));
+                if offset > 0 {
+                    add(to, weight, row(y - offset));
+                }
+            }
+        }
+        picture
     }
+}
+
+fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
+    sum.iter_mut().zip(of).for_each(|(sum, value)| *sum += weight * value);
 }
 
 /// The pixel that stands at `at` when the row is mirrored at its ends, again and again.

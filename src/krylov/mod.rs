@@ -37,7 +37,7 @@ mod stats;
 mod vectors;
 
 pub use basis::{dot, norm};
-pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi};
+pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
 pub use eigen::{Eigs, EigsMethod, EigsOptions, eigs, eigs_from};
 pub use estimators::{
     DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,

@@ -88,6 +88,15 @@ impl Display {
         self.shown(wish, |levels, plane| plane.iter().map(|&light| levels.below(light)).collect())
     }
 
+    /// The light of a frame that was shown before.
+    pub(super) fn of_frame(&self, frame: &Arc<Frame>) -> Displayed {
+        let channels = self.levels.len();
+        let plane = |(channel, levels): (usize, &Levels)| {
+            frame.levels().iter().skip(channel).step_by(channels).map(|&level| levels.light(level)).collect()
+        };
+        Displayed { frame: Arc::clone(frame), light: self.levels.iter().enumerate().map(plane).collect() }
+    }
+
     fn shown(&self, wish: &[Vec<f64>], quantize: impl Fn(&Levels, &[f64]) -> Vec<u16>) -> Result<Displayed> {
         let channels = self.levels.len();
         let mut interleaved = vec![0; self.resolution.pixels() * channels];

@@ -99,7 +99,7 @@ fn darkest_is_well(shot: &Exposed, curve: &CameraCurve, used: &[bool], channels:
 }
 
 fn too_bright(shortest: f64) -> Error {
-    Error::Rig {
+    Error::Saturated {
         device: "camera".into(),
         fault: format!("a white frame saturates it even at its shortest exposure, {shortest} s"),
         help: "close the lens, or darken the projector or the room".into(),

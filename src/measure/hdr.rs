@@ -93,7 +93,7 @@ pub(super) fn merge(
 
 /// The error that names saturated pixels.
 pub(super) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
-    Error::Rig {
+    Error::Saturated {
         device: "camera".into(),
         fault: format!(
             "{count} pixel{} saturated in every exposure, the first at column {}, row {}; the shortest exposure is {shortest} s",

@@ -101,6 +101,8 @@ impl Live {
         if frame.started < ready || frame.started <= last_started || !is_as_set {
             return Ok(Err(Refused::Late));
         }
+        // A photo of something else must not count.
+        self.bench.projector.confirm()?;
         Ok(Ok(frame))
     }
 
@@ -219,6 +221,10 @@ impl Shots for Live {
     }
 
     fn effort(&self) -> Effort {
-        Effort { seconds: self.bench.clock.now() - self.opened, ..self.effort }
+        Effort {
+            seconds: self.bench.clock.now() - self.opened,
+            resent: self.bench.camera.resent(),
+            ..self.effort
+        }
     }
 }

@@ -15,6 +15,7 @@ use super::response::CameraCurve;
 use super::shots::{Effort, Shots};
 use crate::error::{Error, Result};
 use crate::image::{Blur, Image, Resolution};
+use crate::operator::Symmetry;
 use crate::rig::Frame;
 use crate::transport::Part;
 
@@ -37,6 +38,7 @@ pub struct Measurement {
     pub(super) blur: Option<Blur>,
     pub(super) options: MeasureOptions,
     luma: bool,
+    symmetry: Symmetry,
     pub(super) white: Option<Vec<Plane>>,
     pub(super) direct: Option<Vec<Plane>>,
     pub(super) last: Option<Plane>,
@@ -100,6 +102,7 @@ impl Measurement {
             seen,
             options,
             luma: false,
+            symmetry: Symmetry::Symmetric,
             white: None,
             direct: None,
             last: None,
@@ -111,6 +114,18 @@ impl Measurement {
     pub fn in_luma(mut self) -> Self {
         self.luma = true;
         self
+    }
+
+    /// Declares whether the rig is coaxial, projector and camera with the same pose and lens, so that `A = Aᵀ`. By default it is.
+    #[must_use]
+    pub fn declared(mut self, symmetry: Symmetry) -> Self {
+        self.symmetry = symmetry;
+        self
+    }
+
+    /// Whether the rig is declared coaxial, and so its matrix symmetric.
+    pub fn symmetry(&self) -> Symmetry {
+        self.symmetry
     }
 
     /// The projector's pixels: those of patterns and photos.
@@ -249,7 +264,7 @@ impl Measurement {
         Ok(self.white.clone().unwrap_or_default())
     }
 
-    fn photo(&self, planes: Vec<Plane>) -> Photo {
+    pub(super) fn photo(&self, planes: Vec<Plane>) -> Photo {
         let fold = |channel| {
             let mut folded = Plane::zero(self.registration.projector.pixels());
             for (camera_channel, weight) in self.reading(channel) {

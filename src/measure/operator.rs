@@ -8,7 +8,8 @@ use crate::transport::Part;
 
 /// `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs: none for a constant `x`.
 ///
-/// It is declared symmetric, as a coaxial rig is; whether this one is, `krylux audit` tells.
+/// It is symmetric as [`Measurement::symmetry`] declares; whether that is so, `krylux audit` tells. Where it is not, no photo shows a
+/// product with the transpose: camera and projector would have to change places.
 pub struct MeasuredOperator<'a> {
     pub(super) measurement: &'a mut Measurement,
     pub(super) part: Part,
@@ -50,7 +51,7 @@ impl Operator for MeasuredOperator<'_> {
     }
 
     fn symmetry(&self) -> Symmetry {
-        Symmetry::Symmetric
+        self.measurement.symmetry()
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
@@ -68,6 +69,12 @@ impl Operator for MeasuredOperator<'_> {
 
 impl Adjoint for MeasuredOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.apply(y, x)
+        match self.symmetry() {
+            Symmetry::Symmetric => self.apply(y, x),
+            Symmetry::General => Err(Error::Numerical(
+                "a rig that is not coaxial takes no photos of its transpose\n  help: use a method without it, such as gmres or krylov-box"
+                    .into(),
+            )),
+        }
     }
 }

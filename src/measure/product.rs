@@ -18,10 +18,11 @@ use super::hdr::Sighting;
 use super::measurement::Measurement;
 use super::noise::NoiseAhead;
 use super::options::DirectBy;
-use super::photo::Plane;
+use super::photo::{Photo, Plane};
 use super::registration::combine;
 use super::signed::Signed;
 use crate::error::{Error, Result};
+use crate::rig::Frame;
 use crate::transport::Part;
 
 /// A photo that a product is made of.
@@ -50,6 +51,45 @@ impl Measurement {
             product.variance = self.masked(&blur.variance(&product.variance));
         }
         Ok(self.last.insert(product))
+    }
+
+    /// What a frame of an earlier session showed, one pattern for each of [`Measurement::channels`], and its photo.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when the frame is not of this projector; and whatever keeps the photo from being taken.
+    pub fn photograph_frame(&mut self, frame: &Arc<Frame>) -> Result<(Vec<Vec<f64>>, Photo)> {
+        self.check_length("pixels of the frame", frame.resolution().pixels())?;
+        let displayed = self.display.of_frame(frame);
+        let sighting = self.photographer.photograph(frame)?;
+        let terms = [Term { coefficient: 1.0, sighting, displayed }];
+        let planes = (0..self.camera_channels())
+            .map(|channel| self.sum(&terms, 0.0, channel))
+            .collect::<Result<Vec<Plane>>>()?;
+        let patterns = (0..self.channels()).map(|channel| self.masked(&self.shown(&terms, 0.0, channel)));
+        Ok((patterns.collect(), self.photo(planes)))
+    }
+
+    /// Photos of the projector's red, green and blue alone: for each of them the planes of the camera's channels. None where either device
+    /// is gray.
+    ///
+    /// # Errors
+    /// Whatever keeps them from being taken.
+    pub fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
+        if self.camera_channels() != 3 || self.photographer.camera.shots.projector().channels != 3 {
+            return Ok(None);
+        }
+        let pixels = self.resolution().pixels();
+        let mut photos: [[Vec<f64>; 3]; 3] = Default::default();
+        for (primary, photo) in photos.iter_mut().enumerate() {
+            let plane = |channel| self.masked(&vec![f64::from(u8::from(channel == primary)); pixels]);
+            let wish: Vec<Vec<f64>> = (0..3).map(plane).collect();
+            let mut terms = Vec::new();
+            self.shoot(1.0, &wish, Part::Full, &mut terms)?;
+            for (channel, plane) in photo.iter_mut().enumerate() {
+                *plane = self.sum(&terms, 0.0, channel)?.values;
+            }
+        }
+        Ok(Some(photos))
     }
 
     fn unblurred(&mut self, part: Part, channel: usize, wish: &[f64]) -> Result<Plane> {

@@ -33,6 +33,9 @@ pub struct Effort {
     pub late: u64,
     /// Times that the camera was restarted.
     pub restarts: u64,
+    /// Packets of frames that were lost on the way, and came when they were asked for again.
+    #[serde(default)]
+    pub resent: u64,
     /// Seconds on the rig's clock.
     pub seconds: f64,
 }

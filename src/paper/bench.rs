@@ -8,7 +8,7 @@ use super::stage::{Set, Stage};
 use crate::analysis::MASKED;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::Adjoint;
 use crate::render::{TraceSettings, Tracer};
 use crate::transport::{Channels, Part, assemble};
 
@@ -80,7 +80,7 @@ impl<'a> Bench<'a> {
         let mut tracer = Tracer::new(&scene, self.options.adapter.as_deref())?;
         let truth = tracer.regions(resolution)?;
         let truth = truth.into_iter().map(|region| region.map_or(MASKED, |region| region as u8)).collect();
-        let samples = if self.options.quick { 64 } else { 256 };
+        let samples = if self.options.quick { set.samples() / 4 } else { set.samples() };
         let settings = TraceSettings::new(resolution, samples);
         let watch = &mut *self.watch;
         let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |progress| {
@@ -103,8 +103,7 @@ impl<'a> Bench<'a> {
             Rig::Ideal => work(&mut stage.ideal(part)),
             Rig::Virtual => {
                 let mut measurement = self.devices(stage)?.measurement(stage)?;
-                let symmetry = stage.ideal(part).symmetry();
-                work(&mut Declared { operator: &mut measurement.operator(part, 0), symmetry })
+                work(&mut measurement.operator(part, 0))
             }
         }
     }
@@ -127,37 +126,5 @@ impl<'a> Bench<'a> {
     /// Whether to go on.
     fn check(&mut self) -> Result<()> {
         if (self.watch)(1, 1).is_break() { Err(Error::Interrupted) } else { Ok(()) }
-    }
-}
-
-/// A measured operator, which takes every rig for coaxial, with what is known of this one. It has no transpose beyond that.
-struct Declared<'a> {
-    operator: &'a mut dyn Adjoint,
-    symmetry: Symmetry,
-}
-
-impl Operator for Declared<'_> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-    fn symmetry(&self) -> Symmetry {
-        self.symmetry
-    }
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)
-    }
-}
-
-impl Adjoint for Declared<'_> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        match self.symmetry {
-            Symmetry::Symmetric => self.operator.apply(y, x),
-            Symmetry::General => Err(Error::Numerical(
-                "the transpose of a rig that is not coaxial cannot be photographed".into(),
-            )),
-        }
     }
 }

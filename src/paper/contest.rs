@@ -1,12 +1,14 @@
 //! Compensation as the paper's figures show it: the recipe that clamps, the methods inside the box, and the optimum, at
 //! equal numbers of photos.
 
+use std::sync::Arc;
+
 use super::figure::{Curve, Shot};
-use super::recorded::Recorded;
 use super::stage::Stage;
+use crate::analysis::compensate::Mixture;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, SolveProgress, dot, keep_solving, norm, solve_adjoint};
-use crate::operator::{Adjoint, Operator};
+use crate::operator::{Adjoint, Operator, Recorded, Symmetry};
 use crate::transport::Part;
 
 /// What is wished on a scene, in W/(m² sr), and the photo under white that says how much there is.
@@ -90,7 +92,10 @@ pub(super) fn enter(
         // Dark pixels are known by noise only.
         let floor = 1e-3 * wish.white.iter().copied().fold(0.0, f64::max);
         let white = wish.white.iter().map(|value| value.max(floor)).collect();
-        options.preconditioner = Some(std::sync::Arc::new(Diagonal::new(white)?));
+        options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
+    }
+    if method == Method::KrylovBox && operator.symmetry() != Symmetry::Symmetric {
+        options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &wish.white)));
     }
     let mut entry =
         Entry { answered: Vec::new(), displayed: Vec::new(), pattern: Vec::new(), shots: Vec::new() };
@@ -107,7 +112,7 @@ pub(super) fn enter(
     let wanted: Vec<f64> = wish.light.iter().map(|light| wish.unit * light).collect();
     let found = solve_adjoint(method, &mut recorded, &wanted, &options, &mut watch)?;
     entry.pattern = found.x;
-    entry.shots = recorded.shots;
+    entry.shots = recorded.products.into_iter().map(Shot::from).collect();
     Ok(entry)
 }
 

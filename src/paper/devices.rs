@@ -6,10 +6,11 @@ use std::path::Path;
 use std::rc::Rc;
 
 use super::stage::Stage;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::measure::calibrate::{CalibrateOptions, calibrate};
 use crate::measure::{Calibration, Live, MeasureOptions, Measurement, Shots};
+use crate::operator::Operator;
 use crate::rig::{RigFile, RigKind, VirtualRig};
 use crate::transport::{Channels, Part, Transport};
 
@@ -40,7 +41,8 @@ impl Devices {
     /// The rig with its stages, no photo taken yet.
     pub(super) fn measurement(&self, stage: &Rc<Stage>) -> Result<Measurement> {
         let live = open(&self.rig, stage, &self.options)?;
-        Measurement::new(live, self.calibration.clone(), self.options.clone())
+        let measurement = Measurement::new(live, self.calibration.clone(), self.options.clone())?;
+        Ok(measurement.declared(stage.ideal(Part::Full).symmetry()))
     }
 }
 
@@ -73,8 +75,14 @@ pub(super) fn measure_known(
 
 fn read(name: &str, bytes: &[u8]) -> Result<(VirtualRig, MeasureOptions)> {
     let file = RigFile::from_bytes(Path::new(name), bytes)?;
-    let RigKind::Virtual(rig) = file.kind;
-    Ok((rig, file.measurement))
+    match file.kind {
+        RigKind::Virtual(rig) => Ok((rig, file.measurement)),
+        RigKind::Hardware(_) => Err(Error::Data {
+            path: name.into(),
+            fault: "its devices are real".into(),
+            help: "the figures are made by virtual devices".into(),
+        }),
+    }
 }
 
 /// Gives projector and scene these pixels, and the camera `finer` times as many a side.

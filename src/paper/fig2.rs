@@ -4,11 +4,10 @@ use super::bench::Bench;
 use super::check::Check;
 use super::dense;
 use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
-use super::recorded::Recorded;
 use super::stage::{Set, Stage};
 use crate::error::Result;
 use crate::krylov::{EigsMethod, EigsOptions, Which, dot, eigs, keep_going, norm};
-use crate::operator::Adjoint;
+use crate::operator::{Adjoint, Recorded};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -83,7 +82,7 @@ fn iterate(operator: &mut dyn Adjoint) -> Result<Iterated> {
         ..EigsOptions::default()
     };
     let found = eigs(&mut recorded, &options, &mut keep_going)?;
-    let patterns = recorded.shots.into_iter().map(|shot| shot.pattern).collect();
+    let patterns = recorded.products.into_iter().map(|product| product.from).collect();
     Ok(Iterated { vector: found.vectors.into_iter().next().unwrap_or_default(), patterns })
 }
 

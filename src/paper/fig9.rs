@@ -2,13 +2,13 @@
 
 use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Figure, Reproduced, Strip};
-use super::recorded::Recorded;
+use super::figure::{Figure, Reproduced, Shot, Strip};
 use super::stage::Set;
 use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
 use crate::error::Result;
 use crate::krylov::{dot, keep_going, norm};
+use crate::operator::Recorded;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -21,7 +21,8 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     let (photos, degree, shots) = bench.with_rig(&stage, Part::Global, |operator| {
         let mut recorded = Recorded::new(operator);
         let found = segment(&mut recorded, &options, &mut keep_going)?;
-        Ok((found.photos, found.degree, recorded.shots))
+        let shots: Vec<Shot> = recorded.products.into_iter().map(Shot::from).collect();
+        Ok((found.photos, found.degree, shots))
     })?;
     // The patterns are D^-½ times the basis, which is orthogonal.
     let basis: Vec<Vec<f64>> = shots[1..]

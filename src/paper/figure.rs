@@ -3,6 +3,7 @@
 use super::bench::Rig;
 use super::check::Check;
 use crate::image::Resolution;
+use crate::operator::Product;
 
 /// A figure of the paper that can be made again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -226,6 +227,12 @@ pub struct Shot {
     pub pattern: Vec<f64>,
     /// What was seen.
     pub photo: Vec<f64>,
+}
+
+impl From<Product> for Shot {
+    fn from(product: Product) -> Self {
+        Self { pattern: product.from, photo: product.to }
+    }
 }
 
 #[cfg(test)]

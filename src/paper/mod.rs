@@ -36,7 +36,6 @@ mod fig9;
 mod figure;
 mod groups;
 mod purity;
-mod recorded;
 mod stage;
 mod target;
 

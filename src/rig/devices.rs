@@ -111,6 +111,15 @@ pub trait Projector {
     fn restore(&mut self, frame: &Frame) -> Result<Shown> {
         self.show(frame)
     }
+
+    /// That the frame shown last has been on screen ever since, and nothing else: a photo taken meanwhile is of it. A device that
+    /// nothing can come before has nothing to say.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when something else was on screen, or the device is gone.
+    fn confirm(&mut self) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// Something that counts light.
@@ -135,6 +144,11 @@ pub trait Camera {
     /// # Errors
     /// [`Error::Rig`] when the camera does not come back.
     fn restart(&mut self) -> Result<()>;
+
+    /// Packets of its frames that were lost on the way and came when they were asked for again.
+    fn resent(&self) -> u64 {
+        0
+    }
 }
 
 /// The time of a rig: the wall's for hardware, simulated for virtual devices.

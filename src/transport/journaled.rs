@@ -2,11 +2,11 @@
 
 use std::cell::RefCell;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::journal::{Journal, Key, Kind};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Product, Symmetry};
 
 /// An operator whose products are kept in a journal; those that are there already are handed out without it. Operators of one
 /// source share a journal, each by its name: which part of the light, and which channel.
@@ -18,15 +18,15 @@ pub struct JournaledOperator<'a> {
 }
 
 /// What stands beside a product.
-#[derive(Serialize)]
-struct Note<'a> {
-    operator: &'a str,
+#[derive(Serialize, Deserialize)]
+struct Note {
+    operator: String,
     direction: Direction,
     /// The key of what was multiplied.
     pattern: String,
 }
 
-#[derive(Clone, Copy, Serialize)]
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Direction {
     Forward,
@@ -48,6 +48,33 @@ impl<'a> JournaledOperator<'a> {
         symmetry: Symmetry,
     ) -> Self {
         Self { journal, inner: None, name: name.into(), shape: ([rows, cols], symmetry) }
+    }
+
+    /// All products `y = A x` that were kept under this name, in the order in which they were taken; those that are damaged are
+    /// passed over.
+    ///
+    /// # Errors
+    /// [`Error::Read`]; [`Error::Journal`] for a record in a form that this version does not know.
+    pub fn kept(journal: &mut Journal, name: &str) -> Result<Vec<Product>> {
+        let misread = |journal: &Journal| Error::Journal {
+            path: journal.path().into(),
+            fault: "the record of a product is whole, but not in a form that this version knows".into(),
+            help: "open it with the version of krylux that wrote it".into(),
+        };
+        let photos = journal.entries().iter().filter(|entry| entry.kind == Kind::Photo);
+        let noted: Vec<(Key, Vec<u8>)> = photos.map(|entry| (entry.key, entry.metadata.clone())).collect();
+        let mut products = Vec::new();
+        for (key, metadata) in noted {
+            let note: Note = serde_json::from_slice(&metadata).map_err(|_| misread(journal))?;
+            if note.operator != name || note.direction != Direction::Forward {
+                continue;
+            }
+            let pattern = Key::from_hex(&note.pattern).ok_or_else(|| misread(journal))?;
+            if let (Some(x), Some(y)) = (journal.get(pattern)?, journal.get(key)?) {
+                products.push(Product { from: numbers(&x.payload), to: numbers(&y.payload) });
+            }
+        }
+        Ok(products)
     }
 
     fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
@@ -79,11 +106,15 @@ impl<'a> JournaledOperator<'a> {
             Direction::Adjoint => inner.apply_adjoint(from, to)?,
         }
         let pattern = journal.pattern(&pattern)?.to_string();
-        let note = Note { operator: &self.name, direction, pattern };
+        let note = Note { operator: self.name.clone(), direction, pattern };
         let photo: Vec<u8> = to.iter().flat_map(|value| value.to_le_bytes()).collect();
         // Texts always have a JSON form.
         journal.append(Kind::Photo, key, &serde_json::to_vec(&note).unwrap_or_default(), &photo)
     }
+}
+
+fn numbers(bytes: &[u8]) -> Vec<f64> {
+    bytes.as_chunks::<8>().0.iter().map(|value| f64::from_le_bytes(*value)).collect()
 }
 
 fn missing(journal: &Journal, name: &str) -> Error {

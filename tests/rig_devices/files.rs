@@ -17,7 +17,7 @@ fn shipped(name: &str) -> RigFile {
 fn virtual_rig(file: &RigFile) -> &VirtualRig {
     match &file.kind {
         RigKind::Virtual(rig) => rig,
-        other => panic!("not virtual: {other:?}"),
+        other @ RigKind::Hardware(_) => panic!("not virtual: {other:?}"),
     }
 }
 
@@ -149,7 +149,8 @@ fn a_file_of_another_kind_is_told_apart() {
     let pose = "[camera]\nposition = [0, 0, 0]\n";
     assert!(refused(pose)[1].contains("--camera-file"), "a file of poses is recognized");
     assert_eq!(refused("")[0], "it does not say what kind of rig it describes");
-    assert_eq!(refused("kind = \"x11\"\n")[0], "kind = \"x11\" is not supported by this build yet");
+    assert!(refused("kind = \"hardware\"\n")[0].contains("missing field `projector`"));
+    assert_eq!(refused("kind = \"hardwear\"\n")[0], "unknown kind \"hardwear\"; did you mean \"hardware\"?");
     assert_eq!(refused("kind = \"vitrual\"\n")[0], "unknown kind \"vitrual\"; did you mean \"virtual\"?");
     assert!(refused("kind = 3\n")[0].contains("no text"));
     assert!(refused("kind = \"virtual\"\n")[0].contains("missing field `scene`"));

@@ -2,6 +2,7 @@
 
 use super::check::{Check, Verdict};
 use super::subject::Seen;
+use crate::analysis::Crosstalk;
 
 /// A pixel without so much of its white light being direct is in shadow.
 const SHADOW: f64 = 0.05;
@@ -186,6 +187,17 @@ pub(super) fn drift(largest: f64) -> Check {
     let meaning =
         "the most that the lamp's light has changed since the first white; photos are corrected for it";
     Check::told("drift", largest, 0.0, meaning.into())
+}
+
+/// What of the other colours each channel sees, relative to its own.
+pub(super) fn crosstalk(crosstalk: &Crosstalk) -> Check {
+    let others = crosstalk.matrix().iter().enumerate().flat_map(|(channel, row)| {
+        row.iter().enumerate().filter(move |(color, _)| *color != channel).map(|(_, entry)| *entry)
+    });
+    let most = others.fold(0.0, f64::max);
+    let meaning = "of its own colour's light is the most that a camera channel sees of another of the projector's colours; \
+                   compensate takes that into account by --crosstalk measure";
+    Check::told("crosstalk", most, 0.0, meaning.into())
 }
 
 /// Some exposure saturates it, but not all.

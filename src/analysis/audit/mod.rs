@@ -9,6 +9,7 @@
 //! | homogeneity | `A (c p)` and `c A p` | the projector's response (gamma) |
 //! | repeatability | `A p`, first and last | drift |
 //! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, a camera that looks from elsewhere |
+//! | crosstalk | red, green and blue alone, in each channel | a camera channel that sees the projector's other colours |
 //! | direct light | pixels that see light, but none of their own | the same: shadows |
 //!
 //! O'Toole and Kutulakos, section 8.
@@ -23,6 +24,7 @@ pub use subject::{Audited, Exact, Seen};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use crate::analysis::Crosstalk;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
@@ -111,7 +113,7 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
     };
     let white = match subject.photograph(&vec![1.0; resolution.pixels()]) {
         Ok(white) => white,
-        Err(Error::Rig { device, fault, .. }) if fault.contains("saturat") => {
+        Err(Error::Saturated { device, fault, .. }) => {
             audit.checks.push(checks::saturated(&format!("{device}: {fault}")));
             return Ok(audit);
         }
@@ -156,6 +158,10 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
     }
     if let Some(ambient) = subject.ambient()? {
         audit.checks.push(checks::ambient(&ambient, &white));
+    }
+    if let Some(photos) = subject.primaries()? {
+        audit.photos += photos.len();
+        audit.checks.push(checks::crosstalk(&Crosstalk::measured(&photos)?));
     }
     if let Some(share) = subject.saturated()? {
         audit.checks.push(checks::saturation(share));

@@ -46,6 +46,14 @@ pub trait Audited {
     /// Whatever keeps the white photo from being taken.
     fn saturated(&mut self) -> Result<Option<f64>>;
 
+    /// Photos of the projector's red, green and blue alone, in each of the camera's channels; none where either is gray.
+    ///
+    /// # Errors
+    /// Whatever keeps them from being taken.
+    fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
+        Ok(None)
+    }
+
     /// The largest relative change of the lamp's light that was seen, and corrected; none where nobody watched.
     ///
     /// # Errors
@@ -130,6 +138,10 @@ impl Audited for Measurement {
 
     fn saturated(&mut self) -> Result<Option<f64>> {
         Self::saturated(self).map(Some)
+    }
+
+    fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
+        Self::primaries(self)
     }
 
     fn drift(&mut self) -> Result<Option<f64>> {

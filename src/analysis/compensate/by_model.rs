@@ -1,10 +1,10 @@
 //! A new target on a scene that is captured already: compensation by a model of its light, at no or few further photos.
 
+use super::answer::Answer;
 use super::run::Run;
 use super::wish::{norm_of, residual_norm};
 use super::{CompensateOptions, Compensation, CompensationRow, Prior, Scene, Wish, clipped};
 use crate::analysis::LowRank;
-use crate::analysis::likeness::likeness;
 use crate::error::Result;
 use crate::krylov::{Constraint, keep_solving};
 
@@ -54,7 +54,8 @@ pub fn compensate_by_model(
     let mut stalled = false;
     loop {
         let goal = combined(&b, &missed, |b, missed| b - missed);
-        let mut run = Run { wish, white: &white, b: &goal, options, prior: &prior, preparation: 0 };
+        let mut run =
+            Run { wish, white: &white, b: &goal, options, prior: &prior, dear: false, preparation: 0 };
         let solved = run.solve(scene.channels, options.method, PRODUCTS, false, &mut keep_solving)?;
         let pattern = clipped(&solved.patterns, options.floor);
         let modelled = scene.photograph(&pattern)?;
@@ -70,32 +71,13 @@ pub fn compensate_by_model(
         }
         let predicted = combined(&modelled, &missed, |modelled, missed| modelled + missed);
         let plain = scene.photograph(&clipped(&wish.dimmed(&white, peak)?, options.floor))?;
-        let (residual, uncompensated_residual) =
-            (residual_norm(&b, &predicted) / scale, residual_norm(&b, &plain) / scale);
-        let (target, observed) = (wish.radiance(peak)?, wish.photo(&predicted)?);
-        let uncompensated = wish.photo(&plain)?;
         let boxed = options.method.facts().constraint == Constraint::Box;
-        return Ok(Compensation {
-            unclipped: if pattern == solved.patterns { None } else { Some(wish.image(&solved.patterns)?) },
-            pattern: wish.image(&pattern)?,
-            likeness: likeness(&observed, &target, peak)?,
-            uncompensated_likeness: likeness(&uncompensated, &target, peak)?,
-            target,
-            observed,
-            uncompensated,
-            peak,
-            residual,
-            unclipped_residual: solved.residual,
-            uncompensated_residual,
-            photos: history.len(),
-            history,
-            baseline: Vec::new(),
-            preparation: 0,
-            clamping: None,
-            status: solved.status,
-            // No further photo of the model's could make it better, so this is as good as the model.
-            good: residual < uncompensated_residual && (boxed || residual <= options.rtol),
-        });
+        let answer =
+            Answer { wish, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
+        let found = answer.of(solved)?;
+        // No further photo of the model's could make it better, so this is as good as the model.
+        let good = found.residual < found.uncompensated_residual && (boxed || found.good);
+        return Ok(Compensation { good, photos: history.len(), history, ..found });
     }
 }
 

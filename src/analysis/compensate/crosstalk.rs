@@ -65,6 +65,16 @@ impl Crosstalk {
         Self::new(matrix)
     }
 
+    /// The same with rows that add up to 1: for channels of which a product was measured by a gray pattern, so that all that they see of
+    /// white is in `A_c` already.
+    pub fn relative_to_white(self) -> Result<Self> {
+        let matrix = self.matrix.map(|row| {
+            let white: f64 = row.iter().sum();
+            row.map(|entry| entry / white)
+        });
+        Ok(Self { coupled: self.coupled, ..Self::new(matrix)? })
+    }
+
     /// `M`, row by row.
     pub fn matrix(&self) -> &[[f64; 3]; 3] {
         &self.matrix

@@ -8,11 +8,14 @@
 //! | every method at equal photos | [`compare_methods`] |
 //! | another target for a scene that is captured already | [`compensate_by_model`] |
 
+mod answer;
 mod by_model;
 mod clamping;
 mod compare;
 mod crosstalk;
 mod defocus;
+mod gaussian;
+mod mixture;
 mod options;
 mod run;
 mod wish;
@@ -21,14 +24,16 @@ pub use by_model::{Photograph, compensate_by_model};
 pub use clamping::Clamping;
 pub use compare::{MethodRun, compare_methods};
 pub use crosstalk::Crosstalk;
+pub(crate) use mixture::Mixture;
 pub use options::{CompensateOptions, Precondition};
 pub use wish::Wish;
 
-use super::likeness::{Likeness, likeness};
+use super::likeness::Likeness;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::{Constraint, Method, SolveMonitor, Status, keep_solving};
 use crate::operator::Adjoint;
+use answer::Answer;
 use run::{Planes, Run};
 use wish::{norm_of, residual_norm};
 
@@ -93,6 +98,8 @@ pub struct Prior {
     pub geometry: Vec<f64>,
     /// The crosstalk of projector and camera colours; only for three channels.
     pub crosstalk: Option<Crosstalk>,
+    /// Photos that were taken to learn all this.
+    pub photos: usize,
     /// Where methods start (a plane for each channel), in place of darkness or the target over the white photo.
     pub start: Option<Vec<Vec<f64>>>,
 }
@@ -138,7 +145,7 @@ pub fn compensate_with<O: Adjoint>(
     let white = scene.photograph(&ones)?;
     let peak = options.peak.map_or_else(|| wish.default_peak(&white), Ok)?;
     let b = wish.light(peak)?;
-    let mut run = Run { wish, white: &white, b: &b, options, prior, preparation: 1 };
+    let mut run = Run { wish, white: &white, b: &b, options, prior, dear: true, preparation: 1 };
     let keep = options.method.facts().constraint != Constraint::Box && options.baseline;
     let solved = run.solve(scene.channels, options.method, options.photos, keep, monitor)?;
     let preparation = run.preparation;
@@ -153,43 +160,20 @@ pub fn compensate_with<O: Adjoint>(
     let observed = scene.photograph(&pattern)?;
     let plain = clipped(&wish.dimmed(&white, peak)?, options.floor);
     let uncompensated = scene.photograph(&plain)?;
-    let scale = norm_of(&b);
-    let residual = residual_norm(&b, &observed) / scale;
-    let uncompensated_residual = residual_norm(&b, &uncompensated) / scale;
-    let was_clipped = pattern != solved.patterns;
-    let clamping = if keep && was_clipped {
+    let keep = keep && pattern != solved.patterns;
+    let displayed = match keep {
+        true => scene.displayed(&solved.answers, options.floor, &b)?,
+        false => Vec::new(),
+    };
+    let answer = Answer { wish, options, peak, b: &b, pattern, observed, uncompensated };
+    let found = answer.of(solved)?;
+    let clamping = if keep {
         let boxed = run.solve(scene.channels, Method::KrylovBox, again, false, &mut keep_solving)?.history;
-        let displayed = scene.displayed(&solved.answers, options.floor, &b)?;
-        Some(Clamping { displayed, boxed, uncompensated: uncompensated_residual })
+        Some(Clamping { displayed, boxed, uncompensated: found.uncompensated_residual })
     } else {
         None
     };
-    // What the method knows by recurrence agrees with a photo to rounding, not to the last bit.
-    let reached = residual <= options.rtol * (1.0 + 1e-6);
-    let optimal =
-        options.method.facts().constraint == Constraint::Box && solved.status == Status::ConstrainedOptimum;
-    let (target, observed) = (wish.radiance(peak)?, wish.photo(&observed)?);
-    let uncompensated = wish.photo(&uncompensated)?;
-    Ok(Compensation {
-        unclipped: if was_clipped { Some(wish.image(&solved.patterns)?) } else { None },
-        pattern: wish.image(&pattern)?,
-        likeness: likeness(&observed, &target, peak)?,
-        uncompensated_likeness: likeness(&uncompensated, &target, peak)?,
-        target,
-        observed,
-        uncompensated,
-        peak,
-        residual,
-        unclipped_residual: solved.residual,
-        uncompensated_residual,
-        history: solved.history,
-        baseline,
-        photos: solved.photos,
-        preparation,
-        clamping,
-        status: solved.status,
-        good: residual < uncompensated_residual && (reached || optimal),
-    })
+    Ok(Compensation { baseline, clamping, preparation: preparation + prior.photos, ..found })
 }
 
 impl Prior {

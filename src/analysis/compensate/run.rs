@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::crosstalk::{Crosstalk, Mixed, planes};
 use super::defocus::Defocus;
+use super::mixture::Mixture;
 use super::options::{CompensateOptions, Precondition};
 use super::wish::{Wish, norm_of};
 use super::{CompensationRow, Prior};
@@ -11,7 +12,7 @@ use crate::analysis::direct::{DirectMethod, measure_direct};
 use crate::error::{Error, Result};
 use crate::krylov::{
     Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveMonitor, SolveOptions, SolveRow,
-    Start, Status, solve_adjoint,
+    Start, Status, Surrogate, solve_adjoint,
 };
 use crate::operator::{Adjoint, Operator, Symmetry};
 
@@ -41,6 +42,8 @@ pub(super) struct Run<'a> {
     pub(super) b: &'a [Vec<f64>],
     pub(super) options: &'a CompensateOptions,
     pub(super) prior: &'a Prior,
+    /// Whether each product is a photo, so that it pays to work long on the next.
+    pub(super) dear: bool,
     /// Photos before those of the method.
     pub(super) preparation: usize,
 }
@@ -127,6 +130,14 @@ impl Run<'_> {
         let constrained = method.facts().constraint != Constraint::None;
         let preconditioner =
             if constrained { None } else { self.preconditioner(operator, channel, white.clone())? };
+        // The transpose is what such a rig lacks.
+        let lacks_transpose = self.dear && operator.symmetry() != Symmetry::Symmetric && channel.is_some();
+        let surrogate: Option<Arc<dyn Surrogate>> = match method {
+            Method::KrylovBox if lacks_transpose => {
+                Some(Arc::new(Mixture::new(self.wish.resolution(), &white)))
+            }
+            _ => None,
+        };
         Ok(SolveOptions {
             products: photos,
             rtol: self.options.rtol,
@@ -135,6 +146,7 @@ impl Run<'_> {
             diagonal: constrained.then_some(white),
             preconditioner,
             x0,
+            surrogate,
             ..SolveOptions::default()
         })
     }

@@ -4,8 +4,8 @@ use super::LowRank;
 use crate::analysis::probe::smooth_patterns;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start};
-use crate::operator::{Operator, Symmetry};
+use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start, dot, norm};
+use crate::operator::{Operator, Product, Recorded, Symmetry};
 
 /// How a low-rank model is captured.
 #[derive(Clone, Debug)]
@@ -69,82 +69,43 @@ pub fn capture(
     }
     let symmetric = operator.symmetry() == Symmetry::Symmetric;
     let start = options.start.as_ref().map_or_else(|| vec![1.0; n], |start| start.vector(n));
-    let mut recorder = Recorder { operator, symmetric, patterns: Vec::new(), photos: Vec::new() };
+    let mut recorder = Recorded::new(operator);
     let basis = if symmetric {
         let mut block = vec![start];
         // A block wider than the photos would leave those that it starts with unseen.
         block.extend(options.beside.iter().take(options.photos - 1).cloned());
-        run(BlockLanczos::new(&block, &[])?, &mut recorder, options.photos, watch)?
+        run(BlockLanczos::new(&block, &[])?, &mut recorder, (options.photos, symmetric), watch)?
     } else {
-        run(Arnoldi::new(&start, &[])?, &mut recorder, options.photos, watch)?
+        run(Arnoldi::new(&start, &[])?, &mut recorder, (options.photos, symmetric), watch)?
     };
-    LowRank::new(basis, recorder.photos, direct.to_vec(), symmetric)
+    let photos = recorder.products.into_iter().map(|product| product.to).collect();
+    LowRank::new(basis, photos, direct.to_vec(), symmetric)
 }
 
 /// The basis after so many steps, or as many as the space has dimensions.
 fn run(
     mut process: impl Factorization,
-    recorder: &mut Recorder<'_>,
-    photos: usize,
+    recorder: &mut Recorded<'_, dyn Operator + '_>,
+    (photos, symmetric): (usize, bool),
     watch: &mut dyn FnMut(CaptureStep),
 ) -> Result<Vec<Vec<f64>>> {
     while process.steps() < photos && !process.is_exhausted() {
         process.expand(recorder)?;
-        watch(CaptureStep { photos: process.steps(), news: recorder.news() });
+        watch(CaptureStep { photos: process.steps(), news: news(&recorder.products, symmetric) });
     }
     Ok(process.basis().to_vec())
 }
 
-/// Keeps each product.
-struct Recorder<'a> {
-    operator: &'a mut dyn Operator,
-    symmetric: bool,
-    patterns: Vec<Vec<f64>>,
-    photos: Vec<Vec<f64>>,
-}
-
-impl Recorder<'_> {
-    /// [`CaptureStep::news`] of the last photo. Without symmetry nothing is known of a pattern that stands at right angles to all
-    /// before.
-    fn news(&self) -> f64 {
-        let (Some((pattern, patterns)), Some((photo, photos))) =
-            (self.patterns.split_last(), self.photos.split_last())
-        else {
-            return 1.0;
-        };
-        let mut rest = photo.clone();
-        if self.symmetric {
-            for (known, seen) in patterns.iter().zip(photos) {
-                let share = dot(seen, pattern);
-                rest.iter_mut().zip(known).for_each(|(rest, known)| *rest -= share * known);
-            }
+/// [`CaptureStep::news`] of the last photo. Without symmetry nothing is known of a pattern that stands at right angles to all before.
+fn news(products: &[Product], symmetric: bool) -> f64 {
+    let Some((last, before)) = products.split_last() else { return 1.0 };
+    let mut rest = last.to.clone();
+    if symmetric {
+        for known in before {
+            let share = dot(&known.to, &last.from);
+            rest.iter_mut().zip(&known.from).for_each(|(rest, known)| *rest -= share * known);
         }
-        let strongest = self.photos.iter().map(|photo| dot(photo, photo)).fold(0.0, f64::max).sqrt();
-        if strongest > 0.0 { dot(&rest, &rest).sqrt() / strongest } else { 0.0 }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-impl Operator for Recorder<'_> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)?;
-        self.patterns.push(x.to_vec());
-        self.photos.push(y.to_vec());
-        Ok(())
-    }
+    let strongest = products.iter().map(|product| norm(&product.to)).fold(0.0, f64::max);
+    if strongest > 0.0 { norm(&rest) / strongest } else { 0.0 }
 }

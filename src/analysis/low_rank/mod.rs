@@ -17,10 +17,12 @@
 
 mod capture;
 mod error_curve;
+mod from_products;
 mod inverse;
 mod model;
 
 pub use capture::{CaptureStep, LowRankCapture, capture, smooth_starts};
 pub use error_curve::{ErrorRow, error_curve, optimal_errors};
+pub use from_products::{estimated_direct, from_products};
 pub use inverse::{Cancelled, cancel_interreflections};
 pub use model::LowRank;

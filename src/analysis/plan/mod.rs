@@ -17,7 +17,9 @@ pub use twin::Twin;
 
 use crate::error::Result;
 use crate::measure::{Calibration, Live, MeasureOptions, Measurement};
+use crate::operator::Operator;
 use crate::rig::VirtualRig;
+use crate::transport::Part;
 
 /// What is planned with.
 #[derive(Clone, Copy)]
@@ -55,7 +57,9 @@ impl Planner<'_> {
         let bench = rig.open(self.twin.transport(), None)?;
         let settle = self.measurement.settle.unwrap_or(self.calibration.stability.settle);
         let shots = Live::new(bench, settle, self.measurement.tries);
-        Measurement::new(Box::new(shots), self.calibration.clone(), self.measurement.clone())
+        let measurement =
+            Measurement::new(Box::new(shots), self.calibration.clone(), self.measurement.clone())?;
+        Ok(measurement.declared(self.twin.operator(Part::Full, 0)?.symmetry()))
     }
 }
 

@@ -18,7 +18,7 @@ use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
 use crate::analysis::compensate::{compare_methods, compensate_with};
-use crate::analysis::{CompensateOptions, Compensation, Crosstalk, MethodRun, Prior, Wish};
+use crate::analysis::{CompensateOptions, Compensation, MethodRun, Prior, Wish};
 use crate::error::Error;
 use crate::image::Image;
 use crate::krylov::SolveProgress;
@@ -80,19 +80,19 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     // What is wrong with the options or the files should show before anything is written or traced.
     args.options(true, true, None).check()?;
-    let crosstalk = args.colors.crosstalk(args.channels())?;
+    args.colors.check(args.channels())?;
     let mut source = Source::open(&args.source, &args.trace, console)?;
     let target = args.question.target(source.resolution(), args.channels())?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels());
-    let outcome = answer(args, console, (&target, crosstalk), &mut source, &mut folder);
+    let outcome = answer(args, console, &target, &mut source, &mut folder);
     folder.close(outcome)
 }
 
 fn answer(
     args: &Args,
     console: &Console,
-    (target, crosstalk): (&Image, Option<Crosstalk>),
+    target: &Image,
     source: &mut Source,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
@@ -106,11 +106,12 @@ fn answer(
     })?;
     folder.manifest.noise = light.noise().map(Into::into);
     let wish = Wish::new(target, &light.ambient(console)?)?;
+    let (crosstalk, learned) = args.colors.crosstalk(&mut light, console)?;
     let symmetric = crosstalk.is_none() && prior::is_symmetric(&mut light, console);
     let options = args.options(light.is_simulated(), symmetric, held);
     folder.manifest.photos_allowed = Some(options.photos);
-    let prior =
-        Prior { direct: prior::direct(&options, &mut light, console)?, geometry, crosstalk, start: None };
+    let direct = prior::direct(&options, &mut light, console)?;
+    let prior = Prior { direct, geometry, crosstalk, photos: learned, start: None };
     live.expect(1 + options.photos);
     let found = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |channels| {

@@ -9,38 +9,87 @@ use crate::operator::{Operator, Symmetry};
 use crate::scene::predicted_direct;
 use crate::transport::{Channels, Part};
 
+/// A mixing matrix on the command line.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Colors {
+    Measure,
+    Given([[f64; 3]; 3]),
+}
+
+fn colors(text: &str) -> std::result::Result<Colors, String> {
+    if text == "measure" {
+        return Ok(Colors::Measure);
+    }
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|number| {
+            number.trim().parse().map_err(|_| format!("`{number}` is no number; give nine, or `measure`"))
+        })
+        .collect::<std::result::Result<_, String>>()?;
+    let rows: Vec<[f64; 3]> = numbers.chunks(3).filter_map(|row| row.try_into().ok()).collect();
+    match <[[f64; 3]; 3]>::try_from(rows) {
+        Ok(matrix) if numbers.len() == 9 => Ok(Colors::Given(matrix)),
+        _ => Err(format!(
+            "{} numbers for a matrix of 3 by 3; give nine, a row for each camera channel",
+            numbers.len()
+        )),
+    }
+}
+
 /// How colours of projector and camera belong together.
 #[derive(clap::Args)]
 pub(super) struct ColorArgs {
-    /// What each camera channel sees of each projector colour, row by row: nine numbers. The light is mixed so, and all three
-    /// colours are solved as one system
-    #[arg(long, value_name = "M11,M12,...", value_delimiter = ',', num_args = 9)]
-    crosstalk: Vec<f64>,
+    /// What each camera channel sees of each projector colour, row by row: nine numbers, or `measure`: told from three photos more, of
+    /// red, green and blue. The light is mixed so, and all three colours are solved as one system
+    #[arg(long, value_name = "measure|M11,M12,...", value_parser = colors)]
+    crosstalk: Option<Colors>,
     /// Solve each channel by itself and un-mix the colours afterwards
     #[arg(long, requires = "crosstalk")]
     unmix: bool,
 }
 
 impl ColorArgs {
-    /// The mixing matrix, if there is one.
-    pub(super) fn crosstalk(&self, channels: Channels) -> Result<Option<Crosstalk>> {
-        let refuse = |fault: String, help: &str| {
-            Err(Error::Option { option: "--crosstalk".into(), fault, help: help.into() })
-        };
-        let [a, b, c, d, e, f, g, h, i] = match *self.crosstalk.as_slice() {
-            [] => return Ok(None),
-            [a, b, c, d, e, f, g, h, i] => [a, b, c, d, e, f, g, h, i],
-            _ => {
-                let fault = format!("{} numbers for a matrix of 3 by 3", self.crosstalk.len());
-                return refuse(fault, "give nine, a row for each camera channel");
+    /// Refuses what can be told to be wrong before anything is traced; a given matrix comes back.
+    pub(super) fn check(&self, channels: Channels) -> Result<()> {
+        match self.crosstalk {
+            None => Ok(()),
+            Some(_) if channels == Channels::Luma => Err(Error::Option {
+                option: "--crosstalk".into(),
+                fault: "gray light has no colours to mix".into(),
+                help: "add --channels rgb".into(),
+            }),
+            Some(Colors::Given(matrix)) => Crosstalk::new(matrix).map(drop),
+            Some(Colors::Measure) => Ok(()),
+        }
+    }
+
+    /// The mixing matrix, if there is one, and the photos that it took to learn it.
+    pub(super) fn crosstalk(
+        &self,
+        light: &mut Light<'_>,
+        console: &Console,
+    ) -> anyhow::Result<(Option<Crosstalk>, usize)> {
+        let (mut crosstalk, photos) = match self.crosstalk {
+            None => return Ok((None, 0)),
+            Some(Colors::Given(matrix)) => (Crosstalk::new(matrix)?, 0),
+            Some(Colors::Measure) => {
+                let photos = light.primaries(console)?;
+                (Crosstalk::measured(&photos)?, photos.len())
             }
         };
-        if channels == Channels::Luma {
-            return refuse("gray light has no colours to mix".into(), "add --channels rgb");
+        if photos > 0 {
+            let row = |row: &[f64; 3]| row.map(|entry| format!("{entry:.4}")).join(" ");
+            console.say(format_args!(
+                "crosstalk {} (red, green and blue, in each camera channel's own)",
+                crosstalk.matrix().each_ref().map(row).join(" | ")
+            ))?;
         }
-        let mut crosstalk = Crosstalk::new([[a, b, c], [d, e, f], [g, h, i]])?;
+        if !light.is_simulated() {
+            // A rig's products are measured by gray patterns.
+            crosstalk = crosstalk.relative_to_white()?;
+        }
         crosstalk.coupled = !self.unmix;
-        Ok(Some(crosstalk))
+        Ok((Some(crosstalk), photos))
     }
 }
 

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::super::console::Console;
-use super::super::light::Light;
+use super::super::light::{Light, direct_diagonal};
 use super::super::live::Live;
 use super::super::noise::percent;
 use crate::analysis::LowRank;
@@ -17,7 +17,7 @@ use crate::operator::{Operator, Symmetry};
 use crate::report::model::SavedModel;
 use crate::report::relighting::RankRow;
 use crate::sparse::Csr;
-use crate::transport::{Bounces, Part};
+use crate::transport::Part;
 
 /// Products for the best approximation of each rank, beyond four times the rank: converged to well below a per cent.
 const EXTRA_PRODUCTS: usize = 40;
@@ -96,15 +96,11 @@ enum Direct {
 /// The direct light of each channel: a diagonal where it is one.
 fn direct(light: &mut Light<'_>, console: &Console) -> Result<Vec<Direct>> {
     if let Some(traced) = light.matrix() {
+        if let Some(diagonals) = direct_diagonal(traced) {
+            return Ok(diagonals.into_iter().map(Direct::Diagonal).collect());
+        }
         let matrix = &traced.matrix;
-        let spread = matrix.layers().iter().any(|layer| layer.bounces() == Bounces::One);
-        let channel = |channel: usize| -> Result<Direct> {
-            let diagonal = matrix.direct(channel);
-            if spread || diagonal.is_empty() {
-                return Ok(Direct::Matrix(matrix.to_csr(Part::Direct, channel)?));
-            }
-            Ok(Direct::Diagonal(diagonal.iter().map(|&value| f64::from(value)).collect()))
-        };
+        let channel = |channel: usize| Ok(Direct::Matrix(matrix.to_csr(Part::Direct, channel)?));
         return (0..matrix.channels().count()).map(channel).collect();
     }
     // Random signs tell a diagonal from anything else.

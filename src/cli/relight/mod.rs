@@ -1,6 +1,7 @@
 //! `krylux relight`: low-rank light transport from one capture, and what it answers at no further photo.
 
 mod capture;
+mod from_run;
 mod questions;
 
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ use super::noise::percent;
 use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
 use super::pattern::Pattern;
+use super::replay::Replay;
 use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
@@ -33,7 +35,7 @@ const BLOCK: usize = 12;
 /// Capture light transport in a few dozen photos, and relight the scene with any pattern
 ///
 /// The run's folder keeps the model. Given as SOURCE, it relights with other patterns without any photo, and without a
-/// graphics device.
+/// graphics device. So does the folder of a `segment`, `eigs` or `compensate` run: a model is made of the photos in its journal.
 #[derive(clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
@@ -124,6 +126,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         return from_model(args, console);
     }
     let mut source = Source::open(&args.source, &args.trace, console)?;
+    if let Source::Run(run) = &source {
+        return from_run(args, run, console);
+    }
     // What is wrong with a file should show before anything is traced.
     args.questions().patterns(source.projector_resolution(), source.resolution(), args.channels().count())?;
     args.questions().photographs(source.resolution(), args.channels().count())?;
@@ -131,6 +136,24 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut folder = RunFolder::create(&args.run, &format!("{}-relight", source.name()), console)?;
     source.describe(&mut folder.manifest, args.channels());
     let outcome = captured(args, console, &mut source, &mut folder);
+    folder.close(outcome)
+}
+
+/// Answers from the photos that a run of another verb took.
+fn from_run(args: &Args, run: &Replay, console: &Console) -> Result<Outcome> {
+    args.check_for_model()?;
+    let model = from_run::model(run, console)?;
+    args.questions().patterns(model.projector, model.resolution, model.channels.len())?;
+    args.questions().photographs(model.resolution, model.channels.len())?;
+    let mut folder = RunFolder::create(&args.run, &format!("{}-relight", model.source), console)?;
+    run.describe(&mut folder.manifest);
+    folder.manifest.resolution = Some(model.resolution);
+    let outcome = folder
+        .timed("relighting", |folder| {
+            let files = model.write(&folder.path)?;
+            Ok((args.questions().answers(&model, None, console)?, files))
+        })
+        .and_then(|(answers, files)| finish(args, &model, &answers, &[], None, files, &mut folder, console));
     folder.close(outcome)
 }
 

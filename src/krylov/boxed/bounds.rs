@@ -1,5 +1,6 @@
 //! The box and the diagonal by which steps are scaled.
 
+use super::super::basis::dot;
 use super::super::linear::SolveOptions;
 use super::super::linear::system::{System, same_length};
 use super::super::vectors::{update, update2};
@@ -98,6 +99,31 @@ impl Boxed {
         } else {
             update2(x, b, &self.diagonal, |_, b, d| bounds.clip(b / d));
         }
+    }
+
+    /// `x ← t x` with the best `t` that keeps it inside the box, and the product in `system.work` with it: a photo is as many times as bright
+    /// as its pattern.
+    pub(super) fn brighten(&mut self) {
+        let Bounds { lower, upper } = self.bounds;
+        let System { x, b, work, .. } = &mut self.system;
+        let square = dot(work, work);
+        if square == 0.0 {
+            return;
+        }
+        let (mut least, mut most) = (0.0_f64, f64::INFINITY);
+        for &value in x.iter() {
+            // t · value = lower, and = upper, the lesser t first.
+            let [first, last] =
+                if value > 0.0 { [lower / value, upper / value] } else { [upper / value, lower / value] };
+            if value != 0.0 {
+                (least, most) = (least.max(first), most.min(last));
+            }
+        }
+        // x is inside, so 1 is, but for rounding.
+        let t = (dot(b, work) / square).clamp(least.min(1.0), most.max(1.0));
+        let bounds = self.bounds;
+        x.iter_mut().for_each(|value| *value = bounds.clip(t * *value));
+        work.iter_mut().for_each(|value| *value *= t);
     }
 
     /// `r ← b − A x` from the product in `system.work`.

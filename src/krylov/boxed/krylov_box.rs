@@ -1,11 +1,15 @@
 //! A Krylov method inside the box.
 
+use std::sync::Arc;
+
 use super::super::basis::{dot, norm};
+use super::super::linear::system::same_length;
 use super::super::linear::{Advance, SolveOptions, Solver, Tally};
 use super::super::stats::Status;
 use super::super::vectors::{axpy, update2};
 use super::bounds::Boxed;
 use super::model::Model;
+use super::surrogate::Surrogate;
 use crate::error::Result;
 use crate::operator::{Adjoint, Symmetry};
 
@@ -17,8 +21,9 @@ use crate::operator::{Adjoint, Symmetry};
 /// knows `A r` knows the true gradient `A r` at `x`, so it is at rest only at the true optimum.
 ///
 /// # Properties
-/// One product a step. `‖r‖` falls monotonically, and every iterate is inside the box. No transpose; for an operator
-/// that is not symmetric the model is Broyden's, and rest need not be the optimum. Patterns shown are inside the box
+/// One product a step. `‖r‖` falls monotonically, and every iterate is inside the box; the first is as bright as its photo says it
+/// should be. No transpose; for an operator that is not symmetric the model is Broyden's, and rest need not be the optimum:
+/// [`SolveOptions::surrogate`], with its transpose, brings it nearer. Patterns shown are inside the box
 /// except residuals, which are signed. Ends where the model, knowing `A r`, can predict no gain beyond `rtol`. Stores
 /// after `k` products `2k` `n`-vectors (two more for a white photo that was given) and, beside them, `b, x`, the best
 /// `x`, `r, D, D^½`, the candidate, a product and six to work in.
@@ -35,6 +40,8 @@ pub struct KrylovBox {
     candidate: Vec<f64>,
     next: Next,
     rtol: f64,
+    /// See [`SolveOptions::surrogate`].
+    surrogate: Option<Arc<dyn Surrogate>>,
     /// Products to set memory aside for.
     capacity: usize,
     /// `A r` of the current residual is in the model.
@@ -56,13 +63,20 @@ enum Next {
 /// A step that gains less than this share of the residual is followed by a photo of the residual.
 const GAIN: f64 = 1e-3;
 
+/// The same with a surrogate, which has told most of what it can at once.
+const SURROGATE_GAIN: f64 = 1e-2;
+
 impl KrylovBox {
-    /// For `b` of length `n`. Looks at `x0`, `lower`, `upper`, `diagonal` and `rtol` of the options; without
+    /// For `b` of length `n`. Looks at `x0`, `lower`, `upper`, `diagonal`, `surrogate` and `rtol` of the options; without
     /// `diagonal` the first product is `A 1`. A `diagonal` that is given must be `A 1`: it is used as a photo.
     ///
     /// # Errors
-    /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new).
+    /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new); [`Error::Dimension`](crate::Error::Dimension) when the surrogate is of
+    /// another size.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
+        if let Some(surrogate) = &options.surrogate {
+            same_length("the surrogate's rows and columns", b.len(), surrogate.size())?;
+        }
         Ok(Self {
             boxed: Boxed::new("krylov-box", b, options)?,
             white_known: options.diagonal.is_some(),
@@ -70,6 +84,7 @@ impl KrylovBox {
             candidate: vec![0.0; b.len()],
             next: Next::Start,
             rtol: options.rtol,
+            surrogate: options.surrogate.clone(),
             // A white photo that was given is one more.
             capacity: options.products + usize::from(options.diagonal.is_some()),
             gradient_known: false,
@@ -96,12 +111,14 @@ impl KrylovBox {
 impl Solver for KrylovBox {
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance> {
         self.boxed.system.fits(operator)?;
-        let symmetric = operator.symmetry() == Symmetry::Symmetric;
+        let symmetric = operator.symmetry() == Symmetry::Symmetric && self.surrogate.is_none();
+        let gain = if self.surrogate.is_some() { SURROGATE_GAIN } else { GAIN };
         let taken = self.boxed.take_diagonal(operator)?;
         let model = match &mut self.model {
             Some(model) => model,
             none => {
-                let mut model = Model::new(&self.boxed.diagonal, symmetric, self.capacity);
+                let mut model =
+                    Model::new(&self.boxed.diagonal, symmetric, self.surrogate.clone(), self.capacity);
                 let ones = vec![1.0; self.boxed.system.b.len()];
                 if taken {
                     model.learn(&ones, &self.boxed.system.work);
@@ -137,6 +154,7 @@ impl Solver for KrylovBox {
                 system.tally.product(operator, &system.x, &mut system.work)?;
                 model.learn(&system.x, &system.work);
                 system.pending = false;
+                self.boxed.brighten();
                 self.boxed.residual_from_work();
                 let residual = norm(&self.boxed.system.r);
                 self.boxed.system.note(residual);
@@ -156,7 +174,7 @@ impl Solver for KrylovBox {
                 if gained > 0.0 {
                     self.gradient_known = false;
                 }
-                self.next = if gained > GAIN * before {
+                self.next = if gained > gain * before {
                     Next::Plan
                 } else if !self.gradient_known {
                     Next::Residual

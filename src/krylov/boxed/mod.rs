@@ -13,9 +13,11 @@ mod krylov_box;
 mod model;
 mod mrnsd;
 mod multiplicative;
+mod surrogate;
 
 pub use fista::Fista;
 pub use jacobi::ProjectedJacobi;
 pub use krylov_box::KrylovBox;
 pub use mrnsd::Mrnsd;
 pub use multiplicative::Multiplicative;
+pub use surrogate::Surrogate;

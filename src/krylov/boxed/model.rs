@@ -1,10 +1,13 @@
 //! A model of the operator from all products so far, and the box problem for the model.
 
+use std::sync::Arc;
+
 use super::super::basis::{Basis, dot, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::vectors::{update, update2};
 use super::bounds::Bounds;
 use super::gram::Gram;
+use super::surrogate::{Corrected, Surrogate};
 
 /// `M ≈ A` with `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal for all else.
 ///
@@ -19,7 +22,8 @@ use super::gram::Gram;
 /// (Powell's symmetric Broyden formula, for a block): indirect or blurred light is smooth, so its part outside the
 /// patterns shown dies out after a few. For a general `A` the nearest is Broyden's, `θ I + (W − θV) Vᵀ`. `θ` is the
 /// Rayleigh quotient `vᵀ Â v` of the newest direction: what the operator does to patterns not yet shown. It is the
-/// direct share of the light in focus, and falls towards zero under defocus.
+/// direct share of the light in focus, and falls towards zero under defocus. Where a surrogate `P` is given it takes the place of `θ I`, and
+/// the model is Broyden's.
 #[derive(Clone)]
 pub(super) struct Model {
     /// `D^½`.
@@ -32,6 +36,7 @@ pub(super) struct Model {
     gram: Gram,
     theta: f64,
     symmetric: bool,
+    surrogate: Option<Corrected>,
     work: Work,
 }
 
@@ -59,8 +64,13 @@ impl Work {
 const NEW: f64 = 1e-8;
 
 impl Model {
-    /// Before any product, with memory for `products` of them.
-    pub(super) fn new(diagonal: &[f64], symmetric: bool, products: usize) -> Self {
+    /// Before any product, with memory for `products` of them. A model with a surrogate is not symmetric.
+    pub(super) fn new(
+        diagonal: &[f64],
+        symmetric: bool,
+        surrogate: Option<Arc<dyn Surrogate>>,
+        products: usize,
+    ) -> Self {
         let n = diagonal.len();
         let (mut patterns, mut taken) = (Basis::new(n), Basis::new(n));
         patterns.reserve(products.min(n));
@@ -72,7 +82,8 @@ impl Model {
             projected: Vec::new(),
             gram: Gram::default(),
             theta: 1.0,
-            symmetric,
+            symmetric: symmetric && surrogate.is_none(),
+            surrogate: surrogate.map(Corrected::new),
             work: Work::new(n),
         }
     }
@@ -101,6 +112,9 @@ impl Model {
             row.push(*entry);
         }
         self.projected.push(column);
+        if let Some(surrogate) = &mut self.surrogate {
+            surrogate.learn(x, y);
+        }
         if self.symmetric {
             let Work { u: dv, y: dw, .. } = &mut self.work;
             update2(dv, v, &self.root, |_, v, s| s * s * v);
@@ -115,6 +129,9 @@ impl Model {
 
     /// `out ← M̂ u`, or `M̂ᵀ u`, in scaled coordinates.
     fn apply(&self, transposed: bool, u: &[f64], out: &mut [f64]) {
+        if let Some(surrogate) = &self.surrogate {
+            return surrogate.apply(transposed, &self.root, &self.patterns, u, out);
+        }
         let theta = self.theta;
         update(out, u, |_, u| theta * u);
         if self.symmetric {
@@ -181,6 +198,9 @@ impl Model {
     pub(super) fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         // Taken out, so that the model can be applied meanwhile.
         let mut work = std::mem::replace(&mut self.work, Work::new(0));
+        if let Some(surrogate) = &mut self.surrogate {
+            surrogate.catch_up(&self.root, &self.patterns, &self.products);
+        }
         let predicted = self.minimize_in(&mut work, b, bounds, x);
         self.work = work;
         predicted
@@ -257,6 +277,9 @@ impl Model {
             if settled {
                 break;
             }
+        }
+        if self.surrogate.is_some() {
+            return 1.1 * square;
         }
         // Whatever lies outside the span is multiplied by θ.
         let largest = self.root.iter().copied().fold(0.0, f64::max);

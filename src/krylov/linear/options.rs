@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use super::super::boxed::Surrogate;
 use super::super::precondition::Preconditioner;
 use crate::error::{Error, Result};
 
@@ -46,6 +47,8 @@ pub struct SolveOptions {
     /// `D`, of length `n`, by which methods inside a box scale their steps: `A 1`, the white photo. Default `None`:
     /// they take it by themselves, for one product.
     pub diagonal: Option<Vec<f64>>,
+    /// What krylov-box takes the operator for where no product has told of it yet. Default none: a multiple of `D`.
+    pub surrogate: Option<Arc<dyn Surrogate>>,
 }
 
 impl Default for SolveOptions {
@@ -62,6 +65,7 @@ impl Default for SolveOptions {
             lower: 0.0,
             upper: 1.0,
             diagonal: None,
+            surrogate: None,
         }
     }
 }
@@ -80,6 +84,7 @@ impl fmt::Debug for SolveOptions {
             .field("lower", &self.lower)
             .field("upper", &self.upper)
             .field("diagonal", &self.diagonal.as_ref().map(Vec::len))
+            .field("surrogate", &self.surrogate.is_some())
             .finish()
     }
 }

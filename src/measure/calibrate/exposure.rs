@@ -53,7 +53,7 @@ pub(super) fn fill(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<f64>
 }
 
 fn saturated(exposure: f64) -> Error {
-    Error::Rig {
+    Error::Saturated {
         device: "camera".into(),
         fault: format!(
             "the white frame saturates it even at {exposure} s, the shortest exposure that suits the projector"

@@ -7,7 +7,7 @@
 //! | the camera's response, black level | an exposure series of white and black | `response` |
 //! | gain, read noise | pairs of equal frames | `transfer` |
 //! | the projector's response | a ramp of levels | `ramp` |
-//! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `footprint` |
+//! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `map_fit`, `footprint` |
 //! | drift | the whites shown on the way | `stability` |
 //!
 //! O'Toole and Kutulakos, section 8.1.
@@ -23,6 +23,7 @@ mod latency;
 mod least_squares;
 mod lens_map;
 mod linear;
+mod map_fit;
 mod pixel_map;
 mod ramp;
 mod report;

@@ -3,7 +3,8 @@
 use super::checkerboard::corners;
 use super::footprint::{by_decoding, by_overlap};
 use super::gray_code::{Decoded, Light, gray_code};
-use super::lens_map::{self, Fit, Match};
+use super::lens_map::Match;
+use super::map_fit::{self, Fit};
 use super::report::{MapBy, MapFigures};
 use super::sitting::Sitting;
 use crate::error::Result;
@@ -22,7 +23,7 @@ const STRIPE: f64 = 1.5;
 /// Measures the map and makes footprints of it.
 ///
 /// # Errors
-/// As [`lens_map::fit`]; whatever keeps frames from being taken.
+/// As [`map_fit::fit`]; whatever keeps frames from being taken.
 pub(super) fn pixel_map(
     sitting: &mut Sitting<'_>,
     light: &Light<'_>,
@@ -35,13 +36,13 @@ pub(super) fn pixel_map(
     let coarse = (STRIPE / (2.0 * scale)).log2().ceil().max(0.0) as u32;
     let by = by.unwrap_or(if scale < 0.95 { MapBy::Checkerboard } else { MapBy::GrayCode });
     let decoded = gray_code(sitting, light, coarse)?;
-    let from_codes = lens_map::fit(&matches(&decoded, camera), camera, projector, 0.41 * decoded.step as f64);
+    let from_codes = map_fit::fit(&matches(&decoded, camera), camera, projector, 0.41 * decoded.step as f64);
     let (fit, points) = match (by, from_codes) {
         (MapBy::GrayCode, fit) => (fit, decoded.seen.len()),
         (MapBy::Checkerboard, Err(error)) => return Err(error),
         (MapBy::Checkerboard, Ok(first)) => {
             let found = corners(sitting, light, &first.map, &decoded.lit)?;
-            (lens_map::fit(&found, camera, projector, 0.2), found.len())
+            (map_fit::fit(&found, camera, projector, 0.2), found.len())
         }
     };
     let outliers = |fit: &Fit| fit.outliers;
@@ -77,7 +78,7 @@ pub(super) fn pixel_map(
             };
             Ok((registration, figures))
         }
-        Ok(fit) => Err(lens_map::no_map((points as f64 * (1.0 - fit.outliers)) as usize)),
+        Ok(fit) => Err(map_fit::no_map((points as f64 * (1.0 - fit.outliers)) as usize)),
         Err(error) => Err(error),
     }
 }

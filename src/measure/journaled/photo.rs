@@ -180,6 +180,7 @@ pub(super) fn sum(first: &Effort, second: &Effort) -> Effort {
         repeated: first.repeated + second.repeated,
         late: first.late + second.late,
         restarts: first.restarts + second.restarts,
+        resent: first.resent + second.resent,
         seconds: second.seconds.max(first.seconds),
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::error::Error;
 use crate::measure::MeasureOptions;
-use crate::rig::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector};
+use crate::rig::{Ambient, Drift, Faults, GigeSpec, VirtualCamera, VirtualProjector, X11Spec};
 
 /// Checks the values of one file.
 pub(super) struct Check {
@@ -140,6 +140,24 @@ impl Check {
         Ok(())
     }
 
+    /// That colours that are mixed are there, and that each channel sees something.
+    pub(super) fn crosstalk(&self, projector: &VirtualProjector, camera: &VirtualCamera) -> Checked {
+        let Some(matrix) = camera.crosstalk else { return Ok(()) };
+        if (projector.channels, camera.channels) != (3, 3) {
+            return Err(self.fault(
+                "camera.crosstalk mixes three colours, but projector or camera has one channel",
+                "give both channels = 3, or leave it out",
+            ));
+        }
+        for (row, entries) in matrix.iter().enumerate() {
+            for (column, &entry) in entries.iter().enumerate() {
+                let least = if row == column { 1e-6 } else { 0.0 };
+                self.range(&format!("camera.crosstalk[{row}][{column}]"), entry, least, 1e3)?;
+            }
+        }
+        Ok(())
+    }
+
     pub(super) fn ambient(&self, spec: &Ambient) -> Checked {
         self.range("ambient.level", spec.level, 0.0, 1e6)?;
         self.wave("ambient", "variation", spec.variation, spec.period)
@@ -166,6 +184,42 @@ impl Check {
             ));
         }
         Ok(())
+    }
+
+    pub(super) fn x11(&self, spec: &X11Spec) -> Checked {
+        self.channels("projector", spec.channels)?;
+        for side in spec.size.into_iter().chain(spec.monitor_size.into_iter().flatten()) {
+            self.range("projector.size", side as f64, 1.0, 16384.0)?;
+        }
+        self.ranges(
+            "projector",
+            &[
+                ("magnify", spec.magnify as f64, 1.0, 1024.0),
+                ("frame_time", spec.frame_time, 1e-3, 1.0),
+                ("settle_frames", spec.settle_frames as f64, 0.0, 1e3),
+            ],
+        )
+    }
+
+    pub(super) fn gige(&self, spec: &GigeSpec) -> Checked {
+        for side in spec.size {
+            self.range("camera.size", side as f64, 1.0, 65535.0)?;
+        }
+        for side in spec.offset {
+            self.range("camera.offset", side as f64, 0.0, 65535.0)?;
+        }
+        let [shortest, longest] = spec.exposures;
+        self.ranges(
+            "camera",
+            &[
+                ("exposures[0]", shortest, 1e-9, 1e6),
+                ("exposures[1]", longest, shortest, 1e6),
+                ("gain", spec.gain.unwrap_or(0.0), -1e6, 1e6),
+                ("timeout", spec.timeout, 0.0, 3600.0),
+                // The least that every network carries, and what fits a datagram.
+                ("packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0),
+            ],
+        )
     }
 
     pub(super) fn measurement(&self, options: &MeasureOptions) -> Checked {

@@ -17,11 +17,28 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! What is left out is ideal. The file that says where camera and projector *stand* in a scene (its poses, see
+//! What is left out is ideal. A rig of real devices has these two instead, and no scene:
+//!
+//! ```toml
+//! kind = "hardware"
+//!
+//! [projector]                     # X11Spec
+//! kind = "x11"
+//! monitor = "HDMI-1"
+//! size = [128, 96]
+//!
+//! [camera]                        # GigeSpec
+//! kind = "gige"
+//! address = "192.168.1.20"
+//! size = [640, 480]
+//!
+//! [measurement]                   # MeasureOptions
+//! ```
+//!
+//! The file that says where camera and projector *stand* in a scene (its poses, see
 //! [`crate::scene::load_with`]) is another one; a virtual rig may name it as `scene.camera_file`.
 
 mod check;
-mod nearest;
 mod parse;
 mod scene;
 
@@ -29,11 +46,14 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector, VirtualRig};
+use super::nearest::nearest;
+use super::{
+    Ambient, CameraInfo, Drift, Faults, GigeSpec, HardwareRig, ProjectorInfo, VirtualCamera,
+    VirtualProjector, VirtualRig, X11Spec,
+};
 use crate::error::{Error, Result};
 use crate::measure::MeasureOptions;
 use check::Check;
-use nearest::nearest;
 use parse::parse;
 use scene::SceneTable;
 
@@ -58,10 +78,29 @@ pub struct RigFile {
 pub enum RigKind {
     /// A simulated scene.
     Virtual(VirtualRig),
+    /// Real devices.
+    Hardware(HardwareRig),
 }
 
-/// What there is, and what will be.
-const KINDS: [&str; 3] = ["virtual", "x11", "aravis"];
+const KINDS: [&str; 2] = ["virtual", "hardware"];
+
+impl RigKind {
+    /// The projector, as it presents itself.
+    pub fn projector_info(&self) -> ProjectorInfo {
+        match self {
+            Self::Virtual(rig) => rig.projector_info(),
+            Self::Hardware(rig) => rig.projector_info(),
+        }
+    }
+
+    /// The camera, as it presents itself.
+    pub fn camera_info(&self) -> CameraInfo {
+        match self {
+            Self::Virtual(rig) => rig.camera_info(),
+            Self::Hardware(rig) => rig.camera_info(),
+        }
+    }
+}
 
 /// A virtual rig as it stands in its file.
 #[derive(Debug, Deserialize)]
@@ -83,6 +122,19 @@ struct VirtualTables {
     drift: Drift,
     #[serde(default)]
     faults: Faults,
+    #[serde(default)]
+    measurement: MeasureOptions,
+}
+
+/// A rig of real devices as it stands in its file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HardwareTables {
+    #[serde(rename = "kind")]
+    _kind: String,
+    calibration: Option<PathBuf>,
+    projector: X11Spec,
+    camera: GigeSpec,
     #[serde(default)]
     measurement: MeasureOptions,
 }
@@ -112,38 +164,43 @@ impl RigFile {
         let text = std::str::from_utf8(bytes)
             .map_err(|_| check.fault("not UTF-8 text", "give a rig file in TOML"))?;
         let hash = *blake3::hash(bytes).as_bytes();
-        check_kind(&check, text)?;
-        let tables: VirtualTables = parse(path, text)?;
-        check.projector(&tables.projector)?;
-        check.camera(&tables.camera)?;
-        check.ambient(&tables.ambient)?;
-        check.drift(&tables.drift)?;
-        check.faults(&tables.faults)?;
-        check.measurement(&tables.measurement)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let VirtualTables { seed, projector, camera, ambient, drift, faults, .. } = tables;
-        let scene = tables.scene.into_scene(&check, folder)?;
-        let rig = VirtualRig { scene, projector, camera, ambient, drift, faults, seed };
-        Ok(Self {
-            path: path.to_path_buf(),
-            hash,
-            calibration: tables.calibration.map(|calibration| folder.join(calibration)),
-            measurement: tables.measurement,
-            kind: RigKind::Virtual(rig),
-        })
+        let (kind, calibration, measurement) = if is_virtual(&check, text)? {
+            let tables: VirtualTables = parse(path, text)?;
+            let (calibration, measurement) = (tables.calibration.clone(), tables.measurement.clone());
+            (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
+        } else {
+            let HardwareTables { calibration, projector, camera, measurement, .. } = parse(path, text)?;
+            check.x11(&projector)?;
+            check.gige(&camera)?;
+            (RigKind::Hardware(HardwareRig { projector, camera }), calibration, measurement)
+        };
+        check.measurement(&measurement)?;
+        let calibration = calibration.map(|calibration| folder.join(calibration));
+        Ok(Self { path: path.to_path_buf(), hash, calibration, measurement, kind })
     }
 }
 
-/// That the file says what kind of rig it describes, and that there is such a kind.
-fn check_kind(check: &Check, text: &str) -> Result<()> {
+impl VirtualTables {
+    fn into_rig(self, check: &Check, folder: &Path) -> Result<VirtualRig> {
+        check.projector(&self.projector)?;
+        check.camera(&self.camera)?;
+        check.crosstalk(&self.projector, &self.camera)?;
+        check.ambient(&self.ambient)?;
+        check.drift(&self.drift)?;
+        check.faults(&self.faults)?;
+        let Self { seed, projector, camera, ambient, drift, faults, .. } = self;
+        let scene = self.scene.into_scene(check, folder)?;
+        Ok(VirtualRig { scene, projector, camera, ambient, drift, faults, seed })
+    }
+}
+
+/// Whether the file describes a virtual rig; that it says of what kind it is, and that there is such a kind.
+fn is_virtual(check: &Check, text: &str) -> Result<bool> {
     let table: toml::Table = parse(&check.path, text)?;
     let known = KINDS.join(", ");
     match table.get("kind").map(|kind| kind.as_str()) {
-        Some(Some("virtual")) => Ok(()),
-        Some(Some(kind)) if KINDS.contains(&kind) => Err(check.fault(
-            format!("kind = \"{kind}\" is not supported by this build yet"),
-            "give kind = \"virtual\", a simulated scene behind imperfect devices",
-        )),
+        Some(Some(kind)) if KINDS.contains(&kind) => Ok(kind == "virtual"),
         Some(Some(kind)) => {
             let meant = nearest(kind, &KINDS).map_or_else(String::new, |kind| format!("; did you mean \"{kind}\"?"));
             Err(check.fault(format!("unknown kind \"{kind}\"{meant}"), format!("known kinds: {known}")))
@@ -151,8 +208,8 @@ fn check_kind(check: &Check, text: &str) -> Result<()> {
         Some(None) => Err(check.fault("kind is no text", format!("give kind = \"virtual\"; known kinds: {known}"))),
         None if table.contains_key("camera") && !table.contains_key("scene") => Err(check.fault(
             "it does not say what kind of rig it describes",
-            "begin a rig file with kind = \"virtual\"; a file that says where camera and projector stand is given as \
-             --camera-file",
+            "begin a rig file with kind = \"virtual\" or \"hardware\"; a file that says where camera and projector stand is \
+             given as --camera-file",
         )),
         None => Err(check.fault(
             "it does not say what kind of rig it describes",

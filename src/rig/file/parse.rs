@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
-use super::nearest::nearest;
 use crate::error::Error;
+use crate::rig::nearest::nearest;
 
 /// Reads `text`, the content of `path`.
 pub(super) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, Error> {

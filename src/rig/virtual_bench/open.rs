@@ -55,7 +55,7 @@ impl VirtualRig {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());
         let optics = Optics::new(camera.resolution, light.photo_resolution(), &self.camera.misregistration());
-        let mut view = View::new(light, optics, camera.channels)?;
+        let mut view = View::new(light, optics, &self.camera)?;
         let screen = Screen::new(&self.projector, projector.resolution);
         let frame = |level| Frame::filled(projector.resolution, projector.channels, level);
         let white = view.lit_by(&screen.emit(&frame(projector.highest())))?.concat();

@@ -152,6 +152,8 @@ pub struct VirtualCamera {
     pub readout: f64,
     /// Seconds after which a frame that does not come is given up.
     pub timeout: f64,
+    /// What each of its three channels sees of each of the projector's three, a row for each of its own; none: of the same alone.
+    pub crosstalk: Option<[[f64; 3]; 3]>,
     /// See [`Misregistration`].
     pub shift: [f64; 2],
     /// See [`Misregistration`].
@@ -185,6 +187,7 @@ impl Default for VirtualCamera {
             exposure_step: 0.0,
             readout: 0.0,
             timeout: 1.0,
+            crosstalk: None,
             shift: [0.0; 2],
             rotation: 0.0,
             scale: 1.0,

@@ -1,5 +1,6 @@
 //! From what a projector emits to what falls on the camera's sensor: the scene, and the camera's optics.
 
+use super::VirtualCamera;
 use super::optics::Optics;
 use crate::error::Result;
 use crate::image::Image;
@@ -13,21 +14,32 @@ pub(super) struct View {
     transport: Box<dyn Transport>,
     optics: Optics,
     channels: usize,
+    crosstalk: Option<[[f64; 3]; 3]>,
     /// The photo without any light of the projector.
     unlit: Image,
 }
 
 impl View {
-    /// What a camera of 1 or 3 channels sees of a scene of at least as many.
-    pub(super) fn new(mut transport: Box<dyn Transport>, optics: Optics, channels: usize) -> Result<Self> {
+    /// What this camera sees, of 1 or 3 channels, of a scene of at least as many.
+    pub(super) fn new(
+        mut transport: Box<dyn Transport>,
+        optics: Optics,
+        camera: &VirtualCamera,
+    ) -> Result<Self> {
         let nothing = Image::filled(transport.pattern_resolution(), 1, 0.0);
         let unlit = transport.photograph(&nothing)?;
-        Ok(Self { transport, optics, channels, unlit })
+        let VirtualCamera { channels, crosstalk, .. } = *camera;
+        Ok(Self { transport, optics, channels, crosstalk, unlit })
     }
 
     /// What a pattern adds to the scene's own light.
     pub(super) fn lit_by(&mut self, pattern: &Image) -> Result<SeenLight> {
-        let mut photo = self.transport.photograph(pattern)?;
+        let mut photo = match self.crosstalk {
+            Some(matrix) if pattern.channels() == 3 => {
+                self.transport.photograph(&mixed(&matrix, pattern)?)?
+            }
+            _ => self.transport.photograph(pattern)?,
+        };
         for (sample, unlit) in photo.samples_mut().iter_mut().zip(self.unlit.samples()) {
             *sample -= unlit;
         }
@@ -47,4 +59,12 @@ impl View {
         }
         Ok((0..self.channels).map(|channel| self.optics.see(photo, channel)).collect())
     }
+}
+
+/// The pattern as each of the camera's channels is lit by it.
+fn mixed(matrix: &[[f64; 3]; 3], pattern: &Image) -> Result<Image> {
+    let light = pattern.samples().chunks_exact(3).flat_map(|colors| {
+        matrix.map(|row| row.iter().zip(colors).map(|(m, &color)| m * f64::from(color)).sum::<f64>() as f32)
+    });
+    Image::new(pattern.resolution(), 3, light.collect())
 }

@@ -1,0 +1,59 @@
+//! An answer with all that is said of it.
+
+use super::run::{Planes, Solved};
+use super::wish::{norm_of, residual_norm};
+use super::{CompensateOptions, Compensation, Wish};
+use crate::analysis::likeness::likeness;
+use crate::error::Result;
+use crate::krylov::{Constraint, Status};
+
+/// What is projected, and what is then seen, photographed or modelled; a plane for each channel, without ambient light.
+pub(super) struct Answer<'a> {
+    pub(super) wish: &'a Wish,
+    pub(super) options: &'a CompensateOptions,
+    pub(super) peak: f64,
+    /// The light wished from the projector.
+    pub(super) b: &'a [Vec<f64>],
+    /// Inside the box.
+    pub(super) pattern: Planes,
+    pub(super) observed: Planes,
+    /// Of the target itself.
+    pub(super) uncompensated: Planes,
+}
+
+impl Answer<'_> {
+    /// With what the method that found it says. It is good if it is better than nothing, and within the tolerance or the best inside
+    /// the box; nothing was prepared or compared.
+    pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
+        let Self { wish, options, peak, b, pattern, observed, uncompensated } = self;
+        let scale = norm_of(b);
+        let residual = residual_norm(b, &observed) / scale;
+        let uncompensated_residual = residual_norm(b, &uncompensated) / scale;
+        // What the method knows by recurrence agrees with a photo to rounding, not to the last bit.
+        let reached = residual <= options.rtol * (1.0 + 1e-6);
+        let boxed = options.method.facts().constraint == Constraint::Box;
+        let optimal = boxed && solved.status == Status::ConstrainedOptimum;
+        let (target, observed) = (wish.radiance(peak)?, wish.photo(&observed)?);
+        let uncompensated = wish.photo(&uncompensated)?;
+        Ok(Compensation {
+            unclipped: if pattern == solved.patterns { None } else { Some(wish.image(&solved.patterns)?) },
+            pattern: wish.image(&pattern)?,
+            likeness: likeness(&observed, &target, peak)?,
+            uncompensated_likeness: likeness(&uncompensated, &target, peak)?,
+            target,
+            observed,
+            uncompensated,
+            peak,
+            residual,
+            unclipped_residual: solved.residual,
+            uncompensated_residual,
+            history: solved.history,
+            baseline: Vec::new(),
+            photos: solved.photos,
+            preparation: 0,
+            clamping: None,
+            status: solved.status,
+            good: residual < uncompensated_residual && (reached || optimal),
+        })
+    }
+}

@@ -1,0 +1,90 @@
+//! `krylux rig list`: the devices that could be a rig.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+use super::super::Outcome;
+use super::super::console::Console;
+use super::super::options::OutputArgs;
+use crate::rig::{self, MonitorInfo, RigFile, RigKind};
+
+/// List the monitors and cameras that a rig file may name
+#[derive(clap::Args)]
+pub(in super::super) struct Args {
+    /// A rig file, whose X server and camera are asked, too
+    #[arg(value_name = "RIG")]
+    file: Option<PathBuf>,
+    /// The X server [default: that of the rig file, or of DISPLAY]
+    #[arg(long, value_name = ":N")]
+    display: Option<String>,
+    #[command(flatten)]
+    pub(in super::super) output: OutputArgs,
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    let file = args.file.as_deref().map(RigFile::load).transpose()?;
+    let hardware = match file.as_ref().map(|file| &file.kind) {
+        Some(RigKind::Hardware(rig)) => Some(rig),
+        _ => None,
+    };
+    let display = args.display.clone().or(hardware.and_then(|rig| rig.projector.display.clone()));
+    let monitors = rig::monitors(display.as_deref());
+    match &monitors {
+        Ok(monitors) => {
+            monitors.iter().enumerate().try_for_each(|(at, monitor)| say(at, monitor, console))?
+        }
+        // A computer without a screen may still have cameras.
+        Err(why) => console.note(format_args!("note: {why}")),
+    }
+    let cameras = cameras(hardware.map(|rig| rig.camera.address), console)?;
+    let monitors: Vec<Value> = monitors.unwrap_or_default().iter().map(describe).collect();
+    console.summary(&json!({ "verb": "rig list", "monitors": monitors, "cameras": cameras }))?;
+    Ok(Outcome::Done)
+}
+
+fn say(at: usize, monitor: &MonitorInfo, console: &Console) -> Result<()> {
+    let [x, y] = monitor.place;
+    let refresh = monitor.frame_time.map_or_else(String::new, |time| format!(", frame_time = {time:.5}"));
+    let primary = if monitor.is_primary { ", the desktop's first" } else { "" };
+    console.say(format_args!(
+        "monitor   {at} \"{}\": {} pixels at ({x}, {y}){refresh}{primary}",
+        monitor.name, monitor.resolution
+    ))
+}
+
+fn describe(monitor: &MonitorInfo) -> Value {
+    json!({
+        "name": monitor.name,
+        "resolution": monitor.resolution,
+        "place": monitor.place,
+        "primary": monitor.is_primary,
+        "frame_time": monitor.frame_time,
+    })
+}
+
+#[cfg(feature = "gige")]
+fn cameras(address: Option<std::net::Ipv4Addr>, console: &Console) -> Result<Value> {
+    let cameras = rig::cameras(&address.into_iter().collect::<Vec<_>>())?;
+    if cameras.is_empty() {
+        console.say("camera    none answers")?;
+    }
+    let known = |name: &Option<String>| name.clone().unwrap_or_else(|| "?".into());
+    for camera in &cameras {
+        console.say(format_args!(
+            "camera    {}: {} {}, serial number {}",
+            camera.address,
+            known(&camera.maker),
+            known(&camera.model),
+            known(&camera.serial)
+        ))?;
+    }
+    Ok(serde_json::to_value(cameras)?)
+}
+
+#[cfg(not(feature = "gige"))]
+fn cameras(_: Option<std::net::Ipv4Addr>, console: &Console) -> Result<Value> {
+    console.note(format_args!("note: this krylux was built without GigE Vision (--features gige)"));
+    Ok(json!([]))
+}

@@ -1,0 +1,80 @@
+//! What stands in for an operator where no product has told of it yet.
+
+use std::sync::Arc;
+
+use super::super::basis::Basis;
+use super::super::vectors::update2;
+
+/// A family of `n × n` operators that cost no product, one of which is near to the operator in question. Unlike a preconditioner,
+/// which approximates the inverse, it approximates the operator itself, and knows its own transpose: that is what a method without
+/// products with `Aᵀ` lacks.
+pub trait Surrogate: Send + Sync {
+    /// `n`.
+    fn size(&self) -> usize;
+    /// The member of the family that explains best that `A patterns[i] = products[i]`.
+    fn fitted(&self, patterns: &[Vec<f64>], products: &[Vec<f64>]) -> Arc<dyn Surrogate>;
+    /// `y ← P x`; every entry of `y` is overwritten.
+    fn apply(&self, x: &[f64], y: &mut [f64]);
+    /// `x ← Pᵀ y` likewise.
+    fn apply_adjoint(&self, y: &[f64], x: &mut [f64]);
+}
+
+/// A surrogate is fitted to so many products; those that follow correct it where it is wrong.
+const FITTED: usize = 16;
+
+/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products: `P̂ + (W − P̂ V) Vᵀ`.
+#[derive(Clone)]
+pub(super) struct Corrected {
+    surrogate: Arc<dyn Surrogate>,
+    patterns: Vec<Vec<f64>>,
+    products: Vec<Vec<f64>>,
+    /// `W − P̂ V`; shorter than `V` where it has yet to be worked out.
+    excess: Basis,
+}
+
+impl Corrected {
+    pub(super) fn new(surrogate: Arc<dyn Surrogate>) -> Self {
+        let excess = Basis::new(surrogate.size());
+        Self { surrogate, patterns: Vec::new(), products: Vec::new(), excess }
+    }
+
+    /// Takes in `A x = y`.
+    pub(super) fn learn(&mut self, x: &[f64], y: &[f64]) {
+        if self.patterns.len() == FITTED {
+            return;
+        }
+        self.patterns.push(x.to_vec());
+        self.products.push(y.to_vec());
+        self.surrogate = self.surrogate.fitted(&self.patterns, &self.products);
+        self.excess.clear();
+    }
+
+    /// Brings the correction up to date with all of `V` and `W`.
+    pub(super) fn catch_up(&mut self, root: &[f64], v: &Basis, w: &Basis) {
+        let mut column = vec![0.0; root.len()];
+        for (v, w) in v.columns().iter().zip(w.columns()).skip(self.excess.len()) {
+            self.plain(false, root, v, &mut column);
+            column.iter_mut().zip(w).for_each(|(column, w)| *column = w - *column);
+            self.excess.push_scaled(&column, 1.0);
+        }
+    }
+
+    /// `out ← P̂ u`, or `P̂ᵀ u`.
+    fn plain(&self, transposed: bool, root: &[f64], u: &[f64], out: &mut [f64]) {
+        let scaled: Vec<f64> = u.iter().zip(root).map(|(u, s)| u / s).collect();
+        let mut image = vec![0.0; u.len()];
+        match transposed {
+            true => self.surrogate.apply_adjoint(&scaled, &mut image),
+            false => self.surrogate.apply(&scaled, &mut image),
+        }
+        update2(out, &image, root, |_, image, s| image / s);
+    }
+
+    /// `out ← (P̂ + (W − P̂ V) Vᵀ) u`, or its transpose.
+    pub(super) fn apply(&self, transposed: bool, root: &[f64], v: &Basis, u: &[f64], out: &mut [f64]) {
+        self.plain(transposed, root, u, out);
+        let (from, to) = if transposed { (&self.excess, v) } else { (v, &self.excess) };
+        let shares = from.dots(0, u);
+        to.accumulate(0, &shares, 1.0, out);
+    }
+}

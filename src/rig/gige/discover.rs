@@ -1,0 +1,50 @@
+//! Which cameras there are.
+
+use std::net::Ipv4Addr;
+use std::time::Duration;
+
+use viva_genicam::gige::DiscoveryOptions;
+use viva_genicam::{GenicamError, blocking};
+
+use super::fault;
+use crate::error::Result;
+
+/// How long cameras may take to answer.
+const ANSWER: Duration = Duration::from_millis(500);
+
+/// A camera that answered.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct FoundCamera {
+    /// Where it is.
+    pub address: Ipv4Addr,
+    /// Who made it, as far as it says.
+    pub maker: Option<String>,
+    /// What it is called.
+    pub model: Option<String>,
+    /// Its serial number.
+    pub serial: Option<String>,
+}
+
+/// The GigE Vision cameras that answer on the computer's own networks, and those at `addresses`.
+///
+/// # Errors
+/// [`Error::Rig`](crate::Error::Rig) when no question can be sent.
+pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
+    let failed = |why: GenicamError| {
+        fault(format!("cameras cannot be looked for: {why}"), "check that the computer has a network")
+    };
+    let mut found =
+        blocking::discover_with(ANSWER, &DiscoveryOptions::new().include_loopback(true)).map_err(failed)?;
+    for &address in addresses {
+        if found.iter().all(|device| device.ip != address) {
+            found.extend(blocking::discover_ip(address, ANSWER).map_err(failed)?);
+        }
+    }
+    let camera = |device: viva_genicam::gige::DeviceInfo| FoundCamera {
+        address: device.ip,
+        maker: device.manufacturer,
+        model: device.model,
+        serial: device.serial,
+    };
+    Ok(found.into_iter().map(camera).collect())
+}

@@ -1,0 +1,49 @@
+//! A rig of real devices: a monitor of an X server that is projected, and a camera on the network.
+
+use super::gige::{self, GigeSpec};
+use super::x11::{Helper, X11Projector, X11Spec};
+use super::{Bench, Camera, CameraInfo, ProjectorInfo, Stamp, WallClock};
+use crate::error::Result;
+
+/// What is written about real devices.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HardwareRig {
+    /// What shows.
+    pub projector: X11Spec,
+    /// What sees.
+    pub camera: GigeSpec,
+}
+
+impl HardwareRig {
+    /// The projector, as it presents itself.
+    pub fn projector_info(&self) -> ProjectorInfo {
+        self.projector.info()
+    }
+
+    /// The camera, as it presents itself.
+    pub fn camera_info(&self) -> CameraInfo {
+        self.camera.info()
+    }
+
+    /// Opens both, with the window in a process of `helper`. `after` the last frame of an earlier session, time and numbers go on
+    /// from there.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when a device is not there, is in use, or cannot do what is written about it.
+    pub fn open(&self, helper: &Helper, after: Option<Stamp>) -> Result<Bench> {
+        let clock = WallClock::starting_at(after.map_or(0.0, |stamp| stamp.time));
+        let camera = camera(&self.camera, clock, after.map_or(0, |stamp| stamp.id))?;
+        let projector = X11Projector::open(&self.projector, helper, clock)?;
+        Ok(Bench { projector: Box::new(projector), camera, clock: Box::new(clock) })
+    }
+}
+
+#[cfg(feature = "gige")]
+fn camera(spec: &GigeSpec, clock: WallClock, after: u64) -> Result<Box<dyn Camera>> {
+    Ok(Box::new(gige::GigeVision::open(spec, clock, after)?))
+}
+
+#[cfg(not(feature = "gige"))]
+fn camera(_: &GigeSpec, _: WallClock, _: u64) -> Result<Box<dyn Camera>> {
+    Err(gige::fault("this krylux was built without GigE Vision", "build it with --features gige"))
+}

@@ -1,0 +1,251 @@
+//! Monitors of an X server, and whether one shows pixels as they are.
+
+use x11rb::connection::Connection;
+use x11rb::protocol::randr::{ConnectionExt as _, Crtc, GetScreenResourcesCurrentReply};
+use x11rb::protocol::xproto::{ConnectionExt as _, Window};
+use x11rb::rust_connection::RustConnection;
+
+use super::spec::{X11Monitor, X11Spec};
+use super::{fault, lost};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::rig::nearest::nearest;
+
+/// One of an X server's monitors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MonitorInfo {
+    /// As the server names it.
+    pub name: String,
+    /// Its own pixels.
+    pub resolution: Resolution,
+    /// Where its top left pixel is in the server's picture, to the right and down.
+    pub place: [i16; 2],
+    /// Whether it is the desktop's first.
+    pub is_primary: bool,
+    /// Seconds from one refresh to the next, where the server knows.
+    pub frame_time: Option<f64>,
+    /// The parts of the graphics device that light it.
+    pub(super) crtcs: Vec<Crtc>,
+}
+
+/// Shares of full scale by which a gamma ramp may depart from a line: half of an 8-bit level.
+const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
+
+/// The monitors of a server, in its order; `display` as in [`X11Spec::display`].
+///
+/// # Errors
+/// [`Error::Rig`](crate::Error::Rig) when the server cannot be reached, or does not know its monitors.
+pub fn monitors(display: Option<&str>) -> Result<Vec<MonitorInfo>> {
+    let (connection, screen) = connect(display)?;
+    let root = connection.setup().roots[screen].root;
+    listed(&connection, root)
+}
+
+/// Connects to a server.
+pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
+    x11rb::connect(display).map_err(|why| {
+        let name = display.map_or_else(|| std::env::var("DISPLAY").unwrap_or_default(), str::to_owned);
+        let help = "give the server as display = \":0\" in [projector], or set DISPLAY; on Wayland, log in to an X11 session";
+        if name.is_empty() {
+            fault("there is no X server: DISPLAY is not set", help)
+        } else {
+            fault(format!("the X server \"{name}\" cannot be reached: {why}"), help)
+        }
+    })
+}
+
+pub(super) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<MonitorInfo>> {
+    let asked = "list its monitors";
+    let failed = |why: &dyn std::fmt::Display| lost(asked, why);
+    let reply = |why: x11rb::errors::ReplyError| failed(&why);
+    let sent = |why: x11rb::errors::ConnectionError| failed(&why);
+    connection.randr_query_version(1, 5).map_err(sent)?.reply().map_err(reply)?;
+    let found = connection.randr_get_monitors(root, true).map_err(sent)?.reply().map_err(reply)?;
+    let resources =
+        connection.randr_get_screen_resources_current(root).map_err(sent)?.reply().map_err(reply)?;
+    let mut monitors = Vec::new();
+    for monitor in found.monitors {
+        let name = connection.get_atom_name(monitor.name).map_err(sent)?.reply().map_err(reply)?.name;
+        let mut crtcs = Vec::new();
+        for output in monitor.outputs {
+            let output = connection
+                .randr_get_output_info(output, resources.config_timestamp)
+                .map_err(sent)?
+                .reply()
+                .map_err(reply)?;
+            if output.crtc != x11rb::NONE {
+                crtcs.push(output.crtc);
+            }
+        }
+        monitors.push(MonitorInfo {
+            name: String::from_utf8_lossy(&name).into_owned(),
+            resolution: Resolution::new(monitor.width.into(), monitor.height.into()),
+            place: [monitor.x, monitor.y],
+            is_primary: monitor.primary,
+            frame_time: frame_time(connection, &crtcs, &resources).map_err(|why| failed(&why))?,
+            crtcs,
+        });
+    }
+    Ok(monitors)
+}
+
+fn frame_time(
+    connection: &RustConnection,
+    crtcs: &[Crtc],
+    resources: &GetScreenResourcesCurrentReply,
+) -> std::result::Result<Option<f64>, x11rb::errors::ReplyError> {
+    let Some(&crtc) = crtcs.first() else { return Ok(None) };
+    let crtc = connection.randr_get_crtc_info(crtc, resources.config_timestamp)?.reply()?;
+    let mode = resources.modes.iter().find(|mode| mode.id == crtc.mode);
+    // A server without a device behind it says 0.
+    let known = mode.filter(|mode| mode.dot_clock > 0 && mode.htotal > 0 && mode.vtotal > 0);
+    Ok(known.map(|mode| f64::from(mode.htotal) * f64::from(mode.vtotal) / f64::from(mode.dot_clock)))
+}
+
+/// The monitor that `spec` means, which must fit it.
+pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<MonitorInfo> {
+    let names: Vec<String> = monitors.iter().map(|monitor| monitor.name.clone()).collect();
+    let listed = names.iter().enumerate().map(|(at, name)| format!("{at} ({name})"));
+    let help = format!("monitors of this server: {}", listed.collect::<Vec<_>>().join(", "));
+    let at = match &spec.monitor {
+        X11Monitor::Number(number) => Some(*number).filter(|number| *number < names.len()),
+        X11Monitor::Name(name) => names.iter().position(|known| known == name),
+    };
+    let Some(monitor) = at.and_then(|at| monitors.into_iter().nth(at)) else {
+        let known: Vec<&str> = names.iter().map(String::as_str).collect();
+        let meant = match &spec.monitor {
+            X11Monitor::Name(name) => nearest(name, &known),
+            X11Monitor::Number(_) => None,
+        };
+        let meant = meant.map_or_else(String::new, |name| format!("; did you mean \"{name}\"?"));
+        return Err(fault(format!("there is no monitor \"{}\"{meant}", spec.monitor), help));
+    };
+    let (name, found) = (&monitor.name, monitor.resolution);
+    if let Some([width, height]) = spec.monitor_size
+        && found != Resolution::new(width, height)
+    {
+        return Err(fault(
+            format!("monitor {name} has {found} pixels, but the rig file says {width}x{height}"),
+            format!(
+                "set its own pixels (xrandr --output {name} --mode {width}x{height}), or correct monitor_size"
+            ),
+        ));
+    }
+    let shown = spec.shown();
+    if shown.width > found.width || shown.height > found.height {
+        return Err(fault(
+            format!("monitor {name} has {found} pixels, fewer than the {shown} that the patterns take"),
+            "give a smaller size or magnify in [projector], or another monitor",
+        ));
+    }
+    if let Some(frame_time) = monitor.frame_time
+        && (frame_time / spec.frame_time - 1.0).abs() > 0.02
+    {
+        return Err(fault(
+            format!(
+                "monitor {name} refreshes every {frame_time:.5} s, but the rig file says {} s",
+                spec.frame_time
+            ),
+            format!("write frame_time = {frame_time:.5} in [projector]"),
+        ));
+    }
+    Ok(monitor)
+}
+
+/// That levels go to this monitor as they are: no gamma ramp but a line, no transform.
+pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<()> {
+    let asked = "tell a monitor's gamma ramp and transform";
+    let sent = |why: x11rb::errors::ConnectionError| lost(asked, &why);
+    let reply = |why: x11rb::errors::ReplyError| lost(asked, &why);
+    let name = &monitor.name;
+    for &crtc in &monitor.crtcs {
+        let gamma = connection.randr_get_crtc_gamma(crtc).map_err(sent)?.reply().map_err(reply)?;
+        if [&gamma.red, &gamma.green, &gamma.blue].into_iter().any(|ramp| !is_line(ramp)) {
+            return Err(fault(
+                format!(
+                    "monitor {name} has a gamma ramp: a colour profile or a night light changes what is shown"
+                ),
+                format!("switch it off: xrandr --output {name} --gamma 1:1:1"),
+            ));
+        }
+        let transform = connection.randr_get_crtc_transform(crtc).map_err(sent)?.reply().map_err(reply)?;
+        if !is_identity(&transform.current_transform) {
+            return Err(fault(
+                format!("monitor {name} is scaled or rotated by the server"),
+                format!("switch it off: xrandr --output {name} --scale 1x1 --rotate normal"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// An empty ramp is none at all; one of zeros is that of a server without a device.
+fn is_line(ramp: &[u16]) -> bool {
+    if ramp.len() < 2 || ramp.iter().all(|&value| value == 0) {
+        return true;
+    }
+    let last = (ramp.len() - 1) as f64;
+    ramp.iter()
+        .enumerate()
+        .all(|(at, &value)| (f64::from(value) / 65535.0 - at as f64 / last).abs() <= RAMP_TOLERANCE)
+}
+
+/// In 16.16 fixed point.
+fn is_identity(transform: &x11rb::protocol::render::Transform) -> bool {
+    const ONE: i32 = 1 << 16;
+    let rows = transform;
+    [rows.matrix11, rows.matrix22, rows.matrix33] == [ONE; 3]
+        && [rows.matrix12, rows.matrix13, rows.matrix21, rows.matrix23, rows.matrix31, rows.matrix32]
+            == [0; 6]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn monitor(name: &str, width: usize, height: usize) -> MonitorInfo {
+        MonitorInfo {
+            name: name.into(),
+            resolution: Resolution::new(width, height),
+            place: [0, 0],
+            is_primary: false,
+            frame_time: None,
+            crtcs: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_monitor_is_chosen_by_name_or_number_and_must_fit() {
+        let both = || vec![monitor("HDMI-1", 640, 480), monitor("DP-2", 1920, 1080)];
+        let spec = X11Spec::new(320, 240);
+        let of = |spec: &X11Spec| choose(both(), spec).map(|monitor| monitor.name);
+        let refused = |spec: &X11Spec| of(spec).expect_err("it is refused").to_string();
+        assert_eq!(of(&spec).expect("the first"), "HDMI-1");
+        let named = |name: &str| X11Spec { monitor: X11Monitor::Name(name.into()), ..spec.clone() };
+        assert_eq!(of(&named("DP-2")).expect("it is there"), "DP-2");
+        assert!(refused(&named("HDMI1")).contains("did you mean \"HDMI-1\"?"));
+        assert!(refused(&named("HDMI1")).contains("0 (HDMI-1), 1 (DP-2)"));
+        let third = X11Spec { monitor: X11Monitor::Number(2), ..spec.clone() };
+        assert!(refused(&third).contains("no monitor \"2\""));
+        let large = X11Spec { magnify: 3, ..spec.clone() };
+        assert!(refused(&large).contains("640x480 pixels, fewer than the 960x720"));
+        let native = X11Spec { monitor_size: Some([1920, 1080]), ..spec.clone() };
+        assert!(refused(&native).contains("but the rig file says 1920x1080"));
+        let mut slow = monitor("A", 640, 480);
+        slow.frame_time = Some(1.0 / 50.0);
+        assert!(
+            choose(vec![slow], &spec).expect_err("60 Hz is said").to_string().contains("frame_time = 0.02")
+        );
+    }
+
+    #[test]
+    fn only_a_straight_ramp_passes() {
+        let ramp = |gamma: f64| -> Vec<u16> {
+            (0..256).map(|at| (65535.0 * (f64::from(at) / 255.0).powf(gamma)).round() as u16).collect()
+        };
+        assert!(is_line(&ramp(1.0)) && is_line(&[]) && is_line(&[0; 256]));
+        assert!(!is_line(&ramp(1.05)));
+        let dimmed: Vec<u16> = ramp(1.0).iter().map(|value| value / 10 * 9).collect();
+        assert!(!is_line(&dimmed), "a night light");
+    }
+}

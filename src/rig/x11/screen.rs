@@ -1,0 +1,221 @@
+//! The window on its monitor: frames are presented, confirmed and read back.
+
+use std::time::Instant;
+
+use x11rb::connection::{Connection, RequestConnection as _};
+use x11rb::errors::{ConnectionError, ReplyOrIdError};
+use x11rb::image::Image;
+use x11rb::protocol::present::{self, ConnectionExt as _};
+use x11rb::protocol::xproto::{ConnectionExt as _, Gcontext, Pixmap, Window};
+use x11rb::rust_connection::RustConnection;
+
+use super::canvas::Canvas;
+use super::monitor::{self, MonitorInfo};
+use super::spec::X11Spec;
+use super::watch::Watch;
+use super::window;
+use super::wire::Times;
+use super::{fault, lost};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::rig::Frame;
+
+/// Refreshes in which a compositor may take a confirmed frame to the screen.
+const LAG: u32 = 6;
+
+/// An open projector.
+pub(super) struct Screen {
+    connection: RustConnection,
+    root: Window,
+    window: Window,
+    gc: Gcontext,
+    /// Shown in turns: the one on screen is not drawn on.
+    pixmaps: [Pixmap; 2],
+    turn: usize,
+    serial: u32,
+    canvas: Canvas,
+    watch: Watch,
+    monitor: MonitorInfo,
+    /// Where patterns are on the monitor.
+    offset: [i16; 2],
+    spec: X11Spec,
+    /// What is on screen.
+    shown: Option<Image<'static>>,
+}
+
+impl Screen {
+    /// Opens the window, black, and shows that it shows what it is told.
+    pub(super) fn open(spec: &X11Spec) -> Result<Self> {
+        let (connection, number) = monitor::connect(spec.display.as_deref())?;
+        let screen = connection.setup().roots[number].clone();
+        let root = screen.root;
+        for (extension, name) in [(present::X11_EXTENSION_NAME, "Present"), ("RANDR", "RandR")] {
+            let known = connection.extension_information(extension).map_err(opening)?;
+            if known.is_none() {
+                return Err(fault(
+                    format!("the X server has no {name} extension, by which it confirms what is on screen"),
+                    "use the system's own X server (Xorg), not a remote or nested one",
+                ));
+            }
+        }
+        connection.present_query_version(1, 0).map_err(opening)?.reply().map_err(opening)?;
+        let monitor = monitor::choose(monitor::listed(&connection, root)?, spec)?;
+        monitor::check_passes(&connection, &monitor)?;
+        let canvas = Canvas::new(&connection, &screen, spec.magnify)?;
+        let window = window::window(&connection, &screen, &monitor).map_err(opening)?;
+        let (gc, pixmaps) = window::pixmaps(&connection, &screen, &monitor).map_err(opening)?;
+        let (size, [x, y]) = (monitor.resolution, monitor.place.map(i32::from));
+        let mut watch = Watch::new(window, [x, y, size.width as i32, size.height as i32]);
+        connection.map_window(window).map_err(opening)?.check().map_err(opening)?;
+        watch.until_mapped(&connection)?;
+        let shown = spec.shown();
+        let middle = |of: usize, shown: usize| ((of - shown) / 2) as i16;
+        let offset = [middle(size.width, shown.width), middle(size.height, shown.height)];
+        let spec = spec.clone();
+        let mut screen = Self {
+            connection,
+            root,
+            window,
+            gc,
+            pixmaps,
+            turn: 0,
+            serial: 0,
+            canvas,
+            watch,
+            monitor,
+            offset,
+            spec,
+            shown: None,
+        };
+        let info = screen.spec.info();
+        screen.show(&test_frame(info.resolution, info.channels)?)?;
+        screen.show(&Frame::filled(info.resolution, info.channels, 0))?;
+        Ok(screen)
+    }
+
+    pub(super) fn monitor(&self) -> &MonitorInfo {
+        &self.monitor
+    }
+
+    /// Shows a frame that fits; when it returns, the server has confirmed it, its refreshes are over, and it was read back.
+    pub(super) fn show(&mut self, frame: &Frame) -> Result<Times> {
+        let began = Instant::now();
+        self.watch.look(&self.connection)?;
+        let picture = self.canvas.draw(frame)?;
+        self.turn = 1 - self.turn;
+        let pixmap = self.pixmaps[self.turn];
+        let [x, y] = self.offset;
+        picture.put(&self.connection, pixmap, self.gc, x, y).map_err(|why| lost("take a frame", &why))?;
+        let drawn = began.elapsed();
+        self.shown = None;
+        self.serial += 1;
+        let none = x11rb::NONE;
+        self.connection
+            .present_pixmap(
+                self.window,
+                pixmap,
+                self.serial,
+                none,
+                none,
+                0,
+                0,
+                none,
+                none,
+                none,
+                0,
+                0,
+                0,
+                0,
+                &[],
+            )
+            .map_err(presenting)?;
+        self.connection.flush().map_err(presenting)?;
+        let confirmed = self.watch.completed(&self.connection, self.serial, true)?;
+        if confirmed.skipped {
+            return Err(fault(
+                "the X server passed a frame over for a later one",
+                "let no other program draw on the projector's window",
+            ));
+        }
+        let presented = began.elapsed();
+        if self.spec.settle_frames > 0 {
+            self.pass(confirmed.refresh + self.spec.settle_frames)?;
+        }
+        let settled = began.elapsed();
+        self.read_back(&picture)?;
+        self.shown = Some(picture);
+        let verified = began.elapsed();
+        Ok(Times {
+            draw: drawn.as_secs_f64(),
+            present: (presented - drawn).as_secs_f64(),
+            settle: (settled - presented).as_secs_f64(),
+            verify: (verified - settled).as_secs_f64(),
+        })
+    }
+
+    /// That the last frame is on screen still, and nothing came before it since.
+    pub(super) fn confirm(&mut self) -> Result<()> {
+        self.watch.look(&self.connection)?;
+        let Some(picture) = self.shown.take() else { return Ok(()) };
+        self.read_back(&picture)?;
+        self.shown = Some(picture);
+        // Events on the way are here by now: the server answered after it.
+        self.watch.look(&self.connection)
+    }
+
+    /// Waits until the server's monitor has refreshed so often; returns which refresh it was.
+    fn pass(&mut self, refresh: u64) -> Result<u64> {
+        self.serial += 1;
+        self.connection.present_notify_msc(self.window, self.serial, refresh, 0, 0).map_err(presenting)?;
+        self.connection.flush().map_err(presenting)?;
+        Ok(self.watch.completed(&self.connection, self.serial, false)?.refresh)
+    }
+
+    /// That the server's picture has what was drawn, pixel by pixel.
+    fn read_back(&mut self, drawn: &Image<'_>) -> Result<()> {
+        let mut refresh = 0;
+        for _ in 0..LAG {
+            let seen = self.seen(drawn)?;
+            if self.canvas.difference(drawn, &seen).is_none() {
+                return Ok(());
+            }
+            // A target that is past already means the next one.
+            refresh = self.pass(refresh + 1)?;
+        }
+        let Some(found) = self.canvas.difference(drawn, &self.seen(drawn)?) else { return Ok(()) };
+        self.watch.look(&self.connection)?;
+        Err(fault(
+            format!(
+                "what is on monitor {} is not what was drawn, at {} pixels: pixel ({}, {}) has levels {:?}, not {:?}",
+                self.monitor.name, found.count, found.x, found.y, found.seen, found.drawn,
+            ),
+            "keep other windows off the projector's monitor, and switch off scaling, colour management and the compositor",
+        ))
+    }
+
+    fn seen(&self, drawn: &Image<'_>) -> Result<Image<'static>> {
+        let [left, top] = [0, 1].map(|axis| self.monitor.place[axis] + self.offset[axis]);
+        // Of the root: with all that lies above the window.
+        let (image, _) = Image::get(&self.connection, self.root, left, top, drawn.width(), drawn.height())
+            .map_err(|why| lost("read its picture back", &why))?;
+        Ok(image)
+    }
+}
+
+fn opening(why: impl Into<ReplyOrIdError>) -> crate::Error {
+    lost("open the projector's window", &why.into())
+}
+
+fn presenting(why: ConnectionError) -> crate::Error {
+    lost("show a frame", &why)
+}
+
+/// Neighbours of different levels in every channel: what scales mixes them, what manages colours bends them.
+fn test_frame(resolution: Resolution, channels: usize) -> Result<Frame> {
+    let level = |sample: usize| {
+        let (pixel, channel) = (sample / channels, sample % channels);
+        let (x, y) = (pixel % resolution.width, pixel / resolution.width);
+        ((37 * x + 101 * y + 85 * channel) % 256) as u16
+    };
+    Frame::new(resolution, channels, (0..resolution.pixels() * channels).map(level).collect())
+}

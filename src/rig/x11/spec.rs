@@ -1,0 +1,116 @@
+//! What is written about a projector on X11.
+
+use serde::{Deserialize, Serialize};
+
+use crate::image::Resolution;
+use crate::rig::ProjectorInfo;
+
+/// A projector that is a monitor of an X server.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct X11Spec {
+    /// What it is.
+    pub kind: ProjectorKind,
+    /// The server, e.g. `:0`; none: that of the environment's `DISPLAY`.
+    #[serde(default)]
+    pub display: Option<String>,
+    /// Which of its monitors.
+    #[serde(default)]
+    pub monitor: X11Monitor,
+    /// Width and height of patterns, in their own pixels.
+    pub size: [usize; 2],
+    /// A pattern's pixel is a square of so many of the monitor's, on a side. The pattern is in the monitor's centre; around it
+    /// the monitor is black.
+    #[serde(default = "one")]
+    pub magnify: usize,
+    /// Width and height that the monitor must have in its own pixels: a projector scales what does not fit it. None: as it is.
+    #[serde(default)]
+    pub monitor_size: Option<[usize; 2]>,
+    /// 1 (gray) or 3.
+    #[serde(default = "one")]
+    pub channels: usize,
+    /// Seconds from one refresh to the next.
+    #[serde(default = "sixty_hertz")]
+    pub frame_time: f64,
+    /// Refreshes that pass after the server's confirmation until a frame is taken for shown.
+    #[serde(default = "one_frame")]
+    pub settle_frames: u64,
+}
+
+/// Kinds of projectors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ProjectorKind {
+    /// A monitor of an X server.
+    X11,
+}
+
+/// One of an X server's monitors.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum X11Monitor {
+    /// In the server's order, from 0.
+    Number(usize),
+    /// By its name, e.g. `HDMI-1`.
+    Name(String),
+}
+
+impl Default for X11Monitor {
+    fn default() -> Self {
+        Self::Number(0)
+    }
+}
+
+impl std::fmt::Display for X11Monitor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Number(number) => write!(f, "{number}"),
+            Self::Name(name) => write!(f, "{name}"),
+        }
+    }
+}
+
+fn one() -> usize {
+    1
+}
+
+fn one_frame() -> u64 {
+    1
+}
+
+fn sixty_hertz() -> f64 {
+    1.0 / 60.0
+}
+
+impl X11Spec {
+    /// The first monitor, with gray patterns of this size.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self {
+            kind: ProjectorKind::X11,
+            display: None,
+            monitor: X11Monitor::default(),
+            size: [width, height],
+            magnify: 1,
+            monitor_size: None,
+            channels: 1,
+            frame_time: sixty_hertz(),
+            settle_frames: 1,
+        }
+    }
+
+    /// The projector, as it presents itself.
+    pub fn info(&self) -> ProjectorInfo {
+        ProjectorInfo {
+            name: format!("x11 monitor {}", self.monitor),
+            resolution: Resolution::new(self.size[0], self.size[1]),
+            channels: self.channels,
+            bits: 8,
+            frame_time: self.frame_time,
+        }
+    }
+
+    /// Pixels of the monitor that a pattern takes.
+    pub(super) fn shown(&self) -> Resolution {
+        Resolution::new(self.size[0] * self.magnify, self.size[1] * self.magnify)
+    }
+}

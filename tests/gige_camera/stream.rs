@@ -1,0 +1,126 @@
+//! The sensor and the stream: for each trigger an exposure, and its frame in packets.
+
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use krylux::rig::{Bench, Frame};
+use krylux::transport::Given;
+
+use super::registers::{
+    EXPOSURE, GAIN, HEIGHT, MONO8, MONO12, OFFSET_X, OFFSET_Y, PACKET_SIZE, PIXEL_FORMAT, Registers, Sent,
+    WIDTH,
+};
+use super::{Scene, Shared};
+
+/// Frames whose packets can be asked for again.
+const KEPT: usize = 4;
+
+pub fn serve(
+    shared: &Shared,
+    triggers: &Receiver<()>,
+    scene: &Scene,
+    mut look: impl FnMut() -> Option<Frame>,
+) {
+    let size = scene.rig.scene.size();
+    let light = Given::new(scene.matrix.clone(), size).expect("the matrix fits the scene");
+    let mut bench = scene.rig.open(Box::new(light), None).expect("the scene can be seen");
+    let black = Frame::filled(size, scene.rig.projector.channels, 0);
+    // What was seen last, and when.
+    let mut before = (black.clone(), 0);
+    while !shared.stops() {
+        match triggers.recv_timeout(Duration::from_millis(20)) {
+            Ok(()) => {}
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+        let (exposure, gain) = {
+            let registers = shared.registers();
+            (1e-6 * registers.float(EXPOSURE), 10_f64.powf(registers.float(GAIN) / 20.0))
+        };
+        let is_late =
+            shared.stale.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
+        let (frame, ticks) = match is_late {
+            Ok(_) => (before.0.clone(), before.1 + 1),
+            Err(_) => (look().unwrap_or_else(|| black.clone()), shared.ticks()),
+        };
+        std::thread::sleep(Duration::from_secs_f64(exposure));
+        let counts = see(&mut bench, &frame, exposure * gain);
+        let mut registers = shared.registers();
+        registers.exposing = false;
+        shared.frames.fetch_add(1, Ordering::Relaxed);
+        before = (frame, ticks);
+        if !registers.acquiring {
+            continue;
+        }
+        // Number 0 is not used.
+        registers.block = registers.block.checked_add(1).unwrap_or(1);
+        let to = registers.destination();
+        let sent = packets(&registers, &counts, scene, ticks);
+        for packet in &sent.packets {
+            shared.send(packet, to);
+        }
+        registers.sent.push_back(sent);
+        if registers.sent.len() > KEPT {
+            registers.sent.pop_front();
+        }
+    }
+}
+
+/// Counts of the whole sensor. Its time is simulated: nothing but the exposure passes.
+fn see(bench: &mut Bench, frame: &Frame, exposure: f64) -> Vec<u16> {
+    bench.projector.restore(frame).expect("it fits the screen");
+    bench.camera.configure(exposure).expect("the sensor does what the registers do");
+    bench.camera.capture().expect("it is never gone").expect("no frame is dropped").counts
+}
+
+/// A frame's leader, data and trailer.
+fn packets(registers: &Registers, counts: &[u16], scene: &Scene, ticks: u64) -> Sent {
+    let format = registers.get(PIXEL_FORMAT);
+    let sensor = scene.rig.camera_info();
+    let [width, height, left, top] =
+        [WIDTH, HEIGHT, OFFSET_X, OFFSET_Y].map(|register| registers.get(register) as usize);
+    let bits = if format == MONO8 {
+        8
+    } else if format == MONO12 {
+        12
+    } else {
+        16
+    };
+    let mut bytes = Vec::new();
+    for y in top..(top + height).min(sensor.resolution.height) {
+        for x in left..(left + width).min(sensor.resolution.width) {
+            let count = u32::from(counts[y * sensor.resolution.width + x]);
+            let count = if bits >= sensor.bits {
+                count << (bits - sensor.bits)
+            } else {
+                count >> (sensor.bits - bits)
+            };
+            if format == MONO8 { bytes.push(count as u8) } else { bytes.extend((count as u16).to_le_bytes()) }
+        }
+    }
+    let mut leader = vec![0, 0, 0, 1];
+    leader.extend(ticks.to_be_bytes());
+    for word in [format, width as u32, height as u32, left as u32, top as u32, 0] {
+        leader.extend(word.to_be_bytes());
+    }
+    let mut trailer = vec![0, 0, 0, 1];
+    trailer.extend((height as u32).to_be_bytes());
+    // Of what a packet may take, the network's headers and the stream's own go off.
+    let stride = (registers.get(PACKET_SIZE) & 0xFFFF) as usize - 36;
+    let mut packets = vec![packet(registers.block, 1, 0, &leader)];
+    for part in bytes.chunks(stride) {
+        packets.push(packet(registers.block, 3, packets.len() as u32, part));
+    }
+    packets.push(packet(registers.block, 2, packets.len() as u32, &trailer));
+    Sent { block: registers.block, packets }
+}
+
+fn packet(block: u16, format: u8, number: u32, content: &[u8]) -> Vec<u8> {
+    let mut packet = vec![0, 0];
+    packet.extend(block.to_be_bytes());
+    packet.push(format);
+    packet.extend(&number.to_be_bytes()[1..]);
+    packet.extend(content);
+    packet
+}

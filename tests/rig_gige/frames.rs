@@ -1,0 +1,113 @@
+//! Frames are those of the scene, count by count.
+
+use std::time::Instant;
+
+use krylux::image::Resolution;
+use krylux::measure::Shots;
+use krylux::rig::{Camera, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
+
+use crate::gige_camera::GigeCamera;
+use crate::support::{Lamp, SIZE, address, camera, expected, frame, live, scene, shot, spec};
+
+#[test]
+fn counts_are_the_scenes_in_every_pixel_format() {
+    for (at, format) in [PixelFormat::Mono8, PixelFormat::Mono12, PixelFormat::Mono16].into_iter().enumerate()
+    {
+        let (clock, last) = (WallClock::starting_at(0.0), 1 + at as u8);
+        let mut lamp = Lamp::new(clock);
+        lamp.show(&frame(3)).expect("a lamp shows all");
+        let scene = scene(format.bits());
+        let _camera = GigeCamera::start(address(last), scene.clone(), lamp.look());
+        let spec = GigeSpec { pixel_format: format, ..spec(last) };
+        let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
+        assert_eq!(opened.configure(0.05).expect("within range"), 0.05);
+        let found = opened.capture().expect("it is there").expect("it comes");
+        assert_eq!((found.resolution, found.channels, found.exposure), (SIZE, 1, 0.05));
+        assert_eq!(found.counts, expected(&scene, &frame(3), 0.05), "{format:?}");
+        assert!(
+            found.counts.iter().any(|&count| u32::from(count) >= 1 << (format.bits() - 3)),
+            "there is light"
+        );
+    }
+}
+
+#[test]
+fn a_region_is_a_part_of_the_whole() {
+    let clock = WallClock::starting_at(0.0);
+    let mut lamp = Lamp::new(clock);
+    lamp.show(&frame(5)).expect("a lamp shows all");
+    let _camera = camera(5, &lamp);
+    let spec = GigeSpec { size: [16, 9], offset: [30, 11], ..spec(5) };
+    let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
+    opened.configure(0.02).expect("within range");
+    let found = opened.capture().expect("it is there").expect("it comes");
+    assert_eq!(found.resolution, Resolution::new(16, 9));
+    let whole = expected(&scene(12), &frame(5), 0.02);
+    for (at, &count) in found.counts.iter().enumerate() {
+        assert_eq!(count, whole[(11 + at / 16) * 48 + 30 + at % 16], "pixel {at}");
+    }
+}
+
+#[test]
+fn exposures_take_their_time_and_gain_multiplies() {
+    let clock = WallClock::starting_at(0.0);
+    let mut lamp = Lamp::new(clock);
+    lamp.show(&frame(1)).expect("a lamp shows all");
+    let _camera = camera(6, &lamp);
+    let spec = GigeSpec { gain: Some(20.0 * 2_f64.log10()), ..spec(6) };
+    let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
+    for exposure in [0.001, 0.02, 0.06] {
+        // Set to whole microseconds by this camera.
+        let set = opened.configure(exposure + 3e-7).expect("within range");
+        assert!((set - exposure).abs() < 1e-12, "{set}");
+        let began = Instant::now();
+        let found = opened.capture().expect("it is there").expect("it comes");
+        assert!(began.elapsed().as_secs_f64() >= exposure);
+        let twice = expected(&scene(12), &frame(1), 2.0 * exposure);
+        assert!(found.counts.iter().zip(&twice).all(|(found, twice)| found.abs_diff(*twice) <= 1));
+    }
+}
+
+#[test]
+fn frames_are_numbered_and_timed_by_the_rigs_clock() {
+    let clock = WallClock::starting_at(1000.0);
+    let lamp = Lamp::new(clock);
+    let _camera = camera(7, &lamp);
+    let mut opened = GigeVision::open(&spec(7), clock, 41).expect("it answers");
+    opened.configure(0.004).expect("within range");
+    let mut last = 0.0;
+    for number in 42..50 {
+        let before = clock.seconds();
+        let found = opened.capture().expect("it is there").expect("it comes");
+        let after = clock.seconds();
+        assert_eq!(found.id, number);
+        assert!(
+            found.started >= before && found.started + found.exposure <= after,
+            "{} in {before}..{after}",
+            found.started
+        );
+        assert!(found.started >= last + found.exposure, "one after another");
+        last = found.started;
+    }
+}
+
+#[test]
+fn hundreds_of_patterns_each_have_their_photo_and_cost_little() {
+    let clock = WallClock::starting_at(0.0);
+    let lamp = Lamp::new(clock);
+    let _camera = camera(8, &lamp);
+    let mut shots = live(&spec(8), &lamp, clock).expect("it answers");
+    let scene = scene(12);
+    shots.shoot(&shot(0, 0.002)).expect("it comes");
+    let (began, count) = (Instant::now(), 200);
+    for number in 1..=count {
+        let found = shots.shoot(&shot(number, 0.002)).expect("it comes");
+        if number % 20 == 0 {
+            assert_eq!(found.counts, expected(&scene, &frame(number), 0.002), "pattern {number}");
+        }
+    }
+    let each = began.elapsed().as_secs_f64() / count as f64;
+    println!("{:.2} ms for each photo of 2 ms, {} pixels", 1e3 * each, SIZE.pixels());
+    let effort = shots.effort();
+    assert_eq!([effort.taken, effort.dropped, effort.repeated], [count as u64 + 1, 0, 0]);
+}

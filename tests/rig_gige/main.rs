@@ -1,0 +1,10 @@
+//! A camera that speaks GigE Vision, over the loopback interface: what comes, when, and what goes wrong on the way.
+#![cfg(feature = "gige")]
+
+#[path = "../gige_camera/mod.rs"]
+mod gige_camera;
+
+mod faults;
+mod frames;
+mod session;
+mod support;

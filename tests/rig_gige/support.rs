@@ -1,0 +1,106 @@
+//! A lamp, a white sheet, and a camera at an address of its own.
+
+use std::net::Ipv4Addr;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+use krylux::image::Resolution;
+use krylux::measure::{Live, Shot};
+use krylux::rig::{
+    Bench, Frame, GigeSpec, GigeVision, Projector, ProjectorInfo, Shown, VirtualRig, VirtualScene, WallClock,
+};
+use krylux::sparse::Csr;
+
+use crate::gige_camera::{GigeCamera, Scene};
+
+pub const SIZE: Resolution = Resolution { width: 48, height: 20 };
+
+/// A sheet whose pixels reflect more and more, seen by a camera of so many bits without noise.
+pub fn scene(bits: u32) -> Scene {
+    let mut rig = VirtualRig::ideal(VirtualScene::Matrix { path: PathBuf::from("sheet.npz"), size: SIZE });
+    rig.camera.bits = bits;
+    let pixels = SIZE.pixels();
+    let reflects = (0..pixels).map(|pixel| 0.2 + 0.8 * pixel as f64 / pixels as f64);
+    let matrix = Csr::new(pixels, (0..=pixels).collect(), (0..pixels as u32).collect(), reflects.collect());
+    Scene { rig, matrix: matrix.expect("a diagonal is well formed") }
+}
+
+/// What a bench of the same scene counts whose time is simulated.
+pub fn expected(scene: &Scene, frame: &Frame, exposure: f64) -> Vec<u16> {
+    let light = krylux::transport::Given::new(scene.matrix.clone(), SIZE).expect("it fits");
+    let mut bench = scene.rig.open(Box::new(light), None).expect("it can be seen");
+    bench.camera.configure(exposure).expect("within range");
+    bench.projector.show(frame).expect("it fits");
+    bench.camera.capture().expect("it is there").expect("it comes").counts
+}
+
+/// A projector that only remembers what it shows.
+#[derive(Clone)]
+pub struct Lamp {
+    info: ProjectorInfo,
+    shown: Arc<Mutex<Frame>>,
+    clock: WallClock,
+}
+
+impl Lamp {
+    pub fn new(clock: WallClock) -> Self {
+        let info =
+            ProjectorInfo { name: "lamp".into(), resolution: SIZE, channels: 1, bits: 8, frame_time: 0.0 };
+        Self { info, shown: Arc::new(Mutex::new(Frame::filled(SIZE, 1, 0))), clock }
+    }
+
+    pub fn look(&self) -> impl FnMut() -> Option<Frame> + Send + 'static {
+        let shown = Arc::clone(&self.shown);
+        move || Some(shown.lock().expect("nobody fails").clone())
+    }
+}
+
+impl Projector for Lamp {
+    fn info(&self) -> &ProjectorInfo {
+        &self.info
+    }
+
+    fn show(&mut self, frame: &Frame) -> krylux::Result<Shown> {
+        *self.shown.lock().expect("nobody fails") = frame.clone();
+        Ok(Shown { at: self.clock.seconds() })
+    }
+}
+
+/// The camera of one test: tests run at the same time.
+pub fn address(last: u8) -> Ipv4Addr {
+    Ipv4Addr::new(127, 0, 7, last)
+}
+
+pub fn spec(last: u8) -> GigeSpec {
+    let exposures = [1e-4, 0.5];
+    GigeSpec { exposures, timeout: 0.3, ..GigeSpec::new(address(last), SIZE.width, SIZE.height) }
+}
+
+/// A camera of 12 bits that sees the lamp's light on the sheet.
+pub fn camera(last: u8, lamp: &Lamp) -> GigeCamera {
+    GigeCamera::start(address(last), scene(12), lamp.look())
+}
+
+pub fn live(spec: &GigeSpec, lamp: &Lamp, clock: WallClock) -> krylux::Result<Live> {
+    let camera = GigeVision::open(spec, clock, 0)?;
+    let bench = Bench { projector: Box::new(lamp.clone()), camera: Box::new(camera), clock: Box::new(clock) };
+    Ok(Live::new(bench, 0.0, 6))
+}
+
+/// A frame of its own for each number: no two are alike.
+pub fn frame(number: usize) -> Frame {
+    let level = |pixel: usize| ((pixel * 7 + number * 29) % 256) as u16;
+    Frame::new(SIZE, 1, (0..SIZE.pixels()).map(level).collect()).expect("one level for each pixel")
+}
+
+pub fn shot(number: usize, exposure: f64) -> Shot {
+    Shot { frame: Arc::new(frame(number)), exposure, take: 0 }
+}
+
+#[track_caller]
+pub fn refused<T>(result: krylux::Result<T>) -> String {
+    match result {
+        Ok(_) => panic!("it is refused"),
+        Err(error) => error.to_string(),
+    }
+}

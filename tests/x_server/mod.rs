@@ -1,0 +1,147 @@
+//! An X server without a screen, and a look at what is on it.
+#![allow(dead_code, reason = "each test binary uses its own part of this")]
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+
+use x11rb::connection::Connection;
+use x11rb::image::Image;
+use x11rb::protocol::randr::{ConnectionExt as _, MonitorInfo};
+use x11rb::protocol::xproto::{ConnectionExt as _, Window};
+use x11rb::rust_connection::RustConnection;
+
+/// An X server of our own; it ends with the test.
+pub struct XServer {
+    process: Child,
+    pub display: String,
+    connection: RustConnection,
+    root: Window,
+}
+
+impl XServer {
+    /// With so many pixels of 24 bits.
+    pub fn start(width: u16, height: u16) -> Self {
+        Self::of_depth(width, height, 24)
+    }
+
+    pub fn of_depth(width: u16, height: u16, depth: u8) -> Self {
+        let screen = format!("{width}x{height}x{depth}");
+        let mut process = Command::new("Xvfb")
+            // It says itself which number was free.
+            .args(["-displayfd", "1", "-screen", "0", &screen, "-nolisten", "tcp", "-noreset"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("these tests need the X server without a screen: apt-get install -y xvfb");
+        let mut number = String::new();
+        let said = process.stdout.take().expect("it is piped");
+        BufReader::new(said).read_line(&mut number).expect("it says its number");
+        let display = format!(":{}", number.trim());
+        let (connection, screen) = x11rb::connect(Some(&display)).expect("it is there");
+        let root = connection.setup().roots[screen].root;
+        Self { process, display, connection, root }
+    }
+
+    /// Names a part of the picture as a monitor.
+    pub fn add_monitor(&self, name: &str, [x, y, width, height]: [i16; 4]) {
+        let name = self
+            .connection
+            .intern_atom(false, name.as_bytes())
+            .expect("sent")
+            .reply()
+            .expect("answered")
+            .atom;
+        let monitor = MonitorInfo {
+            name,
+            primary: false,
+            automatic: false,
+            x,
+            y,
+            width: width as u16,
+            height: height as u16,
+            width_in_millimeters: 100,
+            height_in_millimeters: 100,
+            outputs: Vec::new(),
+        };
+        self.connection.randr_set_monitor(self.root, monitor).expect("sent").check().expect("it fits");
+    }
+
+    /// Red, green and blue of these pixels: columns, then rows.
+    pub fn pixels(&self, [x, y, width, height]: [i16; 4]) -> Vec<[u8; 3]> {
+        let (image, _) =
+            Image::get(&self.connection, self.root, x, y, width as u16, height as u16).expect("inside");
+        let pixel = |at: usize| {
+            let value = image.get_pixel((at % width as usize) as u16, (at / width as usize) as u16);
+            [16, 8, 0].map(|shift| (value >> shift) as u8)
+        };
+        (0..width as usize * height as usize).map(pixel).collect()
+    }
+
+    /// A look at a square pattern, whose pixels are squares of so many of the server's, on a side: the green level of each. None once
+    /// the server is gone.
+    pub fn eye(
+        &self,
+        corner: [i16; 2],
+        magnify: usize,
+        side: usize,
+    ) -> impl FnMut() -> Option<Vec<u16>> + Send + use<> {
+        let (connection, _) = x11rb::connect(Some(&self.display)).expect("it is there");
+        let (root, [x, y], size) = (self.root, corner, (magnify * side) as u16);
+        move || {
+            let (image, _) = Image::get(&connection, root, x, y, size, size).ok()?;
+            let middle = |at: usize| (at * magnify + magnify / 2) as u16;
+            let level = |at: usize| (image.get_pixel(middle(at % side), middle(at / side)) >> 8) as u8;
+            Some((0..side * side).map(|at| level(at).into()).collect())
+        }
+    }
+
+    /// The windows on it.
+    pub fn windows(&self) -> Vec<Window> {
+        self.connection.query_tree(self.root).expect("sent").reply().expect("answered").children
+    }
+
+    pub fn close(&self, window: Window) {
+        self.connection.destroy_window(window).expect("sent").check().expect("it is there");
+    }
+
+    /// Puts a window above all others.
+    pub fn cover(&self, place: [i16; 4]) -> Window {
+        use x11rb::protocol::xproto::{CreateWindowAux, WindowClass};
+        let [x, y, width, height] = place;
+        let window = self.connection.generate_id().expect("there is one");
+        let look = CreateWindowAux::new().override_redirect(1).background_pixel(0xff_8000);
+        let class = WindowClass::INPUT_OUTPUT;
+        self.connection
+            .create_window(24, window, self.root, x, y, width as u16, height as u16, 0, class, 0, &look)
+            .expect("sent");
+        self.connection.map_window(window).expect("sent").check().expect("it is new");
+        window
+    }
+
+    /// Draws a rectangle on a window, as a program does that does not know whose it is.
+    pub fn scribble(&self, window: Window) {
+        use x11rb::protocol::xproto::{CreateGCAux, Rectangle};
+        let gc = self.connection.generate_id().expect("there is one");
+        self.connection.create_gc(gc, window, &CreateGCAux::new().foreground(0x12_3456)).expect("sent");
+        let place = Rectangle { x: 0, y: 0, width: 2000, height: 2000 };
+        self.connection
+            .poly_fill_rectangle(window, gc, &[place])
+            .expect("sent")
+            .check()
+            .expect("it is there");
+    }
+
+    /// As if it crashed.
+    pub fn kill(&mut self) {
+        self.process.kill().expect("it lives");
+        self.process.wait().expect("it ends");
+    }
+}
+
+impl Drop for XServer {
+    fn drop(&mut self) {
+        // It may have been killed already.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
