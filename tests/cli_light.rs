@@ -253,11 +253,16 @@ fn a_run_of_another_verb_is_relit_from_its_journal_alone() {
     let cornell = scene("cornell");
     let traced = ["--size", "32", "--spp", "64"];
     let truth = photograph(&bench, &cornell, "left", &traced, "true.npy");
-    for (verb, most) in [("segment", 0.05), ("eigs", 0.05)] {
+    // A segmentation begins with white, as a relighting does; eigenvectors begin with random signs, which costs accuracy for pictures (3
+    // and 7 % were measured). Eigenvectors of all the light spend their photos on direct light: from these it is 18 %.
+    for (verb, most) in [("segment", 0.05), ("eigs", 0.1)] {
         let (out, later) = (bench.name(verb), bench.name(&format!("{verb}-relit")));
         let captured = ["--photos", "30", "-o", &out];
-        let given: &[&str] =
-            if verb == "eigs" { &["--method", "lanczos", "--count", "10"] } else { &["--groups", "2"] };
+        let given: &[&str] = if verb == "eigs" {
+            &["--method", "lanczos", "--count", "10", "--part", "global"]
+        } else {
+            &["--groups", "2"]
+        };
         // Whether eigenpairs are resolved or groups found does not matter here.
         bench.run(&[&[verb, &cornell], &captured[..], given, &traced].concat());
         let arguments = ["relight", &out, "--pattern", "left", "-o", &later, "--json"];

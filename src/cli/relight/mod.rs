@@ -35,7 +35,8 @@ const BLOCK: usize = 12;
 /// Capture light transport in a few dozen photos, and relight the scene with any pattern
 ///
 /// The run's folder keeps the model. Given as SOURCE, it relights with other patterns without any photo, and without a
-/// graphics device. So does the folder of a `segment`, `eigs` or `compensate` run: a model is made of the photos in its journal.
+/// graphics device. So does the folder of a `segment`, `eigs` or `compensate` run: a model is made of the photos in its journal
+/// (a rough one of `eigs` without `--part global`, whose photos go to direct light).
 #[derive(clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
