@@ -1,5 +1,5 @@
-//! Peak memory and time of making a matrix, from 64×64 to 512×512 at 64 samples. `cargo bench --bench growth`, with
-//! `-- --svg DIR` for the two plots; see `benches/README.md`.
+//! Time and memory of making a matrix against pixels (64² to 1024²), samples (16 to 1024) and triangles (10² to 10⁶). `cargo bench --bench
+//! growth`, with `-- --svg DIR` for the plots; see `benches/README.md`.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -9,87 +9,153 @@ use krylux::image::Resolution;
 use krylux::render::{TraceSettings, Tracer};
 use krylux::report::atomic;
 use krylux::report::plot::{LinePlot, Series};
-use krylux::scene::builtin;
+use krylux::scene::{Scene, builtin};
 use krylux::transport::{Channels, assemble};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-const SIDES: [usize; 6] = [64, 128, 192, 256, 384, 512];
-const SAMPLES: u32 = 64;
+/// One point of a sweep. Zigzag, or the tessellated box where triangles are asked for.
+#[derive(Clone, Copy)]
+struct Case {
+    side: usize,
+    samples: u32,
+    triangles: Option<usize>,
+}
 
-fn main() -> Outcome<()> {
-    let arguments: Vec<String> = std::env::args().collect();
-    let value = |name: &str| {
-        let at = arguments.iter().position(|argument| argument == name)?;
-        arguments.get(at + 1).map(String::as_str)
-    };
-    // `cargo test --benches` passes this; there is nothing to test here.
-    if arguments.iter().any(|argument| argument == "--test") {
-        return Ok(());
+const BASE: Case = Case { side: 128, samples: 64, triangles: None };
+
+/// What one process measured.
+struct Figures {
+    /// Scene to device, kernel, lists of what the pinhole sees; seconds.
+    opening: f64,
+    /// Tracing and matrix; seconds.
+    seconds: f64,
+    /// Memory before that, at its peak, and of the matrix; MiB.
+    start: f64,
+    peak: f64,
+    matrix: f64,
+}
+
+impl Case {
+    fn scene(self) -> Scene {
+        self.triangles.map_or_else(|| builtin::zigzag().to_scene(), builtin::tessellated_box)
     }
-    if let Some(side) = value("--side") {
-        return measure(side.parse()?);
+
+    /// Light paths, in millions.
+    fn paths(self) -> f64 {
+        (self.side * self.side) as f64 * f64::from(self.samples) / 1e6
     }
-    println!("zigzag, {SAMPLES} samples, 6 bounces, luma");
-    println!("  side   paths, M   s        µs/path   peak, MiB   bytes/path   matrix, MiB");
-    let [mut memory, mut time] = [const { Vec::new() }; 2];
-    for side in SIDES {
-        // A process of its own each time, so that nothing before it counts.
+
+    /// Measured in a process of its own, so that nothing before it counts.
+    fn figures(self) -> Outcome<Figures> {
+        let triangles = self.triangles.unwrap_or_default().to_string();
         let child = std::process::Command::new(std::env::current_exe()?)
-            .args(["--side", &side.to_string()])
+            .args(["--case", &self.side.to_string(), &self.samples.to_string(), &triangles])
             .output()?;
         if !child.status.success() {
             return Err(String::from_utf8_lossy(&child.stderr).into());
         }
         let text = String::from_utf8_lossy(&child.stdout);
         let numbers = text.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>()?;
-        let &[seconds, start, peak, matrix] = numbers.as_slice() else { return Err(text.into()) };
-        let paths = (side * side) as f64 * f64::from(SAMPLES) / 1e6;
-        println!(
-            "  {side:>4}   {paths:>8.2}   {seconds:>6.2}   {:>7.2}   {:>9.0}   {:>10.1}   {matrix:>11.1}",
-            seconds / paths,
-            peak,
-            (peak - start) * f64::from(1 << 20) / (paths * 1e6)
-        );
-        memory.push((paths, peak / 1024.0));
-        time.push((paths, seconds));
+        let &[opening, seconds, start, peak, matrix] = numbers.as_slice() else { return Err(text.into()) };
+        Ok(Figures { opening, seconds, start, peak, matrix })
     }
-    if let Some(folder) = value("--svg") {
-        for (name, y_label, points) in
-            [("memory", "peak memory, GiB", memory), ("time", "tracing and matrix, s", time)]
-        {
-            let plot = LinePlot {
-                x_label: format!(
-                    "light paths, millions ({} to {} pixels a side)",
-                    SIDES[0],
-                    SIDES[SIDES.len() - 1]
-                ),
-                y_label: y_label.into(),
-                series: vec![Series { name: name.into(), points }],
-                ..LinePlot::default()
-            };
-            atomic::write_bytes(
-                &Path::new(folder).join(format!("growth-{name}.svg")),
-                plot.render().as_bytes(),
-            )?;
-        }
-    }
-    Ok(())
 }
 
-/// Prints seconds, memory before the start, peak memory and the matrix's bytes, these in MiB.
-fn measure(side: usize) -> Outcome<()> {
-    let mut tracer = Tracer::new(&builtin::zigzag().to_scene(), None)?;
+fn main() -> Outcome<()> {
+    let arguments: Vec<String> = std::env::args().collect();
+    let after = |name: &str, nth: usize| {
+        let at = arguments.iter().position(|argument| argument == name)?;
+        arguments.get(at + nth).map(String::as_str)
+    };
+    // `cargo test --benches` passes this; there is nothing to test here.
+    if arguments.iter().any(|argument| argument == "--test") {
+        return Ok(());
+    }
+    if let (Some(side), Some(samples), Some(triangles)) =
+        (after("--case", 1), after("--case", 2), after("--case", 3))
+    {
+        let triangles = Some(triangles.parse()?).filter(|&count| count > 0);
+        return measure(Case { side: side.parse()?, samples: samples.parse()?, triangles });
+    }
+    let pixels = sweep("zigzag, 64 samples: side", &[64, 128, 192, 256, 384, 512, 768, 1024], |side| Case {
+        side,
+        ..BASE
+    })?;
+    let samples = sweep("zigzag, 128x128: samples", &[16, 64, 256, 1024], |samples| Case {
+        samples: samples as u32,
+        ..BASE
+    })?;
+    let triangles = sweep(
+        "box, 128x128, 64 samples: triangles",
+        &[100, 1000, 10_000, 100_000, 1_000_000],
+        |triangles| Case { triangles: Some(triangles), ..BASE },
+    )?;
+    let Some(folder) = after("--svg", 1) else { return Ok(()) };
+    let by_paths = |y: fn(&Figures) -> f64| {
+        [("more pixels, at 64 samples", &pixels), ("more samples, at 128×128", &samples)]
+            .map(|(name, sweep)| series(name, sweep, |case| case.paths(), y))
+            .into()
+    };
+    let by_triangles = |name: &str, y: fn(&Figures) -> f64| {
+        series(name, &triangles, |case| (case.triangles.unwrap_or(1) as f64).log10(), y)
+    };
+    let paths = "light paths, millions";
+    write(folder, "time", paths, "tracing and matrix, s", by_paths(|figures| figures.seconds))?;
+    write(folder, "memory", paths, "peak memory, GiB", by_paths(|figures| figures.peak / 1024.0))?;
+    let of_triangles = vec![
+        by_triangles("tracing and matrix, s", |figures| figures.seconds),
+        by_triangles("opening the scene, s", |figures| figures.opening),
+        by_triangles("peak memory, GiB", |figures| figures.peak / 1024.0),
+    ];
+    write(folder, "triangles", "triangles, power of ten", "s, GiB", of_triangles)
+}
+
+type Sweep = Vec<(Case, Figures)>;
+
+fn sweep(name: &str, values: &[usize], case: impl Fn(usize) -> Case) -> Outcome<Sweep> {
+    println!("{name:>36}   paths, M   opening, s   s        µs/path   peak, MiB   bytes/path   matrix, MiB");
+    let mut measured = Vec::new();
+    for &value in values {
+        let case = case(value);
+        let Figures { opening, seconds, start, peak, matrix } = case.figures()?;
+        let paths = case.paths();
+        println!(
+            "{value:>36}   {paths:>8.2}   {opening:>10.2}   {seconds:>6.2}   {:>7.2}   {peak:>9.0}   {:>10.1}   {matrix:>11.1}",
+            seconds / paths,
+            (peak - start) * f64::from(1 << 20) / (paths * 1e6)
+        );
+        measured.push((case, Figures { opening, seconds, start, peak, matrix }));
+    }
+    Ok(measured)
+}
+
+fn series(name: &str, sweep: &Sweep, x: impl Fn(Case) -> f64, y: fn(&Figures) -> f64) -> Series {
+    Series { name: name.into(), points: sweep.iter().map(|(case, figures)| (x(*case), y(figures))).collect() }
+}
+
+fn write(folder: &str, name: &str, x_label: &str, y_label: &str, series: Vec<Series>) -> Outcome<()> {
+    let plot = LinePlot { x_label: x_label.into(), y_label: y_label.into(), series, ..LinePlot::default() };
+    let path = Path::new(folder).join(format!("growth-{name}.svg"));
+    Ok(atomic::write_bytes(&path, plot.render().as_bytes())?)
+}
+
+/// Prints the figures of one case.
+fn measure(case: Case) -> Outcome<()> {
+    let scene = case.scene();
     let go_on = &mut |_| ControlFlow::Continue(());
+    let start = Instant::now();
+    let mut tracer = Tracer::new(&scene, None)?;
     // Compiles the kernel.
     assemble(&mut tracer, &TraceSettings::new(Resolution::new(8, 8), 1), Channels::Luma, go_on)?;
+    let opening = start.elapsed().as_secs_f64();
     let before = status("VmHWM:")?;
     let start = Instant::now();
-    let settings = TraceSettings::new(Resolution::new(side, side), SAMPLES);
+    let settings = TraceSettings::new(Resolution::new(case.side, case.side), case.samples);
     let traced = assemble(&mut tracer, &settings, Channels::Luma, go_on)?;
     let seconds = start.elapsed().as_secs_f64();
     let matrix = traced.matrix.bytes() as f64 / f64::from(1 << 20);
-    println!("{seconds} {before} {} {matrix}", status("VmHWM:")?);
+    println!("{opening} {seconds} {before} {} {matrix}", status("VmHWM:")?);
     Ok(())
 }
 

@@ -133,12 +133,18 @@ fn every_page_shows_all_photos_in_order() {
             "relight" => 8,
             // Beside white.
             "separate" => 12,
-            "probe" => 5,
+            // And white, since indirect light is what is left of it.
+            "probe" => 6,
             // White, at most four of the method, and two that show the result and the uncompensated target.
             _ => photos.clamp(4, 7),
         };
         assert_eq!(photos, expected, "{arguments:?}");
         assert!(page.contains("stands for in DN/s"), "{arguments:?}: photos have a unit");
+        assert!(!page.contains("alt=\"\"") && !page.contains("aria-label=\"\""), "pictures have a text");
+        // An eigenvector of norm 1 has no unit; every other scale has.
+        let (scales, units) = (page.matches("class=\"scale\"").count(), page.matches("<small>").count());
+        let without = page.matches(": λ = ").count() / 2;
+        assert_eq!(units + without, scales, "{arguments:?}");
     }
 }
 

@@ -1,5 +1,7 @@
 //! Images in the viewer tev: what arrives there, and what happens where nobody listens or nobody reads.
 
+#![allow(clippy::panic, reason = "a failed test panics")]
+
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 use std::sync::mpsc::channel;
@@ -143,10 +145,10 @@ fn a_viewer_that_does_not_read_keeps_nobody_waiting_and_gets_the_newest() {
     let (listener, address) = listener();
     let viewer = Viewer::new(&address, |error| panic!("it listens: {error}"));
     let (mut stream, _) = listener.accept().expect("it calls");
-    // 4 MiB an image: the system's buffers hold no more than a few of 64.
+    // 4 MiB an image: the system's buffers hold no more than a few of 24.
     let size = Resolution::new(1024, 1024);
     let start = Instant::now();
-    for photo in 1..=64_u16 {
+    for photo in 1..=24_u16 {
         let values = vec![f32::from(photo); size.pixels()];
         viewer.show(Plane { name: "photo".into(), size, channels: &["Y"], channel: 0, values });
         // Time to send it, if only somebody read.
@@ -163,12 +165,13 @@ fn a_viewer_that_does_not_read_keeps_nobody_waiting_and_gets_the_newest() {
         }
         seen
     });
-    std::thread::sleep(Duration::from_millis(200));
+    // The rest is sent, now that somebody reads.
+    std::thread::sleep(Duration::from_secs(2));
     drop(viewer);
     let seen = reader.join().expect("it reads");
-    assert!(seen.len() < 64, "nothing was left out: the viewer was waited for");
+    assert!(seen.len() < 24, "nothing was left out: the viewer was waited for");
     assert!(seen.is_sorted(), "{seen:?}");
-    assert_eq!(seen.last(), Some(&64.0), "the newest is there in the end: {seen:?}");
+    assert_eq!(seen.last(), Some(&24.0), "the newest is there in the end: {seen:?}");
 }
 
 #[test]

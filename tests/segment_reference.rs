@@ -47,6 +47,19 @@ impl Scene {
         Self::new(truth, |i, j| noise[i * n + j] * if regions[i] == regions[j] { 1.0 } else { between })
     }
 
+    /// The same with `pairs` of pixels after the last, each pixel of a twentieth of `degree`, that exchange a `rest` of their light with
+    /// others and all else with each other: what noise leaves where next to no light is.
+    fn with_strays(self, pairs: usize, degree: f64, rest: f64) -> Self {
+        let n = self.n;
+        let truth = self.truth.iter().copied().chain(vec![MASKED; 2 * pairs]).collect();
+        Self::new(truth, |i, j| match (i < n, j < n) {
+            (true, true) => self.entries[i * n + j],
+            (false, false) if i != j && (i - n) / 2 == (j - n) / 2 => 0.05 * degree * (1.0 - rest),
+            (true, false) => 0.05 * degree * rest / n as f64,
+            _ => 0.0,
+        })
+    }
+
     /// Two strips side by side, mirror images of each other that exchange no light: the top row of `zigzag`, in
     /// small.
     fn mirrored(width: usize) -> Self {
@@ -282,6 +295,62 @@ fn one_capture_serves_any_number_of_groups_numbered_by_appearance() {
         assert_eq!(usize::from(next), *groups);
     }
     assert_eq!(adjusted_rand_index(&found.labels[1].1, &scene.truth).unwrap(), 1.0);
+}
+
+#[test]
+fn a_few_pixels_that_exchange_light_with_each_other_only_are_no_group() {
+    for seed in 0..4 {
+        // Nearly alone: each pair has an eigenvector of its own, before that of the regions. A row's mean degree is 75 or so.
+        let regions = Scene::regions(&[150, 150], 0.005, seed);
+        let plain = run(&mut regions.clone(), &SegmentOptions { seed, ..options(2, 40) });
+        let mut scene = regions.with_strays(3, 75.0, 1e-3);
+        let found = run(&mut scene, &SegmentOptions { seed, ..options(2, 40) });
+        assert_eq!(
+            found.mask.iter().filter(|&&masked| masked).count(),
+            0,
+            "they are bright enough to be seen"
+        );
+        assert_eq!(agreement(&found, &scene.truth), 1.0, "seed {seed}");
+        let local: Vec<usize> = (0..10).filter(|&index| found.embedding.is_local(index)).collect();
+        assert_eq!(local, [1, 2, 3], "{:?}", found.embedding.within);
+        assert!(found.status.contains("3 are of a few pixels alone"), "{}", found.status);
+        assert_eq!((found.regions.count, found.regions.at_one), (2, 2), "{:?}", found.regions);
+        assert_eq!(plain.embedding.local(), 0);
+
+        // Wholly alone, as are the regions: Lanczos sees one mixture of all.
+        let mut scene = Scene::regions(&[150, 150], 0.0, seed).with_strays(3, 75.0, 0.0);
+        let found = run(&mut scene, &SegmentOptions { seed, ..options(2, 8) });
+        assert_eq!(agreement(&found, &scene.truth), 1.0, "seed {seed}, one eigenvalue for all");
+    }
+}
+
+#[test]
+fn a_capture_asked_at_every_photo_answers_as_one_of_so_many_photos() {
+    let scene = Scene::regions(&[40, 60, 30], 0.1, 11);
+    let mut live = scene.clone();
+    let mut capture = Capture::new(SegmentOptions { tolerance: 0.0, ..options(3, 20) }).unwrap();
+    for photos in 3..=20 {
+        capture
+            .run(&mut live, &mut |step| {
+                if step.products >= photos { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            })
+            .unwrap();
+        assert_eq!((capture.photos(), live.photos), (photos, photos), "no photo is taken twice");
+        let asked = capture.segmentation().unwrap();
+        let of_so_many = SegmentOptions { tolerance: 0.0, ..options(3, photos) };
+        let alone = segment(&mut scene.clone(), &of_so_many, &mut keep_going).unwrap();
+        assert_eq!(asked.labels, alone.labels, "{photos} photos");
+        assert_eq!(asked.eigenvalues, alone.eigenvalues, "{photos} photos");
+        assert_eq!(asked.eigenvectors, alone.eigenvectors, "{photos} photos");
+        assert_eq!(asked.residuals, alone.residuals, "{photos} photos");
+        assert_eq!(asked.history, alone.history, "{photos} photos");
+        // Other numbers of groups are those of a capture that was made for them.
+        let two = SegmentOptions { groups: vec![2], ..of_so_many };
+        let alone = segment(&mut scene.clone(), &two, &mut keep_going).unwrap();
+        assert_eq!(capture.regrouped(&[2]).unwrap().labels, alone.labels, "{photos} photos");
+    }
+    let error = capture.regrouped(&[131]).unwrap_err().to_string();
+    assert!(error.starts_with("--groups"), "{error}");
 }
 
 #[test]

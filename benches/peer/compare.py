@@ -42,6 +42,9 @@ class Table:
     def add(self, name, ours, peer):
         self.rows.setdefault(name, []).append((ours, peer))
 
+    def figures(self):
+        return {row: [[vars(ours), vars(peer)] for ours, peer in pairs] for row, pairs in self.rows.items()}
+
     def print(self):
         print("\n| | krylux, s | Mitsuba, s | Mitsuba / krylux, wall | the same, processor time |")
         print("|---|---|---|---|---|")
@@ -89,7 +92,8 @@ def errors(both, photos, runs):
     return out
 
 
-def compare(setup, name, path):
+def compare(setup, name, path, keep):
+    """All questions on one scene; `keep` is given the figures so far after each turn."""
     both = Both(setup, path)
     triangles = sum(len(part.triangles) for part in both.scene.parts)
     print(f"\n## {name}, {triangles} triangles, {setup.size}×{setup.size}, {setup.samples} samples, 6 surfaces", flush=True)
@@ -109,12 +113,11 @@ def compare(setup, name, path):
         table.add(f"{setup.photos} photos, kernels cached", *runs[-1])
         table.add(f"{setup.photos} photos, matrix cached", both.next_run(), runs[-1][1])
         table.add("start to a tiny photo", *both.start())
+        keep(table.figures())
     table.print()
     table.print_memory(cold)
-    figures = {row: [[vars(ours), vars(peer)] for ours, peer in pairs] for row, pairs in table.rows.items()}
-    figures["errors"] = errors(both, photos, runs)
+    keep({**table.figures(), "errors": errors(both, photos, runs)})
     both.resident.close()
-    return figures
 
 
 def main():
@@ -130,10 +133,14 @@ def main():
             raise SystemExit(f"--scenes: {', '.join(unknown)}: expected some of {', '.join(paths)}")
         print(f"{os.cpu_count()} cores, {asked.turns} turns, median (least to most)")
         figures = {}
-        for name in names:
-            figures[name] = compare(setup, name, paths[name])
+
+        def keep(name, of_scene):
+            figures[name] = of_scene
             if asked.json:
                 Path(asked.json).write_text(json.dumps(figures, indent=1))
+
+        for name in names:
+            compare(setup, name, paths[name], lambda of_scene: keep(name, of_scene))
 
 
 if __name__ == "__main__":

@@ -21,3 +21,5 @@ override COAXIAL_PINHOLE: bool = false;
 override ROULETTE: bool = true;
 // Rays from and to the pinhole that both ends share are traced by lists of what can be seen from it.
 override SIGHT: bool = false;
+// Number of triangles, where they are so few that testing each is cheaper than a search tree; else 0.
+override FEW_TRIANGLES: u32 = 0u;

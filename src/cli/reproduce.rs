@@ -1,10 +1,12 @@
 //! `krylux reproduce`: the paper's figures, made again and held to bounds.
 
 use std::path::PathBuf;
+use std::sync::LazyLock;
 use std::time::Instant;
 
 use anyhow::Result;
 use clap::ValueEnum;
+use clap::builder::PossibleValue;
 use serde_json::json;
 
 use super::Outcome;
@@ -36,30 +38,26 @@ pub(super) struct Args {
     pub(super) output: OutputArgs,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+/// A figure, or all of them.
+#[derive(Clone, Copy)]
 enum FigureArg {
-    /// Power iteration
-    Fig2,
-    /// Segmentation of a folded sheet into 2, 6 and 10 groups
-    Fig4,
-    /// Pixels by their eigenvector entries
-    Fig5,
-    /// Patches that are apart in the photo
-    Fig6,
-    /// An egg carton, empty and with eggs
-    Fig8,
-    /// The photos of a segmentation
-    Fig9,
-    /// The photos of a compensation
-    Fig10,
-    /// Compensation
-    Fig11,
-    /// Compensation out of focus
-    Fig12,
-    /// Bit planes of a projector of one bit
-    Fig13,
-    /// All of them
+    One(Figure),
     All,
+}
+
+impl ValueEnum for FigureArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ARGUMENTS: LazyLock<Vec<FigureArg>> =
+            LazyLock::new(|| Figure::ALL.map(FigureArg::One).into_iter().chain([FigureArg::All]).collect());
+        &ARGUMENTS
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self {
+            Self::One(figure) => PossibleValue::new(figure.name()).help(figure.title()),
+            Self::All => PossibleValue::new("all").help("All of them"),
+        })
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -74,16 +72,7 @@ impl Args {
     fn figures(&self) -> Vec<Figure> {
         let asked = |figure: &Figure| {
             self.figures.iter().any(|argument| match argument {
-                FigureArg::Fig2 => *figure == Figure::Fig2,
-                FigureArg::Fig4 => *figure == Figure::Fig4,
-                FigureArg::Fig5 => *figure == Figure::Fig5,
-                FigureArg::Fig6 => *figure == Figure::Fig6,
-                FigureArg::Fig8 => *figure == Figure::Fig8,
-                FigureArg::Fig9 => *figure == Figure::Fig9,
-                FigureArg::Fig10 => *figure == Figure::Fig10,
-                FigureArg::Fig11 => *figure == Figure::Fig11,
-                FigureArg::Fig12 => *figure == Figure::Fig12,
-                FigureArg::Fig13 => *figure == Figure::Fig13,
+                FigureArg::One(one) => one == figure,
                 FigureArg::All => true,
             })
         };

@@ -9,7 +9,8 @@ use super::about::{self, About, Kind};
 use super::console::Console;
 use super::journal;
 use super::measured::Measured;
-use super::options::{SourceArgs, ViewArgs};
+use super::options::SourceArgs;
+use super::rig_scene::{refuse_tracing, scene_of};
 use super::run_folder::RunFolder;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
@@ -20,7 +21,6 @@ use crate::image::Resolution;
 use crate::journal::{Identity, Journal};
 use crate::measure::{Calibration, Journaled, Live, Measurement, Opener, Shots};
 use crate::operator::Symmetry;
-use crate::render::TraceSettings;
 use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
 use crate::report::sparse;
@@ -301,50 +301,4 @@ fn not_virtual(path: &Path) -> Error {
         fault: "its devices are real: there is no virtual twin to predict by".into(),
         help: "describe scene and devices in a rig file of kind = \"virtual\"".into(),
     }
-}
-
-/// Opens the scene of a virtual rig with what is given in the place of what its file says; none where its matrix is there.
-fn scene_of(
-    scene: &mut VirtualScene,
-    rig: &Path,
-    view: &ViewArgs,
-    trace: &TraceArgs,
-    console: &Console,
-) -> Result<Option<Box<Simulation>>> {
-    let refuse = |option: &str, fault: String, help: &str| {
-        Err(Error::Option { option: option.into(), fault, help: help.into() }.into())
-    };
-    match scene {
-        VirtualScene::File { path, camera, camera_file, size, samples, max_bounces, seed } => {
-            let wanted = ViewArgs {
-                camera: view.camera.clone().or(camera.take()),
-                camera_file: view.camera_file.clone().or(camera_file.take()),
-            };
-            let said = TraceSettings {
-                max_bounces: *max_bounces,
-                seed: *seed,
-                ..TraceSettings::new(*size, *samples)
-            };
-            let settings = trace.settings_of_rig(said);
-            if settings.projector.is_some() {
-                let fault = format!("{} has as many projector pixels as its scene has", rig.display());
-                return refuse("--projector-size", fault, "leave it out, or give --size");
-            }
-            (*size, *samples, *max_bounces) = (settings.resolution, settings.samples, settings.max_bounces);
-            let simulation = Simulation::open(path, &wanted, settings, trace, console)?;
-            Ok(Some(Box::new(simulation)))
-        }
-        VirtualScene::Matrix { .. } => refuse_tracing(rig, view, trace).map(|()| None),
-    }
-}
-
-/// That no option of the tracer is given where nothing is traced.
-fn refuse_tracing(rig: &Path, view: &ViewArgs, trace: &TraceArgs) -> Result<()> {
-    let Some(option) = trace.given().or(view.given()) else { return Ok(()) };
-    Err(Error::Option {
-        option: option.into(),
-        fault: format!("nothing is traced for {}", rig.display()),
-        help: "leave it out: the rig file says what is seen".into(),
-    }
-    .into())
 }

@@ -86,7 +86,7 @@ impl<'a> Bench<'a> {
         let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |progress| {
             watch(progress.done, progress.total)
         })?;
-        let stage = Rc::new(Stage { traced, truth, resolution });
+        let stage = Rc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
         self.stages.push((set, resolution, Rc::clone(&stage)));
         Ok(stage)
     }

@@ -94,7 +94,8 @@ pub(super) fn enter(
         let white = wish.white.iter().map(|value| value.max(floor)).collect();
         options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
     }
-    if method == Method::KrylovBox && operator.symmetry() != Symmetry::Symmetric {
+    let blurred = stage.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
+    if method == Method::KrylovBox && blurred {
         options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &wish.white)));
     }
     let mut entry =

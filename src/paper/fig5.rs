@@ -79,15 +79,12 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     })
 }
 
-/// One column for each eigenvector but the first: `u / √(1 − λ)`, at most as large as an eigenvalue 0.001 below 1 makes it.
+/// One column for each eigenvector but the first: the coordinates that k-means groups.
 fn features(found: &Segmentation) -> Vec<Vec<f64>> {
-    let pairs = found.eigenvectors.iter().zip(&found.eigenvalues).zip(&found.residuals).skip(1);
-    pairs
-        .map(|((vector, value), residual)| {
-            let weight = 1.0 / (1.0 - value).max(*residual).max(1e-3).sqrt();
-            vector.iter().map(|entry| weight * entry).collect()
-        })
-        .collect()
+    let column = |(index, vector): (usize, &Vec<f64>)| {
+        vector.iter().map(|&entry| found.embedding.coordinate(index, entry)).collect()
+    };
+    found.eigenvectors.iter().enumerate().skip(1).map(column).collect()
 }
 
 /// From `pixel` to each other, in the space of features.

@@ -48,6 +48,36 @@ pub(super) fn bands(labels: &[u8], truth: &[u8], resolution: Resolution) -> Band
     Bands { count: found.len(), share: agreeing as f64 / all as f64 }
 }
 
+/// Straight bands, `groups` in all and as many in each region, of equal light within it: what groups would be whose borders run along the
+/// rows. `light` is that of each pixel; masked where `truth` or `mask` is.
+pub(super) fn straight_bands(
+    light: &[f64],
+    mask: &[bool],
+    truth: &[u8],
+    groups: usize,
+    resolution: Resolution,
+) -> Vec<u8> {
+    let regions: BTreeSet<u8> = truth.iter().copied().filter(|&region| region != MASKED).collect();
+    let bands = (groups / regions.len().max(1)).max(1);
+    let mut labels = vec![MASKED; truth.len()];
+    for (index, &region) in regions.iter().enumerate() {
+        let inside = |&pixel: &usize| truth[pixel] == region && !mask[pixel];
+        let all: f64 = (0..truth.len()).filter(inside).map(|pixel| light[pixel]).sum();
+        let mut above = 0.0;
+        for row in 0..resolution.height {
+            let pixels = row * resolution.width..(row + 1) * resolution.width;
+            let here: f64 = pixels.clone().filter(inside).map(|pixel| light[pixel]).sum();
+            // The band that the middle of this row's light falls into.
+            let band = ((above + here / 2.0) / all * bands as f64) as usize;
+            for pixel in pixels.filter(inside) {
+                labels[pixel] = (index * bands + band.min(bands - 1)) as u8;
+            }
+            above += here;
+        }
+    }
+    labels
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,5 +101,16 @@ mod tests {
         assert_eq!((found.count, found.share), (1, 0.875));
         // Upright halves are no bands.
         assert_eq!(bands(&[0, 0, 1, 1, 0, 0, 1, 1], &[0; 8], resolution).count, 0);
+    }
+
+    #[test]
+    fn straight_bands_share_a_regions_light_equally() {
+        let resolution = Resolution::new(2, 4);
+        let light = [1.0, 3.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+        let truth = [0, 1, 0, 1, 0, 1, 0, 1];
+        let mut mask = [false; 8];
+        assert_eq!(straight_bands(&light, &mask, &truth, 4, resolution), [0, 2, 0, 3, 1, 3, 1, 3]);
+        mask[0] = true;
+        assert_eq!(straight_bands(&light, &mask, &truth, 4, resolution)[..3], [MASKED, 2, 0]);
     }
 }

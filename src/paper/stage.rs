@@ -24,13 +24,14 @@ pub(super) enum Set {
 const DEFOCUSED: Lens = Lens { radius: 0.015, focus: 2.4 };
 
 impl Set {
+    pub(super) fn is_out_of_focus(self) -> bool {
+        matches!(self, Self::Defocused | Self::BothDefocused)
+    }
+
     /// Light paths per pixel. Through an open lens direct light is sampled, too: at 256 paths the best pattern makes use of the noise that is
     /// frozen into the matrix, which costs any method that has not seen all of it five per cent.
     pub(super) fn samples(self) -> u32 {
-        match self {
-            Self::Defocused | Self::BothDefocused => 1024,
-            _ => 256,
-        }
+        if self.is_out_of_focus() { 1024 } else { 256 }
     }
 
     pub(super) fn scene(self) -> Scene {
@@ -64,6 +65,8 @@ pub(super) struct Stage {
     /// The true region of each pixel.
     pub(super) truth: Vec<u8>,
     pub(super) resolution: Resolution,
+    /// Whether some lens is out of focus.
+    pub(super) out_of_focus: bool,
 }
 
 impl Stage {

@@ -26,25 +26,28 @@ pub(super) struct SceneFeatures {
     pub(super) passable: bool,
     /// Some surfaces border on a medium.
     pub(super) media: bool,
+    /// The number of triangles, where rays test each of them; 0 where they go by the search tree.
+    pub(super) few_triangles: u32,
 }
 
 impl Features {
     /// By the shader's names.
-    pub(super) fn constants(&self) -> [(&'static str, f64); 10] {
-        let SceneFeatures { matte, corners, chains, passable, media } = self.scene;
+    pub(super) fn constants(&self) -> [(&'static str, f64); 11] {
+        let SceneFeatures { matte, corners, chains, passable, media, few_triangles } = self.scene;
+        let flag = |set: bool| f64::from(u8::from(set));
         [
-            ("MATTE", matte),
-            ("CORNERS", corners),
-            ("CHAINS", chains),
-            ("PASSABLE", passable),
-            ("MEDIA", media),
-            ("AMBIENT", self.ambient),
-            ("LENSES", self.lenses),
-            ("COAXIAL_PINHOLE", self.coaxial_pinhole),
-            ("ROULETTE", self.roulette),
-            ("SIGHT", self.sight),
+            ("MATTE", flag(matte)),
+            ("CORNERS", flag(corners)),
+            ("CHAINS", flag(chains)),
+            ("PASSABLE", flag(passable)),
+            ("MEDIA", flag(media)),
+            ("AMBIENT", flag(self.ambient)),
+            ("LENSES", flag(self.lenses)),
+            ("COAXIAL_PINHOLE", flag(self.coaxial_pinhole)),
+            ("ROULETTE", flag(self.roulette)),
+            ("SIGHT", flag(self.sight)),
+            ("FEW_TRIANGLES", f64::from(few_triangles)),
         ]
-        .map(|(name, set)| (name, f64::from(u8::from(set))))
     }
 }
 
@@ -54,7 +57,14 @@ mod tests {
 
     #[test]
     fn the_shaders_overrides_are_all_set_and_no_others() {
-        let scene = SceneFeatures { matte: true, corners: true, chains: true, passable: true, media: true };
+        let scene = SceneFeatures {
+            matte: true,
+            corners: true,
+            chains: true,
+            passable: true,
+            media: true,
+            few_triangles: 4,
+        };
         let features = Features {
             scene,
             ambient: true,

@@ -10,6 +10,9 @@ use crate::gpu::Gpu;
 use crate::scene::bvh::Bvh;
 use crate::scene::{AlphaMode, Camera, Material, Scene, Triangle};
 
+/// Scenes of at most so many triangles are traced without the search tree: a node costs a ray as much as several triangles.
+const FEW_TRIANGLES: usize = 8;
+
 /// Bindings 1 to 7 of group 0, in that order.
 pub(super) struct GpuScene {
     pub(super) nodes: wgpu::TextureView,
@@ -90,6 +93,7 @@ fn features(scene: &Scene, corners: bool) -> SceneFeatures {
         chains: scene.materials.iter().any(mirrors),
         passable: scene.materials.iter().any(Material::lets_light_straight_through),
         media: scene.materials.iter().any(|m| m.lets_light_through() && m.volume.is_some()),
+        few_triangles: if scene.triangles.len() <= FEW_TRIANGLES { scene.triangles.len() as u32 } else { 0 },
     }
 }
 

@@ -104,6 +104,47 @@ fn figure_4_two_folds_are_told_apart_by_few_photos_and_then_cut_across() {
     assert_eq!((found.regions.count, found.regions.clear), (2, true), "{:?}", found.regions);
 }
 
+/// The cut's value, and that of as many straight bands of equally many rows.
+fn cut_and_straight_cut(scene: &Traced, labels: &[u8], groups: usize, side: usize) -> [f64; 2] {
+    let bands = groups / 2;
+    let straight: Vec<u8> = (0..side * side)
+        .map(|at| match (labels[at], scene.truth[at]) {
+            (MASKED, _) | (_, MASKED) => MASKED,
+            (_, region) => region * bands as u8 + (at / side * bands / side) as u8,
+        })
+        .collect();
+    [labels, &straight].map(|labels| evidence(&mut scene.part(Part::Global), labels).unwrap().cut())
+}
+
+#[test]
+fn figure_4_bent_sheets_are_cut_into_horizontal_bands_and_sharp_folds_at_their_creases_which_is_cheaper() {
+    let side = 64;
+    let bent = Traced::new(&load("two-sheets"), side, 256);
+    let found = bent.segmentation(50, 10, &[6, 10]);
+    for groups in [6, 10] {
+        let labels = labels(&found, groups);
+        let [row, column] = told_by_row_and_column(labels, &bent.truth, side);
+        let [cut, straight] = cut_and_straight_cut(&bent, labels, groups, side);
+        println!(
+            "fig4: bent sheets, {groups} groups told by row {row:.3} and column {column:.3}; cut {cut:.3}, of straight bands {straight:.3}"
+        );
+        assert!(row > 0.8 && column < 0.1, "{row} {column}");
+        assert!(cut <= straight, "{cut} {straight}");
+    }
+    // The zigzag's halves have eigenvalues above the continuous part of an infinite fold's spectrum, 0.79, and finer bands have none.
+    let folds = Traced::new(&load("zigzag"), side, 256);
+    let found = folds.segmentation(50, 10, &[4, 10]);
+    let [row, column] = told_by_row_and_column(labels(&found, 4), &folds.truth, side);
+    let [cut, straight] = cut_and_straight_cut(&folds, labels(&found, 10), 10, side);
+    println!(
+        "fig4: folds, 4 groups told by row {row:.3} and column {column:.3}; cut of 10 {cut:.3}, of straight bands {straight:.3}"
+    );
+    println!("fig4: folds, eigenvalues {:.4?}", found.eigenvalues);
+    assert!(row > 0.8 && column < 0.1, "{row} {column}");
+    assert!(cut < 0.9 * straight, "{cut} {straight}");
+    assert!(found.eigenvalues[3] > 0.79 && found.eigenvalues[4] < 0.79, "{:?}", found.eigenvalues);
+}
+
 #[test]
 fn figure_5_pixels_of_one_fold_lie_together_and_those_of_the_other_far_away() {
     let folds = Traced::new(&load("zigzag"), 48, 256);
@@ -178,8 +219,8 @@ fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
         "fig8: with eggs {cells:.4} against the cells, {change:.4} against the groups before; {}",
         with_eggs.regions.sentence()
     );
-    // What an egg's top sees is not its own cell but the other eggs and the rims: there the groups change.
-    assert!(change < 0.97 && cells < agreement - 0.02, "{change} {cells}");
+    // What an egg's upper half sees is not its own cell but the other eggs and the rims: the groups are others.
+    assert!(change < 0.7 && cells < 0.7, "{change} {cells}");
 }
 
 #[test]

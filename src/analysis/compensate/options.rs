@@ -23,6 +23,9 @@ pub struct CompensateOptions {
     /// The width of the lens' blur, for [`Precondition::Defocus`], in pixels (the standard deviation of a Gaussian). Default `None`: told
     /// from one photo.
     pub defocus: Option<f64>,
+    /// That some lens is out of focus: [`Method::KrylovBox`] then takes the light for a mixture of blurs, told from its photos, where it has
+    /// not seen better, and no longer knows when it is at the optimum. So it does anyway where the operator is not symmetric. Default false.
+    pub out_of_focus: bool,
     /// The target's values are moved from [0, 1] to [`lift`, 1] before they are wished for, as the paper does so that less light
     /// has to be taken away. From 0 to below 1; default 0.
     pub lift: f64,
@@ -58,6 +61,7 @@ impl Default for CompensateOptions {
             peak: None,
             precondition: None,
             defocus: None,
+            out_of_focus: false,
             lift: 0.0,
             baseline: true,
         }

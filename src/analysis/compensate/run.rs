@@ -130,10 +130,10 @@ impl Run<'_> {
         let constrained = method.facts().constraint != Constraint::None;
         let preconditioner =
             if constrained { None } else { self.preconditioner(operator, channel, white.clone())? };
-        // The transpose is what such a rig lacks.
-        let lacks_transpose = self.dear && operator.symmetry() != Symmetry::Symmetric && channel.is_some();
+        // A rig that is not symmetric takes no photos of its transpose, which a mixture of blurs has.
+        let blurred = self.options.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
         let surrogate: Option<Arc<dyn Surrogate>> = match method {
-            Method::KrylovBox if lacks_transpose => {
+            Method::KrylovBox if blurred && self.dear && channel.is_some() => {
                 Some(Arc::new(Mixture::new(self.wish.resolution(), &white)))
             }
             _ => None,

@@ -103,11 +103,29 @@ impl Capture {
         Ok(())
     }
 
-    /// The segmentation from the photos taken so far; takes none.
+    /// The segmentation from the photos taken so far; takes none, and disturbs nothing: a capture that is stopped by its monitor after
+    /// so many photos, asked, and run on, answers each time as one of so many photos would.
     ///
     /// # Errors
     /// [`Error::Numerical`] when no eigenvector is there yet (fewer than three photos, or a scene of one pixel).
     pub fn segmentation(&self) -> Result<Segmentation> {
+        self.answer(&self.options)
+    }
+
+    /// The same for other numbers of groups.
+    ///
+    /// # Errors
+    /// As [`Capture::segmentation`]; [`Error::Option`] naming `--groups` for numbers that cannot be.
+    pub fn regrouped(&self, groups: &[usize]) -> Result<Segmentation> {
+        let options = SegmentOptions { groups: groups.to_vec(), ..self.options.clone() };
+        options.check()?;
+        if let Some(graph) = &self.graph {
+            check_enough(graph, groups)?;
+        }
+        self.answer(&options)
+    }
+
+    fn answer(&self, options: &SegmentOptions) -> Result<Segmentation> {
         let too_early =
             || Error::Numerical("the capture ended before a first eigenvector could be computed".into());
         let graph = self.graph.as_ref().ok_or_else(too_early)?;
@@ -115,14 +133,9 @@ impl Capture {
         if lanczos.steps() == 0 {
             return Err(too_early());
         }
-        let pairs = lanczos.ritz(Which::LargestAlgebraic, self.options.eigenvectors - 1)?;
+        let pairs = lanczos.ritz(Which::LargestAlgebraic, options.eigenvectors - 1)?;
         let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
-        let taken = Taken {
-            options: &self.options,
-            photos: self.photos(),
-            history: &self.history,
-            status: self.status,
-        };
+        let taken = Taken { options, photos: self.photos(), history: &self.history, status: self.status };
         Segmentation::from_vectors(&taken, graph, &pairs, vectors)
     }
 
@@ -166,17 +179,23 @@ impl Capture {
             *photos += 1;
             Ok(photo)
         })?;
-        let most = self.options.groups.iter().copied().max().unwrap_or(0);
-        if graph.pixels().len() < most.max(2) {
-            return Err(Error::Option {
-                option: "--groups".into(),
-                fault: format!("{most} groups, but only {} pixels exchange light", graph.pixels().len()),
-                help: "ask for fewer groups, or lower --mask-below".into(),
-            });
-        }
+        check_enough(&graph, &self.options.groups)?;
         self.graph = Some(graph);
         Ok(())
     }
+}
+
+/// Whether there are as many pixels as groups.
+fn check_enough(graph: &Graph, groups: &[usize]) -> Result<()> {
+    let most = groups.iter().copied().max().unwrap_or(0);
+    if graph.pixels().len() < most.max(2) {
+        return Err(Error::Option {
+            option: "--groups".into(),
+            fault: format!("{most} groups, but only {} pixels exchange light", graph.pixels().len()),
+            help: "ask for fewer groups, or lower --mask-below".into(),
+        });
+    }
+    Ok(())
 }
 
 fn photo(global: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {

@@ -1,7 +1,6 @@
 //! Pixels as points: what tells them apart is how far they lie from one another in the space of eigenvectors.
 //!
-//! A pixel's coordinates are its values in the eigenvectors, each over `√(1 − λ)`: k-means groups these points. Their distances are those
-//! of the commute time, how long light takes from one pixel to the other and back (Qiu and Hancock, 2007, doi:10.1109/TPAMI.2007.1103).
+//! The coordinates are those of [`Embedding`](super::Embedding).
 
 use super::Segmentation;
 use crate::error::{Error, Result};
@@ -14,7 +13,8 @@ pub struct FeatureView {
     pub pixels: Vec<(usize, usize)>,
     /// Coordinates of each: the second eigenvector first (`k − 1` numbers).
     pub coordinates: Vec<Vec<f64>>,
-    /// Distances between them, row by row, relative to the root mean square distance of a pixel from the centre of all light.
+    /// Distances between them, row by row, relative to the root mean square distance of all pixels from the origin, where one would be that
+    /// exchanges light with all others alike.
     pub distances: Vec<Vec<f64>>,
 }
 
@@ -41,8 +41,9 @@ pub fn feature_view(
     }
     let coordinates: Vec<Vec<f64>> =
         pixels.iter().map(|&(x, y)| found.feature(y * resolution.width + x)).collect();
-    // Eigenvectors have uᵀ W u = 1 and are orthogonal to 1: the mean square of all points is known.
-    let spread = found.feature_weights.iter().map(|weight| weight * weight).sum::<f64>()
+    // Σ w u² of each eigenvector's entries is known, as they are counted.
+    let squares = found.embedding.weights.iter().zip(&found.embedding.within);
+    let spread = squares.map(|(weight, within)| weight * weight * within).sum::<f64>()
         / found.weights.iter().sum::<f64>();
     let scale = spread.sqrt().max(f64::MIN_POSITIVE);
     let distance = |a: &Vec<f64>, b: &Vec<f64>| {

@@ -4,13 +4,18 @@
 //! cut (Shi and Malik, doi:10.1109/34.868688) splits it where the light exchanged is little in proportion to each
 //! side's total. Relaxed to real vectors this is the generalized eigenproblem `(D − G) u = (1 − λ) D u`, whose
 //! smallest eigenvectors are the largest of `D^-½ G D^-½`, which Lanczos finds from a few dozen photos. K-means on
-//! them, pixel by pixel, gives the groups; for any number of groups from one capture.
+//! them, pixel by pixel, gives the groups ([`Embedding`]); for any number of groups from one capture.
+//!
+//! What the cut cannot tell apart is no fault of the groups. Where two surfaces meet in a sharp crease, light goes back and forth at every
+//! scale, and the eigenvalues of the continuous scene are not separate below some value (`docs/segmentation.md`): fine groups then follow
+//! the crease and not the surface.
 //!
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5 (the photos themselves:
 //! *Optical computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165).
 
 mod adjacency;
 mod capture;
+mod embedding;
 mod evidence;
 mod features;
 mod graph;
@@ -20,6 +25,7 @@ mod segmentation;
 
 pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
+pub use embedding::Embedding;
 pub use evidence::{Evidence, evidence};
 pub use features::{FeatureView, feature_view};
 pub use graph::Graph;

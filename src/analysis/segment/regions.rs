@@ -6,6 +6,10 @@
 //!
 //! A Krylov process sees one vector of an eigenvalue that is repeated *exactly*. That one is a random mixture of the regions'
 //! indicators, the same within each and different from region to region: its levels are counted instead.
+//!
+//! Eigenvectors of a few pixels alone ([`Embedding::is_local`](super::Embedding::is_local)) are not among those looked at here.
+
+use super::embedding::LEAST_SHARE;
 
 /// Eigenvalues nearer to 1 than this count as equally near, so that rounding makes no gaps.
 const FLOOR: f64 = 1e-3;
@@ -24,11 +28,11 @@ const CLEAR: f64 = 4.0;
 pub struct Regions {
     /// The number suggested; at least 1.
     pub count: usize,
-    /// Eigenvalues before the largest gap, the known 1 included.
+    /// Eigenvalues before the largest gap, the known 1 included and those of a few pixels alone left out.
     pub at_one: usize,
     /// How far the last of them is from 1.
     pub last: f64,
-    /// How far the one after the gap is from 1; none where the capture ends before it.
+    /// How far the one after the gap is from 1, or at least is; none where the capture ends before it.
     pub next: Option<f64>,
     /// `next` over `last`, the latter not below 0.001.
     pub ratio: Option<f64>,
@@ -39,7 +43,7 @@ pub struct Regions {
 }
 
 impl Regions {
-    /// From the distances `1 − λ` of all eigenvalues, the known one first, and the values of the second eigenvector `u` on `m` nodes
+    /// From the distances `1 − λ` of the eigenvalues that tell of regions, the known one first, and the values of the second eigenvector `u` on `m` nodes
     /// of these `degrees` (`uᵀ D u = 1`), with its residual.
     pub(super) fn suggested(gaps: &[f64], second: Option<(&[f64], f64)>, degrees: &[f64]) -> Self {
         let floored = |index: usize| gaps[index].max(FLOOR);
@@ -97,13 +101,16 @@ impl Regions {
     }
 }
 
-/// Groups of values closer to one another than `tolerance` standard deviations, of 1 in 500 pixels at least.
+/// Groups of values closer to one another than `tolerance` standard deviations, of more than one pixel and of a share of the light that
+/// makes a group.
 fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
-    let apart = tolerance / degrees.iter().sum::<f64>().sqrt();
-    let few = (vector.len() / 500).max(2);
-    let mut values = vector.to_vec();
-    values.sort_by(f64::total_cmp);
-    values.chunk_by(|a, b| b - a <= apart).filter(|level| level.len() >= few).count().max(1)
+    let all = degrees.iter().sum::<f64>();
+    let apart = tolerance / all.sqrt();
+    let mut values: Vec<(f64, f64)> = vector.iter().copied().zip(degrees.iter().copied()).collect();
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let levels = values.chunk_by(|a, b| b.0 - a.0 <= apart);
+    let light = |level: &[(f64, f64)]| level.iter().map(|(_, degree)| degree).sum::<f64>();
+    levels.filter(|level| level.len() >= 2 && light(level) >= LEAST_SHARE * all).count().max(1)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! A segmentation: what is asked for, and what is made of eigenvectors.
 
+use super::embedding::{Embedding, mean};
 use super::graph::Graph;
 use super::{NegativeLaplacian, NormalizedAdjacency, Regions};
 use crate::analysis::kmeans::{KmeansOptions, kmeans};
@@ -121,8 +122,8 @@ pub struct Segmentation {
     /// `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or
     /// `uᵀ u = 1` (average cut). The first is the same in all pixels.
     pub eigenvectors: Vec<Vec<f64>>,
-    /// What each eigenvector is multiplied by to make coordinates for k-means (`k`), `1/√(1 − λ)`; 0 for the known one.
-    pub feature_weights: Vec<f64>,
+    /// How eigenvectors make the coordinates that k-means groups.
+    pub embedding: Embedding,
     /// What each pixel counts in k-means (`n`): its degree, or 1 for the average cut; 0 on masked pixels.
     pub weights: Vec<f64>,
     /// How many regions exchange next to no light, as far as the eigenvalues tell.
@@ -152,12 +153,8 @@ impl Segmentation {
     /// A pixel's coordinates in the space that k-means works in: its values in all eigenvectors but the known one, weighted
     /// (`k − 1` numbers).
     pub fn feature(&self, pixel: usize) -> Vec<f64> {
-        self.eigenvectors
-            .iter()
-            .zip(&self.feature_weights)
-            .skip(1)
-            .map(|(u, weight)| weight * u[pixel])
-            .collect()
+        let entries = self.eigenvectors.iter().enumerate().skip(1);
+        entries.map(|(index, u)| self.embedding.coordinate(index, u[pixel])).collect()
     }
 
     pub(super) fn from_vectors(
@@ -188,14 +185,15 @@ impl Segmentation {
             Cut::Normalized => graph.degree().to_vec(),
             Cut::Average => vec![1.0; graph.degree().len()],
         };
-        let gaps = gaps(options.cut, graph, pairs);
-        let feature_weights = feature_weights(options.cut, graph, pairs, &gaps);
-        let features: Vec<Vec<f64>> = vectors[1..]
-            .iter()
-            .zip(&feature_weights[1..])
-            .map(|(vector, weight)| vector.iter().map(|value| weight * value).collect())
+        let embedding = Embedding::new(options.cut, graph, pairs, &vectors, &weights);
+        let features: Vec<Vec<f64>> = (1..vectors.len())
+            .map(|index| vectors[index].iter().map(|&entry| embedding.coordinate(index, entry)).collect())
             .collect();
-        let second = vectors.get(1).map(Vec::as_slice).zip(pairs.first().map(|pair| pair.residual));
+        let told: Vec<usize> = (0..vectors.len()).filter(|&index| !embedding.is_local(index)).collect();
+        let mut gaps: Vec<f64> = told.iter().map(|&index| embedding.gaps[index]).collect();
+        // Where few pixels have the last of them, the next to tell of regions is no nearer to one.
+        gaps.extend(embedding.gaps.last().filter(|_| embedding.is_local(vectors.len() - 1)));
+        let second = told.get(1).map(|&index| (vectors[index].as_slice(), pairs[index - 1].residual));
         let regions = Regions::suggested(&gaps, second, &weights);
         let labels = options.groups.iter().map(|&groups| {
             let clusters = kmeans(&features, &weights, &KmeansOptions::new(groups, options.seed));
@@ -214,7 +212,6 @@ impl Segmentation {
                 .chain(pairs.iter().map(|pair| pair.residual))
                 .collect(),
             eigenvectors: vectors.iter().map(|vector| graph.scatter(vector, 0.0)).collect(),
-            feature_weights,
             weights: graph.scatter(&weights, 0.0),
             regions,
             degree: graph.scatter(graph.degree(), 0.0),
@@ -222,38 +219,17 @@ impl Segmentation {
             photos: taken.photos,
             history: taken.history.to_vec(),
             status: format!(
-                "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}",
-                taken.photos, options.eigenvectors,
+                "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}{}",
+                taken.photos,
+                options.eigenvectors,
+                match embedding.local() {
+                    0 => String::new(),
+                    local => format!(", and {local} are of a few pixels alone"),
+                },
             ),
+            embedding,
         })
     }
-}
-
-/// How far each eigenvalue is from that of the known pair, which is the first: `1 − λ`, or for the average cut `λ` in units of the
-/// mean degree.
-fn gaps(cut: Cut, graph: &Graph, pairs: &[RitzPair]) -> Vec<f64> {
-    let gap = |pair: &RitzPair| match cut {
-        Cut::Normalized => 1.0 - pair.value,
-        Cut::Average => -pair.value / mean(graph.degree()),
-    };
-    std::iter::once(0.0).chain(pairs.iter().map(gap)).collect()
-}
-
-/// `1/√(1 − λ)`, as in the commute-time embedding, where distances tell how long light takes to get from one pixel to
-/// another. `1 − λ` is not known better than to the residual, so no less than that divides an unresolved vector. The known one says
-/// nothing: 0.
-fn feature_weights(cut: Cut, graph: &Graph, pairs: &[RitzPair], gaps: &[f64]) -> Vec<f64> {
-    // For the average cut residuals are in units of degree.
-    let unit = if cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
-    let weight = |(pair, gap): (&RitzPair, &f64)| 1.0 / gap.max(pair.residual / unit).max(FLOOR).sqrt();
-    std::iter::once(0.0).chain(pairs.iter().zip(&gaps[1..]).map(weight)).collect()
-}
-
-/// An eigenvalue nearer to 1 than this counts as 1: no vector may outweigh the next by more than `1/√FLOOR`.
-const FLOOR: f64 = 1e-3;
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Renames labels by first appearance.

@@ -5,13 +5,17 @@ use anyhow::Result;
 use super::super::Outcome;
 use super::super::channel::ChannelOperator;
 use super::super::console::Console;
+use super::super::journal;
 use super::super::live::{Live, Watched};
+use super::super::model_of_run::model_of_run;
+use super::super::replay::Replay;
 use super::super::run_folder::RunFolder;
 use super::super::source::Source;
 use super::{Args, finish};
 use crate::analysis::compensate::compensate_by_model;
 use crate::analysis::{CompensateOptions, Compensation, Wish};
 use crate::error::Error;
+use crate::journal::Journal;
 use crate::operator::Operator;
 use crate::report::model::SavedModel;
 use crate::transport::{Channels, Part};
@@ -21,15 +25,18 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let options = CompensateOptions { photos: 1, ..args.options(false, true, None) };
     options.check()?;
     let path = args.model.as_ref().unwrap_or(&args.source.source);
-    if !SavedModel::is_in(path) {
+    let mut model = if SavedModel::is_in(path) {
+        SavedModel::read(path)?
+    } else if Journal::is_in(&journal::folder(path)) {
+        model_of_run(&Replay::open(path)?, console)?
+    } else {
         return Err(Error::Data {
             path: path.clone(),
-            fault: "there is no model in this folder".into(),
-            help: "give the folder of a `krylux relight` run".into(),
+            fault: "there is no model in this folder, and there are no photos to make one of".into(),
+            help: "give the folder of a `krylux relight` run, or of another run that kept its photos".into(),
         }
         .into());
-    }
-    let mut model = SavedModel::read(path)?;
+    };
     let channels = match model.channels.len() {
         1 => Channels::Luma,
         _ => Channels::Rgb,

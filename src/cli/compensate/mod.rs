@@ -39,8 +39,8 @@ pub(super) struct Args {
     /// The radiance that 1 in the target stands for, in W/(m² sr), or in DN/s on a rig [default: half the median of the white photo]
     #[arg(long, value_name = "L")]
     peak: Option<f64>,
-    /// The folder of a `krylux relight` run on this source: its model of the light answers, and --photos only correct it. Given as
-    /// SOURCE itself, it answers without any photo
+    /// The folder of a run on this source, of `krylux relight` or of any verb that keeps its photos: a model of the light answers, and
+    /// --photos only correct it. A run of `krylux relight`, given as SOURCE itself, answers without any photo
     #[arg(long, value_name = "FOLDER")]
     model: Option<PathBuf>,
     #[command(flatten)]

@@ -42,6 +42,9 @@ pub(in crate::cli) struct Question {
     /// What speeds up methods without a box [default: diagonal]
     #[arg(long, value_enum)]
     precondition: Option<PreconditionArg>,
+    /// Some lens is out of focus: krylov-box takes the light for a mixture of blurs, as it does anyway where the rig is not coaxial
+    #[arg(long)]
+    out_of_focus: bool,
     /// The width of the lens' blur in pixels, for --precondition defocus [default: told from one photo more]
     #[arg(long, value_name = "PIXELS")]
     defocus: Option<f64>,
@@ -95,6 +98,7 @@ impl Question {
             lift: self.lift.unwrap_or(base.lift),
             precondition: self.precondition.map(Into::into).or(base.precondition.filter(|_| free)),
             defocus: self.defocus,
+            out_of_focus: self.out_of_focus,
             ..base
         }
     }

@@ -1,7 +1,6 @@
 //! `krylux relight`: low-rank light transport from one capture, and what it answers at no further photo.
 
 mod capture;
-mod from_run;
 mod questions;
 
 use std::path::PathBuf;
@@ -13,6 +12,7 @@ use super::Outcome;
 use super::console::Console;
 use super::light::Light;
 use super::live::{Live, LiveArgs};
+use super::model_of_run::model_of_run;
 use super::noise::percent;
 use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
@@ -142,7 +142,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 /// Answers from the photos that a run of another verb took.
 fn from_run(args: &Args, run: &Replay, console: &Console) -> Result<Outcome> {
     args.check_for_model()?;
-    let model = from_run::model(run, console)?;
+    let model = model_of_run(run, console)?;
     args.questions().patterns(model.projector, model.resolution, model.channels.len())?;
     args.questions().photographs(model.resolution, model.channels.len())?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-relight", model.source), console)?;

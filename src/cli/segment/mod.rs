@@ -137,6 +137,7 @@ fn segment(
         "regions": segmentation.regions,
         "eigenvalues": segmentation.eigenvalues,
         "residuals": segmentation.residuals,
+        "within": segmentation.embedding.within,
         "noise": folder.manifest.noise,
         "rig": folder.manifest.rig,
         "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),

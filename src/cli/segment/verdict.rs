@@ -36,7 +36,8 @@ pub(super) fn say(taken: &Taken, scores: &[(usize, f64)], console: &Console) -> 
     console.say("          eigenvalue   residual")?;
     for (index, (value, residual)) in segmentation.eigenvalues.iter().zip(&segmentation.residuals).enumerate()
     {
-        console.say(format_args!("  {:>6}  {value:>10.6}   {residual:.1e}", index + 1))?;
+        let note = if segmentation.embedding.is_local(index) { "   of a few pixels alone" } else { "" };
+        console.say(format_args!("  {:>6}  {value:>10.6}   {residual:.1e}{note}", index + 1))?;
     }
     console.say(format_args!("regions   {}", segmentation.regions.sentence()))?;
     for &(groups, score) in scores {

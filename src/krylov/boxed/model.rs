@@ -207,7 +207,11 @@ impl Model {
     }
 
     fn minimize_in(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
+        /// To rest: the model agrees with all photos.
         const ITERATIONS: usize = 400;
+        /// A surrogate is not so near that its finest detail should be believed: to stop early is to regularize. On a defocused projector
+        /// of 128×128 pixels 12 photos come to 1.033 times the optimum with 60 iterations, 1.040 with 150 and 1.054 with 400.
+        const SURROGATE_ITERATIONS: usize = 60;
         /// The iterate is photographed next, and the photo will correct more than this.
         const SETTLED: f64 = 1e-6;
         let Work { u, y, next, image, g, constant } = work;
@@ -222,7 +226,8 @@ impl Model {
             return self.gradient(u, Some(b), image, g);
         }
         let mut t = 1.0_f64;
-        for _ in 0..ITERATIONS {
+        let iterations = if self.surrogate.is_some() { SURROGATE_ITERATIONS } else { ITERATIONS };
+        for _ in 0..iterations {
             if self.symmetric {
                 self.normal_product(y, Some(constant), image, g);
             } else {

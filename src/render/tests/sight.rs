@@ -1,4 +1,4 @@
-//! Lists of what the pinhole sees against the search tree: the same paths, to the last bit.
+//! Lists of what the pinhole sees, and rays that test every triangle, against the search tree: the same paths, to the last bit.
 
 use std::ops::ControlFlow;
 
@@ -9,14 +9,26 @@ use crate::scene::{Scene, builtin};
 /// What a path left: rays, direct light and connections, as bits.
 type Left = (u64, [u32; 3], Vec<(u32, u32, [u32; 3])>);
 
-/// All paths of a scene, by the lists or by the tree.
-fn paths(scene: &Scene, settings: &TraceSettings, sight: bool) -> Vec<Left> {
+/// How rays find what they hit.
+#[derive(Clone, Copy)]
+struct By {
+    /// Those from and to the pinhole by its lists.
+    sight: bool,
+    /// The others by testing every triangle.
+    each: bool,
+}
+
+const TREE: By = By { sight: false, each: false };
+
+/// All paths of a scene, by the lists, by every triangle or by the tree.
+fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<Left> {
     let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
     let mut strategies = tracer.stage().strategies(settings).expect("the settings are sound");
     assert_eq!(strategies.len(), 1, "{}: a coaxial pinhole", scene.path.display());
     let strategy = &mut strategies[0];
     assert!(strategy.features.sight, "{}: nothing here lets light straight through", scene.path.display());
-    strategy.features.sight = sight;
+    strategy.features.sight = by.sight;
+    strategy.features.scene.few_triangles = if by.each { scene.triangles.len() as u32 } else { 0 };
     let mut left = Vec::new();
     let mut visit = |batch: &Batch<'_>| {
         left.extend((0..batch.len()).map(|path| {
@@ -35,15 +47,26 @@ fn paths(scene: &Scene, settings: &TraceSettings, sight: bool) -> Vec<Left> {
     left
 }
 
+fn shipped(name: &str) -> Scene {
+    let path =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name).join("scene.glb");
+    crate::scene::load(&path, None).expect("shipped scenes load")
+}
+
+#[test]
+fn every_triangle_tested_finds_what_the_tree_finds() {
+    // Few triangles and more, with a mirror, and with a ceiling that rays meet at all angles.
+    for scene in [shipped("corner"), shipped("mirror"), shipped("zigzag"), shipped("cornell")] {
+        let settings = TraceSettings::new(Resolution::new(56, 40), 16);
+        let [each, tree] = [By { sight: false, each: true }, TREE].map(|by| paths(&scene, &settings, by));
+        assert_eq!(tree.len(), 56 * 40 * 16);
+        let different = each.iter().zip(&tree).filter(|(a, b)| a != b).count();
+        assert_eq!(different, 0, "{}, of {} paths", scene.path.display(), tree.len());
+    }
+}
+
 #[test]
 fn lists_find_what_the_tree_finds() {
-    let shipped = |name: &str| {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("assets/scenes")
-            .join(name)
-            .join("scene.glb");
-        crate::scene::load(&path, None).expect("shipped scenes load")
-    };
     let scenes = [
         shipped("zigzag"),
         shipped("carton"),
@@ -55,7 +78,7 @@ fn lists_find_what_the_tree_finds() {
     for scene in &scenes {
         // Not square, so that both tangents count.
         let settings = TraceSettings::new(Resolution::new(56, 40), 16);
-        let [with, without] = [true, false].map(|sight| paths(scene, &settings, sight));
+        let [with, without] = [By { sight: true, each: false }, TREE].map(|by| paths(scene, &settings, by));
         assert_eq!(with.len(), 56 * 40 * 16);
         let different = with.iter().zip(&without).filter(|(a, b)| a != b).count();
         assert_eq!(different, 0, "{}, of {} paths", scene.path.display(), with.len());

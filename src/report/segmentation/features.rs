@@ -57,7 +57,7 @@ pub(super) fn section(run: &SegmentationRun<'_>, view: &FeatureView) -> Section 
 fn scatter(run: &SegmentationRun<'_>, view: &FeatureView, [x, y]: [usize; 2]) -> Option<Block> {
     let found = run.segmentation;
     let coordinate = |axis: usize, pixel: usize| -> Option<f64> {
-        Some(found.eigenvectors.get(axis + 1)?[pixel] * found.feature_weights[axis + 1])
+        Some(found.embedding.coordinate(axis + 1, found.eigenvectors.get(axis + 1)?[pixel]))
     };
     coordinate(y, 0)?;
     let (groups, labels) = found.labels.first()?;
@@ -106,7 +106,9 @@ fn distances(view: &FeatureView) -> Block {
     Block::Table {
         headers: std::iter::once(String::new()).chain((0..view.pixels.len()).map(name)).collect(),
         rows: view.distances.iter().enumerate().map(row).collect(),
-        caption: "Distances between them, in units of the root mean square distance of all pixels from their centre".into(),
+        caption:
+            "Distances between them, in units of the root mean square distance of all pixels from the origin"
+                .into(),
     }
 }
 

@@ -193,7 +193,7 @@ impl SegmentationRun<'_> {
                 spectrum::stems(&found.eigenvalues, &found.residuals, "Eigenvalues; bars are residual norms. As many at one as there are regions that exchange no light."),
                 // The known first pair has no history.
                 spectrum::convergence(&found.history, 2),
-                spectrum::table(&found.eigenvalues, &found.residuals, &[]),
+                spectrum::table(&found.eigenvalues, &found.residuals, &self.local()),
             ],
         });
         sections.extend(self.strip.section(self.unit, ORDER)?);
@@ -212,6 +212,14 @@ impl SegmentationRun<'_> {
             sections,
             footer: manifest.command.join(" "),
         })
+    }
+
+    /// A column that marks eigenvectors of a few pixels alone, where there are any.
+    fn local(&self) -> Vec<(&'static str, Vec<String>)> {
+        let embedding = &self.segmentation.embedding;
+        let mark = |index| if embedding.is_local(index) { "a few pixels alone" } else { "regions" };
+        let marks = (0..embedding.within.len()).map(|index| mark(index).to_owned()).collect();
+        if embedding.local() == 0 { Vec::new() } else { vec![("tells of", marks)] }
     }
 
     fn sentence(&self) -> String {

@@ -11,6 +11,8 @@
 //! | `two-sheets-post` | the same behind a post, which parts one of them in the picture |
 //! | `carton` | an egg carton of twelve cups that exchange no light |
 //! | `carton-eggs` | the same with an egg in every second cup |
+//! | `nine-cells` | an egg carton of nine cups, as in the paper's figure |
+//! | `nine-cells-eggs` | the same with eggs, over which light goes from cup to cup |
 //!
 //! `cargo run --example regenerate_assets` writes the files anew.
 
@@ -54,5 +56,7 @@ pub fn shipped() -> Vec<Model> {
         two_sheets_post(),
         carton(),
         carton_eggs(),
+        nine_cells(false),
+        nine_cells(true),
     ]
 }

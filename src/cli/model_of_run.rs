@@ -2,16 +2,16 @@
 
 use anyhow::Result;
 
-use super::super::about::Kind;
-use super::super::console::Console;
-use super::super::replay::{Replay, Taken};
+use super::about::Kind;
+use super::console::Console;
+use super::replay::{Replay, Taken};
 use crate::analysis::low_rank::{estimated_direct, from_products};
 use crate::error::Error;
 use crate::operator::Product;
 use crate::report::model::SavedModel;
 
 /// The model of each channel from all that the run's journal holds.
-pub(super) fn model(run: &Replay, console: &Console) -> Result<SavedModel> {
+pub(super) fn model_of_run(run: &Replay, console: &Console) -> Result<SavedModel> {
     let about = &run.about;
     let Taken { global, full, direct, ambient } = run.taken(console)?;
     let mut channels = Vec::new();

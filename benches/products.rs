@@ -1,0 +1,116 @@
+//! Products with the frozen matrix against the machine's memory bandwidth, at 128×128 and 512×512. `cargo bench --bench
+//! products`; see `benches/README.md`.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use krylux::image::Resolution;
+use krylux::render::{TraceSettings, Tracer};
+use krylux::scene::{Scene, builtin};
+use krylux::transport::{Channels, Part, TransportMatrix, assemble};
+use rayon::prelude::*;
+
+/// Repetitions of each measurement.
+const TURNS: usize = 21;
+/// Entries of each of the triad's vectors that one task takes.
+const TASK: usize = 1 << 14;
+
+type Outcome = Result<(), Box<dyn std::error::Error>>;
+
+fn main() -> Outcome {
+    // `cargo test --benches` passes this; there is nothing to test here.
+    if std::env::args().any(|argument| argument == "--test") {
+        return Ok(());
+    }
+    println!(
+        "krylux {}, {} threads, 64 samples, six bounces; {TURNS} turns, median (least to most)\n",
+        env!("CARGO_PKG_VERSION"),
+        rayon::current_num_threads()
+    );
+    println!(
+        "                              entries, M   MiB     product, GB/s            triad, GB/s              share"
+    );
+    for side in [128, 512] {
+        measure(&format!("corner, {side}x{side}"), &builtin::corner().to_scene(), side)?;
+        measure(&format!("box of 100,000, {side}x{side}"), &builtin::tessellated_box(100_000), side)?;
+    }
+    Ok(())
+}
+
+/// One scene's product beside a triad that moves as many bytes.
+fn measure(name: &str, scene: &Scene, side: usize) -> Outcome {
+    let mut tracer = Tracer::new(scene, None)?;
+    let settings = TraceSettings::new(Resolution::new(side, side), 64);
+    let matrix = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?.matrix;
+    let pixels = side * side;
+    // Weights and columns once, the pattern read and the photo written once.
+    let bytes = matrix.bytes() + 16 * pixels;
+    let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
+    let mut y = vec![0.0; pixels];
+    let mut triad = Triad::of_bytes(bytes);
+    let (mut products, mut triads, mut shares) = (Vec::new(), Vec::new(), Vec::new());
+    for _ in 0..TURNS {
+        let product = rate(bytes, || multiply(&matrix, &x, &mut y));
+        let copied = rate(triad.bytes(), || triad.run());
+        products.push(product);
+        triads.push(copied);
+        shares.push(product / copied);
+    }
+    println!(
+        "{name:>28}   {:>9.1}   {:>6.1}   {}   {}   {}",
+        matrix.nonzeros() as f64 / 1e6,
+        bytes as f64 / f64::from(1 << 20),
+        spread(products),
+        spread(triads),
+        spread(shares)
+    );
+    Ok(())
+}
+
+fn multiply(matrix: &TransportMatrix, x: &[f64], y: &mut [f64]) {
+    matrix.apply(Part::Full, 0, x, y);
+}
+
+/// `a ← b + 3 c`, as the STREAM benchmark has it: two vectors read, one written.
+struct Triad {
+    a: Vec<f64>,
+    b: Vec<f64>,
+    c: Vec<f64>,
+}
+
+impl Triad {
+    fn of_bytes(bytes: usize) -> Self {
+        let length = bytes / (3 * size_of::<f64>());
+        Self { a: vec![0.0; length], b: vec![1.0; length], c: vec![2.0; length] }
+    }
+
+    fn bytes(&self) -> usize {
+        3 * size_of::<f64>() * self.a.len()
+    }
+
+    fn run(&mut self) {
+        let sources = self.b.par_chunks(TASK).zip(self.c.par_chunks(TASK));
+        self.a.par_chunks_mut(TASK).zip(sources).for_each(|(a, (b, c))| {
+            for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
+                *a = b + 3.0 * c;
+            }
+        });
+    }
+}
+
+/// GB/s of the best of three.
+fn rate(bytes: usize, mut work: impl FnMut()) -> f64 {
+    let once = |work: &mut dyn FnMut()| {
+        let start = Instant::now();
+        work();
+        start.elapsed().as_secs_f64()
+    };
+    let least = (0..3).map(|_| once(&mut work)).fold(f64::INFINITY, f64::min);
+    bytes as f64 / least / 1e9
+}
+
+/// Median and range.
+fn spread(mut values: Vec<f64>) -> String {
+    values.sort_by(f64::total_cmp);
+    format!("{:6.2} ({:6.2} to {:6.2})", values[values.len() / 2], values[0], values[values.len() - 1])
+}
