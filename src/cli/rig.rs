@@ -20,7 +20,7 @@ pub(super) struct Args {
 #[derive(Subcommand)]
 enum Action {
     List(list::Args),
-    Calibrate(calibrate::Args),
+    Calibrate(Box<calibrate::Args>),
 }
 
 impl Args {

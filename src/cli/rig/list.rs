@@ -33,7 +33,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let monitors = rig::monitors(display.as_deref());
     match &monitors {
         Ok(monitors) => {
-            monitors.iter().enumerate().try_for_each(|(at, monitor)| say(at, monitor, console))?
+            monitors.iter().enumerate().try_for_each(|(at, monitor)| say(at, monitor, console))?;
         }
         // A computer without a screen may still have cameras.
         Err(why) => console.note(format_args!("note: {why}")),
