@@ -10,7 +10,6 @@ use super::console::Console;
 use super::light::{self, Kept, Light};
 use super::measured::Measured;
 use super::run_folder::RECORD;
-use super::source::not_for_runs;
 use super::{journal, rig_source};
 use crate::error::Error;
 use crate::image::Image;
@@ -181,4 +180,14 @@ fn unfinished(journal: &Journal, what: &str) -> Error {
         fault: format!("it holds {} photos, but not {what}", journal.photos()),
         help: "go on with that run by the same command and --resume".into(),
     }
+}
+
+/// What a verb cannot ask of the photos of a run.
+pub(super) fn not_for_runs(run: &Path) -> anyhow::Error {
+    Error::Data {
+        path: run.to_path_buf(),
+        fault: "its photos do not answer this verb".into(),
+        help: "give the scene or the rig".into(),
+    }
+    .into()
 }

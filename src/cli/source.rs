@@ -223,13 +223,3 @@ pub(super) fn not_for_rigs(option: &str) -> anyhow::Error {
     }
     .into()
 }
-
-/// What a verb cannot ask of the photos of a run.
-pub(super) fn not_for_runs(run: &Path) -> anyhow::Error {
-    Error::Data {
-        path: run.to_path_buf(),
-        fault: "its photos do not answer this verb".into(),
-        help: "give the scene or the rig".into(),
-    }
-    .into()
-}

@@ -3,7 +3,8 @@
 use super::adjacency::NormalizedAdjacency;
 use super::graph::Graph;
 use super::laplacian::NegativeLaplacian;
-use super::segmentation::{Cut, SegmentOptions, Segmentation, Taken};
+use super::options::{Cut, SegmentOptions};
+use super::segmentation::{Segmentation, Taken};
 use crate::error::{Error, Result};
 use crate::krylov::{
     EigsOptions, Factorization, HistoryRow, Lanczos, Monitor, Progress, Start, Status, Which, eigs_from,

@@ -13,7 +13,7 @@
 //! Lanczos sees one mixture, of the few pixels and of all regions.
 
 use super::graph::Graph;
-use super::segmentation::Cut;
+use super::options::Cut;
 use crate::krylov::RitzPair;
 
 /// A set of pixels with a smaller share of all light is no group.

@@ -20,6 +20,7 @@ mod evidence;
 mod features;
 mod graph;
 mod laplacian;
+mod options;
 mod regions;
 mod segmentation;
 
@@ -30,8 +31,9 @@ pub use evidence::{Evidence, evidence};
 pub use features::{FeatureView, feature_view};
 pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
+pub use options::{Cut, SegmentOptions};
 pub use regions::Regions;
-pub use segmentation::{Cut, MASKED, SegmentOptions, Segmentation};
+pub use segmentation::{MASKED, Segmentation};
 
 use crate::error::Result;
 use crate::krylov::Monitor;

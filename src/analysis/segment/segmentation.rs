@@ -1,10 +1,11 @@
-//! A segmentation: what is asked for, and what is made of eigenvectors.
+//! What is made of eigenvectors.
 
 use super::embedding::{Embedding, mean};
 use super::graph::Graph;
+use super::options::{Cut, SegmentOptions};
 use super::{NegativeLaplacian, NormalizedAdjacency, Regions};
 use crate::analysis::kmeans::{KmeansOptions, kmeans};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::krylov::{HistoryRow, RitzPair, Status};
 
 /// The label of a masked pixel.
@@ -12,100 +13,6 @@ pub const MASKED: u8 = 255;
 
 /// A resolved eigenvector's residual is at most this share of the matrix norm; what the status sentence counts.
 const RESOLVED: f64 = 1e-2;
-
-/// How a cut is weighed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Cut {
-    /// Light across the cut in proportion to each side's light: `(D − G) u = (1 − λ) D u`.
-    #[default]
-    Normalized,
-    /// Light across the cut in proportion to each side's number of pixels: `(D − G) u = λ u`.
-    Average,
-}
-
-impl Cut {
-    /// From the eigenvalues of the operator that Lanczos sees (largest wanted) to those of the cut.
-    pub(super) fn sign(self) -> f64 {
-        match self {
-            Self::Normalized => 1.0,
-            Self::Average => -1.0,
-        }
-    }
-}
-
-/// What [`segment`](super::segment()) is asked for.
-#[derive(Clone, Debug)]
-pub struct SegmentOptions {
-    /// Photos at most, those of the degree included; at least 3. Default 50.
-    pub photos: usize,
-    /// Numbers of groups, each from 2 to 254. Default 2, 6 and 10.
-    pub groups: Vec<usize>,
-    /// How many eigenvectors, the known first one included; at least 2. Each Lanczos photo yields one at most.
-    /// Default 10.
-    pub eigenvectors: usize,
-    /// How a cut is weighed.
-    pub cut: Cut,
-    /// `μ ≥ 0`, added to every edge (in the unit of `G`): the smallest groups are worth less. Default 0.
-    pub mu: f64,
-    /// Pixels with a degree of at most this share of the median are masked (see [`Graph::measure`]); in [0, 1).
-    /// Default 0.01.
-    pub mask_below: f64,
-    /// Done early when every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
-    pub tolerance: f64,
-    /// Seed of the Lanczos start and of k-means.
-    pub seed: u64,
-}
-
-impl Default for SegmentOptions {
-    fn default() -> Self {
-        Self {
-            photos: 50,
-            groups: vec![2, 6, 10],
-            eigenvectors: 10,
-            cut: Cut::default(),
-            mu: 0.0,
-            mask_below: 0.01,
-            tolerance: 1e-6,
-            seed: 0,
-        }
-    }
-}
-
-impl SegmentOptions {
-    pub(super) fn check(&self) -> Result<()> {
-        let refuse = |option: &str, fault: String, help: &str| {
-            Err(Error::Option { option: option.into(), fault, help: help.into() })
-        };
-        if self.photos < 3 {
-            return refuse(
-                "--photos",
-                format!("{} photos are too few for a segmentation", self.photos),
-                "allow at least 3 (one or two for the degree, the rest for eigenvectors), better 50",
-            );
-        }
-        if let Some(groups) = self.groups.iter().find(|groups| !(2..=254).contains(*groups)) {
-            return refuse("--groups", format!("{groups} groups"), "give numbers from 2 to 254, e.g. 2,6,10");
-        }
-        if self.eigenvectors < 2 {
-            return refuse(
-                "--eigenvectors",
-                format!("{} is too few: the first is the same in all pixels", self.eigenvectors),
-                "ask for at least 2, better 10",
-            );
-        }
-        if !(self.mu >= 0.0 && self.mu.is_finite()) {
-            return refuse("--mu", format!("{} is not a weight", self.mu), "give a number from 0 on");
-        }
-        if !(0.0..1.0).contains(&self.mask_below) {
-            return refuse(
-                "--mask-below",
-                format!("{} is not a share", self.mask_below),
-                "give a number in [0, 1)",
-            );
-        }
-        Ok(())
-    }
-}
 
 /// A segmentation of `n` pixels, with `k` eigenvectors: as many as asked for, or fewer when there were not enough
 /// photos.

@@ -3,10 +3,10 @@
 use crate::error::Result;
 use crate::paper::{Content, Panel};
 use crate::report::colormap::{paint_sequential, paint_signed, robust_range};
-use crate::report::html::{Figure, Legend};
+use crate::report::html::{Figure, Legend, Sheet};
 use crate::report::palette::paint_labels;
 use crate::report::spectrum::narrowed;
-use crate::report::strip::{Sheet, Strip};
+use crate::report::strip::Strip;
 use crate::report::tone::{develop, exposure};
 
 /// A panel as the page shows it.

@@ -2,6 +2,7 @@
 //! pictures and reads pixels out, and without it all is there to be read.
 
 mod legend;
+mod sheet;
 
 use std::path::Path;
 
@@ -10,10 +11,10 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use super::atomic;
-use super::strip::Sheet;
 use crate::error::{Error, Result};
 pub(super) use legend::brief;
 pub use legend::{Legend, Swatch};
+pub use sheet::{Frame, Sheet};
 
 /// A page. All text is plain and is escaped.
 #[derive(Clone, Debug, Default)]

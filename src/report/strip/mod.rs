@@ -4,9 +4,7 @@
 mod sheet;
 mod thumb;
 
-pub use sheet::{Frame, Sheet};
-
-use super::html::{Block, Section};
+use super::html::{Block, Section, Sheet};
 use crate::error::Result;
 use crate::image::Resolution;
 use thumb::Thumb;
@@ -69,7 +67,7 @@ impl Strip {
     /// # Errors
     /// [`crate::Error::Dimension`] when there is no photo.
     pub fn sheet(&self) -> Result<Sheet> {
-        Sheet::of(&self.shots)
+        sheet::sheet(&self.shots)
     }
 
     /// The part of a page that shows it; none without a photo. `unit` is that of the photos, `order` says what came when.

@@ -3,7 +3,7 @@
 use super::thumb::{SIDE, Thumb};
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::report::html::brief;
+use crate::report::html::{Frame, Sheet, brief};
 use crate::report::raster::Raster;
 
 /// Frames in a row of the sheet.
@@ -12,68 +12,41 @@ const ROW: usize = 16;
 /// So many pictures are as large as they come; of more, each side is halved.
 const LARGE: usize = 128;
 
-/// Pictures on one sheet, and where each of them lies.
-#[derive(Clone, Debug, Default)]
-pub struct Sheet {
-    /// A PNG file's bytes.
-    pub png: Vec<u8>,
-    /// Its pixels.
-    pub width: usize,
-    /// Its pixels.
-    pub height: usize,
-    /// In order.
-    pub frames: Vec<Frame>,
-}
-
-/// A pattern above its photo.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Frame {
-    /// Left, top, width and height on the sheet, and what it shows, in words.
-    pub pictures: Vec<([usize; 4], String)>,
-    /// The photo's number, from 1.
-    pub number: usize,
-    /// What its brightest colour stands for.
-    pub range: String,
-}
-
-impl Sheet {
-    pub(super) fn of(shots: &[[Thumb; 2]]) -> Result<Self> {
-        let side = if shots.len() > LARGE { SIDE / 2 } else { SIDE };
-        let mut painted = Vec::with_capacity(shots.len());
-        for shot in shots {
-            let [(pattern, _), (photo, range)] =
-                [shot[0].within(side).paint()?, shot[1].within(side).paint()?];
-            painted.push(([pattern, photo], range));
-        }
-        let largest = |of: &dyn Fn(Resolution) -> usize, which: usize| {
-            painted.iter().map(|(pair, _)| of(pair[which].resolution())).max().unwrap_or(0)
-        };
-        let width = largest(&|size| size.width, 0).max(largest(&|size| size.width, 1));
-        let heights = [0, 1].map(|which| largest(&|size| size.height, which));
-        let mut frames = Vec::with_capacity(painted.len());
-        for (index, (pair, range)) in painted.iter().enumerate() {
-            let (left, top) = (index % ROW * width, index / ROW * (heights[0] + heights[1]));
-            let place = |which: usize| {
-                let size = pair[which].resolution();
-                [left, top + which * heights[0], size.width, size.height]
-            };
-            let number = index + 1;
-            let pictures =
-                vec![(place(0), format!("pattern {number}")), (place(1), format!("photo {number}"))];
-            frames.push(Frame { pictures, number, range: brief(*range) });
-        }
-        let size = Resolution::new(
-            width * painted.len().min(ROW),
-            (heights[0] + heights[1]) * painted.len().div_ceil(ROW),
-        );
-        let pixel = |at: usize| {
-            let (x, y) = (at % size.width, at / size.width);
-            let (column, row) = (x / width, y / (heights[0] + heights[1]));
-            let inside = y % (heights[0] + heights[1]);
-            let (which, down) = if inside < heights[0] { (0, inside) } else { (1, inside - heights[0]) };
-            painted.get(row * ROW + column).map_or([0; 3], |(pair, _)| pair[which].pixel(x % width, down))
-        };
-        let raster = Raster::from_pixels(size, (0..size.pixels()).map(pixel));
-        Ok(Self { png: raster.encode_png()?, width: size.width, height: size.height, frames })
+/// Paints photos, of a run of any length.
+pub(super) fn sheet(shots: &[[Thumb; 2]]) -> Result<Sheet> {
+    let side = if shots.len() > LARGE { SIDE / 2 } else { SIDE };
+    let mut painted = Vec::with_capacity(shots.len());
+    for shot in shots {
+        let [(pattern, _), (photo, range)] = [shot[0].within(side).paint()?, shot[1].within(side).paint()?];
+        painted.push(([pattern, photo], range));
     }
+    let largest = |of: &dyn Fn(Resolution) -> usize, which: usize| {
+        painted.iter().map(|(pair, _)| of(pair[which].resolution())).max().unwrap_or(0)
+    };
+    let width = largest(&|size| size.width, 0).max(largest(&|size| size.width, 1));
+    let heights = [0, 1].map(|which| largest(&|size| size.height, which));
+    let mut frames = Vec::with_capacity(painted.len());
+    for (index, (pair, range)) in painted.iter().enumerate() {
+        let (left, top) = (index % ROW * width, index / ROW * (heights[0] + heights[1]));
+        let place = |which: usize| {
+            let size = pair[which].resolution();
+            [left, top + which * heights[0], size.width, size.height]
+        };
+        let number = index + 1;
+        let pictures = vec![(place(0), format!("pattern {number}")), (place(1), format!("photo {number}"))];
+        frames.push(Frame { pictures, number, range: brief(*range) });
+    }
+    let size = Resolution::new(
+        width * painted.len().min(ROW),
+        (heights[0] + heights[1]) * painted.len().div_ceil(ROW),
+    );
+    let pixel = |at: usize| {
+        let (x, y) = (at % size.width, at / size.width);
+        let (column, row) = (x / width, y / (heights[0] + heights[1]));
+        let inside = y % (heights[0] + heights[1]);
+        let (which, down) = if inside < heights[0] { (0, inside) } else { (1, inside - heights[0]) };
+        painted.get(row * ROW + column).map_or([0; 3], |(pair, _)| pair[which].pixel(x % width, down))
+    };
+    let raster = Raster::from_pixels(size, (0..size.pixels()).map(pixel));
+    Ok(Sheet { png: raster.encode_png()?, width: size.width, height: size.height, frames })
 }
