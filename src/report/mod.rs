@@ -30,6 +30,7 @@ pub mod gallery;
 pub mod html;
 pub mod manifest;
 pub mod model;
+mod notes;
 pub mod npy;
 mod oklab;
 pub mod palette;

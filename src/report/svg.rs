@@ -5,6 +5,7 @@
 use std::fmt::Write;
 
 use super::axis::Axis;
+use super::notes::{along, clearest};
 
 /// Appends formatted markup; writing to a string cannot fail.
 macro_rules! draw {
@@ -20,6 +21,9 @@ pub(super) struct Chart {
     /// Height kept free above the frame, for a legend.
     top: f64,
     body: String,
+    /// Points of what is drawn, and horizontal marks whose notes should not stand on it.
+    drawn: Vec<(f64, f64)>,
+    marks: Vec<(f64, String)>,
 }
 
 /// So narrow that on a phone, where the drawing is 340 pixels wide, its text is still of 10.
@@ -39,7 +43,7 @@ impl Chart {
     pub fn new(x: Axis, y: Axis, x_label: &str, y_label: &str, legend: &[(&str, &str, &str)]) -> Self {
         let mut body = String::new();
         let top = draw_legend(&mut body, legend);
-        let mut chart = Self { x, y, top, body };
+        let mut chart = Self { x, y, top, body, drawn: Vec::new(), marks: Vec::new() };
         chart.draw_frame(x_label, y_label);
         chart
     }
@@ -117,6 +121,7 @@ impl Chart {
 
     /// A line through points of the drawing.
     pub fn polyline(&mut self, points: &[(f64, f64)], color: &str, dashes: &str) {
+        self.drawn.extend(along(points));
         let path: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         draw!(
             self.body,
@@ -158,8 +163,7 @@ impl Chart {
         draw!(self.body, r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{}</text>"#, escape(text));
     }
 
-    /// A dashed horizontal line over the whole width with a note at its left end, where curves that
-    /// fall have not come down yet.
+    /// A dashed horizontal line over the whole width, with a note where no curve passes.
     pub fn horizontal_mark(&mut self, value: f64, note: &str) {
         let Some(y) = self.y.position(value).map(|along| self.down(along)) else { return };
         let right = WIDTH - RIGHT;
@@ -167,17 +171,37 @@ impl Chart {
             self.body,
             r#"<line x1="{LEFT}" y1="{y:.1}" x2="{right}" y2="{y:.1}" stroke="currentColor" stroke-opacity="0.7" stroke-width="1.2" stroke-dasharray="2 4"/>"#
         );
-        draw!(
-            self.body,
-            r#"<text x="{:.1}" y="{:.1}" fill-opacity="0.75">{}</text>"#,
-            LEFT + 8.0,
-            y - 6.0,
-            escape(note)
-        );
+        self.marks.push((y, note.to_owned()));
+    }
+
+    /// Writes the notes of the marks: above or below their lines, and as far left as they are clear.
+    fn draw_notes(&mut self) {
+        let mut notes = Vec::new();
+        for (y, note) in std::mem::take(&mut self.marks) {
+            let (width, right) = (LETTER * note.chars().count() as f64, WIDTH - RIGHT);
+            let lefts =
+                (0..9).map(|eighths| LEFT + 8.0 + f64::from(eighths) / 8.0 * (right - LEFT - 8.0 - width));
+            let places: Vec<_> = lefts
+                .flat_map(|left| {
+                    [y - 6.0, y + 16.0].map(|base| [left, base - FONT, left + width, base + 4.0])
+                })
+                .filter(|place| place[1] >= self.top - FONT && place[3] <= self.bottom())
+                .collect();
+            let Some(place) = clearest(&places, &self.drawn, &notes) else { continue };
+            notes.push(place);
+            draw!(
+                self.body,
+                r#"<text x="{:.1}" y="{:.1}" fill-opacity="0.75">{}</text>"#,
+                place[0],
+                place[3] - 4.0,
+                escape(&note)
+            );
+        }
     }
 
     /// The whole drawing.
-    pub fn finish(self) -> String {
+    pub fn finish(mut self) -> String {
+        self.draw_notes();
         wrap(&self.body, self.bottom() + BOTTOM)
     }
 }
