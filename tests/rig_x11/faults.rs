@@ -108,7 +108,7 @@ fn a_server_that_is_gone_is_named() {
 #[test]
 fn a_helper_that_was_killed_or_hangs_is_replaced() {
     let server = XServer::start(64, 48);
-    let quick = Helper { patience: Duration::from_secs(2), ..helper() };
+    let quick = Helper { patience: Duration::from_secs(4), ..helper() };
     let mut projector = X11Projector::open(&spec(&server, [16, 12]), &quick, WallClock::starting_at(0.0))
         .expect("it is there");
     for (signal, restarts) in [("KILL", 1), ("STOP", 2)] {
