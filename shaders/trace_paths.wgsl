@@ -60,8 +60,8 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
     var odds = 0.0;
 
     var hit: Hit;
-    if (SIGHT) {
-        hit = sight_trace(start.image, origin, direction, FAR, false);
+    if (SIGHT_SIDE > 0u) {
+        hit = sight_trace(start.image, origin, direction, FAR, NONE, false);
     } else {
         hit = bvh_trace(origin, direction, FAR, false);
     }
@@ -131,7 +131,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
             let wi = to_local(frame, normalize(-offset));
             let value = throughput * bsdf_eval(surface.bsdf, wo, wi) * (density * parameters.scale);
             if (lit != NONE && any(value > vec3f(0.0))) {
-                let light = connection_light(select(before, behind, wi.z < 0.0), end, &rays);
+                let light = connection_light(hit.triangle, select(before, behind, wi.z < 0.0), end, &rays);
                 // Density of the reverse path over that of this one.
                 var reverse = density * light.probability * parameters.end_to_start;
                 if (straight) {

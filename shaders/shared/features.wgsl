@@ -19,7 +19,8 @@ override LENSES: bool = true;
 override COAXIAL_PINHOLE: bool = false;
 // Paths may end by Russian roulette.
 override ROULETTE: bool = true;
-// Rays from and to the pinhole that both ends share are traced by lists of what can be seen from it.
-override SIGHT: bool = false;
+// Where rays from and to the pinhole that both ends share are traced by lists of what can be seen from it: texels in a row of the
+// lists' raster; else 0.
+override SIGHT_SIDE: u32 = 0u;
 // Number of triangles, where they are so few that testing each is cheaper than a search tree; else 0.
 override FEW_TRIANGLES: u32 = 0u;

@@ -6,35 +6,46 @@
 #import parameters
 #import bvh
 
-// First a texel for each of the raster: number of triangles, and these, or at which word they begin. Then the lists that are too
-// long for that, four triangles a texel.
+// Words, four to a texel of the texture. First one for each of the raster's texels: the only triangle, or at which word its list
+// begins, which is told apart by `SIGHT_LIST`. A list is its length and then the triangles.
 @group(1) @binding(3) var sight_lists: texture_storage_2d<rgba32uint, read>;
 
-// Texels in a row of the raster. Laid out as `render::sight` has it.
-const SIGHT_SIDE = 512u;
-const SIGHT_INLINE = 3u;
+// As `render::sight` has it.
+const SIGHT_LIST = 0x80000000u;
 
-fn sight_texel(index: u32) -> vec4u {
-    return textureLoad(sight_lists, vec2u(index & 4095u, index >> 12u));
+fn sight_word(index: u32) -> u32 {
+    let four = textureLoad(sight_lists, vec2u((index >> 2u) & 4095u, index >> 14u));
+    let pair = select(four.xy, four.zw, (index & 2u) != 0u);
+    return select(pair.x, pair.y, (index & 1u) != 0u);
 }
 
-// As `bvh_trace`, for a ray that runs through the point `image` of the image plane (at distance 1) and the pinhole.
-fn sight_trace(image: vec2f, origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
+// As `bvh_trace`, for a ray that runs through the point `image` of the image plane (at distance 1) and the pinhole. It does not meet
+// the triangle `own` that it left, which need not be tested where nothing else is in sight.
+fn sight_trace(image: vec2f, origin: vec3f, direction: vec3f, limit: f32, own: u32, any: bool) -> Hit {
     let raster = (image / parameters.start.tangent * 0.5 + 0.5) * f32(SIGHT_SIDE - 2u) + 1.0;
     let texel = vec2u(clamp(raster, vec2f(0.0), vec2f(f32(SIGHT_SIDE) - 0.5)));
-    let list = sight_texel(texel.y * SIGHT_SIDE + texel.x);
+    let head = sight_word(texel.y * SIGHT_SIDE + texel.x);
     var hit = Hit(NONE, limit, vec2f(0.0));
-    for (var index = 0u; index < list.x; index += 1u) {
-        var triangle: u32;
-        if (list.x <= SIGHT_INLINE) {
-            triangle = list[index + 1u];
-        } else {
-            let word = list.y + index;
-            triangle = sight_texel(word >> 2u)[word & 3u];
+    var triangle = head;
+    var word = head & ~SIGHT_LIST;
+    var end = word + 1u;
+    if ((head & SIGHT_LIST) != 0u) {
+        end += sight_word(word);
+        word += 1u;
+        if (word < end) {
+            triangle = sight_word(word);
         }
+    } else if (head == own) {
+        end = word;
+    }
+    while (word < end) {
         bvh_intersect_triangle(triangle, origin, direction, &hit);
         if (any && hit.triangle != NONE) {
             break;
+        }
+        word += 1u;
+        if (word < end) {
+            triangle = sight_word(word);
         }
     }
     return hit;

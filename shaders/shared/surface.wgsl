@@ -7,36 +7,38 @@
 #import texture
 #import warp
 
-// Laid out as `render::materials::GpuMaterial`; a test compares the two.
-struct Material {
-    base_color: vec3f,
-    metallic: f32,
-    // ((n − 1)/(n + 1))² · specular colour.
-    f0: vec3f,
-    specular: f32,
-    emission: vec3f,
-    roughness: f32,
-    diffuse_transmission_color: vec3f,
-    diffuse_transmission: f32,
-    absorption: vec3f,
-    transmission: f32,
-    opacity: f32,
-    cutoff: f32,
-    ior: f32,
-    normal_scale: f32,
-    flags: u32,
-    // Its textures in the list.
-    textures_begin: u32,
-    textures_end: u32,
-    padding: u32,
-}
+// Texels of a material, laid out as `render::materials::GpuMaterial`; a test compares the two.
+const MATERIAL_TEXELS = 7u;
+// Base colour; metallic.
+const MATERIAL_BASE = 0u;
+// ((n − 1)/(n + 1))² · specular colour; specular.
+const MATERIAL_F0 = 1u;
+// Emission; roughness.
+const MATERIAL_EMISSION = 2u;
+// Diffuse transmission's colour, and how much.
+const MATERIAL_DIFFUSE_TRANSMISSION = 3u;
+// Absorption; transmission.
+const MATERIAL_ABSORPTION = 4u;
+// Cutoff of the opacity, index of refraction, scale of the normal map.
+const MATERIAL_NUMBERS = 5u;
+// Flags, begin and end of its textures in the list, opacity.
+const MATERIAL_FLAGS = 6u;
 
 const MATERIAL_DOUBLE_SIDED = 1u;
 const MATERIAL_LETS_LIGHT_THROUGH = 2u;
 const MATERIAL_BLEND = 4u;
 const MATERIAL_MASK = 8u;
 
-@group(0) @binding(3) var<storage, read> materials: array<Material>;
+@group(0) @binding(3) var materials: texture_storage_2d<rgba32uint, read>;
+
+fn material_words(material: u32, which: u32) -> vec4u {
+    let index = MATERIAL_TEXELS * material + which;
+    return textureLoad(materials, vec2u(index & 4095u, index >> 12u));
+}
+
+fn material_texel(material: u32, which: u32) -> vec4f {
+    return bitcast<vec4f>(material_words(material, which));
+}
 
 struct Surface {
     position: vec3f,
@@ -92,9 +94,9 @@ fn surface_bump(texture: Texture, at: Texcoords, edge1: vec3f, edge2: vec3f, nor
     return select(normal, normalize(bumped), usable);
 }
 
-// Applies what the corners carry, and the textures.
+// Applies what the corners carry, and the material's textures: from `list.x` up to `list.y` in the list.
 fn surface_texture(
-    look: ptr<function, Look>, material: u32, first: u32, weights: vec3f, edge1: vec3f, edge2: vec3f,
+    look: ptr<function, Look>, material: u32, list: vec2u, first: u32, weights: vec3f, edge1: vec3f, edge2: vec3f,
 ) {
     let blend = corner_blend(first, weights);
     (*look).base_color *= blend.color;
@@ -102,8 +104,8 @@ fn surface_texture(
     if (length2 > 0.0) {
         (*look).shading = blend.normal * inverseSqrt(length2);
     }
-    let end = materials[material].textures_end;
-    var index = materials[material].textures_begin;
+    let end = list.y;
+    var index = list.x;
     if (index == end) {
         return;
     }
@@ -121,7 +123,7 @@ fn surface_texture(
                 (*look).metallic *= value.z;
             }
             case ROLE_NORMAL: {
-                let scale = materials[material].normal_scale;
+                let scale = material_texel(material, MATERIAL_NUMBERS).z;
                 (*look).shading = surface_bump(texture, coordinates, edge1, edge2, (*look).shading, value.xyz, scale);
             }
             case ROLE_SPECULAR: {
@@ -162,29 +164,34 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     let outward = normalize(cross(edge1, edge2));
     let back = dot(outward, direction) > 0.0;
     let index = texel0.w;
-    let flags = materials[index].flags;
+    let head = material_words(index, MATERIAL_FLAGS);
+    let flags = head.x;
 
     var look: Look;
-    look.base_color = vec4f(materials[index].base_color, materials[index].opacity);
+    let base = material_texel(index, MATERIAL_BASE);
+    look.base_color = vec4f(base.xyz, bitcast<f32>(head.w));
     if (!MATTE) {
-        look.metallic = materials[index].metallic;
-        look.roughness = materials[index].roughness;
-        look.f0 = materials[index].f0;
-        look.specular = materials[index].specular;
+        let f0 = material_texel(index, MATERIAL_F0);
+        look.metallic = base.w;
+        look.roughness = material_texel(index, MATERIAL_EMISSION).w;
+        look.f0 = f0.xyz;
+        look.specular = f0.w;
     }
     if (AMBIENT) {
-        look.emission = materials[index].emission;
+        look.emission = material_texel(index, MATERIAL_EMISSION).xyz;
     }
     look.shading = outward;
 
     var surface: Surface;
     surface.ior = 1.0;
     if (!MATTE && (flags & MATERIAL_LETS_LIGHT_THROUGH) != 0u) {
-        look.transmission = materials[index].transmission;
-        look.diffuse_transmission = materials[index].diffuse_transmission;
-        look.diffuse_transmission_color = materials[index].diffuse_transmission_color;
-        surface.absorption = materials[index].absorption;
-        surface.ior = materials[index].ior;
+        let diffuse = material_texel(index, MATERIAL_DIFFUSE_TRANSMISSION);
+        let medium = material_texel(index, MATERIAL_ABSORPTION);
+        look.transmission = medium.w;
+        look.diffuse_transmission = diffuse.w;
+        look.diffuse_transmission_color = diffuse.xyz;
+        surface.absorption = medium.xyz;
+        surface.ior = material_texel(index, MATERIAL_NUMBERS).y;
     }
     // From the barycentric coordinates: nearer to the plane than origin + t · direction.
     surface.position = bitcast<vec3f>(texel0.xyz) + hit.barycentric.x * edge1 + hit.barycentric.y * edge2;
@@ -193,14 +200,14 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     surface.bsdf.shading = vec3f(0.0, 0.0, 1.0);
     if (CORNERS && texel2.w != NONE) {
         let weights = vec3f(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
-        surface_texture(&look, index, texel2.w, weights, edge1, edge2);
+        surface_texture(&look, index, head.yz, texel2.w, weights, edge1, edge2);
         surface.bsdf.shading = surface_shading(surface.normal, select(look.shading, -look.shading, back));
     }
     var opacity = 1.0;
     if ((flags & MATERIAL_BLEND) != 0u) {
         opacity = look.base_color.w;
     } else if ((flags & MATERIAL_MASK) != 0u) {
-        opacity = select(0.0, 1.0, look.base_color.w >= materials[index].cutoff);
+        opacity = select(0.0, 1.0, look.base_color.w >= material_texel(index, MATERIAL_NUMBERS).x);
     }
 
     let one_sided_back = back && (flags & MATERIAL_DOUBLE_SIDED) == 0u;

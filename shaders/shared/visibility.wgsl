@@ -4,17 +4,17 @@
 #import medium
 #import sight
 
-// `value` is what gets through; `probability` that a sampled path had passed all that it passes.
-fn connection_light(origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
+// From a point just off triangle `own`. `value` is what gets through; `probability` that a sampled path had passed all that it passes.
+fn connection_light(own: u32, origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
     let direction = normalize(target_point - origin);
     var light = Pass(vec3f(1.0), 1.0);
     if (!PASSABLE) {
         *rays += 1u;
         let reach = distance(origin, target_point);
         var met: Hit;
-        if (SIGHT) {
+        if (SIGHT_SIDE > 0u) {
             // The target is the pinhole, and that is where all geometry has its origin.
-            met = sight_trace(origin.xy / -origin.z, origin, direction, reach, true);
+            met = sight_trace(origin.xy / -origin.z, origin, direction, reach, own, true);
         } else {
             met = bvh_trace(origin, direction, reach, true);
         }

@@ -51,6 +51,9 @@ pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) summary: AdapterSummary,
+    /// The device is the processor itself, so that the host reads results where they were written. (A GPU that shares its memory
+    /// with the host could do so, too; whether that is faster there was not measured.)
+    pub(crate) shares_memory: bool,
 }
 
 impl Gpu {
@@ -63,12 +66,16 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // Geometry, textures and lists are read as storage textures: five in the largest kernel. Every desktop driver has eight.
+            // Geometry, textures and lists are read as storage textures: six in the largest kernel. Every desktop driver has eight.
             max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()
         };
+        let mappable = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
+        let is_processor = adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+        let shares_memory = is_processor && adapter.features().contains(mappable);
         let request = wgpu::DeviceDescriptor {
             label: Some("krylux"),
+            required_features: if shares_memory { mappable } else { wgpu::Features::empty() },
             required_limits: limits,
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
@@ -78,7 +85,7 @@ impl Gpu {
                 fault: format!("{} cannot be opened: {e}", summary.name),
                 help: "choose another with --adapter; `krylux info` lists them".into(),
             })?;
-        Ok(Self { device, queue, summary })
+        Ok(Self { device, queue, summary, shares_memory })
     }
 
     /// Runs `work`, turning what the device objects to (validation, memory) into an error instead of a panic.
@@ -102,9 +109,10 @@ impl Gpu {
         }
     }
 
-    /// Waits until everything submitted is done.
-    pub(crate) fn wait(&self) -> Result<()> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map(drop).map_err(|e| Error::Device {
+    /// Waits until `submission` is done, or everything submitted.
+    pub(crate) fn wait(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<()> {
+        let until = wgpu::PollType::Wait { submission_index: submission, timeout: None };
+        self.device.poll(until).map(drop).map_err(|e| Error::Device {
             fault: format!("{} was lost: {e}", self.summary.name),
             help: "run again; if it happens again, choose another --adapter".into(),
         })

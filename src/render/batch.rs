@@ -1,5 +1,7 @@
 //! What one dispatch hands back: the records of a run of light paths.
 
+use rayon::prelude::*;
+
 /// A path's connection from its `k`-th surface to the other end of the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Connection {
@@ -130,9 +132,14 @@ impl Batch<'_> {
         u64::from(self.slots(index)[0][0] >> 8 & 0xff)
     }
 
-    /// Paths whose record does not carry `mark`: the device never finished them.
-    pub(super) fn unfinished(&self, mark: u32) -> u64 {
-        (0..self.len()).filter(|&index| self.slots(index)[0][0] >> 16 != mark >> 16).count() as u64
+    /// Paths whose record does not carry `mark`, so that the device never finished them; and the rays that all of them took.
+    pub(super) fn census(&self, mark: u32) -> (u64, u64) {
+        let of_path = |index| {
+            let is_lost = self.slots(index)[0][0] >> 16 != mark >> 16;
+            (u64::from(is_lost), self.rays(index))
+        };
+        let add = |a: (u64, u64), b: (u64, u64)| (a.0 + b.0, a.1 + b.1);
+        (0..self.len()).into_par_iter().with_min_len(4096).map(of_path).reduce(|| (0, 0), add)
     }
 
     fn slots(&self, index: usize) -> &[[u32; 4]] {
@@ -198,17 +205,17 @@ mod tests {
             [Connection { camera: 1, projector: 6, bounces: 2, value: [0.0, 1.0, 0.0] }]
         );
         assert_eq!(connections(1), [Connection { camera: 2, projector: 2, bounces: 3, value: [1.0; 3] }]);
-        assert_eq!(batch.rays(0) + batch.rays(1), 9);
+        assert_eq!(batch.census(MARK), (0, 9));
     }
 
     #[test]
     fn a_path_without_this_dispatchs_mark_is_unfinished() {
         let mut records = records();
-        assert_eq!(batch(&records).unfinished(MARK), 0);
+        assert_eq!(batch(&records).census(MARK).0, 0);
         // What an earlier dispatch left there.
         records[4][0] = 4 << 16 | 5 << 8 | 3;
-        assert_eq!(batch(&records).unfinished(MARK), 1);
+        assert_eq!(batch(&records).census(MARK).0, 1);
         records[0][0] = 0;
-        assert_eq!(batch(&records).unfinished(MARK), 2);
+        assert_eq!(batch(&records).census(MARK).0, 2);
     }
 }

@@ -9,8 +9,8 @@ pub(super) struct Features {
     pub(super) lenses: bool,
     pub(super) coaxial_pinhole: bool,
     pub(super) roulette: bool,
-    /// Rays from and to the one pinhole go by lists ([`super::sight`]).
-    pub(super) sight: bool,
+    /// Texels in a row of the lists by which rays from and to the one pinhole go ([`super::sight`]); 0 where they do not.
+    pub(super) sight_side: u32,
 }
 
 /// What of it the surfaces decide.
@@ -45,7 +45,7 @@ impl Features {
             ("LENSES", flag(self.lenses)),
             ("COAXIAL_PINHOLE", flag(self.coaxial_pinhole)),
             ("ROULETTE", flag(self.roulette)),
-            ("SIGHT", flag(self.sight)),
+            ("SIGHT_SIDE", f64::from(self.sight_side)),
             ("FEW_TRIANGLES", f64::from(few_triangles)),
         ]
     }
@@ -71,7 +71,7 @@ mod tests {
             lenses: true,
             coaxial_pinhole: true,
             roulette: true,
-            sight: true,
+            sight_side: 128,
         };
         let module = crate::gpu::shader::module("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));
         let mut declared: Vec<_> =

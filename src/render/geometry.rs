@@ -17,7 +17,7 @@ const FEW_TRIANGLES: usize = 8;
 pub(super) struct GpuScene {
     pub(super) nodes: wgpu::TextureView,
     pub(super) triangles: wgpu::TextureView,
-    pub(super) materials: wgpu::Buffer,
+    pub(super) materials: wgpu::TextureView,
     pub(super) corners: wgpu::TextureView,
     pub(super) textures: wgpu::Buffer,
     pub(super) texels: wgpu::TextureView,
@@ -67,7 +67,7 @@ impl GpuScene {
         Ok(Self {
             nodes: gpu.texel_array("search tree's nodes", &bvh.nodes)?,
             triangles: gpu.texel_array("triangles", &triangles)?,
-            materials: gpu.storage("materials", &materials)?,
+            materials: gpu.texel_array("materials", &materials)?,
             corners: gpu.texel_array("normals, texture coordinates and colours", &corners)?,
             textures: gpu.storage("texture descriptions", &textures)?,
             texels: gpu.texel_array("textures", &pack_texels(scene))?,

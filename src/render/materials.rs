@@ -15,7 +15,8 @@ const LETS_LIGHT_THROUGH: u32 = 2;
 const BLEND: u32 = 4;
 const MASK: u32 = 8;
 
-/// Laid out as `Material` in `shaders/shared/surface.wgsl`.
+/// Texels, laid out as `shaders/shared/surface.wgsl` has it: loads from storage textures are far cheaper than from buffers on software
+/// Vulkan.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct GpuMaterial {
@@ -29,14 +30,14 @@ pub(super) struct GpuMaterial {
     diffuse_transmission: f32,
     absorption: Vec3,
     transmission: f32,
-    opacity: f32,
     cutoff: f32,
     ior: f32,
     normal_scale: f32,
+    padding: u32,
     flags: u32,
     textures_begin: u32,
     textures_end: u32,
-    padding: u32,
+    opacity: f32,
 }
 
 impl GpuMaterial {
@@ -65,23 +66,23 @@ impl GpuMaterial {
             diffuse_transmission: material.diffuse_transmission,
             absorption: volume.map_or(Vec3::ZERO, |volume| volume.absorption()),
             transmission: material.transmission,
-            opacity: material.opacity,
             cutoff,
             // An index of 0 stands for a Fresnel term of 1: no light enters to be bent.
             ior: if volume.is_some() && material.ior > 0.0 { material.ior } else { 1.0 },
             normal_scale: material.normal_scale,
+            padding: 0,
             flags: mode | flag(material.double_sided, DOUBLE_SIDED) | flag(through, LETS_LIGHT_THROUGH),
             textures_begin: begin,
             textures_end: end,
-            padding: 0,
+            opacity: material.opacity,
         }
     }
 }
 
-/// All materials of a scene, and the list of their textures, material by material.
-pub(super) fn pack_materials(scene: &Scene) -> (Vec<GpuMaterial>, Vec<GpuTexture>) {
+/// All materials of a scene as texels, and the list of their textures, material by material.
+pub(super) fn pack_materials(scene: &Scene) -> (Vec<[u32; 4]>, Vec<GpuTexture>) {
     let mut textures = Vec::new();
-    let materials = scene
+    let materials: Vec<GpuMaterial> = scene
         .materials
         .iter()
         .map(|material| {
@@ -90,22 +91,48 @@ pub(super) fn pack_materials(scene: &Scene) -> (Vec<GpuMaterial>, Vec<GpuTexture
             GpuMaterial::new(material, [begin, textures.len() as u32])
         })
         .collect();
-    (materials, textures)
+    (bytemuck::cast_slice(&materials).to_vec(), textures)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::parameters::tests::{assert_layout, offsets};
+    use crate::render::parameters::tests::assert_constant;
     use crate::scene::Volume;
     use std::mem::{offset_of, size_of};
 
     #[test]
     fn materials_lie_as_the_shader_reads_them() {
-        let members = offsets!(GpuMaterial: base_color, metallic, f0, specular, emission, roughness,
-            diffuse_transmission_color, diffuse_transmission, absorption, transmission, opacity, cutoff, ior, normal_scale,
-            flags, textures_begin, textures_end, padding);
-        assert_layout("trace_paths", "Material", members, size_of::<GpuMaterial>());
+        let texel = |offset: usize| (offset / 16) as u32;
+        for (name, value) in [
+            ("MATERIAL_TEXELS", texel(size_of::<GpuMaterial>())),
+            ("MATERIAL_BASE", texel(offset_of!(GpuMaterial, base_color))),
+            ("MATERIAL_F0", texel(offset_of!(GpuMaterial, f0))),
+            ("MATERIAL_EMISSION", texel(offset_of!(GpuMaterial, emission))),
+            ("MATERIAL_DIFFUSE_TRANSMISSION", texel(offset_of!(GpuMaterial, diffuse_transmission_color))),
+            ("MATERIAL_ABSORPTION", texel(offset_of!(GpuMaterial, absorption))),
+            ("MATERIAL_NUMBERS", texel(offset_of!(GpuMaterial, cutoff))),
+            ("MATERIAL_FLAGS", texel(offset_of!(GpuMaterial, flags))),
+        ] {
+            assert_constant("trace_paths", name, value);
+        }
+        // A texel begins with each of them, and holds the next members.
+        let within = |offset: usize| offset % 16 / 4;
+        let lanes = [
+            (offset_of!(GpuMaterial, metallic), 3),
+            (offset_of!(GpuMaterial, specular), 3),
+            (offset_of!(GpuMaterial, roughness), 3),
+            (offset_of!(GpuMaterial, diffuse_transmission), 3),
+            (offset_of!(GpuMaterial, transmission), 3),
+            (offset_of!(GpuMaterial, cutoff), 0),
+            (offset_of!(GpuMaterial, ior), 1),
+            (offset_of!(GpuMaterial, normal_scale), 2),
+            (offset_of!(GpuMaterial, flags), 0),
+            (offset_of!(GpuMaterial, textures_begin), 1),
+            (offset_of!(GpuMaterial, textures_end), 2),
+            (offset_of!(GpuMaterial, opacity), 3),
+        ];
+        assert!(lanes.iter().all(|&(offset, lane)| within(offset) == lane));
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod dispatch;
 mod features;
 mod geometry;
 mod materials;
+mod output;
 mod parameters;
 mod photons;
 mod pipeline;

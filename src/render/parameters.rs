@@ -63,6 +63,18 @@ pub(super) mod tests {
         assert_eq!(size, span as usize, "size of {name}");
     }
 
+    /// Asserts that the WGSL constant `name` of shader `shader` has this value.
+    pub(in crate::render) fn assert_constant(shader: &str, name: &str, value: u32) {
+        let module = crate::gpu::shader::module(shader).unwrap_or_else(|e| unreachable!("{e}"));
+        let found = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name));
+        let (_, constant) = found.unwrap_or_else(|| unreachable!("{shader} has no constant {name}"));
+        let wgsl = &module.global_expressions[constant.init];
+        assert!(
+            matches!(wgsl, naga::Expression::Literal(naga::Literal::U32(wgsl)) if *wgsl == value),
+            "{name} is {wgsl:?} in WGSL, {value} here"
+        );
+    }
+
     macro_rules! offsets {
         ($ty:ty: $($member:ident),* $(,)?) => { &[$((stringify!($member), offset_of!($ty, $member))),*] };
     }

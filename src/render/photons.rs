@@ -11,6 +11,7 @@ use super::dispatch::Dispatches;
 use super::features::Features;
 use super::geometry::GpuScene;
 use super::materials::NONE;
+use super::output::Output;
 use super::parameters::{GpuEye, Parameters};
 use super::pipeline::{PhotonBuffers, Pipeline};
 use super::sight;
@@ -83,7 +84,7 @@ impl PhotonMap {
         let words = 4 * u64::from(chain) + 1;
         let capacity = dispatches.capacity(gpu, words, total);
         let bytes = u64::from(capacity) * words * 16;
-        let output = kernel.output(gpu, scene, &none.buffers, &sight::none(gpu)?, bytes)?;
+        let output = Output::new(gpu, &kernel, scene, &none.buffers, &sight::none(gpu)?, bytes)?;
         let mut photons: Vec<Photon> = Vec::new();
         let mut done = 0;
         while done < total {

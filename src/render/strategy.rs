@@ -77,7 +77,7 @@ impl Stage<'_> {
             lenses: start.radius > 0.0 || end.radius > 0.0,
             coaxial_pinhole,
             roulette: settings.russian_roulette,
-            sight: has_sight,
+            sight_side: if has_sight { sight::side(self.scene.corners_in_order.len()) } else { 0 },
         };
         let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
         let end_to_start =

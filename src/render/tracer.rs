@@ -1,16 +1,15 @@
 //! Tracing a scene: the light paths of either end of the rig, batch by batch.
 
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::collections::{HashMap, VecDeque};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
-
-use rayon::prelude::*;
 
 use super::batch::Batch;
 use super::dispatch::{BatchSize, Dispatches, MAX_PATHS};
 use super::features::Features;
 use super::geometry::GpuScene;
+use super::output::{Flight, Output};
 use super::parameters::Parameters;
 use super::pipeline::Pipeline;
 use super::rig::Rig;
@@ -40,10 +39,20 @@ pub struct TraceSummary {
     pub rays: u64,
     /// Dispatches, and the longest one.
     pub dispatches: u32,
-    /// Wall time of the longest dispatch, its read-back included.
+    /// Wall time of the longest dispatch, its read-back included; one that waited for another counts from then on. The host may see
+    /// its end late, when it is taking in another's paths.
     pub longest: Duration,
-    /// Wall time of all dispatches, their read-back included, without the work of the visitor.
+    /// The same of all dispatches together.
     pub tracing: Duration,
+}
+
+/// A dispatch under way.
+struct Launched<'a> {
+    output: &'a Output,
+    flight: Flight,
+    start: Instant,
+    first_path: u64,
+    parameters: Parameters,
 }
 
 /// A scene on a device, ready to be traced.
@@ -95,7 +104,7 @@ impl Tracer {
     /// that is summed up in path order does.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when `progress` breaks, within one dispatch; [`Error::UnfinishedPaths`] when the driver
+    /// [`Error::Interrupted`] when `progress` breaks, within two dispatches; [`Error::UnfinishedPaths`] when the driver
     /// dropped work; [`Error::Device`] when it failed; and whatever `visit` returns.
     pub fn trace(
         &mut self,
@@ -139,43 +148,56 @@ impl Tracer {
         let capacity = self.dispatches.capacity(&self.gpu, stride, paths);
         let bytes = u64::from(capacity) * stride * 16;
         let kernel = kernel(&self.gpu, &mut self.kernels, &strategy.features)?;
-        let slots =
-            kernel.output(&self.gpu, &self.scene, &strategy.chains.buffers, &strategy.sight, bytes)?;
+        let output = || {
+            let (chains, sight) = (&strategy.chains.buffers, &strategy.sight);
+            Output::new(&self.gpu, kernel, &self.scene, chains, sight, bytes)
+        };
+        // While the host takes in the paths of one, the device writes to the other.
+        let outputs = [output()?, output()?];
         let mut size = BatchSize::new(capacity);
-        let mut done = 0;
-        while done < paths {
-            if progress(Progress { done: summary.paths, total }).is_break() {
-                return Err(Error::Interrupted);
+        let mut flights = VecDeque::new();
+        let mut launched = 0;
+        let mut idle_since = Instant::now();
+        loop {
+            while launched < paths && flights.len() < size.flights() {
+                if progress(Progress { done: summary.paths, total }).is_break() {
+                    return Err(Error::Interrupted);
+                }
+                let count = u64::from(size.paths()).min(paths - launched) as u32;
+                let parameters = Parameters {
+                    first_pixel: (launched / samples) as u32,
+                    first_sample: (launched % samples) as u32,
+                    paths: count,
+                    mark: self.dispatches.mark(),
+                    ..strategy.parameters
+                };
+                let output = &outputs[summary.dispatches as usize % outputs.len()];
+                let start = Instant::now();
+                let flight = output.launch(&self.gpu, kernel, &parameters, u64::from(count) * stride * 16)?;
+                flights.push_back(Launched { output, flight, start, first_path: launched, parameters });
+                launched += u64::from(count);
+                summary.dispatches += 1;
             }
-            let start = Instant::now();
-            let count = u64::from(size.paths()).min(paths - done) as u32;
-            let parameters = Parameters {
-                first_pixel: (done / samples) as u32,
-                first_sample: (done % samples) as u32,
-                paths: count,
-                mark: self.dispatches.mark(),
-                ..strategy.parameters
-            };
-            let view = slots.run(&self.gpu, kernel, &parameters, u64::from(count) * stride * 16)?;
-            let elapsed = start.elapsed();
-            let batch =
-                Batch { first_path: done, layout: strategy.layout, records: bytemuck::cast_slice(&view) };
-            let unfinished = batch.unfinished(parameters.mark);
+            let Some(next) = flights.pop_front() else { return Ok(()) };
+            let Launched { output, flight, start, first_path, parameters } = next;
+            let view = output.land(&self.gpu, flight)?;
+            // One behind another began when that was done.
+            let elapsed = start.max(idle_since).elapsed();
+            idle_since = Instant::now();
+            let batch = Batch { first_path, layout: strategy.layout, records: bytemuck::cast_slice(&view) };
+            let (unfinished, rays) = batch.census(parameters.mark);
             if unfinished > 0 {
-                return Err(Error::UnfinishedPaths { unfinished, total: u64::from(count) });
+                return Err(Error::UnfinishedPaths { unfinished, total: batch.len() as u64 });
             }
             visit(&batch)?;
-            summary.rays += (0..batch.len()).into_par_iter().map(|index| batch.rays(index)).sum::<u64>();
-            done += u64::from(count);
-            summary.paths += u64::from(count);
-            summary.dispatches += 1;
+            summary.rays += rays;
+            summary.paths += batch.len() as u64;
             summary.longest = summary.longest.max(elapsed);
             summary.tracing += elapsed;
             drop(view);
-            slots.release();
-            size.adapt(elapsed);
+            output.release();
+            size.adapt(parameters.paths, elapsed);
         }
-        Ok(())
     }
 
     /// The region (index into [`Scene::regions`]) that each camera pixel's centre sees; `None` where it sees nothing.
@@ -190,18 +212,18 @@ impl Tracer {
         let kernel = Pipeline::new(&self.gpu, "primary_regions", &template.features)?;
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);
-        let slots =
-            kernel.output(&self.gpu, &self.scene, &template.chains.buffers, &template.sight, capacity * 4)?;
+        let (chains, sight) = (&template.chains.buffers, &template.sight);
+        let output = Output::new(&self.gpu, &kernel, &self.scene, chains, sight, capacity * 4)?;
         let mut regions = Vec::with_capacity(resolution.pixels());
         while (regions.len() as u64) < total {
             let first_pixel = regions.len() as u32;
             let pixels = capacity.min(total - u64::from(first_pixel));
             let parameters = Parameters { first_pixel, paths: pixels as u32, ..template.parameters };
-            let view = slots.run(&self.gpu, &kernel, &parameters, pixels * 4)?;
+            let view = output.run(&self.gpu, &kernel, &parameters, pixels * 4)?;
             let seen: &[u32] = bytemuck::cast_slice(&view);
             regions.extend(seen.iter().map(|&region| (region != super::materials::NONE).then_some(region)));
             drop(view);
-            slots.release();
+            output.release();
         }
         Ok(regions)
     }

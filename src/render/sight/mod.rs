@@ -17,14 +17,19 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use polygon::{Corner, InverseDepth, clip, covers, extent_in_band};
 
-/// Texels in a row of the raster, one on each side beyond the field of view. As `SIGHT_SIDE` in `shaders/shared/sight.wgsl`.
-const SIDE: usize = 512;
-/// Triangles that a texel of the raster holds by itself.
-const INLINE: usize = 3;
+/// Marks a word of the raster as the beginning of a list. As `SIGHT_LIST` in `shaders/shared/sight.wgsl`.
+const LIST: u32 = 1 << 31;
 /// In texels: rays this near to a texel count as its own.
 const MARGIN: f64 = 1.0 / 32.0;
 /// Relative: a triangle that is behind another one by less is not hidden.
 const DEPTH_MARGIN: f64 = 1e-4;
+
+/// Texels in a row of the raster for a scene of so many triangles, one on each side beyond the field of view. Lists are the shorter the
+/// finer the raster, and the likelier in the cache the coarser it is.
+pub(super) fn side(triangles: usize) -> u32 {
+    // Measured on software Vulkan: see benches/README.md.
+    (16 * triangles.isqrt()).next_power_of_two().clamp(128, 512) as u32
+}
 
 /// The lists on the device, by the field of view that they were made for.
 #[derive(Default)]
@@ -75,6 +80,8 @@ struct Entry {
 }
 
 struct Raster {
+    /// Texels in a row.
+    side: usize,
     scale: DVec2,
     near: f64,
     /// Everything as near to the pinhole as this may be seen anywhere.
@@ -90,13 +97,15 @@ impl Raster {
         let extent = triangles.iter().flatten().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
         let near = 1e-5 * f64::from(extent);
         let tangent = DVec2::new(tangent[0].into(), tangent[1].into());
+        let side = side(triangles.len()) as usize;
         Self {
-            scale: 0.5 * (SIDE - 2) as f64 / tangent,
+            side,
+            scale: 0.5 * (side - 2) as f64 / tangent,
             near,
             around: near * (1.0 + 4.0 * tangent.length_squared()).sqrt(),
             entries: Vec::new(),
             everywhere: Vec::new(),
-            covers: vec![0.0; SIDE * SIDE],
+            covers: vec![0.0; side * side],
         }
     }
 
@@ -128,7 +137,7 @@ impl Raster {
     fn project(&self, point: DVec3) -> Corner {
         let inverse = -1.0 / point.z;
         let image = DVec2::new(point.x, point.y) * inverse;
-        Corner { at: image * self.scale + DVec2::splat(0.5 * SIDE as f64), inverse }
+        Corner { at: image * self.scale + DVec2::splat(0.5 * self.side as f64), inverse }
     }
 
     /// Enters a convex polygon into every texel that it touches.
@@ -137,7 +146,8 @@ impl Raster {
         let vertices = || polygon.iter().map(|corner| corner.inverse);
         let (deepest, nearest) = (vertices().fold(f64::INFINITY, f64::min), vertices().fold(0.0, f64::max));
         let ys = || polygon.iter().map(|corner| corner.at.y);
-        let Some(rows) = texels(ys().fold(f64::INFINITY, f64::min), ys().fold(f64::NEG_INFINITY, f64::max))
+        let Some(rows) =
+            texels(self.side, ys().fold(f64::INFINITY, f64::min), ys().fold(f64::NEG_INFINITY, f64::max))
         else {
             return;
         };
@@ -146,9 +156,9 @@ impl Raster {
             else {
                 continue;
             };
-            let Some(columns) = texels(left, right) else { continue };
+            let Some(columns) = texels(self.side, left, right) else { continue };
             for column in columns {
-                let texel = row * SIDE + column;
+                let texel = row * self.side + column;
                 let (low, high) = plane.over(column, row);
                 if covers(polygon, column, row) {
                     let farthest = (low.max(deepest) * (1.0 - DEPTH_MARGIN)) as f32;
@@ -171,36 +181,41 @@ impl Raster {
                 // Depths are finite: vertices lie behind the near plane.
                 .unwrap_or(std::cmp::Ordering::Equal)
         });
-        let mut packed = vec![[0_u32; 4]; SIDE * SIDE];
-        let mut words = Vec::new();
+        let raster = self.side * self.side;
+        let mut words = vec![0_u32; raster];
+        // Texels in which nothing is seen share one.
+        let mut empty = None;
         let mut entries = self.entries.iter().peekable();
         let mut list = Vec::new();
-        for (texel, head) in (0..).zip(&mut packed) {
+        for texel in 0..raster {
             list.clear();
-            while let Some(entry) = entries.next_if(|entry| entry.texel == texel) {
+            while let Some(entry) = entries.next_if(|entry| entry.texel as usize == texel) {
                 list.push(entry.triangle);
             }
             list.extend(&self.everywhere);
-            head[0] = list.len() as u32;
-            if list.len() <= INLINE {
-                head[1..=list.len()].copy_from_slice(&list);
-            } else {
-                // The texture's limit is far below u32::MAX words, and is checked when it is made.
-                head[1] = (4 * SIDE * SIDE + words.len()) as u32;
-                words.extend(&list);
-            }
+            // The texture's limit is far below 2³¹ words, and is checked when it is made.
+            let mut append = |list: &[u32]| {
+                let begin = words.len() as u32;
+                words.push(list.len() as u32);
+                words.extend(list);
+                LIST | begin
+            };
+            words[texel] = match list[..] {
+                [] => *empty.get_or_insert_with(|| append(&[])),
+                [only] => only,
+                _ => append(&list),
+            };
         }
         words.resize(words.len().next_multiple_of(4), 0);
-        packed.extend(words.chunks_exact(4).map(|four| [four[0], four[1], four[2], four[3]]));
-        packed
+        words.as_chunks::<4>().0.to_vec()
     }
 }
 
 /// The texels of one axis that a stretch touches, with the margin; none where it lies beside the raster.
-fn texels(low: f64, high: f64) -> Option<std::ops::RangeInclusive<usize>> {
+fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<usize>> {
     let (low, high) = (low - MARGIN, high + MARGIN);
-    if !(low < SIDE as f64 && high >= 0.0) {
+    if !(low < side as f64 && high >= 0.0) {
         return None;
     }
-    Some(low.max(0.0) as usize..=(high as usize).min(SIDE - 1))
+    Some(low.max(0.0) as usize..=(high as usize).min(side - 1))
 }

@@ -77,7 +77,7 @@ pub(super) fn run(
     .expect("the test's kernel runs");
 
     readback.map_async(wgpu::MapMode::Read, .., |outcome| outcome.expect("results can be read back"));
-    gpu.wait().expect("the device is there");
+    gpu.wait(None).expect("the device is there");
     let view = readback.get_mapped_range(..).expect("results can be read back");
     bytemuck::cast_slice(&view).to_vec()
 }

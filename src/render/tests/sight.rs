@@ -26,8 +26,14 @@ fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<Left> {
     let mut strategies = tracer.stage().strategies(settings).expect("the settings are sound");
     assert_eq!(strategies.len(), 1, "{}: a coaxial pinhole", scene.path.display());
     let strategy = &mut strategies[0];
-    assert!(strategy.features.sight, "{}: nothing here lets light straight through", scene.path.display());
-    strategy.features.sight = by.sight;
+    assert!(
+        strategy.features.sight_side > 0,
+        "{}: nothing here lets light straight through",
+        scene.path.display()
+    );
+    if !by.sight {
+        strategy.features.sight_side = 0;
+    }
     strategy.features.scene.few_triangles = if by.each { scene.triangles.len() as u32 } else { 0 };
     let mut left = Vec::new();
     let mut visit = |batch: &Batch<'_>| {

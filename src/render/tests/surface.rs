@@ -57,7 +57,7 @@ fn look(gpu: &Gpu, scene: &Scene, rays: &[(Vec3, [f32; 2])]) -> Vec<Found> {
     let view = wgpu::BindingResource::TextureView;
     let shared = [
         (2, view(&uploaded.triangles)),
-        (3, uploaded.materials.as_entire_binding()),
+        (3, view(&uploaded.materials)),
         (4, view(&uploaded.corners)),
         (5, uploaded.textures.as_entire_binding()),
         (6, view(&uploaded.texels)),

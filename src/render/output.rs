@@ -1,0 +1,151 @@
+//! The buffers that a kernel's results come back through.
+
+use std::sync::mpsc::Receiver;
+
+use wgpu::BufferUsages;
+
+use super::geometry::GpuScene;
+use super::parameters::Parameters;
+use super::pipeline::{PhotonBuffers, Pipeline};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+
+/// Where a kernel's results land and are read from, with all that the kernel reads bound to it. One dispatch at a time.
+pub(super) struct Output {
+    parameters: wgpu::Buffer,
+    results: wgpu::Buffer,
+    /// `None` where the host reads the results where they are: see [`Gpu::shares_memory`].
+    readback: Option<wgpu::Buffer>,
+    scene_group: wgpu::BindGroup,
+    output_group: wgpu::BindGroup,
+}
+
+/// A dispatch that has been handed to the device.
+pub(super) struct Flight {
+    submission: wgpu::SubmissionIndex,
+    mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
+    bytes: u64,
+}
+
+impl Output {
+    /// Buffers for `bytes` of results of `kernel` over `scene`, with these chains to gather from and lists to see by.
+    pub(super) fn new(
+        gpu: &Gpu,
+        kernel: &Pipeline,
+        scene: &GpuScene,
+        chains: &PhotonBuffers,
+        sight: &wgpu::TextureView,
+        bytes: u64,
+    ) -> Result<Self> {
+        let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
+        let results = gpu.buffer("path records", bytes, BufferUsages::STORAGE | read)?;
+        let readback = (!gpu.shares_memory)
+            .then(|| gpu.buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST))
+            .transpose()?;
+        let uniform_bytes = size_of::<Parameters>() as u64;
+        let parameters =
+            gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
+        gpu.guarded("bindings", || {
+            let view = wgpu::BindingResource::TextureView;
+            let scene_group = bind_group(
+                gpu,
+                &kernel.scene_layout,
+                [
+                    parameters.as_entire_binding(),
+                    view(&scene.nodes),
+                    view(&scene.triangles),
+                    view(&scene.materials),
+                    view(&scene.corners),
+                    scene.textures.as_entire_binding(),
+                    view(&scene.texels),
+                    scene.srgb_table.as_entire_binding(),
+                ],
+            );
+            let output_group = bind_group(
+                gpu,
+                &kernel.output_layout,
+                [
+                    results.as_entire_binding(),
+                    chains.photons.as_entire_binding(),
+                    chains.buckets.as_entire_binding(),
+                    view(sight),
+                ],
+            );
+            Self { parameters, results, readback, scene_group, output_group }
+        })
+    }
+
+    /// Hands the device one dispatch of `parameters.paths` invocations, of whose results the first `bytes` are wanted.
+    pub(super) fn launch(
+        &self,
+        gpu: &Gpu,
+        kernel: &Pipeline,
+        parameters: &Parameters,
+        bytes: u64,
+    ) -> Result<Flight> {
+        let submission = gpu.guarded("dispatch", || {
+            gpu.queue.write_buffer(&self.parameters, 0, bytemuck::bytes_of(parameters));
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&kernel.pipeline);
+            pass.set_bind_group(0, &self.scene_group, &[]);
+            pass.set_bind_group(1, &self.output_group, &[]);
+            pass.dispatch_workgroups(parameters.paths.div_ceil(64), 1, 1);
+            drop(pass);
+            if let Some(readback) = &self.readback {
+                encoder.copy_buffer_to_buffer(&self.results, 0, readback, 0, bytes);
+            }
+            gpu.queue.submit([encoder.finish()])
+        })?;
+        let (sender, mapped) = std::sync::mpsc::channel();
+        self.readable().map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
+            // Nobody listens any more where the trace has been interrupted.
+            let _ = sender.send(outcome);
+        });
+        Ok(Flight { submission, mapped, bytes })
+    }
+
+    /// Waits for a dispatch of this output's, and returns its results. Drop the view and call [`Output::release`] before the
+    /// next one.
+    pub(super) fn land(&self, gpu: &Gpu, flight: Flight) -> Result<wgpu::BufferView> {
+        gpu.wait(Some(flight.submission))?;
+        let lost = |reason: String| Error::Device {
+            fault: format!("results cannot be read back from {}: {reason}", gpu.summary.name),
+            help: "run again; if it happens again, choose another --adapter".into(),
+        };
+        match flight.mapped.try_recv() {
+            Ok(Ok(())) => self.readable().get_mapped_range(0..flight.bytes).map_err(|e| lost(e.to_string())),
+            Ok(Err(e)) => Err(lost(e.to_string())),
+            Err(e) => Err(lost(e.to_string())),
+        }
+    }
+
+    /// Launches a dispatch and waits for it.
+    pub(super) fn run(
+        &self,
+        gpu: &Gpu,
+        kernel: &Pipeline,
+        parameters: &Parameters,
+        bytes: u64,
+    ) -> Result<wgpu::BufferView> {
+        self.land(gpu, self.launch(gpu, kernel, parameters, bytes)?)
+    }
+
+    pub(super) fn release(&self) {
+        self.readable().unmap();
+    }
+
+    fn readable(&self) -> &wgpu::Buffer {
+        self.readback.as_ref().unwrap_or(&self.results)
+    }
+}
+
+fn bind_group<const N: usize>(
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    resources: [wgpu::BindingResource<'_>; N],
+) -> wgpu::BindGroup {
+    let entries: Vec<_> =
+        (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+}
