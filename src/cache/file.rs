@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::render::TraceSummary;
 use crate::report::{atomic, sparse};
-use crate::transport::{Assembled, Layer, Noise, TransportMatrix};
+use crate::transport::{Assembled, CompressedRows, Layer, Noise, TransportMatrix};
 
 const RECORD: &str = "krylux.json";
 
@@ -42,8 +42,9 @@ fn take_apart(key: &Key, traced: &Assembled, channel: usize) -> (Record, Arrays)
             .layers
             .iter()
             .map(|layer| {
-                let starts = layer.row_start.iter().map(|&start| start as u64).collect();
-                (starts, layer.columns.clone(), layer.weights[channel].clone())
+                let CompressedRows { row_start, columns, mut weights } = layer.to_rows();
+                let starts = row_start.into_iter().map(|start| start as u64).collect();
+                (starts, columns, weights.swap_remove(channel))
             })
             .collect(),
         direct: matrix.direct[channel].clone(),
@@ -233,8 +234,8 @@ fn put_together(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
     let layers = bounces.into_iter().enumerate().map(|(index, bounces)| {
         let weights = arrays.iter_mut().map(|arrays| std::mem::take(&mut arrays.layers[index].2)).collect();
         let (starts, columns, _) = std::mem::take(&mut arrays[0].layers[index]);
-        let starts = starts.into_iter().map(|start| start as usize).collect();
-        Layer::new(bounces, rig.projector.pixels(), starts, columns, weights)
+        let row_start = starts.into_iter().map(|start| start as usize).collect();
+        Layer::new(bounces, rig.projector.pixels(), &CompressedRows { row_start, columns, weights })
     });
     let layers = layers.collect();
     Some(Assembled {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::combine::{Combined, combine};
-use super::layer::Bounces;
+use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
 use super::pixel_sums::PixelSums;
 use super::rows::Rows;
@@ -83,8 +83,10 @@ fn run<const C: usize>(
     let direct = if symmetric { direct.estimates } else { Vec::new() };
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { mut layers, rows: sums } = combine(&rows.strips, rig, bounces, &direct);
+    let Combined { layers, rows: sums } = combine(&rows.strips, rig, bounces.len(), &direct);
     drop(rows);
+    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
+    let mut layers: Vec<Layer> = bounces.iter().zip(layers).map(tiled).collect();
     // A coaxial pinhole rig has none: its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
 

@@ -9,8 +9,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::layer::{Bounces, Layer};
 use super::rows::{Key, Strip};
+use super::tiles::CompressedRows;
 
 /// Contributions that one block holds, about.
 const BLOCK: usize = 1 << 21;
@@ -21,7 +21,7 @@ const ROWS_PER_TASK: usize = 64;
 /// The sparse part of the matrix, with what its noise is made from.
 pub(super) struct Combined<const C: usize> {
     /// By class: one bounce, then the others.
-    pub(super) layers: Vec<Layer>,
+    pub(super) layers: Vec<CompressedRows>,
     /// Row by row.
     pub(super) rows: Vec<RowSums<C>>,
 }
@@ -44,21 +44,19 @@ struct Term<const C: usize> {
     error: [f32; C],
 }
 
-/// Merges the strips into layers, one for each of `bounces`. `direct` is the diagonal, as (mean, error) for each row, or empty.
+/// Merges the strips into `classes` layers. `direct` is the diagonal, as (mean, error) for each row, or empty.
 pub(super) fn combine<const C: usize>(
     strips: &[Strip<C>],
     rig: RigShape,
-    bounces: &[Bounces],
+    classes: usize,
     direct: &[[[f64; 2]; C]],
 ) -> Combined<C> {
     let rows = rig.camera.pixels();
     let terms = count_terms(strips, rig, rows);
     let total: usize = terms.iter().sum();
-    let mut layers: Vec<Layer> = bounces
-        .iter()
-        .map(|&bounces| Layer::new(bounces, rig.projector.pixels(), vec![0], Vec::new(), vec![Vec::new(); C]))
-        .collect();
-    // The one layer that holds nearly everything never outgrows this; what is not used is never touched, and given back.
+    let nothing = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); C] };
+    let mut layers = vec![nothing; classes];
+    // The one layer that holds nearly everything never outgrows this; what is not used is never touched.
     if let Some(main) = layers.last_mut() {
         main.columns.reserve_exact(total);
         main.weights.iter_mut().for_each(|plane| plane.reserve_exact(total));
@@ -77,10 +75,6 @@ pub(super) fn combine<const C: usize>(
         let mut block = gather(strips, rig, first..last, &terms[first..last], &mut cursors);
         merge(&mut block, first, &terms[first..last], direct, &mut layers, &mut sums);
         first = last;
-    }
-    for layer in &mut layers {
-        layer.columns.shrink_to_fit();
-        layer.weights.iter_mut().for_each(Vec::shrink_to_fit);
     }
     Combined { layers, rows: sums }
 }
@@ -148,7 +142,7 @@ fn merge<const C: usize>(
     first: usize,
     counts: &[usize],
     direct: &[[[f64; 2]; C]],
-    layers: &mut [Layer],
+    layers: &mut [CompressedRows],
     sums: &mut Vec<RowSums<C>>,
 ) {
     let mut tasks = Vec::new();

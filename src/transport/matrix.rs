@@ -3,13 +3,11 @@
 use rayon::prelude::*;
 
 use super::layer::{Bounces, Layer};
+use super::tiles::{CompressedRows, TILE};
 use super::{Channels, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::sparse::Csr;
-
-/// Rows that one task of a product takes.
-const ROWS_PER_TASK: usize = 256;
 
 /// Which light a product carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +31,7 @@ impl Part {
     }
 
     fn has(self, layer: &Layer) -> bool {
-        self.holds(if layer.bounces == Bounces::One { 1 } else { 2 })
+        self.holds(if layer.bounces() == Bounces::One { 1 } else { 2 })
     }
 }
 
@@ -116,10 +114,13 @@ impl TransportMatrix {
 
     fn multiply(&self, part: Part, layers: &[&Layer], channel: usize, from: &[f64], to: &mut [f64]) {
         let direct = if part.holds(1) { self.direct[channel].as_slice() } else { &[] };
-        to.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, rows)| {
-            for (row, value) in (task * ROWS_PER_TASK..).zip(rows) {
-                let diagonal = direct.get(row).map_or(0.0, |&direct| f64::from(direct) * from[row]);
-                *value = layers.iter().fold(diagonal, |sum, layer| sum + layer.gather(channel, row, from));
+        to.par_chunks_mut(TILE).enumerate().for_each(|(band, to)| {
+            for (row, value) in (band * TILE..).zip(&mut *to) {
+                *value = direct.get(row).map_or(0.0, |&direct| f64::from(direct) * from[row]);
+            }
+            for layer in layers {
+                let product = layer.tiles().product(channel, band, from);
+                to.iter_mut().zip(product).for_each(|(to, product)| *to += product);
             }
         });
     }
@@ -130,15 +131,17 @@ impl TransportMatrix {
     /// # Errors
     /// None that this matrix can cause; the constructor of [`Csr`] checks its arrays.
     pub fn to_csr(&self, part: Part, channel: usize) -> Result<Csr> {
-        let layers: Vec<&Layer> = self.layers.iter().filter(|layer| part.has(layer)).collect();
+        let layers: Vec<CompressedRows> =
+            self.layers.iter().filter(|layer| part.has(layer)).map(Layer::to_rows).collect();
         let mut row_start = vec![0];
         let (mut columns, mut weights) = (Vec::new(), Vec::new());
         let mut entries: Vec<(u32, f32)> = Vec::new();
         for row in 0..self.rig.camera.pixels() {
             entries.clear();
             for layer in &layers {
-                let (columns, weights) = layer.row(channel, row);
-                entries.extend(columns.iter().copied().zip(weights.iter().copied()));
+                let of_row = layer.row_start[row]..layer.row_start[row + 1];
+                let weights = &layer.weights[channel][of_row.clone()];
+                entries.extend(layer.columns[of_row].iter().copied().zip(weights.iter().copied()));
             }
             if part.holds(1) {
                 let diagonal = self.direct[channel].get(row).copied().filter(|&direct| direct != 0.0);

@@ -6,7 +6,7 @@
 //! would fit the memory.
 //!
 //! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with what the matrix
-//! will hold, not with the number of samples; then rows meet columns, block by block (`combine`). A coaxial rig's matrix is
+//! will hold, not with the number of samples; then rows meet columns, block by block (`combine`), and are cut into `tiles` for fast products. A coaxial rig's matrix is
 //! symmetric to the last bit; that of any other rig has a row for each camera pixel, a column for each projector pixel, and its
 //! transpose is the dual rig. How far `Â` is from the truth, two independent halves of the samples tell ([`Noise`]).
 
@@ -25,6 +25,7 @@ mod rows;
 mod simulated;
 #[cfg(test)]
 mod tests;
+mod tiles;
 
 pub use assemble::{Assembled, assemble, assemble_layers};
 pub use choice::{Prediction, predict};
@@ -36,6 +37,7 @@ pub use noise::Noise;
 pub use operator::MatrixOperator;
 pub use retraced::{Retraced, RetracedOperator};
 pub use simulated::Simulated;
+pub(crate) use tiles::CompressedRows;
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
@@ -81,6 +83,11 @@ pub enum Channels {
 }
 
 impl Channels {
+    /// Those of a photo with so many: one is luminance.
+    pub(crate) fn of(count: usize) -> Self {
+        if count == 1 { Self::Luma } else { Self::Rgb }
+    }
+
     /// 1 or 3.
     pub fn count(self) -> usize {
         match self {
