@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             of_devices(args, run.measured(args.channels.map(Into::into), console)?, &pattern)?
         }
     };
-    let channels = if photo.channels() == 3 { Channels::Rgb } else { Channels::Luma };
+    let channels = Channels::of(photo.channels());
     let live = Live::new(&args.live, &source, channels, console);
     for (channel, plane) in photo.planes().iter().enumerate() {
         live.show(

@@ -1,5 +1,6 @@
 //! The folder of a run as a source: its photos, asked anew with nothing attached.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -121,11 +122,12 @@ impl Replay {
     }
 
     fn taken_of_rig(&self, journal: Journal, console: &Console) -> Result<Taken> {
-        let channels = if self.about.channels == 3 { Channels::Rgb } else { Channels::Luma };
-        let mut frames: Vec<Arc<Frame>> = Vec::new();
+        let channels = Channels::of(self.about.channels);
+        let mut seen: HashSet<Arc<Frame>> = HashSet::new();
+        let mut frames = Vec::new();
         for pair in Journaled::replay(journal)?.pairs() {
             let frame = pair?.shot.frame;
-            if !frames.contains(&frame) && frame.levels().iter().any(|level| *level > 0) {
+            if frame.levels().iter().any(|level| *level > 0) && seen.insert(Arc::clone(&frame)) {
                 frames.push(frame);
             }
         }
@@ -155,8 +157,7 @@ impl Replay {
     /// # Errors
     /// [`Error::Data`] where the run had none, but a scene.
     pub(super) fn measured(&self, channels: Option<Channels>, console: &Console) -> Result<Measured> {
-        let own = if self.about.channels == 1 { Channels::Luma } else { Channels::Rgb };
-        match self.light(channels.unwrap_or(own), console)? {
+        match self.light(channels.unwrap_or(Channels::of(self.about.channels)), console)? {
             Light::Measured(measured) => Ok(*measured),
             _ => Err(not_for_runs(&self.folder)),
         }

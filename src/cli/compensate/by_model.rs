@@ -37,10 +37,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         }
         .into());
     };
-    let channels = match model.channels.len() {
-        1 => Channels::Luma,
-        _ => Channels::Rgb,
-    };
+    let channels = Channels::of(model.channels.len());
     let target = args.question.target(model.resolution, channels)?;
     let wish = Wish::new(&target, &model.ambient)?;
     if args.model.is_none() {
