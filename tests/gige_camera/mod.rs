@@ -38,7 +38,7 @@ pub struct Scene {
     pub matrix: Csr,
 }
 
-/// A camera that answers at an address. It is gone when dropped.
+/// A camera that answers at an address, until it is stopped or dropped.
 pub struct GigeCamera {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -55,13 +55,16 @@ struct Shared {
     /// Frames to come that were exposed at the trigger before.
     stale: AtomicU32,
     lost: AtomicU64,
+    looks: AtomicU64,
     frames: AtomicU64,
+    /// Nanoseconds in which light was computed.
+    computing: AtomicU64,
     /// Since it was switched on: its clock.
     began: Instant,
 }
 
 impl GigeCamera {
-    /// Switches it on. What the projector shows is told by `look`, at the beginning of each exposure; nothing: black.
+    /// Switches it on. What the projector shows is told by `look`, again and again while a frame is exposed; nothing: black.
     pub fn start(
         address: Ipv4Addr,
         scene: Scene,
@@ -78,7 +81,9 @@ impl GigeCamera {
             chance: Mutex::new(Pcg64::seed_from_u64(7)),
             stale: AtomicU32::new(0),
             lost: AtomicU64::new(0),
+            looks: AtomicU64::new(0),
             frames: AtomicU64::new(0),
+            computing: AtomicU64::new(0),
             began: Instant::now(),
         });
         let (triggers, triggered) = channel();
@@ -101,6 +106,16 @@ impl GigeCamera {
         self.shared.lost.load(Ordering::Relaxed)
     }
 
+    /// Looks at the pattern so far: one at the beginning of an exposure, one at its end, and some between.
+    pub fn looks(&self) -> u64 {
+        self.shared.looks.load(Ordering::Relaxed)
+    }
+
+    /// Seconds between the end of exposures and their frames' packets: a real camera has its light from nature.
+    pub fn computing(&self) -> f64 {
+        1e-9 * self.shared.computing.load(Ordering::Relaxed) as f64
+    }
+
     /// Frames exposed so far.
     pub fn frames(&self) -> u64 {
         self.shared.frames.load(Ordering::Relaxed)
@@ -112,8 +127,9 @@ impl GigeCamera {
     }
 }
 
-impl Drop for GigeCamera {
-    fn drop(&mut self) {
+impl GigeCamera {
+    /// Switches it off, as if its power failed: nobody is told.
+    pub fn stop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
             let ended = thread.join();
@@ -122,6 +138,12 @@ impl Drop for GigeCamera {
                 panic!("the camera failed");
             }
         }
+    }
+}
+
+impl Drop for GigeCamera {
+    fn drop(&mut self) {
+        self.stop();
     }
 }
 
