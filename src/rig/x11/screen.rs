@@ -138,18 +138,28 @@ impl Screen {
             ));
         }
         let presented = began.elapsed();
-        if self.spec.settle_frames > 0 {
-            self.pass(confirmed.refresh + self.spec.settle_frames)?;
+        let settles = self.spec.settle_frames > 0;
+        if settles {
+            self.await_refresh(confirmed.refresh + self.spec.settle_frames)?;
+        }
+        // Read back while the refreshes pass: what comes before it until then is told by events, and what comes later by the look
+        // after the photo.
+        let is_there = self.shows(&picture)?;
+        let verified = began.elapsed();
+        if settles {
+            self.refreshed()?;
         }
         let settled = began.elapsed();
-        self.read_back(&picture)?;
+        if !is_there {
+            self.read_back(&picture)?;
+        }
         self.shown = Some(picture);
-        let verified = began.elapsed();
+        let verified_late = began.elapsed() - settled;
         Ok(ShowTimes {
             draw: drawn.as_secs_f64(),
             present: (presented - drawn).as_secs_f64(),
-            settle: (settled - presented).as_secs_f64(),
-            verify: (verified - settled).as_secs_f64(),
+            settle: (settled - verified).as_secs_f64(),
+            verify: (verified - presented + verified_late).as_secs_f64(),
         })
     }
 
@@ -163,11 +173,15 @@ impl Screen {
         self.watch.look(&self.connection)
     }
 
-    /// Waits until the server's monitor has refreshed so often; returns which refresh it was.
-    fn pass(&mut self, refresh: u64) -> Result<u64> {
+    /// Asks to be told when the server's monitor has refreshed so often.
+    fn await_refresh(&mut self, refresh: u64) -> Result<()> {
         self.serial += 1;
         self.connection.present_notify_msc(self.window, self.serial, refresh, 0, 0).map_err(presenting)?;
-        self.connection.flush().map_err(presenting)?;
+        self.connection.flush().map_err(presenting)
+    }
+
+    /// Waits until it has; which refresh it was.
+    fn refreshed(&mut self) -> Result<u64> {
         Ok(self.watch.completed(&self.connection, self.serial, false)?.refresh)
     }
 
@@ -175,12 +189,12 @@ impl Screen {
     fn read_back(&mut self, drawn: &Image<'_>) -> Result<()> {
         let mut refresh = 0;
         for _ in 0..LAG {
-            let seen = self.seen(drawn)?;
-            if self.canvas.difference(drawn, &seen).is_none() {
+            if self.shows(drawn)? {
                 return Ok(());
             }
             // A target that is past already means the next one.
-            refresh = self.pass(refresh + 1)?;
+            self.await_refresh(refresh + 1)?;
+            refresh = self.refreshed()?;
         }
         let Some(found) = self.canvas.difference(drawn, &self.seen(drawn)?) else { return Ok(()) };
         self.watch.look(&self.connection)?;
@@ -191,6 +205,10 @@ impl Screen {
             ),
             "keep other windows off the projector's monitor, and switch off scaling, colour management and the compositor",
         ))
+    }
+
+    fn shows(&self, drawn: &Image<'_>) -> Result<bool> {
+        Ok(self.canvas.difference(drawn, &self.seen(drawn)?).is_none())
     }
 
     fn seen(&self, drawn: &Image<'_>) -> Result<Image<'static>> {
