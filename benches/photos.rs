@@ -36,79 +36,92 @@ fn main() -> Outcome<()> {
         env!("CARGO_PKG_VERSION")
     );
     println!(
-        "refresh  settle  exposure | beyond the exposure     | refresh  settle | show  transfer  process | scene"
+        "refresh  settle  exposure  magnify | beyond the exposure    | refresh  settle | show  transfer  process | camera"
     );
     for refreshes in [60, 600] {
         for settle_frames in [0, 1] {
             for exposure in [0.004, 1.0 / 60.0] {
-                row(refreshes, settle_frames, exposure)?;
+                Row { refreshes, settle_frames, exposure, magnify: 1 }.measure()?;
             }
         }
     }
-    Ok(())
+    Row { refreshes: 60, settle_frames: 1, exposure: 0.004, magnify: 8 }.measure()
 }
 
-/// One way of taking photos: refreshes of the server a second, those that are waited for after a confirmation, seconds of
-/// exposure.
-fn row(refreshes: u32, settle_frames: u64, exposure: f64) -> Outcome<()> {
-    let [width, height] = [SIZE.width as i16, SIZE.height as i16];
-    let server = XServer::with(&["-screen", "0", "256x192x24", "-fakescreenfps", &refreshes.to_string()]);
-    let corner = [(256 - width) / 2, (192 - height) / 2];
-    let address = Ipv4Addr::new(127, 0, 9, 1);
-    let camera = GigeCamera::start(address, sheet(exposure)?, server.eye(corner, 1, SIZE));
-    let projector = X11Spec {
-        display: Some(server.display.clone()),
-        frame_time: 1.0 / f64::from(refreshes),
-        settle_frames,
-        ..X11Spec::new(SIZE.width, SIZE.height)
-    };
-    let of_camera = GigeSpec {
-        pixel_format: PixelFormat::Mono16,
-        exposures: [1e-4, 1.0],
-        ..GigeSpec::new(address, SIZE.width, SIZE.height)
-    };
-    let rig = HardwareRig { projector, camera: of_camera };
-    let folder = tempfile::tempdir()?;
-    let journal = Journal::create(folder.path(), &Identity::new())?;
-    let open = Box::new(|after| {
-        let bench = rig.open(&Helper::of(env!("CARGO_BIN_EXE_krylux")), after)?;
-        let live: Box<dyn Shots> = Box::new(Live::new(bench, 0.0, 3));
-        Ok(live)
-    });
-    let mut shots = Journaled::new(journal, open)?;
-    let mut random = Pcg64::seed_from_u64(1);
-    let (mut beyond, mut first, mut computing) = (Vec::new(), Times::default(), 0.0);
-    let mut last = 0.0;
-    for photo in 0..BEFORE + PHOTOS {
-        let levels = (0..SIZE.pixels()).map(|_| random.random_range(0..256)).collect();
-        let shot = Shot { frame: Arc::new(Frame::new(SIZE, 1, levels)?), exposure, take: 0 };
-        shots.shoot(&shot)?;
-        let effort = shots.effort();
-        if photo + 1 == BEFORE {
-            (first, computing) = (effort.times, camera.computing());
-        } else if photo >= BEFORE {
-            beyond.push(1e3 * (effort.seconds - last - exposure));
+/// One way of taking photos.
+struct Row {
+    /// Of the server, a second.
+    refreshes: u32,
+    /// Those that pass after a confirmation.
+    settle_frames: u64,
+    /// Seconds.
+    exposure: f64,
+    /// Of the server's pixels for one of a pattern's, on a side.
+    magnify: usize,
+}
+
+impl Row {
+    fn measure(self) -> Outcome<()> {
+        let Self { refreshes, settle_frames, exposure, magnify } = self;
+        let shown = [SIZE.width, SIZE.height].map(|side| side * magnify);
+        let screen = format!("{}x{}x24", shown[0] + 64, shown[1] + 64);
+        let server = XServer::with(&["-screen", "0", &screen, "-fakescreenfps", &refreshes.to_string()]);
+        let address = Ipv4Addr::new(127, 0, 9, 1);
+        let camera = GigeCamera::start(address, sheet(exposure)?, server.eye([32, 32], magnify, SIZE));
+        let projector = X11Spec {
+            display: Some(server.display.clone()),
+            frame_time: 1.0 / f64::from(refreshes),
+            settle_frames,
+            magnify,
+            ..X11Spec::new(SIZE.width, SIZE.height)
+        };
+        let of_camera = GigeSpec {
+            pixel_format: PixelFormat::Mono16,
+            exposures: [1e-4, 1.0],
+            ..GigeSpec::new(address, SIZE.width, SIZE.height)
+        };
+        let rig = HardwareRig { projector, camera: of_camera };
+        let folder = tempfile::tempdir()?;
+        let journal = Journal::create(folder.path(), &Identity::new())?;
+        let open = Box::new(|after| {
+            let bench = rig.open(&Helper::of(env!("CARGO_BIN_EXE_krylux")), after)?;
+            let live: Box<dyn Shots> = Box::new(Live::new(bench, 0.0, 3));
+            Ok(live)
+        });
+        let mut shots = Journaled::new(journal, open)?;
+        let mut random = Pcg64::seed_from_u64(1);
+        let (mut beyond, mut first, mut computing) = (Vec::new(), Times::default(), 0.0);
+        let mut last = 0.0;
+        for photo in 0..BEFORE + PHOTOS {
+            let levels = (0..SIZE.pixels()).map(|_| random.random_range(0..256)).collect();
+            let shot = Shot { frame: Arc::new(Frame::new(SIZE, 1, levels)?), exposure, take: 0 };
+            shots.shoot(&shot)?;
+            let effort = shots.effort();
+            if photo + 1 == BEFORE {
+                (first, computing) = (effort.times, camera.computing());
+            } else if photo >= BEFORE {
+                beyond.push(1e3 * (effort.seconds - last - exposure));
+            }
+            last = effort.seconds;
         }
-        last = effort.seconds;
+        let effort = shots.effort();
+        let of = |part: fn(&Times) -> f64| 1e3 * (part(&effort.times) - part(&first)) / PHOTOS as f64;
+        beyond.sort_by(f64::total_cmp);
+        println!(
+            "{refreshes:4} Hz {settle_frames:7} {:9.1} {magnify:8} | {:5.1} ({:5.1} to {:5.1}) | {:7.1} {:7.1} | {:4.1} {:9.1} {:8.1} | {:6.1}",
+            1e3 * exposure,
+            beyond[PHOTOS / 2],
+            beyond[0],
+            beyond[PHOTOS - 1],
+            of(|times| times.refresh),
+            of(|times| times.settle),
+            of(|times| times.show),
+            of(|times| times.transfer),
+            of(|times| times.process),
+            1e3 * (camera.computing() - computing) / PHOTOS as f64,
+        );
+        Ok(())
     }
-    let effort = shots.effort();
-    let of = |part: fn(&Times) -> f64| 1e3 * (part(&effort.times) - part(&first)) / PHOTOS as f64;
-    beyond.sort_by(f64::total_cmp);
-    println!(
-        "{refreshes:4} Hz {settle_frames:7} {:9.1} | {:5.1} ({:5.1} to {:5.1}) {:3} | {:7.1} {:7.1} | {:4.1} {:9.1} {:8.1} | {:5.1}",
-        1e3 * exposure,
-        beyond[PHOTOS / 2],
-        beyond[0],
-        beyond[PHOTOS - 1],
-        "",
-        of(|times| times.refresh),
-        of(|times| times.settle),
-        of(|times| times.show),
-        of(|times| times.transfer),
-        of(|times| times.process),
-        1e3 * (camera.computing() - computing) / PHOTOS as f64,
-    );
-    Ok(())
 }
 
 /// A sheet that white fills half of the counts on, within an exposure.

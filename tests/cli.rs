@@ -4,7 +4,7 @@ mod common;
 mod program;
 
 use std::path::Path;
-use std::process::{Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use common::scene_path;
@@ -189,7 +189,7 @@ fn eigenvalues_of_a_scene_are_those_of_its_exported_matrix() {
     let finds = ["--count", "3", "--photos", "300", "--tolerance", "1e-7"];
     let mut values = Vec::new();
     let run = |verb: &[&str], more: &[&[&str]]| {
-        let mut command = krylux(verb);
+        let mut command = command(verb);
         more.iter().for_each(|more| {
             command.args(*more);
         });

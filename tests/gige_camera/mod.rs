@@ -57,7 +57,7 @@ struct Shared {
     lost: AtomicU64,
     looks: AtomicU64,
     frames: AtomicU64,
-    /// Nanoseconds in which light was computed.
+    /// Nanoseconds from the end of an exposure to its counts.
     computing: AtomicU64,
     /// Since it was switched on: its clock.
     began: Instant,
@@ -111,7 +111,7 @@ impl GigeCamera {
         self.shared.looks.load(Ordering::Relaxed)
     }
 
-    /// Seconds between the end of exposures and their frames' packets: a real camera has its light from nature.
+    /// Seconds from the end of an exposure to its counts, of all frames: looking and computing, which a real camera need not do.
     pub fn computing(&self) -> f64 {
         1e-9 * self.shared.computing.load(Ordering::Relaxed) as f64
     }

@@ -47,15 +47,16 @@ pub fn serve(
         let is_late =
             shared.stale.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
         let (ticks, open) = (shared.ticks(), Duration::from_secs_f64(exposure));
+        let began = Instant::now();
         let seen = watch(open, || {
             let frame = look().unwrap_or_else(|| black.clone());
             shared.looks.fetch_add(1, Ordering::Relaxed);
             frame
         });
         let (seen, ticks) = if is_late.is_ok() { (before.0, before.1 + 1) } else { (seen, ticks) };
-        let began = Instant::now();
         let counts = see(&mut bench, &seen, exposure * gain);
-        shared.computing.fetch_add(began.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        let late = began.elapsed().saturating_sub(open);
+        shared.computing.fetch_add(late.as_nanos() as u64, Ordering::Relaxed);
         let mut registers = shared.registers();
         registers.exposing = false;
         shared.frames.fetch_add(1, Ordering::Relaxed);
