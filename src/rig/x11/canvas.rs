@@ -1,7 +1,6 @@
 //! Levels as pixels of a screen, and back.
 
 use x11rb::connection::Connection;
-use x11rb::errors::ParseError;
 use x11rb::image::{Image, PixelLayout};
 use x11rb::protocol::xproto::{Screen, Setup, VisualClass};
 use x11rb::rust_connection::RustConnection;
@@ -43,37 +42,31 @@ impl Canvas {
         Ok(Self { layout, depth: screen.root_depth, setup: connection.setup().clone(), magnify })
     }
 
-    /// The picture of a frame, magnified.
-    pub(super) fn draw(&self, frame: &Frame) -> Result<Image<'static>> {
+    /// The picture of a frame.
+    pub(super) fn draw(&self, frame: &Frame) -> Result<Picture> {
         let Resolution { width, height } = frame.resolution();
-        let [wide, high] = [width * self.magnify, height * self.magnify].map(|side| side as u16);
-        let unknown = |why: ParseError| lost("take a picture of its own depth", &why);
-        let mut row = Image::allocate_native(wide, 1, self.depth, &self.setup).map_err(unknown)?;
-        // A monitor has millions of pixels, a pattern thousands: a row is drawn once, and copied.
-        let mut data = Vec::with_capacity(row.data().len() * usize::from(high));
-        for y in 0..height {
-            for x in 0..width {
-                let pixel = self.pixel(frame, y * width + x);
-                let square = x * self.magnify..(x + 1) * self.magnify;
-                square.for_each(|x| row.put_pixel(x as u16, 0, pixel));
-            }
-            (0..self.magnify).for_each(|_| data.extend_from_slice(row.data()));
+        let mut rows =
+            Image::allocate_native((width * self.magnify) as u16, height as u16, self.depth, &self.setup)
+                .map_err(|why| lost("take a picture of its own depth", &why))?;
+        for at in 0..width * height {
+            let pixel = self.pixel(frame, at);
+            let (x, y) = (at % width * self.magnify, at / width);
+            (x..x + self.magnify).for_each(|x| rows.put_pixel(x as u16, y as u16, pixel));
         }
-        let (pad, bits, order) = (row.scanline_pad(), row.bits_per_pixel(), row.byte_order());
-        Image::new(wide, high, pad, self.depth, bits, order, data.into()).map_err(unknown)
+        Ok(Picture { rows, magnify: self.magnify })
     }
 
-    /// The first pixel of `seen` that is not as in `drawn`: column, row, and levels there, drawn and seen.
-    pub(super) fn difference(&self, drawn: &Image<'_>, seen: &Image<'_>) -> Option<Difference> {
+    /// Where `seen` is not as it was drawn.
+    pub(super) fn difference(&self, drawn: &Picture, seen: &Image<'_>) -> Option<Difference> {
         // Nearly always all is well, bits of no meaning included.
-        if drawn.data() == seen.data() {
+        if drawn.is_same(seen) {
             return None;
         }
         let mut first = None;
         let mut count = 0;
         for y in 0..drawn.height() {
             for x in 0..drawn.width() {
-                let [drawn, seen] = [drawn, seen].map(|image| self.levels(image.get_pixel(x, y)));
+                let [drawn, seen] = [drawn.pixel(x, y), seen.get_pixel(x, y)].map(|pixel| self.levels(pixel));
                 if drawn != seen {
                     count += 1;
                     first.get_or_insert((x, y, drawn, seen));
@@ -94,6 +87,41 @@ impl Canvas {
     fn levels(&self, pixel: u32) -> [u16; 3] {
         let (red, green, blue) = self.layout.decode(pixel);
         [red, green, blue].map(|value| value >> 8)
+    }
+}
+
+/// A frame in the server's pixels: each row of the pattern once, as wide as it is shown. The server repeats it, which spares most of
+/// what had to be sent.
+pub(super) struct Picture {
+    pub(super) rows: Image<'static>,
+    pub(super) magnify: usize,
+}
+
+impl Picture {
+    pub(super) fn width(&self) -> u16 {
+        self.rows.width()
+    }
+
+    /// As it is shown.
+    pub(super) fn height(&self) -> u16 {
+        // A monitor's sides have 16 bits, and it fits the monitor.
+        (usize::from(self.rows.height()) * self.magnify) as u16
+    }
+
+    /// The row of the pattern that is shown in this one.
+    pub(super) fn row(&self, y: u16) -> u16 {
+        (usize::from(y) / self.magnify) as u16
+    }
+
+    fn pixel(&self, x: u16, y: u16) -> u32 {
+        self.rows.get_pixel(x, self.row(y))
+    }
+
+    /// Byte for byte.
+    fn is_same(&self, seen: &Image<'_>) -> bool {
+        let stride = self.rows.data().len() / usize::from(self.rows.height());
+        let drawn = self.rows.data().chunks(stride).flat_map(|row| std::iter::repeat_n(row, self.magnify));
+        drawn.eq(seen.data().chunks(stride))
     }
 }
 

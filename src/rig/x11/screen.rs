@@ -9,7 +9,7 @@ use x11rb::protocol::present::{self, ConnectionExt as _};
 use x11rb::protocol::xproto::{ConnectionExt as _, Gcontext, Pixmap, Window};
 use x11rb::rust_connection::RustConnection;
 
-use super::canvas::Canvas;
+use super::canvas::{Canvas, Picture};
 use super::monitor::{self, MonitorInfo};
 use super::spec::X11Spec;
 use super::watch::Watch;
@@ -31,6 +31,8 @@ pub(super) struct Screen {
     gc: Gcontext,
     /// Shown in turns: the one on screen is not drawn on.
     pixmaps: [Pixmap; 2],
+    /// Where a pattern's rows arrive, to be repeated from.
+    rows: Pixmap,
     turn: usize,
     serial: u32,
     canvas: Canvas,
@@ -40,7 +42,7 @@ pub(super) struct Screen {
     offset: [i16; 2],
     spec: X11Spec,
     /// What is on screen.
-    shown: Option<Image<'static>>,
+    shown: Option<Picture>,
 }
 
 impl Screen {
@@ -64,6 +66,7 @@ impl Screen {
         let canvas = Canvas::new(&connection, &screen, spec.magnify)?;
         let window = window::window(&connection, &screen, &monitor).map_err(opening)?;
         let (gc, pixmaps) = window::pixmaps(&connection, &screen, &monitor).map_err(opening)?;
+        let rows = window::rows(&connection, &screen, spec).map_err(opening)?;
         let (size, [x, y]) = (monitor.resolution, monitor.place.map(i32::from));
         let mut watch = Watch::new(window, [x, y, size.width as i32, size.height as i32]);
         connection.map_window(window).map_err(opening)?.check().map_err(opening)?;
@@ -78,6 +81,7 @@ impl Screen {
             window,
             gc,
             pixmaps,
+            rows,
             turn: 0,
             serial: 0,
             canvas,
@@ -104,8 +108,7 @@ impl Screen {
         let picture = self.canvas.draw(frame)?;
         self.turn = 1 - self.turn;
         let pixmap = self.pixmaps[self.turn];
-        let [x, y] = self.offset;
-        picture.put(&self.connection, pixmap, self.gc, x, y).map_err(|why| lost("take a frame", &why))?;
+        self.put(&picture, pixmap).map_err(|why| lost("take a frame", &why))?;
         let drawn = began.elapsed();
         self.shown = None;
         self.serial += 1;
@@ -163,6 +166,20 @@ impl Screen {
         })
     }
 
+    fn put(&self, picture: &Picture, pixmap: Pixmap) -> std::result::Result<(), ConnectionError> {
+        let ([left, top], wide) = (self.offset, picture.width());
+        if picture.magnify == 1 {
+            picture.rows.put(&self.connection, pixmap, self.gc, left, top)?;
+            return Ok(());
+        }
+        picture.rows.put(&self.connection, self.rows, self.gc, 0, 0)?;
+        for y in 0..picture.height() {
+            let (from, to) = (picture.row(y) as i16, top + y as i16);
+            self.connection.copy_area(self.rows, pixmap, self.gc, 0, from, left, to, wide, 1)?;
+        }
+        Ok(())
+    }
+
     /// That the last frame is on screen still, and nothing came before it since.
     pub(super) fn confirm(&mut self) -> Result<()> {
         self.watch.look(&self.connection)?;
@@ -186,7 +203,7 @@ impl Screen {
     }
 
     /// That the server's picture has what was drawn, pixel by pixel.
-    fn read_back(&mut self, drawn: &Image<'_>) -> Result<()> {
+    fn read_back(&mut self, drawn: &Picture) -> Result<()> {
         let mut refresh = 0;
         for _ in 0..LAG {
             if self.shows(drawn)? {
@@ -207,11 +224,11 @@ impl Screen {
         ))
     }
 
-    fn shows(&self, drawn: &Image<'_>) -> Result<bool> {
+    fn shows(&self, drawn: &Picture) -> Result<bool> {
         Ok(self.canvas.difference(drawn, &self.seen(drawn)?).is_none())
     }
 
-    fn seen(&self, drawn: &Image<'_>) -> Result<Image<'static>> {
+    fn seen(&self, drawn: &Picture) -> Result<Image<'static>> {
         let [left, top] = [0, 1].map(|axis| self.monitor.place[axis] + self.offset[axis]);
         // Of the root: with all that lies above the window.
         let (image, _) = Image::get(&self.connection, self.root, left, top, drawn.width(), drawn.height())
