@@ -10,6 +10,9 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::Frame;
 
+/// Bytes that are read back at once.
+const BAND: usize = 1 << 16;
+
 /// How pixels of one screen are made of levels.
 pub(super) struct Canvas {
     layout: PixelLayout,
@@ -56,17 +59,18 @@ impl Canvas {
         Ok(Picture { rows, magnify: self.magnify })
     }
 
-    /// Where `seen` is not as it was drawn.
-    pub(super) fn difference(&self, drawn: &Picture, seen: &Image<'_>) -> Option<Difference> {
+    /// Where `seen`, the picture's rows from `top` on, is not as they were drawn.
+    pub(super) fn difference(&self, drawn: &Picture, top: u16, seen: &Image<'_>) -> Option<Difference> {
         // Nearly always all is well, bits of no meaning included.
-        if drawn.is_same(seen) {
+        if drawn.is_same(top, seen) {
             return None;
         }
         let mut first = None;
         let mut count = 0;
-        for y in 0..drawn.height() {
+        for y in top..top + seen.height() {
             for x in 0..drawn.width() {
-                let [drawn, seen] = [drawn.pixel(x, y), seen.get_pixel(x, y)].map(|pixel| self.levels(pixel));
+                let [drawn, seen] =
+                    [drawn.pixel(x, y), seen.get_pixel(x, y - top)].map(|pixel| self.levels(pixel));
                 if drawn != seen {
                     count += 1;
                     first.get_or_insert((x, y, drawn, seen));
@@ -117,11 +121,25 @@ impl Picture {
         self.rows.get_pixel(x, self.row(y))
     }
 
+    /// First rows and heights of parts that are small enough to be read without getting memory from the system, which takes longer
+    /// than reading.
+    pub(super) fn bands(&self) -> impl Iterator<Item = [u16; 2]> + use<> {
+        let (height, rows) = (self.height(), (BAND / self.stride()).max(1));
+        // No more than the height, which has 16 bits.
+        let rows = rows.min(height.into()) as u16;
+        (0..height).step_by(rows.into()).map(move |top| [top, rows.min(height - top)])
+    }
+
     /// Byte for byte.
-    fn is_same(&self, seen: &Image<'_>) -> bool {
-        let stride = self.rows.data().len() / usize::from(self.rows.height());
-        let drawn = self.rows.data().chunks(stride).flat_map(|row| std::iter::repeat_n(row, self.magnify));
-        drawn.eq(seen.data().chunks(stride))
+    fn is_same(&self, top: u16, seen: &Image<'_>) -> bool {
+        let stride = self.stride();
+        let drawn = |y: u16| &self.rows.data()[usize::from(self.row(y)) * stride..][..stride];
+        (top..top + seen.height()).map(drawn).eq(seen.data().chunks(stride))
+    }
+
+    /// Bytes of a row.
+    fn stride(&self) -> usize {
+        self.rows.data().len() / usize::from(self.rows.height())
     }
 }
 

@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use x11rb::connection::{Connection, RequestConnection as _};
 use x11rb::errors::{ConnectionError, ReplyOrIdError};
-use x11rb::image::Image;
 use x11rb::protocol::present::{self, ConnectionExt as _};
 use x11rb::protocol::xproto::{ConnectionExt as _, Gcontext, Pixmap, Window};
 use x11rb::rust_connection::RustConnection;
 
-use super::canvas::{Canvas, Picture};
+use super::canvas::{Canvas, Difference, Picture};
 use super::monitor::{self, MonitorInfo};
+use super::reader::Reader;
 use super::spec::X11Spec;
 use super::watch::Watch;
 use super::window;
@@ -26,7 +26,6 @@ const LAG: u32 = 6;
 /// An open projector.
 pub(super) struct Screen {
     connection: RustConnection,
-    root: Window,
     window: Window,
     gc: Gcontext,
     /// Shown in turns: the one on screen is not drawn on.
@@ -36,6 +35,7 @@ pub(super) struct Screen {
     turn: usize,
     serial: u32,
     canvas: Canvas,
+    reader: Reader,
     watch: Watch,
     monitor: MonitorInfo,
     /// Where patterns are on the monitor.
@@ -74,10 +74,10 @@ impl Screen {
         let shown = spec.shown();
         let middle = |of: usize, shown: usize| ((of - shown) / 2) as i16;
         let offset = [middle(size.width, shown.width), middle(size.height, shown.height)];
+        let reader = Reader { root, corner: [0, 1].map(|axis| monitor.place[axis] + offset[axis]) };
         let spec = spec.clone();
         let mut screen = Self {
             connection,
-            root,
             window,
             gc,
             pixmaps,
@@ -85,6 +85,7 @@ impl Screen {
             turn: 0,
             serial: 0,
             canvas,
+            reader,
             watch,
             monitor,
             offset,
@@ -147,7 +148,7 @@ impl Screen {
         }
         // Read back while the refreshes pass: what comes before it until then is told by events, and what comes later by the look
         // after the photo.
-        let is_there = self.shows(&picture)?;
+        let is_there = self.difference(&picture)?.is_none();
         let verified = began.elapsed();
         if settles {
             self.refreshed()?;
@@ -204,16 +205,18 @@ impl Screen {
 
     /// That the server's picture has what was drawn, pixel by pixel.
     fn read_back(&mut self, drawn: &Picture) -> Result<()> {
+        let mut found = self.difference(drawn)?;
         let mut refresh = 0;
         for _ in 0..LAG {
-            if self.shows(drawn)? {
+            if found.is_none() {
                 return Ok(());
             }
             // A target that is past already means the next one.
             self.await_refresh(refresh + 1)?;
             refresh = self.refreshed()?;
+            found = self.difference(drawn)?;
         }
-        let Some(found) = self.canvas.difference(drawn, &self.seen(drawn)?) else { return Ok(()) };
+        let Some(found) = found else { return Ok(()) };
         self.watch.look(&self.connection)?;
         Err(fault(
             format!(
@@ -224,16 +227,8 @@ impl Screen {
         ))
     }
 
-    fn shows(&self, drawn: &Picture) -> Result<bool> {
-        Ok(self.canvas.difference(drawn, &self.seen(drawn)?).is_none())
-    }
-
-    fn seen(&self, drawn: &Picture) -> Result<Image<'static>> {
-        let [left, top] = [0, 1].map(|axis| self.monitor.place[axis] + self.offset[axis]);
-        // Of the root: with all that lies above the window.
-        let (image, _) = Image::get(&self.connection, self.root, left, top, drawn.width(), drawn.height())
-            .map_err(|why| lost("read its picture back", &why))?;
-        Ok(image)
+    fn difference(&self, drawn: &Picture) -> Result<Option<Difference>> {
+        self.reader.difference(&self.connection, &self.canvas, drawn)
     }
 }
 
