@@ -1,6 +1,8 @@
 //! What a photo costs on a rig of real protocols: a window of an X server without a screen, and a GigE Vision camera on the
 //! loopback interface. `cargo bench --bench photos`; see `benches/README.md`.
 
+#![allow(clippy::panic, reason = "the test's camera panics when it fails")]
+
 #[path = "../tests/gige_camera/mod.rs"]
 mod gige_camera;
 #[path = "../tests/x_server/mod.rs"]
