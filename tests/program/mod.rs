@@ -52,8 +52,9 @@ pub fn answer(arguments: &[&str]) -> Value {
 
 #[track_caller]
 fn said(arguments: &[&str], statuses: &[i32]) -> Value {
-    let (verb, rest) = arguments.split_first().expect("there is a verb");
-    let output = krylux(&[&[*verb], rest, &["--json"]].concat());
+    // `rig` has actions of its own, which take the option.
+    let (verb, rest) = arguments.split_at(if arguments[0] == "rig" { 2 } else { 1 });
+    let output = krylux(&[verb, &["--json"], rest].concat());
     let is_ended_well = output.status.code().is_some_and(|status| statuses.contains(&status));
     assert!(is_ended_well, "{arguments:?}: {}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON")
