@@ -8,10 +8,9 @@ mod gige_camera;
 #[path = "../tests/x_server/mod.rs"]
 mod x_server;
 
-use std::net::Ipv4Addr;
 use std::sync::Arc;
 
-use gige_camera::{GigeCamera, Scene};
+use gige_camera::{GigeCamera, Scene, own_address};
 use krylux::image::Resolution;
 use krylux::journal::{Identity, Journal};
 use krylux::measure::{Journaled, Live, Shot, Shots, Times};
@@ -68,7 +67,7 @@ impl Row {
         let shown = [SIZE.width, SIZE.height].map(|side| side * magnify);
         let screen = format!("{}x{}x24", shown[0] + 64, shown[1] + 64);
         let server = XServer::with(&["-screen", "0", &screen, "-fakescreenfps", &refreshes.to_string()]);
-        let address = Ipv4Addr::new(127, 0, 9, 1);
+        let address = own_address(1);
         let camera = GigeCamera::start(address, sheet(exposure)?, server.eye([32, 32], magnify, SIZE));
         let projector = X11Spec {
             display: Some(server.display.clone()),

@@ -30,6 +30,13 @@ use registers::Registers;
 /// The port of the control channel.
 const PORT: u16 = 3956;
 
+/// An address of this process's own: the same tests may run at the same time from another folder.
+pub fn own_address(last: u8) -> Ipv4Addr {
+    let [_, _, high, low] = std::process::id().to_be_bytes();
+    // Addresses that begin with 127.0 are those of other tests.
+    Ipv4Addr::new(127, 16 + high % 224, low, last)
+}
+
 /// What stands before the camera.
 #[derive(Clone)]
 pub struct Scene {

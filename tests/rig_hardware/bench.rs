@@ -8,7 +8,7 @@ use krylux::report::npy;
 use krylux::rig::{GigeSpec, HardwareRig, PixelFormat, VirtualRig, VirtualScene, X11Monitor, X11Spec};
 use krylux::sparse::Csr;
 
-use crate::gige_camera::{GigeCamera, Scene};
+use crate::gige_camera::{GigeCamera, Scene, own_address};
 use crate::program;
 use crate::x_server::XServer;
 
@@ -64,7 +64,7 @@ pub fn stage(last: u8, rig: &VirtualRig) -> Stage {
 pub fn stage_at(last: u8, rig: &VirtualRig, display: Option<&str>) -> Stage {
     let server = display.map_or_else(|| XServer::start(400, 200), |display| XServer::at(display, 400, 200));
     monitors(&server);
-    let address = Ipv4Addr::new(127, 0, 8, last);
+    let address = own_address(last);
     let camera = camera(address, rig, &server);
     let projector = X11Spec {
         display: Some(server.display.clone()),

@@ -84,7 +84,10 @@ fn the_list_names_what_a_rig_file_may_name() {
     let beamer = monitors.iter().find(|monitor| monitor["name"] == "beamer").expect("it is listed");
     assert_eq!((&beamer["resolution"]["width"], &beamer["place"][0]), (&Value::from(200), &Value::from(200)));
     let cameras = said["cameras"].as_array().expect("an array");
-    let ours = cameras.iter().find(|camera| camera["address"] == "127.0.8.12").expect("it is listed");
+    let ours = cameras
+        .iter()
+        .find(|camera| camera["address"] == stage.hardware.camera.address.to_string())
+        .expect("it is listed");
     assert_eq!((&ours["maker"], &ours["model"]), (&Value::from("krylux"), &Value::from("Loopback")));
     // Without a server there is nothing to show on, which is said.
     let output = krylux(&["rig", "list", "--display", ":4094"]);

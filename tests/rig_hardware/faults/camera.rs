@@ -21,7 +21,8 @@ fn a_camera_that_stays_away_ends_the_run_which_goes_on_when_it_is_back() {
     let mut run = Run::new(41);
     let output = run.disturbed(|stage, _| stage.camera.stop());
     run.stage.switch_camera_on();
-    let message = run.assert_resumes(&output, &["camera", "answers at 127.0.8.41", "power"]);
+    let where_from = format!("no GigE Vision camera answers at {}", run.address());
+    let message = run.assert_resumes(&output, &["camera", &where_from, "power"]);
     println!("{message}");
 }
 

@@ -47,6 +47,11 @@ impl Run {
         Self { stage, folder, rig }
     }
 
+    /// Where its camera is.
+    fn address(&self) -> String {
+        self.stage.hardware.camera.address.to_string()
+    }
+
     /// Changes the rig file.
     fn replace(&self, part: &str, by: &str) {
         let text = std::fs::read_to_string(&self.rig).expect("it was written");

@@ -37,7 +37,8 @@ fn a_camera_that_another_program_holds_is_named_and_free_afterwards() {
     let run = Run::new(51);
     let spec = &run.stage.hardware.camera;
     let mut other = GigeVision::open(spec, WallClock::starting_at(0.0), 0).expect("it is free");
-    refused(&run, &["camera at 127.0.8.51 is held by another program", "end that program"]);
+    let held = format!("camera at {} is held by another program", run.address());
+    refused(&run, &[&held, "end that program"]);
     // The first one has lost nothing by that.
     assert!(other.capture().expect("it is there").is_some());
     drop(other);
@@ -51,7 +52,11 @@ fn exposures_that_the_camera_cannot_do_are_named_with_those_that_it_can() {
     run.replace("exposures = [1e-4, 1.0]", "exposures = [1e-6, 1.0]");
     refused(
         &run,
-        &["camera at 127.0.8.52 does exposures from 0.00002 to 2 s", "says 0.000001 to 1 s", "[camera]"],
+        &[
+            &format!("camera at {} does exposures from 0.00002 to 2 s", run.address()),
+            "says 0.000001 to 1 s",
+            "[camera]",
+        ],
     );
     run.replace("exposures = [1e-6, 1.0]", "exposures = [1e-4, 1.0]");
     run.replace("direct_square", "exposures = [1.5]\ndirect_square");
