@@ -78,6 +78,26 @@ impl XServer {
         self.connection.randr_set_monitor(self.root, monitor).expect("sent").check().expect("it fits");
     }
 
+    /// Switches its monitor off and on, as by a cable that is loose.
+    pub fn interrupt(&self) {
+        let resources = self
+            .connection
+            .randr_get_screen_resources_current(self.root)
+            .expect("sent")
+            .reply()
+            .expect("answered");
+        let (crtc, time) = (resources.crtcs[0], resources.config_timestamp);
+        let info = self.connection.randr_get_crtc_info(crtc, time).expect("sent").reply().expect("answered");
+        for (mode, outputs) in [(x11rb::NONE, &[][..]), (info.mode, &info.outputs[..])] {
+            let (now, rotation) = (x11rb::CURRENT_TIME, info.rotation);
+            let set = self
+                .connection
+                .randr_set_crtc_config(crtc, now, time, info.x, info.y, mode, rotation, outputs)
+                .expect("sent");
+            set.reply().expect("answered");
+        }
+    }
+
     /// Red, green and blue of these pixels: columns, then rows.
     pub fn pixels(&self, [x, y, width, height]: [i16; 4]) -> Vec<[u8; 3]> {
         let (image, _) =

@@ -121,7 +121,7 @@ impl Watch {
             Trouble::Rearranged => {
                 return Err(fault(
                     "the server's monitors were changed",
-                    "leave them alone while photos are taken",
+                    "leave them alone while photos are taken; go on with --resume",
                 ));
             }
         };

@@ -47,6 +47,14 @@ fn a_server_that_is_gone_ends_the_run_which_goes_on_when_it_is_back() {
 }
 
 #[test]
+fn a_monitor_that_was_off_ends_the_run_which_goes_on_when_it_is_on() {
+    let mut run = Run::new(34);
+    let output = run.disturbed(|stage, _| stage.server.interrupt());
+    let message = run.assert_resumes(&output, &["projector", "monitors were changed", "leave them alone"]);
+    println!("{message}");
+}
+
+#[test]
 fn a_helper_process_that_is_killed_costs_no_photo() {
     let mut run = Run::new(33);
     let mut killed = 0;
