@@ -1,6 +1,7 @@
 //! The program as a user meets it: outputs, messages, exit status.
 
 mod common;
+mod program;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -8,44 +9,21 @@ use std::time::{Duration, Instant};
 
 use common::scene_path;
 use krylux::report::{npy, picture};
+use program::{command, folder, inside, text};
 use tempfile::TempDir;
 
-/// The program with these arguments.
-fn krylux(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_krylux"));
-    // Every run traces for itself.
-    command.args(arguments).env("KRYLUX_CACHE", "");
-    command
-}
-
 fn run(arguments: &[&str]) -> Output {
-    krylux(arguments).output().expect("the program is built with the tests")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
+    command(arguments).output().expect("the program is built with the tests")
 }
 
 fn zigzag() -> String {
     scene_path("zigzag").display().to_string()
 }
 
-fn inside(folder: &TempDir, name: &str) -> String {
-    folder.path().join(name).display().to_string()
-}
-
-fn folder() -> TempDir {
-    TempDir::new().expect("a temporary folder can be made")
-}
-
 /// Asserts an error of exit status 2 whose message holds all of `parts`.
+#[track_caller]
 fn assert_error(arguments: &[&str], parts: &[&str]) {
-    let output = run(arguments);
-    let message = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-    for part in parts {
-        assert!(message.contains(part), "{arguments:?}: `{part}` is missing in: {message}");
-    }
+    program::assert_error(&run(arguments), parts);
 }
 
 #[test]
@@ -114,7 +92,7 @@ fn segment_finds_the_folds_of_the_zigzag_at_50_photos() {
     for size in ["64", "100"] {
         let folder = folder();
         let arguments = ["--spp", "128", "--photos", "50", "--groups", "2", "--min-rand-index", "0.99"];
-        let mut command = krylux(&["segment", &zigzag(), "--size", size, "-o", &inside(&folder, "run")]);
+        let mut command = command(&["segment", &zigzag(), "--size", size, "-o", &inside(&folder, "run")]);
         let output = command.args(arguments).output().expect("the program is built with the tests");
         assert_eq!(
             output.status.code(),
@@ -132,7 +110,7 @@ fn segment_finds_them_at_20_photos_too() {
         let folder = folder();
         let arguments =
             ["--spp", "256", "--photos", "20", "--groups", "2", "--min-rand-index", "0.99", "--seed", seed];
-        let mut command = krylux(&["segment", &zigzag(), "--size", "64", "-o", &inside(&folder, "run")]);
+        let mut command = command(&["segment", &zigzag(), "--size", "64", "-o", &inside(&folder, "run")]);
         let output = command.args(arguments).output().expect("the program is built with the tests");
         assert_eq!(
             output.status.code(),
@@ -150,7 +128,7 @@ fn too_low_a_score_is_exit_status_1() {
     let folder = folder();
     let corner = scene_path("corner").display().to_string();
     let arguments = ["--size", "32", "--groups", "2", "--min-rand-index", "0.99"];
-    let mut command = krylux(&["segment", &corner, "-o", &inside(&folder, "run")]);
+    let mut command = command(&["segment", &corner, "-o", &inside(&folder, "run")]);
     let output = command.args(arguments).output().expect("the program is built with the tests");
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
     assert!(text(&output.stderr).contains("is below 0.99"));
@@ -177,7 +155,7 @@ fn photos_by_replay_and_by_retracing_agree() {
         let cornell = scene_path("cornell").display().to_string();
         let arguments =
             ["--size", "32", "--spp", "16", "--pattern", "checker:4", "--operator", operator, "-o", &file];
-        let mut command = krylux(&["photo", &cornell]);
+        let mut command = command(&["photo", &cornell]);
         let output = command.args(arguments).output().expect("the program is built with the tests");
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         picture::read(Path::new(&file)).expect("it is written").samples().to_vec()
@@ -211,7 +189,7 @@ fn eigenvalues_of_a_scene_are_those_of_its_exported_matrix() {
     let finds = ["--count", "3", "--photos", "300", "--tolerance", "1e-7"];
     let mut values = Vec::new();
     let run = |verb: &[&str], more: &[&[&str]]| {
-        let mut command = krylux(verb);
+        let mut command = command(verb);
         more.iter().for_each(|more| {
             command.args(*more);
         });
@@ -237,7 +215,7 @@ fn eigenvalues_of_a_scene_are_those_of_its_exported_matrix() {
 fn pairs_that_are_not_resolved_are_exit_status_1() {
     let folder = folder();
     let arguments = ["--size", "16", "--spp", "16", "--photos", "4", "--count", "4"];
-    let mut command = krylux(&["eigs", &zigzag(), "-o", &inside(&folder, "run")]);
+    let mut command = command(&["eigs", &zigzag(), "-o", &inside(&folder, "run")]);
     let output = command.args(arguments).output().expect("the program is built with the tests");
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
     assert!(text(&output.stdout).contains("not resolved"));
@@ -344,7 +322,7 @@ fn compensation_that_has_to_be_clipped_is_exit_status_1_and_says_so() {
         ["compensate", &corner, "--target", &target, "--size", "16", "--peak", "0.6", "--overwrite", "-o"];
     for method in ["minres", "gmres", "fgmres", "cg", "cgs", "bicgstab", "lsqr", "lsmr", "mrnsd"] {
         let out = inside(&folder, method);
-        let mut command = krylux(&common);
+        let mut command = command(&common);
         let output = command.args([&out, "--method", method]).output().expect("the program is built");
         let (said, noted) = (text(&output.stdout), text(&output.stderr));
         assert_eq!(output.status.code(), Some(1), "{method}: {said}{noted}");
@@ -354,7 +332,7 @@ fn compensation_that_has_to_be_clipped_is_exit_status_1_and_says_so() {
     // Too few photos, in three colours.
     let out = inside(&folder, "few");
     let more = ["--photos", "1", "--rtol", "1e-9", "--channels", "rgb"];
-    let mut command = krylux(&["compensate", &corner, "--target", &target, "--size", "16", "-o", &out]);
+    let mut command = command(&["compensate", &corner, "--target", &target, "--size", "16", "-o", &out]);
     let output = command.args(more).output().expect("the program is built");
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
     assert!(text(&output.stdout).contains("1 by krylov-box, 1 before: budget spent"));
@@ -395,7 +373,7 @@ fn targets_that_cannot_be_used_are_named() {
 #[test]
 fn without_a_vulkan_driver_the_package_is_named() {
     for arguments in [vec!["info"], vec!["photo", &zigzag(), "-o", "/dev/null/photo.npy"]] {
-        let mut command = krylux(&arguments);
+        let mut command = command(&arguments);
         command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
         command.env("XDG_DATA_DIRS", "/nonexistent").env("XDG_CONFIG_DIRS", "/nonexistent");
         let output = command.output().expect("the program is built with the tests");
@@ -441,7 +419,7 @@ fn an_earlier_run_is_never_overwritten_unasked() {
     let folder = folder();
     let out = inside(&folder, "run");
     let segment = |more: &[&str]| {
-        let mut command = krylux(&[
+        let mut command = command(&[
             "segment",
             &zigzag(),
             "--size",
@@ -466,7 +444,7 @@ fn an_earlier_run_is_never_overwritten_unasked() {
 
 #[test]
 fn a_reader_who_leaves_is_no_fault() {
-    let mut child = krylux(&["info", &zigzag()])
+    let mut child = command(&["info", &zigzag()])
         .stdout(Stdio::piped())
         .spawn()
         .expect("the program is built with the tests");
@@ -482,7 +460,7 @@ fn ctrl_c_stops_within_a_batch_and_says_so_in_the_record() {
     let folder = folder();
     let out = inside(&folder, "run");
     // Hours of work, if nobody stopped it.
-    let mut command = krylux(&["segment", &zigzag(), "--size", "512", "--spp", "4096", "-o", &out]);
+    let mut command = command(&["segment", &zigzag(), "--size", "512", "--spp", "4096", "-o", &out]);
     let mut child = command.stderr(Stdio::piped()).spawn().expect("the program is built with the tests");
     let record = Path::new(&out).join("run.json");
     let start = Instant::now();

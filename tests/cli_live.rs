@@ -1,68 +1,23 @@
 //! What is seen of a run: images in a viewer while it goes on, every photo on its page, and the same photos asked anew. On a rig in
 //! front of a matrix, so that no graphics device is needed.
 
+mod program;
+
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Command, Output};
 
-use krylux::report::{npy, sparse};
-use krylux::sparse::Csr;
+use krylux::report::npy;
+use program::{answer, folder, inside, krylux, text};
 use serde_json::Value;
 use tempfile::TempDir;
 
 /// Pixels on a side.
 const SIDE: usize = 6;
 
-fn krylux(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_krylux"));
-    command.args(arguments).env("KRYLUX_CACHE", "");
-    command.output().expect("the program is built with the tests")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// What a verb says with `--json`; it may say that the answer is not good enough.
-fn summary(arguments: &[&str]) -> Value {
-    let (verb, rest) = arguments.split_first().expect("there is a verb");
-    let output = krylux(&[&[*verb, "--json"], rest].concat());
-    assert!(matches!(output.status.code(), Some(0 | 1)), "{arguments:?}: {}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON")
-}
-
-fn folder() -> TempDir {
-    TempDir::new().expect("a temporary folder can be made")
-}
-
-fn inside(folder: &TempDir, name: &str) -> String {
-    folder.path().join(name).display().to_string()
-}
-
-/// A rig in front of two rooms, between which there is no light.
 fn rig(folder: &TempDir) -> String {
-    let pixels = SIDE * SIDE;
-    let room = |pixel: usize| pixel % SIDE < SIDE / 2;
-    let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
-    for row in 0..pixels {
-        for column in (0..pixels).filter(|&column| room(column) == room(row)) {
-            columns.push(column as u32);
-            let near = (row / SIDE).abs_diff(column / SIDE) as f64;
-            weights.push(if row == column { 10.0 } else { 1.0 / (1.0 + near) });
-        }
-        row_start.push(columns.len());
-    }
-    let matrix = Csr::new(pixels, row_start, columns, weights).expect("well formed");
-    sparse::write(&folder.path().join("rooms.npz"), &matrix).expect("the folder can be written");
-    let path = folder.path().join("rig.toml");
-    let file = format!(
-        "kind = \"virtual\"\n[scene]\nmatrix = \"rooms.npz\"\nsize = [{SIDE}, {SIDE}]\n\
-         [projector]\nbits = 12\n[camera]\nbits = 16\nfull_well = 1e9\n[measurement]\ndirect_square = 1\n"
-    );
-    std::fs::write(&path, file).expect("the folder can be written");
-    path.display().to_string()
+    program::rig(folder, SIDE, "")
 }
 
 /// A target of a gray disc.
@@ -90,7 +45,7 @@ fn verbs(wish: &str) -> Vec<Vec<String>> {
 fn take(arguments: &[String], source: &str, out: &str, more: &[&str]) -> Value {
     let (verb, rest) = arguments.split_first().expect("there is a verb");
     let rest: Vec<&str> = rest.iter().map(String::as_str).collect();
-    summary(&[&[verb.as_str(), source, "-o", out], rest.as_slice(), more].concat())
+    answer(&[&[verb.as_str(), source, "-o", out], rest.as_slice(), more].concat())
 }
 
 fn page(out: &str) -> String {
@@ -223,13 +178,13 @@ fn photo_and_matrix_keep_their_photos_in_a_journal_too() {
         let (journal, file) = (inside(&folder, verb), inside(&folder, file));
         let taken =
             |said: &Value| said["rig"]["effort"]["taken"].as_u64().expect("the rig counts its frames");
-        let first = summary(&[verb, &rig, "-o", &file, "--journal", &journal]);
+        let first = answer(&[verb, &rig, "-o", &file, "--journal", &journal]);
         let bytes = std::fs::read(&file).expect("it is written");
         assert!(taken(&first) > 0);
-        let resumed = summary(&[verb, &rig, "-o", &file, "--journal", &journal, "--resume"]);
+        let resumed = answer(&[verb, &rig, "-o", &file, "--journal", &journal, "--resume"]);
         assert_eq!(taken(&resumed), 0, "no photo is taken twice");
         assert!(bytes == std::fs::read(&file).expect("it is written"), "{verb}: to the same bits");
-        let replayed = summary(&[verb, &journal, "-o", &file]);
+        let replayed = answer(&[verb, &journal, "-o", &file]);
         assert_eq!(taken(&replayed), 0, "nothing is attached");
         assert!(bytes == std::fs::read(&file).expect("it is written"), "{verb}: to the same bits");
         let refused = krylux(&[verb, &rig, "-o", &file, "--journal", &journal]);

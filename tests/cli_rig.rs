@@ -1,86 +1,28 @@
 //! The program on rig files: the same verbs, other sources of photos.
 
 mod common;
+mod program;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use common::{root, scene_path};
 use krylux::report::{npy, sparse};
 use krylux::sparse::Csr;
+use program::{folder, inside, krylux, labels_of_rooms, summary, text};
 use serde_json::Value;
 use tempfile::TempDir;
 
 /// Pixels on a side of the little rig.
 const SIDE: usize = 6;
 
-/// The program with these arguments on a machine without graphics device.
-fn krylux(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_krylux"));
-    command.args(arguments).env("KRYLUX_CACHE", "");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-    command.env("XDG_DATA_DIRS", "/nonexistent").env("XDG_CONFIG_DIRS", "/nonexistent");
-    command.output().expect("the program is built with the tests")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// What a verb says with `--json`.
-fn summary(arguments: &[&str]) -> Value {
-    let (verb, rest) = arguments.split_first().expect("there is a verb");
-    let output = krylux(&[&[*verb, "--json"], rest].concat());
-    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON")
+fn rig(folder: &TempDir, more: &str) -> String {
+    program::rig(folder, SIDE, more)
 }
 
 /// Asserts an error of exit status 2 whose message holds all of `parts`.
+#[track_caller]
 fn assert_error(arguments: &[&str], parts: &[&str]) {
-    let output = krylux(arguments);
-    let message = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-    for part in parts {
-        assert!(message.contains(part), "{arguments:?}: `{part}` is missing in: {message}");
-    }
-}
-
-/// Two rooms, left and right: within one each pixel lights every other, between them there is no light. Pixels send back ten
-/// times as much to themselves.
-fn rooms() -> Csr {
-    let pixels = SIDE * SIDE;
-    let room = |pixel: usize| pixel % SIDE < SIDE / 2;
-    let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
-    for row in 0..pixels {
-        for column in (0..pixels).filter(|&column| room(column) == room(row)) {
-            columns.push(column as u32);
-            // Not all alike, so that there is one eigenvector to each eigenvalue.
-            let near = (row / SIDE).abs_diff(column / SIDE) as f64;
-            weights.push(if row == column { 10.0 } else { 1.0 / (1.0 + near) });
-        }
-        row_start.push(columns.len());
-    }
-    Csr::new(pixels, row_start, columns, weights).expect("well formed")
-}
-
-/// A rig in front of them, with little noise; `more` is added to its file.
-fn rig(folder: &TempDir, more: &str) -> String {
-    sparse::write(&folder.path().join("rooms.npz"), &rooms()).expect("the folder can be written");
-    let path = folder.path().join("rig.toml");
-    let file = format!(
-        "kind = \"virtual\"\n{more}\n[scene]\nmatrix = \"rooms.npz\"\nsize = [{SIDE}, {SIDE}]\n\
-         [projector]\nbits = 12\n[camera]\nbits = 16\nfull_well = 1e9\n[measurement]\ndirect_square = 1\n"
-    );
-    std::fs::write(&path, file).expect("the folder can be written");
-    path.display().to_string()
-}
-
-fn folder() -> TempDir {
-    TempDir::new().expect("a temporary folder can be made")
-}
-
-fn inside(folder: &TempDir, name: &str) -> String {
-    folder.path().join(name).display().to_string()
+    program::assert_error(&krylux(arguments), parts);
 }
 
 #[test]
@@ -94,9 +36,7 @@ fn segmentation_of_a_rig_needs_no_graphics_device_and_records_what_it_cost() {
     assert!(text(&output.stderr).contains("names no calibration"), "{}", text(&output.stderr));
     let out = PathBuf::from(out);
     let labels = npy::read_npy(&out.join("labels-2.npy")).expect("it is written").values;
-    for (pixel, label) in labels.iter().enumerate() {
-        assert_eq!(*label, f64::from(u8::from(pixel % SIDE >= SIDE / 2)), "pixel {pixel}");
-    }
+    assert_eq!(labels, labels_of_rooms(SIDE));
     let record = std::fs::read(out.join("run.json")).expect("a run has a record");
     let record: Value = serde_json::from_slice(&record).expect("it is JSON");
     let cost = &record["rig"];
@@ -116,7 +56,8 @@ fn a_rigs_matrix_is_photographed_column_by_column() {
     let said = summary(&["matrix", &rig, "-o", &file]);
     assert_eq!(said["columns"], SIDE * SIDE);
     assert!(said["rig"]["patterns"].as_u64().is_some_and(|patterns| patterns as usize >= SIDE * SIDE));
-    let (found, expected) = (sparse::read(Path::new(&file)).expect("it is written"), rooms());
+    let (found, expected) =
+        (sparse::read(Path::new(&file)).expect("it is written"), program::rooms(SIDE, 10.0));
     let dense = |csr: &Csr| {
         let mut dense = vec![0.0; (SIDE * SIDE).pow(2)];
         csr.entries().for_each(|(row, column, weight)| dense[row * SIDE * SIDE + column] = weight);

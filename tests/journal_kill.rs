@@ -1,6 +1,8 @@
 //! Runs of the real program on a virtual rig, killed at any moment, damaged, resumed, repeated: never a photo lost or taken
 //! twice, never another result.
 
+mod program;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;
@@ -9,6 +11,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use krylux::journal::{Journal, Key, Kind};
+use program::text;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -82,8 +85,8 @@ impl Bench {
     }
 
     fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_krylux"));
-        command.args(arguments).current_dir(self.0.path()).env("KRYLUX_CACHE", "");
+        let mut command = program::command(arguments);
+        command.current_dir(self.0.path());
         command
     }
 
@@ -108,10 +111,6 @@ impl Bench {
         let mut payload = |key| journal.get(key).expect("it can be read").expect("it is whole").payload;
         keys.into_iter().map(|key| (key, payload(key))).collect()
     }
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// All arrays and tables of a run, by name.

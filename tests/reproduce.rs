@@ -1,8 +1,10 @@
 //! `krylux reproduce`: all figures run, from the program alone, and what the page says follows from the numbers.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -12,12 +14,7 @@ const FIGURES: [&str; 10] =
 
 /// In an empty folder, so that nothing of the repository lies beside it.
 fn krylux(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_krylux"))
-        .current_dir(folder)
-        .env("KRYLUX_CACHE", "")
-        .args(args)
-        .output()
-        .unwrap()
+    program::command(args).current_dir(folder).output().unwrap()
 }
 
 fn summary(output: &Output) -> Value {

@@ -49,6 +49,9 @@ pub(super) fn say(rig: &manifest::Rig, console: &Console) -> Result<()> {
         "rig       {} patterns, {} frames shown, {} taken, {} from the journal, in {:.1} s of the rig's time",
         rig.patterns, effort.shown, effort.taken, effort.replayed, effort.seconds
     ))?;
+    if effort.taken > 0 {
+        console.say(format_args!("time      {} (each photo)", effort.times.each(effort.taken)))?;
+    }
     let refused = effort.dropped + effort.repeated + effort.late + effort.restarts;
     if refused > 0 {
         console.say(format_args!(

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::{Effort, Shot, Shots};
+use super::{Effort, Shot, Shots, Times};
 use crate::error::{Error, Result};
 use crate::rig::{Bench, CameraInfo, Frame, ProjectorInfo, RawFrame};
 
@@ -53,6 +53,14 @@ impl Live {
         }
     }
 
+    /// Does something that takes time, and counts it as `part` of it.
+    fn spend<T>(&mut self, part: fn(&mut Times) -> &mut f64, doing: impl FnOnce(&mut Bench) -> T) -> T {
+        let began = self.bench.clock.now();
+        let done = doing(&mut self.bench);
+        *part(&mut self.effort.times) += self.bench.clock.now() - began;
+        done
+    }
+
     /// Puts `frame` on screen unless it is there; when it has settled.
     fn show(&mut self, frame: &Arc<Frame>) -> Result<f64> {
         if let Some((shown, at)) = &self.shown
@@ -62,7 +70,11 @@ impl Live {
         }
         // Should it fail, nobody knows what is on screen.
         self.shown = None;
-        let at = self.bench.projector.show(frame)?.at;
+        let at = self.spend(|times| &mut times.show, |bench| bench.projector.show(frame))?.at;
+        let (waited, times) = (self.bench.projector.waited(), &mut self.effort.times);
+        times.show -= waited.refresh + waited.settle;
+        times.refresh += waited.refresh;
+        times.settle += waited.settle;
         self.shown = Some((Arc::clone(frame), at));
         self.effort.shown += 1;
         Ok(at + self.settle)
@@ -76,7 +88,7 @@ impl Live {
             return Ok(set);
         }
         self.exposure = None;
-        let set = self.bench.camera.configure(asked)?;
+        let set = self.spend(|times| &mut times.transfer, |bench| bench.camera.configure(asked))?;
         if !(set.is_finite() && set > 0.0) {
             return Err(self.fault(
                 format!("asked for an exposure of {asked} s, it says that it has set {set} s"),
@@ -89,7 +101,8 @@ impl Live {
 
     /// Takes one frame, which must have begun from `ready` on.
     fn take(&mut self, exposure: f64, ready: f64) -> Result<std::result::Result<RawFrame, Refused>> {
-        let Some(frame) = self.bench.camera.capture()? else { return Ok(Err(Refused::Dropped)) };
+        let captured = self.spend(|times| &mut times.transfer, |bench| bench.camera.capture())?;
+        let Some(frame) = captured else { return Ok(Err(Refused::Dropped)) };
         self.check_shape(&frame)?;
         let (last_id, last_started) = self.last;
         let is_repeated = last_id.map_or(frame.started <= last_started, |last| frame.id <= last);
@@ -101,8 +114,10 @@ impl Live {
         if frame.started < ready || frame.started <= last_started || !is_as_set {
             return Ok(Err(Refused::Late));
         }
+        self.effort.times.expose += frame.exposure;
+        self.effort.times.transfer -= frame.exposure;
         // A photo of something else must not count.
-        self.bench.projector.confirm()?;
+        self.spend(|times| &mut times.show, |bench| bench.projector.confirm())?;
         Ok(Ok(frame))
     }
 
@@ -136,7 +151,7 @@ impl Live {
     }
 
     fn restart(&mut self) -> Result<()> {
-        self.bench.camera.restart()?;
+        self.spend(|times| &mut times.transfer, |bench| bench.camera.restart())?;
         // It may count its frames anew; their time tells whether they are new.
         self.last.0 = None;
         self.effort.restarts += 1;
@@ -184,11 +199,13 @@ impl Shots for Live {
         let mut refused = Vec::new();
         let mut restarted = false;
         loop {
-            // A real clock may wake a little early.
-            while self.bench.clock.now() < ready {
-                let wait = ready - self.bench.clock.now();
-                self.bench.clock.sleep(wait);
-            }
+            let wait = |bench: &mut Bench| {
+                // A real clock may wake a little early.
+                while bench.clock.now() < ready {
+                    bench.clock.sleep(ready - bench.clock.now());
+                }
+            };
+            self.spend(|times| &mut times.settle, wait);
             let why = match self.take(exposure, ready)? {
                 Ok(frame) => {
                     self.effort.taken += 1;
@@ -221,8 +238,13 @@ impl Shots for Live {
     }
 
     fn effort(&self) -> Effort {
+        let seconds = self.bench.clock.now() - self.opened;
+        let times = self.effort.times;
+        // Where time is simulated nothing is left but rounding, of either sign.
+        let process = (seconds - times.sum()).max(0.0);
         Effort {
-            seconds: self.bench.clock.now() - self.opened,
+            seconds,
+            times: Times { process, ..times },
             resent: self.bench.camera.resent(),
             ..self.effort
         }

@@ -7,6 +7,7 @@
 //! | file | stage |
 //! |---|---|
 //! | `live` | waits for the light to settle, and knows a new frame from an old one |
+//! | `times` | where a session's seconds go |
 //! | `averaging` | takes of one frame |
 //! | `response` | counts to light with its noise, light to levels |
 //! | `exposure`, `hdr` | exposures chosen, and merged by inverse variance |
@@ -45,6 +46,7 @@ mod registration;
 mod response;
 mod shots;
 mod signed;
+mod times;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
 pub use drift::DriftReport;
@@ -55,3 +57,4 @@ pub use operator::MeasuredOperator;
 pub use options::{DirectBy, DitherBy, MeasureOptions, SignedBy};
 pub use photo::{Photo, Plane};
 pub use shots::{Effort, Shot, Shots};
+pub use times::Times;

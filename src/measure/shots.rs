@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::Times;
 use crate::error::Result;
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
@@ -38,6 +39,9 @@ pub struct Effort {
     pub resent: u64,
     /// Seconds on the rig's clock.
     pub seconds: f64,
+    /// Where they went, since this session opened the rig.
+    #[serde(default)]
+    pub times: Times,
 }
 
 /// Takes raw frames.

@@ -57,6 +57,9 @@ fn rig_facts(rig: &Rig) -> Vec<(&'static str, String)> {
         ("Frames", format!("{} shown, {} taken", effort.shown, effort.taken)),
         ("Time on the rig", format!("{:.1} s", effort.seconds)),
     ];
+    if effort.taken > 0 {
+        facts.push(("Time of a photo", effort.times.each(effort.taken).to_string()));
+    }
     if effort.replayed > 0 {
         facts.push(("From the journal", format!("{} frames", effort.replayed)));
     }

@@ -75,6 +75,15 @@ pub struct Shown {
     pub at: f64,
 }
 
+/// Seconds in which nothing but the projector's clock was waited for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Waited {
+    /// Until the next refresh brought the frame.
+    pub refresh: f64,
+    /// Refreshes after that one.
+    pub settle: f64,
+}
+
 /// The last frame of a session, for another to go on after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamp {
@@ -102,6 +111,11 @@ pub trait Projector {
     /// # Errors
     /// [`Error::Rig`] when the frame does not fit the device, or the device is gone.
     fn show(&mut self, frame: &Frame) -> Result<Shown>;
+
+    /// What of the last [`Self::show`] was waiting for the projector's refreshes, where it knows.
+    fn waited(&self) -> Waited {
+        Waited::default()
+    }
 
     /// Shows the frame that an interrupted session had left on screen, so that another can go on from there. A virtual
     /// projector takes no time for that: in its time, there was no interruption.

@@ -20,7 +20,7 @@ mod virtual_bench;
 mod x11;
 
 pub use clock::WallClock;
-pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown, Stamp};
+pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown, Stamp, Waited};
 pub use file::{RigFile, RigKind};
 pub use frame::{Frame, RawFrame};
 pub use gige::{CameraKind, GigeSpec, PixelFormat};

@@ -30,6 +30,13 @@ use registers::Registers;
 /// The port of the control channel.
 const PORT: u16 = 3956;
 
+/// An address of this process's own: the same tests may run at the same time from another folder.
+pub fn own_address(last: u8) -> Ipv4Addr {
+    let [_, _, high, low] = std::process::id().to_be_bytes();
+    // Addresses that begin with 127.0 are those of other tests.
+    Ipv4Addr::new(127, 16 + high % 224, low, last)
+}
+
 /// What stands before the camera.
 #[derive(Clone)]
 pub struct Scene {
@@ -38,7 +45,7 @@ pub struct Scene {
     pub matrix: Csr,
 }
 
-/// A camera that answers at an address. It is gone when dropped.
+/// A camera that answers at an address, until it is stopped or dropped.
 pub struct GigeCamera {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -55,13 +62,16 @@ struct Shared {
     /// Frames to come that were exposed at the trigger before.
     stale: AtomicU32,
     lost: AtomicU64,
+    looks: AtomicU64,
     frames: AtomicU64,
+    /// Nanoseconds from the end of an exposure to its counts.
+    computing: AtomicU64,
     /// Since it was switched on: its clock.
     began: Instant,
 }
 
 impl GigeCamera {
-    /// Switches it on. What the projector shows is told by `look`, at the beginning of each exposure; nothing: black.
+    /// Switches it on. What the projector shows is told by `look`, again and again while a frame is exposed; nothing: black.
     pub fn start(
         address: Ipv4Addr,
         scene: Scene,
@@ -78,7 +88,9 @@ impl GigeCamera {
             chance: Mutex::new(Pcg64::seed_from_u64(7)),
             stale: AtomicU32::new(0),
             lost: AtomicU64::new(0),
+            looks: AtomicU64::new(0),
             frames: AtomicU64::new(0),
+            computing: AtomicU64::new(0),
             began: Instant::now(),
         });
         let (triggers, triggered) = channel();
@@ -101,6 +113,16 @@ impl GigeCamera {
         self.shared.lost.load(Ordering::Relaxed)
     }
 
+    /// Looks at the pattern so far: one at the beginning of an exposure, one at its end, and some between.
+    pub fn looks(&self) -> u64 {
+        self.shared.looks.load(Ordering::Relaxed)
+    }
+
+    /// Seconds from the end of an exposure to its counts, of all frames: looking and computing, which a real camera need not do.
+    pub fn computing(&self) -> f64 {
+        1e-9 * self.shared.computing.load(Ordering::Relaxed) as f64
+    }
+
     /// Frames exposed so far.
     pub fn frames(&self) -> u64 {
         self.shared.frames.load(Ordering::Relaxed)
@@ -112,8 +134,9 @@ impl GigeCamera {
     }
 }
 
-impl Drop for GigeCamera {
-    fn drop(&mut self) {
+impl GigeCamera {
+    /// Switches it off, as if its power failed: nobody is told.
+    pub fn stop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
             let ended = thread.join();
@@ -122,6 +145,12 @@ impl Drop for GigeCamera {
                 panic!("the camera failed");
             }
         }
+    }
+}
+
+impl Drop for GigeCamera {
+    fn drop(&mut self) {
+        self.stop();
     }
 }
 

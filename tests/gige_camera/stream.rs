@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use krylux::rig::{Bench, Frame};
 use krylux::transport::Given;
@@ -16,6 +16,12 @@ use super::{Scene, Shared};
 /// Frames whose packets can be asked for again.
 const KEPT: usize = 4;
 
+/// From one look at the pattern to the next while the sensor is open.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// What was on screen during an exposure: each pattern, and in how many looks it was seen.
+type Seen = Vec<(Frame, usize)>;
+
 pub fn serve(
     shared: &Shared,
     triggers: &Receiver<()>,
@@ -27,7 +33,7 @@ pub fn serve(
     let mut bench = scene.rig.open(Box::new(light), None).expect("the scene can be seen");
     let black = Frame::filled(size, scene.rig.projector.channels, 0);
     // What was seen last, and when.
-    let mut before = (black.clone(), 0);
+    let mut before: (Seen, u64) = (vec![(black.clone(), 1)], 0);
     while !shared.stops() {
         match triggers.recv_timeout(Duration::from_millis(20)) {
             Ok(()) => {}
@@ -40,16 +46,21 @@ pub fn serve(
         };
         let is_late =
             shared.stale.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
-        let (frame, ticks) = match is_late {
-            Ok(_) => (before.0.clone(), before.1 + 1),
-            Err(_) => (look().unwrap_or_else(|| black.clone()), shared.ticks()),
-        };
-        std::thread::sleep(Duration::from_secs_f64(exposure));
-        let counts = see(&mut bench, &frame, exposure * gain);
+        let (ticks, open) = (shared.ticks(), Duration::from_secs_f64(exposure));
+        let began = Instant::now();
+        let seen = watch(open, || {
+            let frame = look().unwrap_or_else(|| black.clone());
+            shared.looks.fetch_add(1, Ordering::Relaxed);
+            frame
+        });
+        let (seen, ticks) = if is_late.is_ok() { (before.0, before.1 + 1) } else { (seen, ticks) };
+        let counts = see(&mut bench, &seen, exposure * gain);
+        let late = began.elapsed().saturating_sub(open);
+        shared.computing.fetch_add(late.as_nanos() as u64, Ordering::Relaxed);
         let mut registers = shared.registers();
         registers.exposing = false;
         shared.frames.fetch_add(1, Ordering::Relaxed);
-        before = (frame, ticks);
+        before = (seen, ticks);
         if !registers.acquiring {
             continue;
         }
@@ -67,11 +78,44 @@ pub fn serve(
     }
 }
 
-/// Counts of the whole sensor. Its time is simulated: nothing but the exposure passes.
-fn see(bench: &mut Bench, frame: &Frame, exposure: f64) -> Vec<u16> {
-    bench.projector.restore(frame).expect("it fits the screen");
+/// Looks at the pattern for as long as the sensor is open, its beginning and its end included.
+fn watch(open: Duration, mut look: impl FnMut() -> Frame) -> Seen {
+    let began = Instant::now();
+    let mut seen: Seen = vec![(look(), 1)];
+    loop {
+        let left = open.saturating_sub(began.elapsed());
+        std::thread::sleep(left.min(LOOK));
+        let frame = look();
+        match seen.iter_mut().find(|(known, _)| *known == frame) {
+            Some((_, times)) => *times += 1,
+            None => seen.push((frame, 1)),
+        }
+        if left <= LOOK {
+            return seen;
+        }
+    }
+}
+
+/// Counts of the whole sensor: of one pattern as they are, of several in proportion to how often each was seen. Its time is
+/// simulated: nothing but the exposure passes.
+fn see(bench: &mut Bench, seen: &Seen, exposure: f64) -> Vec<u16> {
     bench.camera.configure(exposure).expect("the sensor does what the registers do");
-    bench.camera.capture().expect("it is never gone").expect("no frame is dropped").counts
+    let mut photo = |frame: &Frame| {
+        bench.projector.restore(frame).expect("it fits the screen");
+        bench.camera.capture().expect("it is never gone").expect("no frame is dropped").counts
+    };
+    if let [(only, _)] = &seen[..] {
+        return photo(only);
+    }
+    let looks: usize = seen.iter().map(|(_, times)| times).sum();
+    let mut sums = Vec::new();
+    for (frame, times) in seen {
+        let counts = photo(frame);
+        sums.resize(counts.len(), 0.0);
+        let share = *times as f64 / looks as f64;
+        sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += share * f64::from(count));
+    }
+    sums.into_iter().map(|sum: f64| sum.round() as u16).collect()
 }
 
 /// A frame's leader, data and trailer.

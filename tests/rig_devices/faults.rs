@@ -1,7 +1,7 @@
 //! Frames that are lost, come twice or too early, and a camera that hangs: noticed, taken anew within the limit, reported.
 
 use krylux::Error;
-use krylux::measure::{Effort, Live, Shots};
+use krylux::measure::{Effort, Live, Shots, Times};
 use krylux::rig::{Faults, VirtualRig};
 
 use super::support::{capture, counts, flat, live, open, rig, shot, show};
@@ -41,8 +41,14 @@ fn without_faults_each_photo_takes_one_frame_and_takes_share_a_showing() {
     // Each pattern: 0.02 s to show, 0.05 s to settle, three exposures.
     let seconds = 10.0 * (0.02 + 0.05 + 3.0 * 0.1);
     assert!((effort.seconds - seconds).abs() < 1e-9, "{}", effort.seconds);
-    let expected = Effort { shown: 10, taken: 30, seconds: effort.seconds, ..Effort::default() };
+    let Effort { seconds, times, .. } = effort;
+    let expected = Effort { shown: 10, taken: 30, seconds, times, ..Effort::default() };
     assert_eq!(effort, expected);
+    for (found, expected) in
+        [(times.show, 0.2), (times.settle, 0.5), (times.expose, 3.0), (times.sum(), seconds)]
+    {
+        assert!((found - expected).abs() < 1e-9, "{times:?}");
+    }
 }
 
 #[test]
@@ -70,7 +76,7 @@ fn frames_that_are_named_are_refused_and_counted_one_by_one() {
     };
     let effort = shoot_all(&mut live(&rig, 0.05, 6), &rig, 6, 1);
     assert_eq!(
-        Effort { seconds: 0.0, ..effort },
+        Effort { seconds: 0.0, times: Times::default(), ..effort },
         Effort { shown: 6, taken: 6, dropped: 1, repeated: 2, late: 3, ..Effort::default() }
     );
 }

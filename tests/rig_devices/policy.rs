@@ -74,7 +74,10 @@ fn a_frame_counts_from_the_moment_that_the_pattern_has_settled() {
     let frames = [frame(1, 0.0), frame(2, 0.4999), frame(3, 0.5), frame(4, 0.7), frame(5, 0.8)];
     let (mut live, log) = scripted(frames.into_iter().map(Some).collect());
     assert_eq!(taken(&mut live), [3, 4, 5]);
-    assert_eq!(live.effort(), Effort { shown: 1, taken: 3, late: 2, seconds: 0.5, ..Effort::default() });
+    let times = live.effort().times;
+    let expected = Effort { shown: 1, taken: 3, late: 2, seconds: 0.5, times, ..Effort::default() };
+    assert_eq!(live.effort(), expected);
+    assert_eq!(times.settle, 0.5);
     assert_eq!(
         log.borrow().iter().filter(|&&told| told == "configure").count(),
         1,

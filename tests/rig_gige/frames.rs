@@ -1,10 +1,10 @@
 //! Frames are those of the scene, count by count.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
 use krylux::measure::Shots;
-use krylux::rig::{Camera, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
+use krylux::rig::{Camera, Frame, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
 
 use crate::gige_camera::GigeCamera;
 use crate::support::{Lamp, SIZE, address, camera, expected, frame, live, scene, shot, spec};
@@ -110,4 +110,32 @@ fn hundreds_of_patterns_each_have_their_photo_and_cost_little() {
     println!("{:.2} ms for each photo of 2 ms, {} pixels", 1e3 * each, SIZE.pixels());
     let effort = shots.effort();
     assert_eq!([effort.taken, effort.dropped, effort.repeated], [count as u64 + 1, 0, 0]);
+}
+
+#[test]
+fn a_pattern_that_changes_while_the_sensor_is_open_is_seen_in_part() {
+    // What the loopback camera is for: as a real one, it would not let a change pass.
+    let clock = WallClock::starting_at(0.0);
+    let mut lamp = Lamp::new(clock);
+    let [first, second] = [8, 40].map(|level| Frame::filled(SIZE, 1, level));
+    lamp.show(&first).expect("a lamp shows all");
+    let device = camera(9, &lamp);
+    let mut opened = GigeVision::open(&spec(9), clock, 0).expect("it answers");
+    opened.configure(0.4).expect("within range");
+    let before = device.looks();
+    let found = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let began = Instant::now();
+            while device.looks() == before {
+                assert!(began.elapsed().as_secs() < 10, "it was never exposed");
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            lamp.show(&second).expect("a lamp shows all");
+        });
+        opened.capture().expect("it is there").expect("it comes")
+    });
+    let [first, second] = [first, second].map(|frame| expected(&scene(12), &frame, 0.4));
+    for (pixel, &count) in found.counts.iter().enumerate() {
+        assert!(first[pixel] < count && count < second[pixel], "pixel {pixel}: {count}");
+    }
 }

@@ -4,10 +4,12 @@ use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
 
 use krylux::image::Resolution;
-use krylux::rig::{Frame, GigeSpec, HardwareRig, PixelFormat, VirtualRig, VirtualScene, X11Monitor, X11Spec};
+use krylux::report::npy;
+use krylux::rig::{GigeSpec, HardwareRig, PixelFormat, VirtualRig, VirtualScene, X11Monitor, X11Spec};
 use krylux::sparse::Csr;
 
-use crate::gige_camera::{GigeCamera, Scene};
+use crate::gige_camera::{GigeCamera, Scene, own_address};
+use crate::program;
 use crate::x_server::XServer;
 
 /// Pixels on a side.
@@ -16,22 +18,9 @@ pub const SIDE: usize = 12;
 /// The monitor's pixels for one of a pattern's, on a side.
 pub const MAGNIFY: usize = 7;
 
-/// Two rooms, left and right: within one each pixel lights every other, between them there is no light. Pixels send back
-/// twenty times as much to themselves.
+/// Two rooms before the devices.
 pub fn rooms() -> Csr {
-    let pixels = SIDE * SIDE;
-    let room = |pixel: usize| pixel % SIDE < SIDE / 2;
-    let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
-    for row in 0..pixels {
-        for column in (0..pixels).filter(|&column| room(column) == room(row)) {
-            columns.push(column as u32);
-            // Not all alike, so that there is one eigenvector to each eigenvalue.
-            let near = (row / SIDE).abs_diff(column / SIDE) as f64;
-            weights.push(if row == column { 20.0 } else { 1.0 / (1.0 + near) });
-        }
-        row_start.push(columns.len());
-    }
-    Csr::new(pixels, row_start, columns, weights).expect("well formed")
+    program::rooms(SIDE, 20.0)
 }
 
 /// The devices without fault or noise; white fills half of 16 bits in 4 ms.
@@ -55,20 +44,28 @@ pub struct Stage {
     pub server: XServer,
     pub camera: GigeCamera,
     pub hardware: HardwareRig,
+    /// The devices' imperfections.
+    rig: VirtualRig,
+}
+
+impl Stage {
+    /// Switches the camera on: a new session, as after its power failed.
+    pub fn switch_camera_on(&mut self) {
+        self.camera = camera(self.hardware.camera.address, &self.rig, &self.server);
+    }
 }
 
 /// The stage of one test, with these devices: tests run at the same time.
 pub fn stage(last: u8, rig: &VirtualRig) -> Stage {
-    let server = XServer::start(400, 200);
-    server.add_monitor("desk", [0, 0, 200, 200]);
-    server.add_monitor("beamer", [200, 0, 200, 200]);
-    let address = Ipv4Addr::new(127, 0, 8, last);
-    let corner = (200 - SIDE * MAGNIFY) as i16 / 2;
-    let mut eye = server.eye([200 + corner, corner], MAGNIFY, SIDE);
-    let look =
-        move || eye().map(|levels| Frame::new(Resolution::new(SIDE, SIDE), 1, levels).expect("a square"));
-    let scene = Scene { rig: rig.clone(), matrix: rooms() };
-    let camera = GigeCamera::start(address, scene, look);
+    stage_at(last, rig, None)
+}
+
+/// As [`stage`], on this display.
+pub fn stage_at(last: u8, rig: &VirtualRig, display: Option<&str>) -> Stage {
+    let server = display.map_or_else(|| XServer::start(400, 200), |display| XServer::at(display, 400, 200));
+    monitors(&server);
+    let address = own_address(last);
+    let camera = camera(address, rig, &server);
     let projector = X11Spec {
         display: Some(server.display.clone()),
         monitor: X11Monitor::Name("beamer".into()),
@@ -78,5 +75,41 @@ pub fn stage(last: u8, rig: &VirtualRig) -> Stage {
     let bits = PixelFormat::Mono16;
     let of_camera =
         GigeSpec { pixel_format: bits, exposures: [1e-4, 1.0], ..GigeSpec::new(address, SIDE, SIDE) };
-    Stage { server, camera, hardware: HardwareRig { projector, camera: of_camera } }
+    Stage { server, camera, hardware: HardwareRig { projector, camera: of_camera }, rig: rig.clone() }
 }
+
+/// The server's monitors, of which the second is the projector.
+pub fn monitors(server: &XServer) {
+    server.add_monitor("desk", [0, 0, 200, 200]);
+    server.add_monitor("beamer", [200, 0, 200, 200]);
+}
+
+fn camera(address: Ipv4Addr, rig: &VirtualRig, server: &XServer) -> GigeCamera {
+    let corner = (200 - SIDE * MAGNIFY) as i16 / 2;
+    let eye = server.eye([200 + corner, corner], MAGNIFY, Resolution::new(SIDE, SIDE));
+    GigeCamera::start(address, Scene { rig: rig.clone(), matrix: rooms() }, eye)
+}
+
+/// The file of the rig of real protocols.
+pub fn rig_file(folder: &Path, stage: &Stage, more: &str) -> String {
+    let path = folder.join("real.toml");
+    let (projector, camera) = (&stage.hardware.projector, &stage.hardware.camera);
+    let display = projector.display.as_deref().unwrap_or_default();
+    let text = format!(
+        "kind = \"hardware\"\n{more}\n\
+         [projector]\nkind = \"x11\"\ndisplay = \"{display}\"\nmonitor = \"beamer\"\nsize = [{SIDE}, {SIDE}]\nmagnify = {MAGNIFY}\n\
+         [camera]\nkind = \"gige\"\naddress = \"{}\"\nsize = [{SIDE}, {SIDE}]\npixel_format = \"mono16\"\n\
+         exposures = [1e-4, 1.0]\n[measurement]\ndirect_square = 1\n",
+        camera.address
+    );
+    std::fs::write(&path, text).expect("the folder can be written");
+    path.display().to_string()
+}
+
+/// The labels that a segmentation found.
+pub fn labels(run: &Path) -> Vec<f64> {
+    npy::read_npy(&run.join("labels-2.npy")).expect("it is written").values
+}
+
+/// How a segmentation into two groups is asked for.
+pub const QUESTION: [&str; 6] = ["--photos", "12", "--groups", "2", "--eigenvectors", "3"];

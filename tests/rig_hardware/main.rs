@@ -5,11 +5,14 @@
 
 #[path = "../gige_camera/mod.rs"]
 mod gige_camera;
+#[path = "../program/mod.rs"]
+mod program;
 #[path = "../x_server/mod.rs"]
 mod x_server;
 
 mod bench;
 mod calibration;
+mod faults;
 mod files;
 mod photos;
 mod verbs;

@@ -95,31 +95,18 @@ fn noise_is_as_large_as_the_camera_says() {
 }
 
 #[test]
-fn where_the_time_goes() {
+fn where_the_time_goes_is_told_and_adds_up() {
     let rig = devices(Path::new("rooms.npz"));
     let stage = stage(3, &rig);
-    let mut bench = open(&stage);
-    bench.camera.configure(0.004).expect("within range");
+    let mut live = Live::new(open(&stage), 0.002, 3);
     let frames = frames(20);
-    let [mut show, mut confirm, mut capture] = [0.0; 3];
-    for frame in &frames {
-        let began = bench.clock.now();
-        bench.projector.show(frame).expect("it is on screen");
-        let shown = bench.clock.now();
-        bench.camera.capture().expect("it is there").expect("it comes");
-        let captured = bench.clock.now();
-        bench.projector.confirm().expect("it is still there");
-        show += shown - began;
-        capture += captured - shown;
-        confirm += bench.clock.now() - captured;
-    }
-    let each = |sum: f64| 1e3 * sum / frames.len() as f64;
-    println!(
-        "show {:.1} ms; capture {:.1} ms, of which 4 ms exposure; confirm {:.1} ms",
-        each(show),
-        each(capture),
-        each(confirm)
-    );
-    // A window is shown at a refresh and one more passes; an exposure takes its time.
-    assert!(each(capture) >= 4.0 && each(show) >= 8.0);
+    frames.iter().for_each(|frame| drop(shoot(&mut live, frame, 0.004)));
+    let effort = live.effort();
+    let times = effort.times;
+    println!("{} (each photo)", times.each(effort.taken));
+    assert!((times.sum() - effort.seconds).abs() < 1e-9, "{effort:?}");
+    assert!((times.expose - 20.0 * 0.004).abs() < 1e-9, "{times:?}");
+    // A frame is not shown at once, but at a refresh: this server's is at least half of one away.
+    assert!(times.refresh + times.settle >= 20.0 * (0.007 + 0.002), "{times:?}");
+    assert!(times.show > 0.0 && times.transfer > 0.0, "{times:?}");
 }

@@ -1,47 +1,14 @@
 //! The program from calibration to report, on the protocols and on the same devices simulated.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use krylux::report::{npy, sparse};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::bench::{MAGNIFY, SIDE, Stage, noisy, rooms, stage};
-
-/// The program with these arguments, on a machine without graphics device.
-fn krylux(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_krylux"));
-    command.args(arguments).env("KRYLUX_CACHE", "");
-    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
-    command.output().expect("the program is built with the tests")
-}
-
-#[track_caller]
-fn summary(arguments: &[&str]) -> Value {
-    let (verb, rest) = arguments.split_first().expect("there is a verb");
-    let output = krylux(&[&[*verb], rest, &["--json"]].concat());
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {said}");
-    serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON")
-}
-
-/// The file of the rig of real protocols.
-fn real(folder: &Path, stage: &Stage, more: &str) -> String {
-    let path = folder.join("real.toml");
-    let (projector, camera) = (&stage.hardware.projector, &stage.hardware.camera);
-    let display = projector.display.as_deref().unwrap_or_default();
-    let text = format!(
-        "kind = \"hardware\"\n{more}\n\
-         [projector]\nkind = \"x11\"\ndisplay = \"{display}\"\nmonitor = \"beamer\"\nsize = [{SIDE}, {SIDE}]\nmagnify = {MAGNIFY}\n\
-         [camera]\nkind = \"gige\"\naddress = \"{}\"\nsize = [{SIDE}, {SIDE}]\npixel_format = \"mono16\"\n\
-         exposures = [1e-4, 1.0]\n[measurement]\ndirect_square = 1\n",
-        camera.address
-    );
-    std::fs::write(&path, text).expect("the folder can be written");
-    path.display().to_string()
-}
+use crate::bench::{QUESTION, SIDE, labels, noisy, rig_file, rooms, stage};
+use crate::program::{krylux, labels_of_rooms, summary};
 
 /// The file of the same devices, simulated.
 fn simulated(folder: &Path, more: &str) -> String {
@@ -56,12 +23,6 @@ fn simulated(folder: &Path, more: &str) -> String {
     path.display().to_string()
 }
 
-fn labels(run: &Path) -> Vec<f64> {
-    npy::read_npy(&run.join("labels-2.npy")).expect("it is written").values
-}
-
-const QUESTION: [&str; 6] = ["--photos", "12", "--groups", "2", "--eigenvectors", "3"];
-
 fn segment(rig: &str, run: &Path) -> Value {
     let run = run.display().to_string();
     summary(&[&["segment", rig, "-o", &run], &QUESTION[..]].concat())
@@ -72,7 +33,7 @@ fn from_calibration_to_report_the_answers_are_those_of_the_simulated_rig() {
     let began = Instant::now();
     let folder = TempDir::new().expect("a temporary folder can be made");
     let stage = stage(10, &noisy(Path::new("rooms.npz")));
-    let files = |more: &str| [real(folder.path(), &stage, more), simulated(folder.path(), more)];
+    let files = |more: &str| [rig_file(folder.path(), &stage, more), simulated(folder.path(), more)];
     for (name, rig) in ["real", "simulated"].iter().zip(files("")) {
         let out = folder.path().join(format!("{name}-calibration")).display().to_string();
         let said = summary(&["rig", "calibrate", &rig, "-o", &out]);
@@ -85,7 +46,7 @@ fn from_calibration_to_report_the_answers_are_those_of_the_simulated_rig() {
         );
     }
     let [rig, twin] = [
-        real(folder.path(), &stage, "calibration = \"real-calibration\""),
+        rig_file(folder.path(), &stage, "calibration = \"real-calibration\""),
         simulated(folder.path(), "calibration = \"simulated-calibration\""),
     ];
     let run = |name: &str| -> PathBuf { folder.path().join(name) };
@@ -94,9 +55,7 @@ fn from_calibration_to_report_the_answers_are_those_of_the_simulated_rig() {
     println!("segmented after {:?}: {}", began.elapsed(), said["rig"]["effort"]);
     let found = labels(&run("segmented"));
     assert_eq!(found, labels(&run("simulated")), "the same labels");
-    for (pixel, label) in found.iter().enumerate() {
-        assert_eq!(*label, f64::from(u8::from(pixel % SIDE >= SIDE / 2)), "pixel {pixel}");
-    }
+    assert_eq!(found, labels_of_rooms(SIDE));
     assert!(run("segmented").join("report.html").is_file());
     let target = folder.path().join("target.npy");
     let wish: Vec<f64> =
@@ -117,51 +76,18 @@ fn from_calibration_to_report_the_answers_are_those_of_the_simulated_rig() {
 }
 
 #[test]
-fn a_run_whose_window_was_covered_says_so_and_goes_on_to_the_same_labels() {
-    let folder = TempDir::new().expect("a temporary folder can be made");
-    let stage = stage(11, &noisy(Path::new("rooms.npz")));
-    let rig = real(folder.path(), &stage, "");
-    let run = folder.path().join("run").display().to_string();
-    let arguments = [&["segment", &rig, "-o", &run], &QUESTION[..]].concat();
-    let output = std::thread::scope(|scope| {
-        let program = scope.spawn(|| krylux(&arguments));
-        let began = Instant::now();
-        while stage.camera.frames() < 12 {
-            assert!(began.elapsed() < Duration::from_secs(60), "the run never began");
-            std::thread::sleep(Duration::from_millis(2));
-        }
-        let above = stage.server.cover([210, 10, 20, 20]);
-        let output = program.join().expect("it ends");
-        stage.server.close(above);
-        output
-    });
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(message.contains("covered by another one") && message.contains("--resume"), "{message}");
-    let taken = stage.camera.frames();
-    let said = summary(&[&arguments[..], &["--resume"]].concat());
-    let effort = &said["rig"]["effort"];
-    println!("{taken} frames before, then {effort}");
-    assert!(
-        effort["replayed"].as_u64().is_some_and(|replayed| replayed > 5),
-        "no photo is taken twice: {effort}"
-    );
-    let found = labels(&folder.path().join("run"));
-    for (pixel, label) in found.iter().enumerate() {
-        assert_eq!(*label, f64::from(u8::from(pixel % SIDE >= SIDE / 2)), "pixel {pixel}");
-    }
-}
-
-#[test]
 fn the_list_names_what_a_rig_file_may_name() {
     let folder = TempDir::new().expect("a temporary folder can be made");
     let stage = stage(12, &noisy(Path::new("rooms.npz")));
-    let said = summary(&["rig", "list", &real(folder.path(), &stage, "")]);
+    let said = summary(&["rig", "list", &rig_file(folder.path(), &stage, "")]);
     let monitors = said["monitors"].as_array().expect("an array");
     let beamer = monitors.iter().find(|monitor| monitor["name"] == "beamer").expect("it is listed");
     assert_eq!((&beamer["resolution"]["width"], &beamer["place"][0]), (&Value::from(200), &Value::from(200)));
     let cameras = said["cameras"].as_array().expect("an array");
-    let ours = cameras.iter().find(|camera| camera["address"] == "127.0.8.12").expect("it is listed");
+    let ours = cameras
+        .iter()
+        .find(|camera| camera["address"] == stage.hardware.camera.address.to_string())
+        .expect("it is listed");
     assert_eq!((&ours["maker"], &ours["model"]), (&Value::from("krylux"), &Value::from("Loopback")));
     // Without a server there is nothing to show on, which is said.
     let output = krylux(&["rig", "list", "--display", ":4094"]);

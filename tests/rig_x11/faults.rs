@@ -21,6 +21,12 @@ fn showing() -> (XServer, X11Projector) {
     (server, projector)
 }
 
+fn send(signal: &str, projector: &X11Projector) {
+    let id = projector.helper_id().expect("it lives").to_string();
+    let sent = std::process::Command::new("sh").args(["-c", &format!("kill -{signal} {id}")]).status();
+    assert!(sent.expect("a shell").success());
+}
+
 #[test]
 fn a_monitor_that_is_not_there_or_does_not_fit_is_named() {
     let server = XServer::start(640, 240);
@@ -112,14 +118,27 @@ fn a_helper_that_was_killed_or_hangs_is_replaced() {
     let mut projector = X11Projector::open(&spec(&server, [16, 12]), &quick, WallClock::starting_at(0.0))
         .expect("it is there");
     for (signal, restarts) in [("KILL", 1), ("STOP", 2)] {
-        let id = projector.helper_id().expect("it lives").to_string();
-        let sent = std::process::Command::new("sh").args(["-c", &format!("kill -{signal} {id}")]).status();
-        assert!(sent.expect("a shell").success());
+        send(signal, &projector);
         projector.show(&gray(9)).expect("another helper shows it");
         assert_eq!(projector.restarts(), restarts, "{signal}");
         assert_eq!(server.pixels([24, 18, 16, 12]), [[9; 3]; 192]);
     }
     projector.confirm().expect("the new window shows it");
+}
+
+#[test]
+fn a_helper_that_ends_while_a_photo_is_taken_makes_it_no_photo() {
+    let (server, mut projector) = showing();
+    send("KILL", &projector);
+    // Nobody knows what was on screen meanwhile: another helper would not, either.
+    let message = refused(projector.confirm());
+    assert!(
+        message.contains("the helper process with its window") && message.contains("it ended"),
+        "{message}"
+    );
+    assert!(message.contains("--resume"), "{message}");
+    projector.show(&gray(9)).expect("another helper shows it");
+    assert_eq!((projector.restarts(), server.pixels([24, 18, 1, 1])[0]), (1, [9; 3]));
 }
 
 #[test]

@@ -4,6 +4,8 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
+use krylux::image::Resolution;
+use krylux::rig::Frame;
 use x11rb::connection::Connection;
 use x11rb::image::Image;
 use x11rb::protocol::randr::{ConnectionExt as _, MonitorInfo};
@@ -25,10 +27,20 @@ impl XServer {
     }
 
     pub fn of_depth(width: u16, height: u16, depth: u8) -> Self {
-        let screen = format!("{width}x{height}x{depth}");
+        Self::with(&["-screen", "0", &format!("{width}x{height}x{depth}")])
+    }
+
+    /// One with this display and 24 bits, which may have belonged to another one before.
+    pub fn at(display: &str, width: u16, height: u16) -> Self {
+        Self::with(&[display, "-screen", "0", &format!("{width}x{height}x24")])
+    }
+
+    /// With these arguments.
+    pub fn with(arguments: &[&str]) -> Self {
         let mut process = Command::new("Xvfb")
             // It says itself which number was free.
-            .args(["-displayfd", "1", "-screen", "0", &screen, "-nolisten", "tcp", "-noreset"])
+            .args(["-displayfd", "1", "-nolisten", "tcp", "-noreset"])
+            .args(arguments)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -66,6 +78,26 @@ impl XServer {
         self.connection.randr_set_monitor(self.root, monitor).expect("sent").check().expect("it fits");
     }
 
+    /// Switches its monitor off and on, as by a cable that is loose.
+    pub fn interrupt(&self) {
+        let resources = self
+            .connection
+            .randr_get_screen_resources_current(self.root)
+            .expect("sent")
+            .reply()
+            .expect("answered");
+        let (crtc, time) = (resources.crtcs[0], resources.config_timestamp);
+        let info = self.connection.randr_get_crtc_info(crtc, time).expect("sent").reply().expect("answered");
+        for (mode, outputs) in [(x11rb::NONE, &[][..]), (info.mode, &info.outputs[..])] {
+            let (now, rotation) = (x11rb::CURRENT_TIME, info.rotation);
+            let set = self
+                .connection
+                .randr_set_crtc_config(crtc, now, time, info.x, info.y, mode, rotation, outputs)
+                .expect("sent");
+            set.reply().expect("answered");
+        }
+    }
+
     /// Red, green and blue of these pixels: columns, then rows.
     pub fn pixels(&self, [x, y, width, height]: [i16; 4]) -> Vec<[u8; 3]> {
         let (image, _) =
@@ -77,21 +109,35 @@ impl XServer {
         (0..width as usize * height as usize).map(pixel).collect()
     }
 
-    /// A look at a square pattern, whose pixels are squares of so many of the server's, on a side: the green level of each. None once
-    /// the server is gone.
+    /// A look at a gray pattern, whose pixels are squares of so many of the server's, on a side. None while there is no server: the
+    /// next one with this display is looked at again.
     pub fn eye(
         &self,
-        corner: [i16; 2],
+        [x, y]: [i16; 2],
         magnify: usize,
-        side: usize,
-    ) -> impl FnMut() -> Option<Vec<u16>> + Send + use<> {
-        let (connection, _) = x11rb::connect(Some(&self.display)).expect("it is there");
-        let (root, [x, y], size) = (self.root, corner, (magnify * side) as u16);
+        size: Resolution,
+    ) -> impl FnMut() -> Option<Frame> + Send + use<> {
+        let display = self.display.clone();
+        let connect = move || {
+            let (connection, screen) = x11rb::connect(Some(&display)).ok()?;
+            let root = connection.setup().roots[screen].root;
+            Some((connection, root))
+        };
+        let [width, height] = [size.width, size.height].map(|side| (magnify * side) as u16);
+        let look = move |(connection, root): &(RustConnection, Window)| {
+            Image::get(connection, *root, x, y, width, height).ok().map(|(image, _)| image)
+        };
+        let mut connected = connect();
         move || {
-            let (image, _) = Image::get(&connection, root, x, y, size, size).ok()?;
+            let image = connected.as_ref().and_then(look).or_else(|| {
+                // That server is gone.
+                connected = connect();
+                connected.as_ref().and_then(look)
+            })?;
             let middle = |at: usize| (at * magnify + magnify / 2) as u16;
-            let level = |at: usize| (image.get_pixel(middle(at % side), middle(at / side)) >> 8) as u8;
-            Some((0..side * side).map(|at| level(at).into()).collect())
+            let green = |at: usize| image.get_pixel(middle(at % size.width), middle(at / size.width)) >> 8;
+            let levels = (0..size.pixels()).map(|at| u16::from(green(at) as u8)).collect();
+            Some(Frame::new(size, 1, levels).expect("a level for each pixel"))
         }
     }
 

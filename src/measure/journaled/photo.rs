@@ -182,6 +182,7 @@ pub(super) fn sum(first: &Effort, second: &Effort) -> Effort {
         restarts: first.restarts + second.restarts,
         resent: first.resent + second.resent,
         seconds: second.seconds.max(first.seconds),
+        times: first.times + second.times,
     }
 }
 

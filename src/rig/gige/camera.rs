@@ -122,7 +122,9 @@ impl Camera for GigeVision {
         if !(shortest..=longest).contains(&exposure) {
             return Err(fault(
                 format!("an exposure of {exposure} s cannot be set"),
-                format!("it can do {shortest} s to {longest} s"),
+                format!(
+                    "give exposures from {shortest} to {longest} s in [measurement], or correct those of [camera]"
+                ),
             ));
         }
         if self.link.is_none() {

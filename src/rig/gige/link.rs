@@ -61,7 +61,7 @@ fn connect(spec: &GigeSpec) -> Result<Camera<GigeRegisterIo>> {
         let why = match found.map_err(|why| said(spec, "answer", &why))? {
             None => fault(
                 format!("no GigE Vision camera answers at {}", spec.address),
-                "check its power, its cable and its address; the network must be the computer's own",
+                "check its power, its cable and its address; the network must be the computer's own; go on with --resume",
             ),
             Some(device) => match blocking::connect(&device) {
                 Ok(camera) => return Ok(camera),

@@ -10,6 +10,9 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::Frame;
 
+/// Bytes that are read back at once.
+const BAND: usize = 1 << 16;
+
 /// How pixels of one screen are made of levels.
 pub(super) struct Canvas {
     layout: PixelLayout,
@@ -42,27 +45,32 @@ impl Canvas {
         Ok(Self { layout, depth: screen.root_depth, setup: connection.setup().clone(), magnify })
     }
 
-    /// The picture of a frame, magnified.
-    pub(super) fn draw(&self, frame: &Frame) -> Result<Image<'static>> {
+    /// The picture of a frame.
+    pub(super) fn draw(&self, frame: &Frame) -> Result<Picture> {
         let Resolution { width, height } = frame.resolution();
-        let [wide, high] = [width * self.magnify, height * self.magnify].map(|side| side as u16);
-        let mut image = Image::allocate_native(wide, high, self.depth, &self.setup)
-            .map_err(|why| lost("take a picture of its own depth", &why))?;
-        for y in 0..high {
-            for x in 0..wide {
-                image.put_pixel(x, y, self.pixel(frame, x, y));
-            }
+        let mut rows =
+            Image::allocate_native((width * self.magnify) as u16, height as u16, self.depth, &self.setup)
+                .map_err(|why| lost("take a picture of its own depth", &why))?;
+        for at in 0..width * height {
+            let pixel = self.pixel(frame, at);
+            let (x, y) = (at % width * self.magnify, at / width);
+            (x..x + self.magnify).for_each(|x| rows.put_pixel(x as u16, y as u16, pixel));
         }
-        Ok(image)
+        Ok(Picture { rows, magnify: self.magnify })
     }
 
-    /// The first pixel of `seen` that is not as in `drawn`: column, row, and levels there, drawn and seen.
-    pub(super) fn difference(&self, drawn: &Image<'_>, seen: &Image<'_>) -> Option<Difference> {
+    /// Where `seen`, the picture's rows from `top` on, is not as they were drawn.
+    pub(super) fn difference(&self, drawn: &Picture, top: u16, seen: &Image<'_>) -> Option<Difference> {
+        // Nearly always all is well, bits of no meaning included.
+        if drawn.is_same(top, seen) {
+            return None;
+        }
         let mut first = None;
         let mut count = 0;
-        for y in 0..drawn.height() {
+        for y in top..top + seen.height() {
             for x in 0..drawn.width() {
-                let [drawn, seen] = [drawn, seen].map(|image| self.levels(image.get_pixel(x, y)));
+                let [drawn, seen] =
+                    [drawn.pixel(x, y), seen.get_pixel(x, y - top)].map(|pixel| self.levels(pixel));
                 if drawn != seen {
                     count += 1;
                     first.get_or_insert((x, y, drawn, seen));
@@ -73,8 +81,7 @@ impl Canvas {
         Some(Difference { x, y, drawn, seen, count })
     }
 
-    fn pixel(&self, frame: &Frame, x: u16, y: u16) -> u32 {
-        let at = usize::from(y) / self.magnify * frame.resolution().width + usize::from(x) / self.magnify;
+    fn pixel(&self, frame: &Frame, at: usize) -> u32 {
         let channels = frame.channels();
         // Colours are handed over as 16 bits, of which the visual takes the upper 8.
         let level = |channel: usize| frame.levels()[at * channels + channel.min(channels - 1)] * 257;
@@ -84,6 +91,55 @@ impl Canvas {
     fn levels(&self, pixel: u32) -> [u16; 3] {
         let (red, green, blue) = self.layout.decode(pixel);
         [red, green, blue].map(|value| value >> 8)
+    }
+}
+
+/// A frame in the server's pixels: each row of the pattern once, as wide as it is shown. The server repeats it, which spares most of
+/// what had to be sent.
+pub(super) struct Picture {
+    pub(super) rows: Image<'static>,
+    pub(super) magnify: usize,
+}
+
+impl Picture {
+    pub(super) fn width(&self) -> u16 {
+        self.rows.width()
+    }
+
+    /// As it is shown.
+    pub(super) fn height(&self) -> u16 {
+        // A monitor's sides have 16 bits, and it fits the monitor.
+        (usize::from(self.rows.height()) * self.magnify) as u16
+    }
+
+    /// The row of the pattern that is shown in this one.
+    pub(super) fn row(&self, y: u16) -> u16 {
+        (usize::from(y) / self.magnify) as u16
+    }
+
+    fn pixel(&self, x: u16, y: u16) -> u32 {
+        self.rows.get_pixel(x, self.row(y))
+    }
+
+    /// First rows and heights of parts that are small enough to be read without getting memory from the system, which takes longer
+    /// than reading.
+    pub(super) fn bands(&self) -> impl Iterator<Item = [u16; 2]> + use<> {
+        let (height, rows) = (self.height(), (BAND / self.stride()).max(1));
+        // No more than the height, which has 16 bits.
+        let rows = rows.min(height.into()) as u16;
+        (0..height).step_by(rows.into()).map(move |top| [top, rows.min(height - top)])
+    }
+
+    /// Byte for byte.
+    fn is_same(&self, top: u16, seen: &Image<'_>) -> bool {
+        let stride = self.stride();
+        let drawn = |y: u16| &self.rows.data()[usize::from(self.row(y)) * stride..][..stride];
+        (top..top + seen.height()).map(drawn).eq(seen.data().chunks(stride))
+    }
+
+    /// Bytes of a row.
+    fn stride(&self) -> usize {
+        self.rows.data().len() / usize::from(self.rows.height())
     }
 }
 

@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | which monitor | by name or number, at its own pixels, without a gamma ramp | `monitor` |
 //! | levels → pixels | of the screen's own visual; each pattern pixel a square | `canvas` |
-//! | on screen | presented, confirmed, read back | `window`, `screen` |
+//! | on screen | presented, confirmed, read back | `window`, `screen`, `reader` |
 //! | watched | closed, covered and moved windows, a server that is gone | `watch` |
 //! | apart | the window lives in a helper process, reached by a pipe | `helper`, `wire`, `projector` |
 //!
@@ -16,6 +16,7 @@ mod canvas;
 mod helper;
 mod monitor;
 mod projector;
+mod reader;
 mod screen;
 mod spec;
 mod watch;

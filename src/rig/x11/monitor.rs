@@ -45,7 +45,7 @@ pub fn monitors(display: Option<&str>) -> Result<Vec<MonitorInfo>> {
 pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
     x11rb::connect(display).map_err(|why| {
         let name = display.map_or_else(|| std::env::var("DISPLAY").unwrap_or_default(), str::to_owned);
-        let help = "give the server as display = \":0\" in [projector], or set DISPLAY; on Wayland, log in to an X11 session";
+        let help = "start it, or give the server as display = \":0\" in [projector], or set DISPLAY; on Wayland, log in to an X11 session";
         if name.is_empty() {
             fault("there is no X server: DISPLAY is not set", help)
         } else {

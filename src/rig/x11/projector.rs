@@ -9,7 +9,7 @@ use super::fault;
 use super::spec::X11Spec;
 use super::wire::{self, Reply, Request, ShowTimes};
 use crate::error::{Error, Result};
-use crate::rig::{Frame, Projector, ProjectorInfo, Shown, WallClock};
+use crate::rig::{Frame, Projector, ProjectorInfo, Shown, Waited, WallClock};
 
 /// How long a helper may take to end by itself.
 const FAREWELL: Duration = Duration::from_millis(500);
@@ -170,6 +170,10 @@ impl Projector for X11Projector {
         }
         self.shown = Some(frame.clone());
         Ok(Shown { at: self.clock.seconds() })
+    }
+
+    fn waited(&self) -> Waited {
+        Waited { refresh: self.times.present, settle: self.times.settle }
     }
 
     fn confirm(&mut self) -> Result<()> {

@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use x11rb::connection::{Connection, RequestConnection as _};
 use x11rb::errors::{ConnectionError, ReplyOrIdError};
-use x11rb::image::Image;
 use x11rb::protocol::present::{self, ConnectionExt as _};
 use x11rb::protocol::xproto::{ConnectionExt as _, Gcontext, Pixmap, Window};
 use x11rb::rust_connection::RustConnection;
 
-use super::canvas::Canvas;
+use super::canvas::{Canvas, Difference, Picture};
 use super::monitor::{self, MonitorInfo};
+use super::reader::Reader;
 use super::spec::X11Spec;
 use super::watch::Watch;
 use super::window;
@@ -26,21 +26,23 @@ const LAG: u32 = 6;
 /// An open projector.
 pub(super) struct Screen {
     connection: RustConnection,
-    root: Window,
     window: Window,
     gc: Gcontext,
     /// Shown in turns: the one on screen is not drawn on.
     pixmaps: [Pixmap; 2],
+    /// Where a pattern's rows arrive, to be repeated from.
+    rows: Pixmap,
     turn: usize,
     serial: u32,
     canvas: Canvas,
+    reader: Reader,
     watch: Watch,
     monitor: MonitorInfo,
     /// Where patterns are on the monitor.
     offset: [i16; 2],
     spec: X11Spec,
     /// What is on screen.
-    shown: Option<Image<'static>>,
+    shown: Option<Picture>,
 }
 
 impl Screen {
@@ -64,6 +66,7 @@ impl Screen {
         let canvas = Canvas::new(&connection, &screen, spec.magnify)?;
         let window = window::window(&connection, &screen, &monitor).map_err(opening)?;
         let (gc, pixmaps) = window::pixmaps(&connection, &screen, &monitor).map_err(opening)?;
+        let rows = window::rows(&connection, &screen, spec).map_err(opening)?;
         let (size, [x, y]) = (monitor.resolution, monitor.place.map(i32::from));
         let mut watch = Watch::new(window, [x, y, size.width as i32, size.height as i32]);
         connection.map_window(window).map_err(opening)?.check().map_err(opening)?;
@@ -71,16 +74,18 @@ impl Screen {
         let shown = spec.shown();
         let middle = |of: usize, shown: usize| ((of - shown) / 2) as i16;
         let offset = [middle(size.width, shown.width), middle(size.height, shown.height)];
+        let reader = Reader { root, corner: [0, 1].map(|axis| monitor.place[axis] + offset[axis]) };
         let spec = spec.clone();
         let mut screen = Self {
             connection,
-            root,
             window,
             gc,
             pixmaps,
+            rows,
             turn: 0,
             serial: 0,
             canvas,
+            reader,
             watch,
             monitor,
             offset,
@@ -104,8 +109,7 @@ impl Screen {
         let picture = self.canvas.draw(frame)?;
         self.turn = 1 - self.turn;
         let pixmap = self.pixmaps[self.turn];
-        let [x, y] = self.offset;
-        picture.put(&self.connection, pixmap, self.gc, x, y).map_err(|why| lost("take a frame", &why))?;
+        self.put(&picture, pixmap).map_err(|why| lost("take a frame", &why))?;
         let drawn = began.elapsed();
         self.shown = None;
         self.serial += 1;
@@ -138,19 +142,43 @@ impl Screen {
             ));
         }
         let presented = began.elapsed();
-        if self.spec.settle_frames > 0 {
-            self.pass(confirmed.refresh + self.spec.settle_frames)?;
+        let settles = self.spec.settle_frames > 0;
+        if settles {
+            self.await_refresh(confirmed.refresh + self.spec.settle_frames)?;
+        }
+        // Read back while the refreshes pass: what comes before it until then is told by events, and what comes later by the look
+        // after the photo.
+        let is_there = self.difference(&picture)?.is_none();
+        let verified = began.elapsed();
+        if settles {
+            self.refreshed()?;
         }
         let settled = began.elapsed();
-        self.read_back(&picture)?;
+        if !is_there {
+            self.read_back(&picture)?;
+        }
         self.shown = Some(picture);
-        let verified = began.elapsed();
+        let verified_late = began.elapsed() - settled;
         Ok(ShowTimes {
             draw: drawn.as_secs_f64(),
             present: (presented - drawn).as_secs_f64(),
-            settle: (settled - presented).as_secs_f64(),
-            verify: (verified - settled).as_secs_f64(),
+            settle: (settled - verified).as_secs_f64(),
+            verify: (verified - presented + verified_late).as_secs_f64(),
         })
+    }
+
+    fn put(&self, picture: &Picture, pixmap: Pixmap) -> std::result::Result<(), ConnectionError> {
+        let ([left, top], wide) = (self.offset, picture.width());
+        if picture.magnify == 1 {
+            picture.rows.put(&self.connection, pixmap, self.gc, left, top)?;
+            return Ok(());
+        }
+        picture.rows.put(&self.connection, self.rows, self.gc, 0, 0)?;
+        for y in 0..picture.height() {
+            let (from, to) = (picture.row(y) as i16, top + y as i16);
+            self.connection.copy_area(self.rows, pixmap, self.gc, 0, from, left, to, wide, 1)?;
+        }
+        Ok(())
     }
 
     /// That the last frame is on screen still, and nothing came before it since.
@@ -163,26 +191,32 @@ impl Screen {
         self.watch.look(&self.connection)
     }
 
-    /// Waits until the server's monitor has refreshed so often; returns which refresh it was.
-    fn pass(&mut self, refresh: u64) -> Result<u64> {
+    /// Asks to be told when the server's monitor has refreshed so often.
+    fn await_refresh(&mut self, refresh: u64) -> Result<()> {
         self.serial += 1;
         self.connection.present_notify_msc(self.window, self.serial, refresh, 0, 0).map_err(presenting)?;
-        self.connection.flush().map_err(presenting)?;
+        self.connection.flush().map_err(presenting)
+    }
+
+    /// Waits until it has; which refresh it was.
+    fn refreshed(&mut self) -> Result<u64> {
         Ok(self.watch.completed(&self.connection, self.serial, false)?.refresh)
     }
 
     /// That the server's picture has what was drawn, pixel by pixel.
-    fn read_back(&mut self, drawn: &Image<'_>) -> Result<()> {
+    fn read_back(&mut self, drawn: &Picture) -> Result<()> {
+        let mut found = self.difference(drawn)?;
         let mut refresh = 0;
         for _ in 0..LAG {
-            let seen = self.seen(drawn)?;
-            if self.canvas.difference(drawn, &seen).is_none() {
+            if found.is_none() {
                 return Ok(());
             }
             // A target that is past already means the next one.
-            refresh = self.pass(refresh + 1)?;
+            self.await_refresh(refresh + 1)?;
+            refresh = self.refreshed()?;
+            found = self.difference(drawn)?;
         }
-        let Some(found) = self.canvas.difference(drawn, &self.seen(drawn)?) else { return Ok(()) };
+        let Some(found) = found else { return Ok(()) };
         self.watch.look(&self.connection)?;
         Err(fault(
             format!(
@@ -193,12 +227,8 @@ impl Screen {
         ))
     }
 
-    fn seen(&self, drawn: &Image<'_>) -> Result<Image<'static>> {
-        let [left, top] = [0, 1].map(|axis| self.monitor.place[axis] + self.offset[axis]);
-        // Of the root: with all that lies above the window.
-        let (image, _) = Image::get(&self.connection, self.root, left, top, drawn.width(), drawn.height())
-            .map_err(|why| lost("read its picture back", &why))?;
-        Ok(image)
+    fn difference(&self, drawn: &Picture) -> Result<Option<Difference>> {
+        self.reader.difference(&self.connection, &self.canvas, drawn)
     }
 }
 

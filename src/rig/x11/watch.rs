@@ -5,11 +5,11 @@ use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
 use x11rb::protocol::Event;
 use x11rb::protocol::present::{CompleteKind, CompleteMode};
-use x11rb::protocol::xproto::{Visibility, Window};
+use x11rb::protocol::xproto::{ConnectionExt as _, Visibility, Window};
 use x11rb::rust_connection::RustConnection;
 
 use super::{fault, lost};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Between two looks for events. It bounds the delay of a confirmation.
 const POLL: Duration = Duration::from_micros(200);
@@ -100,13 +100,15 @@ impl Watch {
     /// Takes note of all that has happened.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the window was closed, hidden, moved or covered since the last look, or the server is
+    /// [`Error::Rig`] when the window was closed, hidden, moved or covered since the last look, or the server is
     /// gone.
     pub(super) fn look(&mut self, connection: &RustConnection) -> Result<()> {
-        while let Some(event) =
-            connection.poll_for_event().map_err(|why| lost("tell what happens to the window", &why))?
-        {
-            self.note(&event);
+        self.drain(connection)?;
+        if self.trouble == Some(Trouble::Hidden) {
+            // A window that is closed is hidden first: once the server has answered, both are told.
+            let asked = connection.get_input_focus().map_err(|why| untold(&why))?;
+            asked.reply().map_err(|why| untold(&why))?;
+            self.drain(connection)?;
         }
         let trouble = self.trouble.take().or(self.obscured.then_some(Trouble::Covered));
         let Some(trouble) = trouble else { return Ok(()) };
@@ -121,7 +123,7 @@ impl Watch {
             Trouble::Rearranged => {
                 return Err(fault(
                     "the server's monitors were changed",
-                    "leave them alone while photos are taken",
+                    "leave them alone while photos are taken; go on with --resume",
                 ));
             }
         };
@@ -130,6 +132,13 @@ impl Watch {
             self.trouble = Some(trouble);
         }
         Err(fault(format!("the projector's window {what}"), format!("{help}; go on with --resume")))
+    }
+
+    fn drain(&mut self, connection: &RustConnection) -> Result<()> {
+        while let Some(event) = connection.poll_for_event().map_err(|why| untold(&why))? {
+            self.note(&event);
+        }
+        Ok(())
     }
 
     fn note(&mut self, event: &Event) {
@@ -168,4 +177,8 @@ impl Watch {
             _ => {}
         }
     }
+}
+
+fn untold(why: &dyn std::fmt::Display) -> Error {
+    lost("tell what happens to the window", why)
 }

@@ -13,6 +13,7 @@ use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
 use super::monitor::MonitorInfo;
+use super::spec::X11Spec;
 
 type Made<T> = Result<T, ReplyOrIdError>;
 
@@ -63,6 +64,15 @@ pub(super) fn pixmaps(
         connection.poly_fill_rectangle(*pixmap, gc, &[Rectangle { x: 0, y: 0, width, height }])?;
     }
     Ok((gc, pixmaps))
+}
+
+/// What takes the rows of a pattern, each once.
+pub(super) fn rows(connection: &RustConnection, screen: &Screen, spec: &X11Spec) -> Made<Pixmap> {
+    let pixmap = connection.generate_id()?;
+    // It fits the monitor, whose sides have 16 bits.
+    let [width, height] = [spec.shown().width, spec.size[1]].map(|side| side as u16);
+    connection.create_pixmap(screen.root_depth, pixmap, screen.root, width, height)?;
+    Ok(pixmap)
 }
 
 /// The protocol's own numbers: a monitor came with sides of 16 bits.

@@ -39,20 +39,21 @@ pub struct ShowTimes {
     pub draw: f64,
     /// Until the server confirmed it.
     pub present: f64,
-    /// Refreshes waited for after that.
+    /// Refreshes waited for after that, beyond the time of reading back.
     pub settle: f64,
-    /// Reading it back.
+    /// Reading it back, which goes on while refreshes pass.
     pub verify: f64,
 }
 
 pub(super) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8]) -> io::Result<()> {
     let header = serde_json::to_vec(header)?;
-    let mut lengths = [0; 8];
-    lengths[..4].copy_from_slice(&(header.len() as u32).to_le_bytes());
-    lengths[4..].copy_from_slice(&(payload.len() as u32).to_le_bytes());
-    to.write_all(&lengths)?;
-    to.write_all(&header)?;
-    to.write_all(payload)?;
+    // In one piece, so that who waits for it wakes once.
+    let mut message = Vec::with_capacity(8 + header.len() + payload.len());
+    message.extend((header.len() as u32).to_le_bytes());
+    message.extend((payload.len() as u32).to_le_bytes());
+    message.extend(header);
+    message.extend(payload);
+    to.write_all(&message)?;
     to.flush()
 }
 
