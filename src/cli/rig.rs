@@ -1,6 +1,7 @@
 //! `krylux rig`: what concerns devices rather than scenes.
 
 mod calibrate;
+mod cameras;
 mod list;
 
 use anyhow::Result;

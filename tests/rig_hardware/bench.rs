@@ -52,6 +52,7 @@ pub fn noisy(matrix: &Path) -> VirtualRig {
 
 /// A server with two monitors, and a camera that sees what is on the second.
 pub struct Stage {
+    pub address: Ipv4Addr,
     pub server: XServer,
     pub camera: GigeCamera,
     pub hardware: HardwareRig,
@@ -78,5 +79,5 @@ pub fn stage(last: u8, rig: &VirtualRig) -> Stage {
     let bits = PixelFormat::Mono16;
     let of_camera =
         GigeSpec { pixel_format: bits, exposures: [1e-4, 1.0], ..GigeSpec::new(address, SIDE, SIDE) };
-    Stage { server, camera, hardware: HardwareRig { projector, camera: of_camera } }
+    Stage { address, server, camera, hardware: HardwareRig { projector, camera: of_camera.into() } }
 }

@@ -30,14 +30,13 @@ fn summary(arguments: &[&str]) -> Value {
 /// The file of the rig of real protocols.
 fn real(folder: &Path, stage: &Stage, more: &str) -> String {
     let path = folder.join("real.toml");
-    let (projector, camera) = (&stage.hardware.projector, &stage.hardware.camera);
-    let display = projector.display.as_deref().unwrap_or_default();
+    let display = stage.hardware.projector.display.as_deref().unwrap_or_default();
     let text = format!(
         "kind = \"hardware\"\n{more}\n\
          [projector]\nkind = \"x11\"\ndisplay = \"{display}\"\nmonitor = \"beamer\"\nsize = [{SIDE}, {SIDE}]\nmagnify = {MAGNIFY}\n\
          [camera]\nkind = \"gige\"\naddress = \"{}\"\nsize = [{SIDE}, {SIDE}]\npixel_format = \"mono16\"\n\
          exposures = [1e-4, 1.0]\n[measurement]\ndirect_square = 1\n",
-        camera.address
+        stage.address
     );
     std::fs::write(&path, text).expect("the folder can be written");
     path.display().to_string()
@@ -188,5 +187,5 @@ fn what_needs_a_simulated_scene_says_so_on_real_devices() {
     }
     let said = summary(&["info", &rig]);
     assert_eq!(said["rig"]["kind"], "hardware");
-    assert_eq!(said["rig"]["camera"]["name"], "gige 127.0.8.250");
+    assert_eq!(said["rig"]["camera"]["name"], "gige 127.0.8.250 Mono12 8x8+0+0");
 }

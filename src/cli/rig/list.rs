@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::super::Outcome;
 use super::super::console::Console;
 use super::super::options::OutputArgs;
+use super::cameras;
 use crate::rig::{self, MonitorInfo, RigFile, RigKind};
 
 /// List the monitors and cameras that a rig file may name
@@ -38,7 +39,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         // A computer without a screen may still have cameras.
         Err(why) => console.note(format_args!("note: {why}")),
     }
-    let cameras = cameras(hardware.map(|rig| rig.camera.address), console)?;
+    let cameras = cameras::list(hardware.map(|rig| &rig.camera), console)?;
     let monitors: Vec<Value> = monitors.unwrap_or_default().iter().map(describe).collect();
     console.summary(&json!({ "verb": "rig list", "monitors": monitors, "cameras": cameras }))?;
     Ok(Outcome::Done)
@@ -62,29 +63,4 @@ fn describe(monitor: &MonitorInfo) -> Value {
         "primary": monitor.is_primary,
         "frame_time": monitor.frame_time,
     })
-}
-
-#[cfg(feature = "gige")]
-fn cameras(address: Option<std::net::Ipv4Addr>, console: &Console) -> Result<Value> {
-    let cameras = rig::cameras(&address.into_iter().collect::<Vec<_>>())?;
-    if cameras.is_empty() {
-        console.say("camera    none answers")?;
-    }
-    let known = |name: &Option<String>| name.clone().unwrap_or_else(|| "?".into());
-    for camera in &cameras {
-        console.say(format_args!(
-            "camera    {}: {} {}, serial number {}",
-            camera.address,
-            known(&camera.maker),
-            known(&camera.model),
-            known(&camera.serial)
-        ))?;
-    }
-    Ok(serde_json::to_value(cameras)?)
-}
-
-#[cfg(not(feature = "gige"))]
-fn cameras(_: Option<std::net::Ipv4Addr>, console: &Console) -> Result<Value> {
-    console.note(format_args!("note: this krylux was built without GigE Vision (--features gige)"));
-    Ok(json!([]))
 }

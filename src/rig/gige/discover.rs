@@ -6,8 +6,8 @@ use std::time::Duration;
 use viva_genicam::gige::DiscoveryOptions;
 use viva_genicam::{GenicamError, blocking};
 
-use super::fault;
 use crate::error::Result;
+use crate::rig::camera_fault;
 
 /// How long cameras may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
@@ -31,7 +31,7 @@ pub struct FoundCamera {
 /// [`Error::Rig`](crate::Error::Rig) when no question can be sent.
 pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
     let failed = |why: GenicamError| {
-        fault(format!("cameras cannot be looked for: {why}"), "check that the computer has a network")
+        camera_fault(format!("cameras cannot be looked for: {why}"), "check that the computer has a network")
     };
     let mut found =
         blocking::discover_with(ANSWER, &DiscoveryOptions::new().include_loopback(true)).map_err(failed)?;

@@ -1,0 +1,320 @@
+//! The camera as a rig sees it: a speed that is set, a file for each release, its counts.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use tempfile::TempDir;
+
+use super::answers::{FoundStillCamera, Setting, cameras, names, setting};
+use super::pgm;
+use super::program::{Ran, last, run};
+use super::spec::Gphoto2Spec;
+use super::speed::seconds;
+use crate::error::{Error, Result};
+use crate::rig::nearest::nearest;
+use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
+
+/// How long it may take to answer a question.
+const ANSWER: Duration = Duration::from_secs(20);
+
+/// By which factor a shutter speed may differ from the exposure that is asked for: half a stop.
+const NEAR: f64 = std::f64::consts::SQRT_2;
+
+/// What the setting of the shutter is called: the second one, where there is one, in fractions.
+const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
+
+/// Where photos are kept until they are fetched: by way of the card it would take longer.
+const TARGET: [&str; 2] = ["capturetarget", "Internal RAM"];
+
+/// A still camera that `gphoto2` drives.
+pub struct Gphoto2 {
+    info: CameraInfo,
+    spec: Gphoto2Spec,
+    clock: WallClock,
+    body: Body,
+    shutter: (String, Setting),
+    /// In seconds, as set.
+    exposure: f64,
+    id: u64,
+}
+
+/// The still cameras that gphoto2 finds.
+///
+/// # Errors
+/// [`Error::Rig`] when the program is not installed, fails, or hangs.
+pub fn still_cameras() -> Result<Vec<FoundStillCamera>> {
+    Ok(cameras(&run("gphoto2", &["--auto-detect".into()], None, ANSWER)?.answer))
+}
+
+impl Gphoto2 {
+    /// Opens the camera and sets it as `spec` says. Times are told by `clock`; frames are numbered from past `after` on.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when a program is not installed, there is no such camera, or it has no such choice.
+    pub fn open(spec: &Gphoto2Spec, clock: WallClock, after: u64) -> Result<Self> {
+        let (body, shutter) = prepare(spec)?;
+        let mut camera =
+            Self { info: spec.info(), spec: spec.clone(), clock, body, shutter, exposure: 0.0, id: after };
+        camera.configure(spec.exposures[0])?;
+        Ok(camera)
+    }
+
+    /// Releases the shutter and fetches the file; its path, in the folder.
+    fn release(&self) -> Result<(PathBuf, TempDir)> {
+        let limit = Duration::from_secs_f64(self.exposure + self.spec.timeout);
+        let arguments = ["--force-overwrite", "--filename", "photo.%C", "--capture-image-and-download"];
+        let Ran { folder, said, .. } = self.body.run(&arguments, limit)?;
+        let mut files = files(folder.path());
+        // With RAW and JPEG at once there are both.
+        let is_lossy = |path: &PathBuf| {
+            path.extension()
+                .is_some_and(|end| ["jpg", "jpeg"].iter().any(|jpeg| end.eq_ignore_ascii_case(jpeg)))
+        };
+        let lossy = files.iter().any(is_lossy);
+        files.retain(|path| !is_lossy(path));
+        match <[PathBuf; 1]>::try_from(files) {
+            Ok([path]) => Ok((path, folder)),
+            Err(files) if files.is_empty() && lossy => Err(camera_fault(
+                "the camera took a JPEG, which is not linear",
+                "give image_format in [camera] one of its choices for RAW",
+            )),
+            Err(files) => Err(camera_fault(
+                format!("gphoto2 left {} files where one RAW file was expected: {said}", files.len()),
+                "give image_format in [camera] one of the camera's choices for RAW alone",
+            )),
+        }
+    }
+
+    /// The counts of the sensor's part, from a RAW file.
+    fn decode(&self, raw: &Path, folder: TempDir) -> Result<Vec<u16>> {
+        let limit = Duration::from_secs_f64(self.spec.timeout);
+        let (program, arguments) = self.spec.decoder.split_first().ok_or_else(|| {
+            camera_fault("there is no decoder", "give decoder in [camera], or leave it out for dcraw")
+        })?;
+        let name = raw.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let arguments: Vec<String> = arguments.iter().cloned().chain([name]).collect();
+        let before = files(folder.path());
+        let ran = run(program, &arguments, Some(folder), limit)?;
+        let new = files(ran.folder.path()).into_iter().find(|path| !before.contains(path));
+        let bytes = match new {
+            Some(path) if ran.answer.is_empty() => std::fs::read(&path).map_err(Error::reading(path))?,
+            _ => ran.answer,
+        };
+        let picture = pgm::read(&bytes).ok_or_else(|| {
+            let begins = last(&bytes[..bytes.len().min(32)]);
+            camera_fault(
+                format!(
+                    "{program} gave no gray picture (PGM) but {} bytes that begin with \"{begins}\"; {}",
+                    bytes.len(),
+                    ran.said
+                ),
+                "correct decoder in [camera]: it must print, or leave beside the file, the sensor's counts as PGM",
+            )
+        })?;
+        let Gphoto2Spec { size, offset, bits, .. } = self.spec;
+        let counts = picture.part(size, offset).ok_or_else(|| {
+            let [[w, h], [x, y], [width, height]] = [size, offset, picture.size];
+            camera_fault(
+                format!("its RAW picture has {width}x{height} photosites, fewer than {w}x{h} at ({x}, {y})"),
+                "correct size or offset in [camera]",
+            )
+        })?;
+        match counts.iter().max() {
+            Some(&most) if u32::from(most) >> bits > 0 => Err(camera_fault(
+                format!("its RAW picture counts up to {most}, more than {bits} bits hold"),
+                "correct bits in [camera], or have the decoder leave counts as they are",
+            )),
+            _ => Ok(counts),
+        }
+    }
+}
+
+impl Camera for Gphoto2 {
+    fn info(&self) -> &CameraInfo {
+        &self.info
+    }
+
+    fn configure(&mut self, exposure: f64) -> Result<f64> {
+        self.info.check_exposure(exposure)?;
+        let (name, setting) = &self.shutter;
+        let near = setting.nearest_speed(exposure, self.spec.stops);
+        let near = near.filter(|(_, set)| (NEAR.recip()..=NEAR).contains(&(set / exposure)));
+        let Some((speed, set)) = near else {
+            return Err(camera_fault(
+                format!("the camera has no shutter speed near {exposure} s"),
+                format!(
+                    "it has {}: correct exposures in [camera] or [measurement]",
+                    setting.choices.join(", ")
+                ),
+            ));
+        };
+        self.body.put(name, speed)?;
+        self.exposure = set;
+        Ok(set)
+    }
+
+    fn capture(&mut self) -> Result<Option<RawFrame>> {
+        // No still camera says when its shutter opened: after it was asked to.
+        let started = self.clock.seconds();
+        let (raw, folder) = self.release()?;
+        let counts = self.spec.sensor().pixels(self.decode(&raw, folder)?);
+        self.id += 1;
+        Ok(Some(RawFrame {
+            resolution: self.info.resolution,
+            channels: self.info.channels,
+            counts,
+            exposure: self.exposure,
+            id: self.id,
+            started,
+        }))
+    }
+
+    fn restart(&mut self) -> Result<()> {
+        // Switched off and on, it has another port and may have other settings.
+        (self.body, self.shutter) = prepare(&self.spec)?;
+        self.configure(self.exposure).map(|_| ())
+    }
+}
+
+/// Finds the camera and sets all but the shutter; what that can do.
+fn prepare(spec: &Gphoto2Spec) -> Result<(Body, (String, Setting))> {
+    let found = run(&spec.program, &["--auto-detect".into()], None, ANSWER)?;
+    let body = Body { program: spec.program.clone(), port: choose(&found, spec.model.as_deref())? };
+    let known = names(&body.run(&["--list-config"], ANSWER)?.answer);
+    let has = |name: &str| known.iter().any(|known| known == name);
+    if has(TARGET[0]) && !spec.settings.contains_key(TARGET[0]) && body.get(TARGET[0])?.offers(TARGET[1]) {
+        body.put(TARGET[0], TARGET[1])?;
+    }
+    for (names, value) in spec.wanted() {
+        let name = named(&names, &known)?;
+        let setting = body.get(name)?;
+        if setting.current == value {
+            continue;
+        }
+        check(name, &setting, value)?;
+        body.put(name, value)?;
+    }
+    let name = named(&SHUTTER, &known)?;
+    let setting = body.get(name)?;
+    if setting.is_read_only || !setting.choices.iter().any(|choice| seconds(choice, None).is_some()) {
+        return Err(camera_fault(
+            format!("the shutter speed ({name}) cannot be set: it is {}", setting.current),
+            "turn the camera's mode dial to M",
+        ));
+    }
+    Ok((body, (name.to_owned(), setting)))
+}
+
+/// The port of this model, or of the only camera.
+fn choose(ran: &Ran, model: Option<&str>) -> Result<String> {
+    let found = cameras(&ran.answer);
+    let told = |found: &[FoundStillCamera]| {
+        let models: Vec<&str> = found.iter().map(|camera| camera.model.as_str()).collect();
+        models.join(", ")
+    };
+    if found.is_empty() {
+        return Err(camera_fault(
+            format!("gphoto2 finds no camera: {}", ran.said),
+            "check that it is on, its cable, and that it is in a mode for computers (PTP)",
+        ));
+    }
+    let fits: Vec<&FoundStillCamera> =
+        found.iter().filter(|camera| model.is_none_or(|model| camera.model == model)).collect();
+    match (fits.as_slice(), model) {
+        ([camera], _) => Ok(camera.port.clone()),
+        ([], model) => Err(camera_fault(
+            format!("gphoto2 finds no camera \"{}\"", model.unwrap_or_default()),
+            format!("it finds {}: correct model in [camera]", told(&found)),
+        )),
+        _ => Err(camera_fault(
+            format!("gphoto2 finds {} cameras: {}", fits.len(), told(&found)),
+            "give the model of one in [camera], or switch the other off",
+        )),
+    }
+}
+
+/// The name of these that the camera knows.
+fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
+    names.iter().find(|name| known.iter().any(|known| known == *name)).copied().ok_or_else(|| {
+        let listed: Vec<&str> = known.iter().map(String::as_str).collect();
+        let meant = names.first().and_then(|name| nearest(name, &listed));
+        let meant = meant.map_or_else(String::new, |name| format!("; did you mean {name}?"));
+        camera_fault(
+            format!("the camera has no setting {}{meant}", names.join(" or ")),
+            "`gphoto2 --list-config` names those it has; some are there in mode M only, or with another lens",
+        )
+    })
+}
+
+fn check(name: &str, setting: &Setting, value: &str) -> Result<()> {
+    if setting.is_read_only {
+        return Err(camera_fault(
+            format!("{name} cannot be set to {value}: it is {}, and fixed", setting.current),
+            "turn the camera's mode dial to M, and its lens to the aperture ring's computer setting",
+        ));
+    }
+    if setting.offers(value) {
+        return Ok(());
+    }
+    let known: Vec<&str> = setting.choices.iter().map(String::as_str).collect();
+    let meant = nearest(value, &known).map_or_else(String::new, |choice| format!("; did you mean {choice}?"));
+    Err(camera_fault(
+        format!("{name} has no choice \"{value}\"{meant}"),
+        format!("correct it in [camera]; the camera's choices are {}", known.join(", ")),
+    ))
+}
+
+impl Setting {
+    fn offers(&self, value: &str) -> bool {
+        self.choices.is_empty() || self.choices.iter().any(|choice| choice == value)
+    }
+}
+
+/// One camera, by the program and the port that reach it.
+struct Body {
+    program: String,
+    port: String,
+}
+
+impl Body {
+    fn run(&self, arguments: &[&str], limit: Duration) -> Result<Ran> {
+        let arguments = ["--port", &self.port].into_iter().chain(arguments.iter().copied());
+        run(&self.program, &arguments.map(String::from).collect::<Vec<_>>(), None, limit)
+    }
+
+    /// A setting.
+    fn get(&self, name: &str) -> Result<Setting> {
+        let ran = self.run(&["--get-config", name], ANSWER)?;
+        setting(&ran.answer).ok_or_else(|| untold(name, &ran))
+    }
+
+    /// Sets it, and reads it back.
+    fn put(&self, name: &str, value: &str) -> Result<()> {
+        let assigned = format!("{name}={value}");
+        let ran = self.run(&["--set-config-value", &assigned, "--get-config", name], ANSWER)?;
+        let now = setting(&ran.answer).ok_or_else(|| untold(name, &ran))?.current;
+        if now == value {
+            return Ok(());
+        }
+        Err(camera_fault(
+            format!("{name} was set to {value}, but is {now}"),
+            "turn the camera's mode dial to M; some choices exclude each other",
+        ))
+    }
+}
+
+fn untold(name: &str, ran: &Ran) -> Error {
+    camera_fault(
+        format!("gphoto2 did not tell {name}: {}", ran.said),
+        "check by hand what `gphoto2 --get-config` prints for it",
+    )
+}
+
+/// The files of a folder, in order.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    // A folder of our own that cannot be read has no files in it that could be used.
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
+    files.sort();
+    files
+}
