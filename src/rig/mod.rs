@@ -48,6 +48,8 @@ pub use pixels::{Binning, Colour, PixelFormat, Tiles};
 pub use usb3::Usb3Spec;
 #[cfg(feature = "usb3")]
 pub use usb3::{FoundUsbCamera, Usb3Vision, usb_cameras};
+#[cfg(feature = "v4l")]
+pub use v4l::{FoundVideoDevice, V4l, video_devices};
 pub use v4l::{V4lFormat, V4lSpec};
 pub use virtual_bench::{
     Ambient, Drift, Faults, Misregistration, Response, VirtualCamera, VirtualProjector, VirtualRig,

@@ -14,12 +14,12 @@ use serde::de::{Deserialize, Deserializer, Error};
 use super::mosaic::Tiles;
 
 macro_rules! formats {
-    ($($name:ident $key:literal $bits:literal $tiles:expr;)*) => {
+    ($($(#[$of:meta])? $name:ident $key:literal $bits:literal $tiles:expr;)*) => {
         /// How a camera hands out counts. In a rig file in lower case, as in `mono12p`; its own spelling will do.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs, reason = "the convention's names are the documentation")]
         pub enum PixelFormat {
-            $($name,)*
+            $($(#[$of])? $name,)*
         }
 
         /// All there are, with their keys.
@@ -55,7 +55,7 @@ formats! {
     Mono10 "mono10" 10 None;
     Mono10p "mono10p" 10 None;
     Mono10Packed "mono10packed" 10 None;
-    Mono12 "mono12" 12 None;
+    #[default] Mono12 "mono12" 12 None;
     Mono12p "mono12p" 12 None;
     Mono12Packed "mono12packed" 12 None;
     Mono14 "mono14" 14 None;
@@ -92,12 +92,6 @@ formats! {
     BayerBG12p "bayerbg12p" 12 Some(Tiles::Bggr);
     BayerBG12Packed "bayerbg12packed" 12 Some(Tiles::Bggr);
     BayerBG16 "bayerbg16" 16 Some(Tiles::Bggr);
-}
-
-impl Default for PixelFormat {
-    fn default() -> Self {
-        Self::Mono12
-    }
 }
 
 impl<'de> Deserialize<'de> for PixelFormat {

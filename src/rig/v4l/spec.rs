@@ -55,6 +55,20 @@ pub enum V4lFormat {
 }
 
 impl V4lFormat {
+    /// All there are.
+    pub const ALL: [Self; 5] = [Self::Grey, Self::Y10, Self::Y12, Self::Y16, Self::Yuyv];
+
+    /// As rig files call it.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Grey => "grey",
+            Self::Y10 => "y10",
+            Self::Y12 => "y12",
+            Self::Y16 => "y16",
+            Self::Yuyv => "yuyv",
+        }
+    }
+
     /// The four letters by which the video interface calls it.
     pub fn code(self) -> [u8; 4] {
         *match self {
