@@ -84,6 +84,12 @@ fn speeds_are_powers_of_a_root_of_two_where_the_file_says_so() {
     let set = camera.configure(1.0 / 60.0).expect("within range");
     assert!((set - 1.0 / 64.0).abs() < 1e-12, "{set}");
     assert_eq!(studio.current("shutterspeed"), "1/60");
+    // 30 is 32, which is what was asked for, and more than the file says: it stays so over a restart.
+    let spec = Gphoto2Spec { stops: Some(3), exposures: [1e-3, 30.0], ..studio.spec() };
+    let mut camera = studio.open(&spec).expect("it is there");
+    assert_eq!(camera.configure(30.0).expect("within range"), 32.0);
+    camera.restart().expect("it is there");
+    assert_eq!(camera.capture().expect("it is there").expect("it comes").exposure, 32.0);
 }
 
 #[test]

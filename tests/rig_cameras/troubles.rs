@@ -68,7 +68,7 @@ fn what_is_not_among_the_cameras_choices_is_told_with_them() {
     let mut spec = studio.spec();
     spec.settings.insert("isso".into(), "100".into());
     says(&refused(&studio, &spec), &["no setting isso; did you mean iso?", "--list-config"]);
-    // Half a stop and no further: from 1/60 to 1/15 there are two.
+    // Half a stop, or a little more: from 1/60 to 1/15 there are two.
     let mut camera = studio.open(&studio.spec()).expect("it is there");
     assert!(camera.configure(1.0 / 75.0).is_ok());
     let message = camera.configure(1.0 / 30.0).expect_err("nothing is near").to_string();
@@ -163,7 +163,7 @@ fn files_that_are_no_raw_of_this_sensor_are_refused() {
         &["has 4x2 photosites, fewer than 12x8 at (0, 0)", "correct size"],
     );
     let studio = Studio::new();
-    studio.takes("cr2", SENSOR, &vec![16384; 96]);
+    studio.takes("cr2", SENSOR, &[16384; 96]);
     says(&failed(&studio, &studio.spec()), &["counts up to 16384, more than 14 bits hold", "correct bits"]);
 }
 

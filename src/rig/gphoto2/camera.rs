@@ -17,8 +17,8 @@ use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 /// How long it may take to answer a question.
 const ANSWER: Duration = Duration::from_secs(20);
 
-/// By which factor a shutter speed may differ from the exposure that is asked for: half a stop.
-const NEAR: f64 = std::f64::consts::SQRT_2;
+/// By which factor a shutter speed may differ from the exposure that is asked for: half a stop, and what cameras round speeds by.
+const NEAR: f64 = 1.5;
 
 /// What the setting of the shutter is called: the second one, where there is one, in fractions.
 const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
@@ -33,8 +33,8 @@ pub struct Gphoto2 {
     clock: WallClock,
     body: Body,
     shutter: (String, Setting),
-    /// In seconds, as set.
-    exposure: f64,
+    /// In seconds: what was asked for, and what was set.
+    exposure: [f64; 2],
     id: u64,
 }
 
@@ -53,15 +53,22 @@ impl Gphoto2 {
     /// [`Error::Rig`] when a program is not installed, there is no such camera, or it has no such choice.
     pub fn open(spec: &Gphoto2Spec, clock: WallClock, after: u64) -> Result<Self> {
         let (body, shutter) = prepare(spec)?;
-        let mut camera =
-            Self { info: spec.info(), spec: spec.clone(), clock, body, shutter, exposure: 0.0, id: after };
+        let mut camera = Self {
+            info: spec.info(),
+            spec: spec.clone(),
+            clock,
+            body,
+            shutter,
+            exposure: [0.0; 2],
+            id: after,
+        };
         camera.configure(spec.exposures[0])?;
         Ok(camera)
     }
 
     /// Releases the shutter and fetches the file; its path, in the folder.
     fn release(&self) -> Result<(PathBuf, TempDir)> {
-        let limit = Duration::from_secs_f64(self.exposure + self.spec.timeout);
+        let limit = Duration::from_secs_f64(self.exposure[1] + self.spec.timeout);
         let arguments = ["--force-overwrite", "--filename", "photo.%C", "--capture-image-and-download"];
         let Ran { folder, said, .. } = self.body.run(&arguments, limit)?;
         let mut files = files(folder.path());
@@ -149,7 +156,7 @@ impl Camera for Gphoto2 {
             ));
         };
         self.body.put(name, speed)?;
-        self.exposure = set;
+        self.exposure = [exposure, set];
         Ok(set)
     }
 
@@ -163,7 +170,7 @@ impl Camera for Gphoto2 {
             resolution: self.info.resolution,
             channels: self.info.channels,
             counts,
-            exposure: self.exposure,
+            exposure: self.exposure[1],
             id: self.id,
             started,
         }))
@@ -172,7 +179,7 @@ impl Camera for Gphoto2 {
     fn restart(&mut self) -> Result<()> {
         // Switched off and on, it has another port and may have other settings.
         (self.body, self.shutter) = prepare(&self.spec)?;
-        self.configure(self.exposure).map(|_| ())
+        self.configure(self.exposure[0]).map(|_| ())
     }
 }
 

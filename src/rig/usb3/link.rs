@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use viva_genicam::u3v::{NusbTransfer, U3vDeviceInfo, U3vStreamOptions};
+use viva_genicam::u3v::{NusbTransfer, U3vDeviceInfo, U3vStreamOptions, UsbTransfer};
 use viva_genicam::{Camera as Described, Frame, GenicamError, U3vFrameStream, U3vRegisterIo, connect_u3v};
 
 use super::Usb3Spec;
@@ -12,7 +12,7 @@ use crate::rig::genicam::{Transport, Triggered};
 use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 
 /// A USB3 Vision camera.
-pub struct Usb3Vision(Triggered<Usb3Spec>);
+pub struct Usb3Vision(Triggered<OnUsb<Usb3Spec>>);
 
 impl Usb3Vision {
     /// Opens the camera. Times are told by `clock`; frames are numbered from past `after` on.
@@ -20,7 +20,7 @@ impl Usb3Vision {
     /// # Errors
     /// [`Error::Rig`] when it is not plugged in, another program holds it, or it cannot do what `spec` says.
     pub fn open(spec: &Usb3Spec, clock: WallClock, after: u64) -> Result<Self> {
-        Triggered::open(spec.clone(), spec.settings(), spec.info(), clock, after).map(Self)
+        Triggered::open(OnUsb(spec.clone()), spec.settings(), spec.info(), clock, after).map(Self)
     }
 }
 
@@ -42,15 +42,26 @@ impl Camera for Usb3Vision {
     }
 }
 
-impl Transport for Usb3Spec {
-    type Registers = U3vRegisterIo<NusbTransfer>;
-    type Stream = U3vFrameStream;
+/// How a camera is opened.
+pub(super) trait Port {
+    /// What carries bytes to it and back.
+    type Wire: UsbTransfer + 'static;
+
+    /// Where it is, in errors.
+    fn place(&self) -> String;
+
+    /// Opens it.
+    fn open(&self) -> Result<Described<U3vRegisterIo<Self::Wire>>>;
+}
+
+impl Port for Usb3Spec {
+    type Wire = NusbTransfer;
 
     fn place(&self) -> String {
         self.serial.as_ref().map_or_else(|| "on USB".into(), |serial| format!("with serial number {serial}"))
     }
 
-    fn connect(&self) -> Result<Described<Self::Registers>> {
+    fn open(&self) -> Result<Described<U3vRegisterIo<NusbTransfer>>> {
         let device = choose(devices()?, self.serial.as_deref())?;
         connect_u3v(&device).map_err(|why| {
             camera_fault(
@@ -59,6 +70,22 @@ impl Transport for Usb3Spec {
                  (a udev rule, mostly the maker's)",
             )
         })
+    }
+}
+
+/// The protocol, on whatever carries its bytes.
+pub(super) struct OnUsb<P>(pub(super) P);
+
+impl<P: Port> Transport for OnUsb<P> {
+    type Registers = U3vRegisterIo<P::Wire>;
+    type Stream = U3vFrameStream;
+
+    fn place(&self) -> String {
+        self.0.place()
+    }
+
+    fn connect(&self) -> Result<Described<Self::Registers>> {
+        self.0.open()
     }
 
     fn stream(

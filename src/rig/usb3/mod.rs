@@ -12,6 +12,8 @@
 mod discover;
 #[cfg(feature = "usb3")]
 mod link;
+#[cfg(all(test, feature = "usb3"))]
+mod played;
 mod spec;
 
 #[cfg(feature = "usb3")]

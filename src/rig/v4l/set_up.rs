@@ -60,8 +60,8 @@ const AUTOMATIC: [(u32, &str, i64); 9] = [
     (id::STABILIZATION, "the image stabilization", 0),
 ];
 
-/// The unit of `EXPOSURE`, in seconds.
-const UNIT: f64 = 1e-4;
+/// Units of `EXPOSURE` in a second.
+const PER_SECOND: f64 = 1e4;
 
 /// By how much an exposure that was set may differ from the one that was asked for, relatively: half a unit of the shortest that is
 /// worth having, and what drivers round to.
@@ -118,7 +118,7 @@ fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
 
 /// Sets the exposure in seconds; what was really set.
 pub(super) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposure: f64) -> Result<f64> {
-    let units = (exposure / UNIT).round().max(1.0) as i64;
+    let units = (exposure * PER_SECOND).round().max(1.0) as i64;
     let failed = |why: Refusal| {
         camera_fault(
             format!("{} did not set an exposure of {exposure} s: {why}", spec.device),
@@ -126,7 +126,7 @@ pub(super) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposu
         )
     };
     device.set_control(id::EXPOSURE, units).map_err(failed)?;
-    let set = device.control(id::EXPOSURE).map_err(failed)? as f64 * UNIT;
+    let set = device.control(id::EXPOSURE).map_err(failed)? as f64 / PER_SECOND;
     if (set / exposure - 1.0).abs() <= NEAR {
         return Ok(set);
     }
