@@ -34,7 +34,7 @@ const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
 /// The monitors of a server, in its order; `display` as in [`X11Spec::display`].
 ///
 /// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when the server cannot be reached, or does not know its monitors.
+/// [`Error::Rig`] when the server cannot be reached, or does not know its monitors.
 pub fn monitors(display: Option<&str>) -> Result<Vec<MonitorInfo>> {
     let (connection, screen) = connect(display)?;
     let root = connection.setup().roots[screen].root;
