@@ -74,7 +74,8 @@ pub fn address(last: u8) -> Ipv4Addr {
 
 pub fn spec(last: u8) -> GigeSpec {
     let exposures = [1e-4, 0.5];
-    GigeSpec { exposures, timeout: 0.3, ..GigeSpec::new(address(last), SIZE.width, SIZE.height) }
+    // A busy machine may leave the camera waiting for a while.
+    GigeSpec { exposures, timeout: 5.0, ..GigeSpec::new(address(last), SIZE.width, SIZE.height) }
 }
 
 /// A camera of 12 bits that sees the lamp's light on the sheet.

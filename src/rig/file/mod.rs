@@ -152,7 +152,7 @@ struct HardwareTables<C> {
 /// Of which kind its camera is; all else is looked at when that is known.
 #[derive(Deserialize)]
 struct OfKind {
-    camera: KindOnly,
+    camera: Option<KindOnly>,
 }
 
 #[derive(Deserialize)]
@@ -191,8 +191,10 @@ impl RigFile {
             let (calibration, measurement) = (tables.calibration.clone(), tables.measurement.clone());
             (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
         } else {
-            let OfKind { camera: KindOnly { kind } } = parse(path, text)?;
-            let (rig, calibration, measurement) = match kind {
+            let OfKind { camera } = parse(path, text)?;
+            // That there is none is an error of the whole, as others are.
+            let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind)
+            {
                 CameraKind::Gige => hardware::<GigeSpec>(&check, text)?,
                 CameraKind::Usb3 => hardware::<Usb3Spec>(&check, text)?,
                 CameraKind::V4l => hardware::<V4lSpec>(&check, text)?,

@@ -56,7 +56,7 @@ pub struct Gphoto2Spec {
     /// Seconds beyond the exposure that gphoto2 may take for a photo, and the decoder for its file.
     #[serde(default = "half_a_minute")]
     pub timeout: f64,
-    /// The program itself, where it is not on the `PATH` or has another name.
+    /// The program itself, where it is not on the `PATH` (then from the root on) or has another name.
     #[serde(default = "gphoto2")]
     pub program: String,
     /// The program that decodes RAW, with its arguments; the file's name is added. It prints a PGM, or leaves one beside the file:
