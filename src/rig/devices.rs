@@ -81,7 +81,9 @@ impl CameraInfo {
         Err(Error::Rig {
             device: self.name.clone(),
             fault: format!("an exposure of {exposure} s cannot be set"),
-            help: format!("it can do {shortest} s to {longest} s"),
+            help: format!(
+                "give exposures from {shortest} to {longest} s in [measurement], or correct those of [camera]"
+            ),
         })
     }
 }

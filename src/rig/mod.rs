@@ -39,15 +39,17 @@ pub use clock::WallClock;
 pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown, Stamp};
 pub use file::{RigFile, RigKind};
 pub use frame::{Frame, RawFrame};
+#[cfg(any(feature = "gige", feature = "usb3"))]
+pub use genicam::Abilities;
 pub use gige::GigeSpec;
 #[cfg(feature = "gige")]
-pub use gige::{FoundCamera, GigeVision, cameras};
+pub use gige::{FoundCamera, GigeVision, camera_abilities, cameras};
 pub use gphoto2::{FoundStillCamera, Gphoto2, Gphoto2Spec, still_cameras};
 pub use hardware::HardwareRig;
 pub use pixels::{Binning, Colour, PixelFormat, Tiles};
 pub use usb3::Usb3Spec;
 #[cfg(feature = "usb3")]
-pub use usb3::{FoundUsbCamera, Usb3Vision, usb_cameras};
+pub use usb3::{FoundUsbCamera, Usb3Vision, usb_camera_abilities, usb_cameras};
 #[cfg(feature = "v4l")]
 pub use v4l::{FoundVideoDevice, V4l, video_devices};
 pub use v4l::{V4lFormat, V4lSpec};

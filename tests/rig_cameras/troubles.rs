@@ -74,7 +74,7 @@ fn what_is_not_among_the_cameras_choices_is_told_with_them() {
     let message = camera.configure(1.0 / 30.0).expect_err("nothing is near").to_string();
     says(&message, &["no shutter speed near 0.033", "1/15, 1/60"]);
     let message = camera.configure(2.0).expect_err("the file says less").to_string();
-    says(&message, &["an exposure of 2 s cannot be set", "0.001 s to 1 s"]);
+    says(&message, &["an exposure of 2 s cannot be set", "from 0.001 to 1 s"]);
 }
 
 #[test]

@@ -105,7 +105,10 @@ fn what_a_camera_cannot_do_is_named_when_it_is_opened() {
     drop(open(&GigeSpec { size: [16, 8], offset: [32, 12], ..spec(42) }).expect("it can do that"));
     let mut opened = open(&spec(42)).expect("it can do that");
     let message = refused(opened.configure(0.6));
-    assert!(message.contains("an exposure of 0.6 s cannot be set") && message.contains("0.5 s"), "{message}");
+    assert!(
+        message.contains("an exposure of 0.6 s cannot be set") && message.contains("to 0.5 s"),
+        "{message}"
+    );
 }
 
 #[test]

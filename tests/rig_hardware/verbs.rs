@@ -162,6 +162,15 @@ fn the_list_names_what_a_rig_file_may_name() {
     let cameras = said["cameras"].as_array().expect("an array");
     let ours = cameras.iter().find(|camera| camera["address"] == "127.0.8.12").expect("it is listed");
     assert_eq!((&ours["maker"], &ours["model"]), (&Value::from("krylux"), &Value::from("Loopback")));
+    assert_eq!(ours["kind"], "gige");
+    let abilities = &ours["abilities"];
+    assert_eq!(abilities["sensor"], serde_json::json!([SIDE, SIDE]));
+    let formats = abilities["pixel_formats"].as_array().expect("a list");
+    assert!(
+        ["Mono12Packed", "BayerRG12p"].iter().all(|format| formats.contains(&(*format).into())),
+        "{abilities}"
+    );
+    assert_eq!(abilities["exposures"], serde_json::json!([2e-5, 2.0]));
     // Without a server there is nothing to show on, which is said.
     let output = krylux(&["rig", "list", "--display", ":4094"]);
     assert!(output.status.success() && String::from_utf8_lossy(&output.stderr).contains(":4094"));

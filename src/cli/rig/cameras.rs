@@ -9,8 +9,12 @@ use serde_json::{Value, json};
 use super::super::console::Console;
 use crate::rig::{self, CameraSpec};
 
-/// A camera: what is said of it, and the same for `--json`.
-type Found = (String, Value);
+/// A camera: what is said of it, why more cannot be said, and the same for `--json`.
+struct Found {
+    lines: Vec<String>,
+    note: Option<crate::Error>,
+    described: Value,
+}
 
 /// Names all cameras, and asks that of a rig file, too; those found.
 pub(super) fn list(of_file: Option<&CameraSpec>, console: &Console) -> Result<Vec<Value>> {
@@ -29,17 +33,44 @@ pub(super) fn list(of_file: Option<&CameraSpec>, console: &Console) -> Result<Ve
     if found.is_empty() {
         console.say("camera    none answers")?;
     }
-    found.iter().try_for_each(|(said, _)| console.say(format_args!("camera    {said}")))?;
-    Ok(found.into_iter().map(|(_, described)| described).collect())
+    for camera in &found {
+        for (at, line) in camera.lines.iter().enumerate() {
+            console.say(format_args!("{:<9} {line}", if at == 0 { "camera" } else { "" }))?;
+        }
+        if let Some(why) = &camera.note {
+            console.note(format_args!("note: {why}"));
+        }
+    }
+    Ok(found.into_iter().map(|camera| camera.described).collect())
 }
 
-/// A camera's description with its kind, under which a rig file names it.
-fn described(kind: &str, camera: &impl Serialize) -> Value {
-    let mut described = json!(camera);
-    if let Some(fields) = described.as_object_mut() {
-        fields.insert("kind".into(), kind.into());
+impl Found {
+    /// A camera of this kind, under which a rig file names it.
+    fn new(kind: &str, camera: &impl Serialize, said: String) -> Self {
+        let mut found = Self { lines: vec![said], note: None, described: json!(camera) };
+        found.add("kind", kind.into());
+        found
     }
-    described
+
+    /// The same with what it can do.
+    #[cfg(any(feature = "gige", feature = "usb3"))]
+    fn able(mut self, abilities: crate::Result<rig::Abilities>) -> Self {
+        match abilities {
+            Ok(abilities) => {
+                self.lines.push(abilities.to_string());
+                self.add("abilities", json!(abilities));
+            }
+            // It is there all the same.
+            Err(why) => self.note = Some(why),
+        }
+        self
+    }
+
+    fn add(&mut self, key: &str, value: Value) {
+        if let Some(fields) = self.described.as_object_mut() {
+            fields.insert(key.into(), value);
+        }
+    }
 }
 
 #[cfg(any(feature = "gige", feature = "usb3"))]
@@ -54,7 +85,10 @@ fn gige(address: Option<Ipv4Addr>) -> crate::Result<Vec<Found>> {
         let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
         format!("gige {}: {maker} {model}, serial number {serial}", camera.address)
     };
-    Ok(cameras.iter().map(|camera| (said(camera), described("gige", camera))).collect())
+    let found = |camera: &rig::FoundCamera| {
+        Found::new("gige", camera, said(camera)).able(rig::camera_abilities(camera.address))
+    };
+    Ok(cameras.iter().map(found).collect())
 }
 
 #[cfg(feature = "usb3")]
@@ -64,7 +98,10 @@ fn usb3() -> crate::Result<Vec<Found>> {
         let speed = camera.speed.as_ref().map_or_else(String::new, |speed| format!(", at {speed}"));
         format!("usb3 {serial}: {maker} {model}{speed}")
     };
-    Ok(rig::usb_cameras()?.iter().map(|camera| (said(camera), described("usb3", camera))).collect())
+    let found = |camera: &rig::FoundUsbCamera| {
+        Found::new("usb3", camera, said(camera)).able(rig::usb_camera_abilities(camera.serial.as_deref()))
+    };
+    Ok(rig::usb_cameras()?.iter().map(found).collect())
 }
 
 #[cfg(feature = "v4l")]
@@ -77,12 +114,12 @@ fn v4l() -> crate::Result<Vec<Found>> {
         };
         format!("v4l {}: {}, {formats}", device.device, device.name)
     };
-    Ok(rig::video_devices().iter().map(|device| (said(device), described("v4l", device))).collect())
+    Ok(rig::video_devices().iter().map(|device| Found::new("v4l", device, said(device))).collect())
 }
 
 fn gphoto2() -> crate::Result<Vec<Found>> {
     let said = |camera: &rig::FoundStillCamera| format!("gphoto2 \"{}\", at {}", camera.model, camera.port);
-    Ok(rig::still_cameras()?.iter().map(|camera| (said(camera), described("gphoto2", camera))).collect())
+    Ok(rig::still_cameras()?.iter().map(|camera| Found::new("gphoto2", camera, said(camera))).collect())
 }
 
 #[cfg(not(feature = "gige"))]

@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const ACCESS_DENIED: u16 = 0x8006;
 
 /// How long one question takes at most.
-pub(super) const ANSWER: Duration = Duration::from_millis(500);
+const ANSWER: Duration = Duration::from_millis(500);
 
 /// A GigE Vision camera.
 pub struct GigeVision(Triggered<GigeSpec>);
@@ -71,7 +71,7 @@ impl Transport for GigeSpec {
             let why = match found.map_err(|why| said(&self.place(), "answer", &why))? {
                 None => camera_fault(
                     format!("no GigE Vision camera answers at {}", self.address),
-                    "check its power, its cable and its address; the network must be the computer's own",
+                    "check its power, its cable and its address; the network must be the computer's own; go on with --resume",
                 ),
                 Some(device) => match blocking::connect(&device) {
                     Ok(camera) => return Ok(camera),

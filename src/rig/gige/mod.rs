@@ -2,7 +2,7 @@
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | who answers | on the computer's networks | `discover` |
+//! | who answers | on the computer's networks, and what it can do | `discover` |
 //! | session | opened by address, released; its frames, lost packets of which are sent again | `link` |
 //! | in the rig file | its keys | `spec` |
 //!
@@ -15,7 +15,7 @@ mod link;
 mod spec;
 
 #[cfg(feature = "gige")]
-pub use discover::{FoundCamera, cameras};
+pub use discover::{FoundCamera, camera_abilities, cameras};
 #[cfg(feature = "gige")]
 pub use link::GigeVision;
 pub use spec::GigeSpec;

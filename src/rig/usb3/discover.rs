@@ -2,8 +2,11 @@
 
 use viva_genicam::u3v::{U3vDeviceInfo, discover};
 
+use super::Usb3Spec;
+use super::link::Port;
 use crate::error::Result;
 use crate::rig::camera_fault;
+use crate::rig::genicam::Abilities;
 
 /// A USB3 Vision camera that is plugged in.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -30,6 +33,15 @@ pub fn usb_cameras() -> Result<Vec<FoundUsbCamera>> {
         speed: device.speed.map(|speed| speed.to_string()),
     };
     Ok(devices()?.into_iter().map(camera).collect())
+}
+
+/// What the camera of this serial number (none: the only one) can do. It is opened for that, and let go.
+///
+/// # Errors
+/// [`Error::Rig`](crate::Error::Rig) when it is not there, or another program holds it.
+pub fn usb_camera_abilities(serial: Option<&str>) -> Result<Abilities> {
+    let spec = Usb3Spec { serial: serial.map(str::to_owned), ..Usb3Spec::new(1, 1) };
+    Ok(Abilities::of(&spec.open()?))
 }
 
 /// The same as the protocol knows them.

@@ -2,7 +2,7 @@
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | who is there | on the computer's USB ports | `discover` |
+//! | who is there | on the computer's USB ports, and what it can do | `discover` |
 //! | session | opened by serial number, released; its frames | `link` |
 //! | in the rig file | its keys | `spec` |
 //!
@@ -17,7 +17,7 @@ mod played;
 mod spec;
 
 #[cfg(feature = "usb3")]
-pub use discover::{FoundUsbCamera, usb_cameras};
+pub use discover::{FoundUsbCamera, usb_camera_abilities, usb_cameras};
 #[cfg(feature = "usb3")]
 pub use link::Usb3Vision;
 pub use spec::Usb3Spec;

@@ -15,8 +15,8 @@ use super::Usb3Spec;
 use super::link::{OnUsb, Port};
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::rig::genicam::Triggered;
-use crate::rig::{Camera, CameraKind, Colour, PixelFormat, WallClock};
+use crate::rig::genicam::{Abilities, Triggered};
+use crate::rig::{Camera, Colour, PixelFormat, WallClock};
 
 const XML: &[u8] = include_bytes!("played.xml");
 
@@ -223,18 +223,7 @@ impl Port for Arc<Played> {
 }
 
 fn spec(pixel_format: PixelFormat) -> Usb3Spec {
-    Usb3Spec {
-        kind: CameraKind::Usb3,
-        serial: None,
-        size: [64, 48],
-        offset: [0, 0],
-        pixel_format,
-        colour: Colour::Luma,
-        saturation: None,
-        gain: None,
-        exposures: [1e-4, 1.0],
-        timeout: 60.0,
-    }
+    Usb3Spec { pixel_format, colour: Colour::Luma, timeout: 60.0, ..Usb3Spec::new(64, 48) }
 }
 
 fn open(played: &Arc<Played>, spec: &Usb3Spec, clock: WallClock) -> Result<Triggered<OnUsb<Arc<Played>>>> {
@@ -278,8 +267,11 @@ fn a_colour_cameras_cells_become_pixels() {
 }
 
 #[test]
-fn its_limits_are_named() {
+fn its_abilities_are_told_and_its_limits_named() {
     let played = Played::new();
+    let abilities = Abilities::of(&played.open().expect("it is there"));
+    // It tells neither how large its sensor is, nor of a gain.
+    assert_eq!(abilities.to_string(), "Mono12p, BayerRG8; exposures 0.00002 to 2 s");
     let refused = |spec: &Usb3Spec| match open(&played, spec, WallClock::starting_at(0.0)) {
         Ok(_) => panic!("it is refused"),
         Err(error) => error.to_string(),

@@ -42,6 +42,22 @@ pub struct Usb3Spec {
 }
 
 impl Usb3Spec {
+    /// The only camera there is, with 12 bits and so many pixels.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self {
+            kind: CameraKind::Usb3,
+            serial: None,
+            size: [width, height],
+            offset: [0, 0],
+            pixel_format: PixelFormat::default(),
+            colour: Colour::default(),
+            saturation: None,
+            gain: None,
+            exposures: exposures(),
+            timeout: timeout(),
+        }
+    }
+
     /// The camera, as it presents itself.
     pub fn info(&self) -> CameraInfo {
         let serial = self.serial.as_deref().map_or_else(String::new, |serial| format!(" {serial}"));
