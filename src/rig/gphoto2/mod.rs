@@ -6,11 +6,13 @@
 //! | run | a program, with a limit to its time | `program` |
 //! | answers | which cameras there are, what can be set and to what | `answers` |
 //! | speeds | shutter speeds as cameras word them, in seconds | `speed` |
+//! | body | found, its settings set and read back | `body` |
 //! | counts | the decoder's picture | `pgm` |
 //! | frames | set, released, downloaded, decoded, cut out | `camera` |
 //! | in the rig file | its keys | `spec` |
 
 mod answers;
+mod body;
 mod camera;
 mod pgm;
 mod program;
@@ -18,5 +20,6 @@ mod spec;
 mod speed;
 
 pub use answers::FoundStillCamera;
-pub use camera::{Gphoto2, still_cameras};
+pub use body::still_cameras;
+pub use camera::Gphoto2;
 pub use spec::Gphoto2Spec;
