@@ -36,6 +36,22 @@ impl HardwareRig {
         let projector = X11Projector::open(&self.projector, helper, clock)?;
         Ok(Bench { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
+
+    /// Opens the camera alone.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_camera(&self) -> Result<Box<dyn Camera>> {
+        camera(&self.camera, WallClock::starting_at(0.0), 0)
+    }
+
+    /// Opens the projector alone, which then shows level 0.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_projector(&self, helper: &Helper) -> Result<X11Projector> {
+        X11Projector::open(&self.projector, helper, WallClock::starting_at(0.0))
+    }
 }
 
 #[cfg(feature = "gige")]

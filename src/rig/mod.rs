@@ -23,9 +23,9 @@ pub use clock::WallClock;
 pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown, Stamp};
 pub use file::{RigFile, RigKind};
 pub use frame::{Frame, RawFrame};
-pub use gige::{CameraKind, GigeSpec, PixelFormat};
 #[cfg(feature = "gige")]
-pub use gige::{FoundCamera, GigeVision, cameras};
+pub use gige::{Abilities, FoundCamera, GigeVision, abilities as camera_abilities, cameras};
+pub use gige::{CameraKind, GigeSpec, PixelFormat};
 pub use hardware::HardwareRig;
 pub use virtual_bench::{
     Ambient, Drift, Faults, Misregistration, Response, VirtualCamera, VirtualProjector, VirtualRig,

@@ -10,7 +10,7 @@ use super::super::console::Console;
 use super::super::options::OutputArgs;
 use crate::rig::{self, MonitorInfo, RigFile, RigKind};
 
-/// List the monitors and cameras that a rig file may name
+/// List the monitors and cameras that a rig file may name, and what they can do
 #[derive(clap::Args)]
 pub(in super::super) struct Args {
     /// A rig file, whose X server and camera are asked, too
@@ -29,6 +29,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         Some(RigKind::Hardware(rig)) => Some(rig),
         _ => None,
     };
+    if let Some(file) = file.as_ref().filter(|_| hardware.is_none()) {
+        say_virtual(file, console)?;
+    }
     let display = args.display.clone().or(hardware.and_then(|rig| rig.projector.display.clone()));
     let monitors = rig::monitors(display.as_deref());
     match &monitors {
@@ -40,8 +43,28 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     let cameras = cameras(hardware.map(|rig| rig.camera.address), console)?;
     let monitors: Vec<Value> = monitors.unwrap_or_default().iter().map(describe).collect();
-    console.summary(&json!({ "verb": "rig list", "monitors": monitors, "cameras": cameras }))?;
+    let simulated = file
+        .as_ref()
+        .filter(|_| hardware.is_none())
+        .map(|file| json!({ "projector": file.kind.projector_info(), "camera": file.kind.camera_info() }));
+    console.summary(
+        &json!({ "verb": "rig list", "monitors": monitors, "cameras": cameras, "virtual": simulated }),
+    )?;
     Ok(Outcome::Done)
+}
+
+/// The devices that a virtual rig's file describes.
+fn say_virtual(file: &RigFile, console: &Console) -> Result<()> {
+    let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
+    console.say(format_args!(
+        "virtual   projector: {} pixels, {} bits, frame_time = {}",
+        projector.resolution, projector.bits, projector.frame_time
+    ))?;
+    let [shortest, longest] = camera.exposures;
+    console.say(format_args!(
+        "virtual   camera: {} pixels, {} bits, exposures {shortest} to {longest} s",
+        camera.resolution, camera.bits
+    ))
 }
 
 fn say(at: usize, monitor: &MonitorInfo, console: &Console) -> Result<()> {
@@ -71,6 +94,7 @@ fn cameras(address: Option<std::net::Ipv4Addr>, console: &Console) -> Result<Val
         console.say("camera    none answers")?;
     }
     let known = |name: &Option<String>| name.clone().unwrap_or_else(|| "?".into());
+    let mut described = Vec::new();
     for camera in &cameras {
         console.say(format_args!(
             "camera    {}: {} {}, serial number {}",
@@ -79,8 +103,40 @@ fn cameras(address: Option<std::net::Ipv4Addr>, console: &Console) -> Result<Val
             known(&camera.model),
             known(&camera.serial)
         ))?;
+        let abilities = match rig::camera_abilities(camera.address) {
+            Ok(abilities) => {
+                say_abilities(&abilities, console)?;
+                Some(abilities)
+            }
+            // It is there all the same.
+            Err(why) => {
+                console.note(format_args!("note: {why}"));
+                None
+            }
+        };
+        let mut value = serde_json::to_value(camera)?;
+        value["abilities"] = serde_json::to_value(abilities)?;
+        described.push(value);
     }
-    Ok(serde_json::to_value(cameras)?)
+    Ok(described.into())
+}
+
+#[cfg(feature = "gige")]
+fn say_abilities(abilities: &rig::Abilities, console: &Console) -> Result<()> {
+    let mut can = Vec::new();
+    if let Some([width, height]) = abilities.sensor {
+        can.push(format!("{width}x{height} pixels"));
+    }
+    if !abilities.pixel_formats.is_empty() {
+        can.push(abilities.pixel_formats.join(", "));
+    }
+    if let Some([shortest, longest]) = abilities.exposures {
+        can.push(format!("exposures {shortest} to {longest} s"));
+    }
+    if let Some([least, most]) = abilities.gains {
+        can.push(format!("gain {least} to {most}"));
+    }
+    console.say(format_args!("          {}", can.join("; ")))
 }
 
 #[cfg(not(feature = "gige"))]

@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const ACCESS_DENIED: u16 = 0x8006;
 
 /// How long one question takes at most.
-const ANSWER: Duration = Duration::from_millis(500);
+pub(super) const ANSWER: Duration = Duration::from_millis(500);
 
 /// An open camera, set up and waiting for its trigger. Dropped, it is released.
 pub(super) struct Link {

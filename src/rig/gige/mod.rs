@@ -2,7 +2,7 @@
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | who answers | on the computer's networks | `discover` |
+//! | who answers | on the computer's networks, and what it can do | `discover`, `abilities` |
 //! | session | opened by address, set up, released; its frames | `link` |
 //! | time | the camera's clock against the rig's | `anchor` |
 //! | counts | bytes of a pixel format to digital numbers | `spec` |
@@ -10,6 +10,8 @@
 //!
 //! The protocol is the crate `viva-genicam`'s (feature `gige`): registers, heartbeat, packets that are lost and sent again.
 
+#[cfg(feature = "gige")]
+mod abilities;
 #[cfg(feature = "gige")]
 mod anchor;
 #[cfg(feature = "gige")]
@@ -20,6 +22,8 @@ mod discover;
 mod link;
 mod spec;
 
+#[cfg(feature = "gige")]
+pub use abilities::{Abilities, abilities};
 #[cfg(feature = "gige")]
 pub use camera::GigeVision;
 #[cfg(feature = "gige")]

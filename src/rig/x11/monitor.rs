@@ -41,6 +41,20 @@ pub fn monitors(display: Option<&str>) -> Result<Vec<MonitorInfo>> {
     listed(&connection, root)
 }
 
+impl X11Spec {
+    /// The monitor that is meant, which must fit what is written about it and show levels as they are.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) naming what differs, and what to do.
+    pub fn monitor(&self) -> Result<MonitorInfo> {
+        let (connection, screen) = connect(self.display.as_deref())?;
+        let root = connection.setup().roots[screen].root;
+        let monitor = choose(listed(&connection, root)?, self)?;
+        check_passes(&connection, &monitor)?;
+        Ok(monitor)
+    }
+}
+
 /// Connects to a server.
 pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
     x11rb::connect(display).map_err(|why| {
