@@ -9,6 +9,7 @@ mod gige_camera;
 mod x_server;
 
 mod bench;
+mod bench_verbs;
 mod calibration;
 mod files;
 mod photos;
