@@ -67,6 +67,16 @@ fn a_camera_at_the_projectors_point_is_aligned_within_the_stated_error() {
 }
 
 #[test]
+fn light_from_wall_to_wall_and_every_imperfection_of_devices_are_not_taken_for_a_camera_aside() {
+    let folder = folder();
+    let rig = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/rigs/realistic.toml");
+    let (said, status) =
+        summary(&["rig", "align", rig, "--rounds", "1", "-o", &inside(&folder, "align.png")]);
+    println!("{}", said["last"]);
+    assert_eq!((status, said["aligned"].as_bool()), (0, Some(true)), "{said}");
+}
+
+#[test]
 fn what_is_told_on_the_console_names_the_way_and_the_picture() {
     let folder = folder();
     let (rig, file) = (rig(&folder, [2, 0], &[]), inside(&folder, "align.png"));

@@ -79,7 +79,7 @@ fn lines_are_said_without_a_terminal_and_what_is_wrong_is_named() {
     let output = krylux(&["rig", "preview", &rig, "--frames", "2", "-o", &file]);
     let said = text(&output.stdout);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    for part in ["frame     2: brightest", "saturated 0.0 %", "focus", "best", "a second at", "preview.png"] {
+    for part in ["frame     2: focus", "best", "saturated 0.0 %", "brightest", "a second of", "preview.png"] {
         assert!(said.contains(part), "`{part}` is missing in: {said}");
     }
     for (arguments, part) in [

@@ -174,7 +174,11 @@ fn the_list_tells_what_a_camera_can_do_also_while_it_is_held() {
     println!("{ours}");
     let abilities = &ours["abilities"];
     assert_eq!(abilities["sensor"], serde_json::json!([SIDE, SIDE]));
-    assert_eq!(abilities["pixel_formats"], serde_json::json!(["Mono8", "Mono12", "Mono16"]));
+    let formats = abilities["pixel_formats"].as_array().expect("a list");
+    assert!(
+        ["Mono8", "Mono12", "Mono16"].iter().all(|format| formats.contains(&Value::from(*format))),
+        "{abilities}"
+    );
     let [shortest, longest] =
         [0, 1].map(|end| abilities["exposures"][end].as_f64().expect("a number of seconds"));
     assert!((shortest - 2e-5).abs() < 1e-9 && (longest - 2.0).abs() < 1e-9, "{abilities}");

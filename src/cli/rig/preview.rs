@@ -208,26 +208,46 @@ fn figures(
 }
 
 impl Figures {
-    /// `frame     12: brightest 2900 of 4095, mean 34 %, saturated 0 %, black 0 %, focus 0.0123 (best 0.0150), 20.1/s at 0.0333 s`
+    /// `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean 34.0 %; 20.1 a second
+    /// of 0.0333 s`
     fn line(&self, range: &Range) -> String {
-        let percent = |share: f64| match 100.0 * share {
-            some if some > 0.0 && some < 0.1 => "under 0.1 %".to_owned(),
-            some => format!("{some:.1} %"),
-        };
-        let score = |score: Option<f64>| score.map_or("–".into(), |score| format!("{score:.3e}"));
         format!(
-            "frame     {}: brightest {} of {}, mean {}, saturated {}, black {}, focus {} (best {}), {:.1} a second at {:.4} s",
+            "frame     {}: focus {}, best {}; saturated {}, black {}, brightest {} of {}, mean {}; {:.1} a second of {:.4} s",
             self.frame,
+            score(self.focus),
+            score(self.best_focus),
+            percent(self.saturated),
+            percent(self.black),
             self.brightest,
             range.full,
             percent(self.mean),
-            percent(self.saturated),
-            percent(self.black),
-            score(self.focus),
-            score(self.best_focus),
             self.per_second,
             self.exposure,
         )
+    }
+
+    /// What fits into a terminal of 80 columns.
+    fn short(&self, range: &Range) -> String {
+        format!(
+            "focus {}, best {}, saturated {}, black {}, brightest {:.0} %, {:.1}/s",
+            score(self.focus),
+            score(self.best_focus),
+            percent(self.saturated),
+            percent(self.black),
+            100.0 * f64::from(self.brightest) / range.full,
+            self.per_second,
+        )
+    }
+}
+
+fn score(score: Option<f64>) -> String {
+    score.map_or("–".into(), |score| format!("{score:.2e}"))
+}
+
+fn percent(share: f64) -> String {
+    match 100.0 * share {
+        some if some > 0.0 && some < 0.1 => "<0.1 %".to_owned(),
+        some => format!("{some:.1} %"),
     }
 }
 
@@ -241,7 +261,7 @@ struct Line {
 impl Line {
     fn say(&mut self, figures: &Figures, range: &Range) -> Result<()> {
         if self.console.has_terminal() {
-            self.bar.say(&figures.line(range));
+            self.bar.say(&figures.short(range));
         } else if self.said.is_none_or(|said| said.elapsed() >= SAID) {
             self.said = Some(Instant::now());
             self.console.say(figures.line(range))?;
@@ -280,5 +300,29 @@ fn show(viewer: &Viewer, name: &str, raw: &RawFrame, full: f64) {
             channel,
             values: counts.map(|&count| (f64::from(count) / full) as f32).collect(),
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_on_a_terminal_fits_into_80_columns() {
+        let figures = Figures {
+            frame: 123_456,
+            brightest: 65535,
+            mean: 0.999,
+            saturated: 0.999,
+            black: 0.999,
+            focus: Some(1.234e-5),
+            best_focus: Some(1.234e-5),
+            per_second: 123.4,
+            exposure: 0.0333,
+        };
+        let range = Range { black: 0.0, limit: 65535.0, full: 65535.0 };
+        let short = figures.short(&range);
+        assert!(short.chars().count() <= 80, "{short}");
+        assert!(figures.line(&range).contains("123.4 a second of 0.0333 s"));
     }
 }
