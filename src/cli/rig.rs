@@ -4,6 +4,7 @@ mod align;
 mod bench;
 mod calibrate;
 mod check;
+mod figures;
 mod list;
 mod preview;
 
