@@ -81,7 +81,7 @@ impl Row {
             exposures: [1e-4, 1.0],
             ..GigeSpec::new(address, SIZE.width, SIZE.height)
         };
-        let rig = HardwareRig { projector, camera: of_camera };
+        let rig = HardwareRig { projector, camera: of_camera.into() };
         let folder = tempfile::tempdir()?;
         let journal = Journal::create(folder.path(), &Identity::new())?;
         let open = Box::new(|after| {

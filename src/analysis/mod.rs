@@ -11,10 +11,12 @@
 //! | which light came from how far away? | [`mod@probe`] |
 //! | groups from eigenvectors | [`mod@kmeans`] |
 //! | is the source a linear, symmetric operator at all? | [`mod@audit`] |
+//! | do camera and projector look from one point? | [`mod@align`] |
 //! | how good are they? | [`adjusted_rand_index`] |
 //! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
 //! | how alike are two images? | [`mod@likeness`] |
 
+pub mod align;
 pub mod audit;
 pub mod compensate;
 pub mod direct;

@@ -103,6 +103,11 @@ impl Console {
         self.drawn("photos", PHOTOS)
     }
 
+    /// One line that is written anew again and again.
+    pub(super) fn line(&self) -> Bar {
+        self.drawn("", LINE)
+    }
+
     fn drawn(&self, what: &'static str, template: &str) -> Bar {
         let hidden = self.quiet || !self.has_terminal();
         let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
@@ -118,6 +123,8 @@ impl Console {
 }
 
 const TEMPLATE: &str = "{prefix:<9} {bar:32} {percent:>3} %  {elapsed} gone, {eta} left";
+
+const LINE: &str = "{wide_msg}";
 
 /// One line of 80 columns, with what is said of the answer so far.
 const PHOTOS: &str = "{prefix:<9} {bar:16} {pos:>3}/{len}  {elapsed} gone, {eta} left  {wide_msg}";
@@ -161,7 +168,7 @@ pub(super) fn is_broken_pipe(error: &anyhow::Error) -> bool {
 mod tests {
     #[test]
     fn the_bars_templates_parse() {
-        for template in [super::TEMPLATE, super::PHOTOS] {
+        for template in [super::TEMPLATE, super::PHOTOS, super::LINE] {
             assert!(indicatif::ProgressStyle::with_template(template).is_ok(), "{template}");
         }
     }

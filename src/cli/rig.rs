@@ -1,7 +1,15 @@
 //! `krylux rig`: what concerns devices rather than scenes.
 
+mod align;
+mod bench;
 mod calibrate;
+mod cameras;
+mod check;
+mod figures;
 mod list;
+mod preview;
+
+use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -20,14 +28,20 @@ pub(super) struct Args {
 #[derive(Subcommand)]
 enum Action {
     List(list::Args),
+    Preview(Box<preview::Args>),
+    Align(Box<align::Args>),
     Calibrate(Box<calibrate::Args>),
+    Check(Box<check::Args>),
 }
 
 impl Args {
     pub(super) fn output(&self) -> &OutputArgs {
         match &self.action {
             Action::List(args) => &args.output,
+            Action::Preview(args) => &args.output,
+            Action::Align(args) => &args.output,
             Action::Calibrate(args) => &args.output,
+            Action::Check(args) => &args.output,
         }
     }
 }
@@ -35,6 +49,22 @@ impl Args {
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     match &args.action {
         Action::List(args) => list::run(args, console),
+        Action::Preview(args) => preview::run(args, console),
+        Action::Align(args) => align::run(args, console),
         Action::Calibrate(args) => calibrate::run(args, console),
+        Action::Check(args) => check::run(args, console),
     }
+}
+
+/// `--exposure`.
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && seconds.is_finite());
+    seconds.ok_or_else(|| "give seconds, more than 0".into())
+}
+
+/// `-o` of a picture.
+fn png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if is_png { Ok(path) } else { Err("give a file whose name ends in .png".into()) }
 }

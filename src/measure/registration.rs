@@ -48,13 +48,13 @@ pub(super) fn choose(
 
 impl Registration {
     /// The entries of a projector pixel's row: camera pixels and their weights.
-    pub(super) fn row(&self, pixel: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+    pub(crate) fn row(&self, pixel: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let span = self.starts[pixel]..self.starts[pixel + 1];
         self.pixels[span.clone()].iter().map(|&pixel| pixel as usize).zip(self.weights[span].iter().copied())
     }
 
     /// Which projector pixels are seen at all.
-    pub(super) fn seen(&self) -> Vec<bool> {
+    pub(crate) fn seen(&self) -> Vec<bool> {
         self.starts.windows(2).map(|pair| pair[0] < pair[1]).collect()
     }
 

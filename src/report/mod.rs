@@ -11,11 +11,13 @@
 //! | `model/` | [`model`] |
 //! | every photo of a run on one sheet | [`strip`] |
 //! | everything of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | what is seen while a bench is set up | [`preview`], [`alignment`] |
 //! | the paper's figures beside what it says of them | [`gallery`] |
 //!
 //! [`picture`] reads and writes an image by its file's extension; [`viewer`] shows images while they come. Every writer goes through [`atomic`]: a file is
 //! there as a whole or not at all, and the same content gives the same bytes.
 
+pub mod alignment;
 pub mod atomic;
 pub mod audit;
 mod axis;
@@ -38,6 +40,7 @@ pub mod picture;
 mod planes;
 pub mod plot;
 pub mod png;
+pub mod preview;
 pub mod probing;
 mod raster;
 pub mod relighting;

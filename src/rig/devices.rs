@@ -68,6 +68,26 @@ impl ProjectorInfo {
     }
 }
 
+impl CameraInfo {
+    /// That an exposure, in seconds, is one that the camera does.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when it is not.
+    pub fn check_exposure(&self, exposure: f64) -> Result<()> {
+        let [shortest, longest] = self.exposures;
+        if (shortest..=longest).contains(&exposure) {
+            return Ok(());
+        }
+        Err(Error::Rig {
+            device: self.name.clone(),
+            fault: format!("an exposure of {exposure} s cannot be set"),
+            help: format!(
+                "give exposures from {shortest} to {longest} s in [measurement], or correct those of [camera]"
+            ),
+        })
+    }
+}
+
 /// A frame is on screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {

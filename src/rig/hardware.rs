@@ -1,8 +1,7 @@
-//! A rig of real devices: a monitor of an X server that is projected, and a camera on the network.
+//! A rig of real devices: a monitor of an X server that is projected, and a camera.
 
-use super::gige::{self, GigeSpec};
 use super::x11::{Helper, X11Projector, X11Spec};
-use super::{Bench, Camera, CameraInfo, ProjectorInfo, Stamp, WallClock};
+use super::{Bench, Camera, CameraInfo, CameraSpec, Gphoto2, ProjectorInfo, Stamp, WallClock};
 use crate::error::Result;
 
 /// What is written about real devices.
@@ -11,7 +10,7 @@ pub struct HardwareRig {
     /// What shows.
     pub projector: X11Spec,
     /// What sees.
-    pub camera: GigeSpec,
+    pub camera: CameraSpec,
 }
 
 impl HardwareRig {
@@ -36,14 +35,39 @@ impl HardwareRig {
         let projector = X11Projector::open(&self.projector, helper, clock)?;
         Ok(Bench { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
+
+    /// Opens the camera alone.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_camera(&self) -> Result<Box<dyn Camera>> {
+        camera(&self.camera, WallClock::starting_at(0.0), 0)
+    }
+
+    /// Opens the projector alone, which then shows level 0.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_projector(&self, helper: &Helper) -> Result<X11Projector> {
+        X11Projector::open(&self.projector, helper, WallClock::starting_at(0.0))
+    }
 }
 
-#[cfg(feature = "gige")]
-fn camera(spec: &GigeSpec, clock: WallClock, after: u64) -> Result<Box<dyn Camera>> {
-    Ok(Box::new(gige::GigeVision::open(spec, clock, after)?))
-}
-
-#[cfg(not(feature = "gige"))]
-fn camera(_: &GigeSpec, _: WallClock, _: u64) -> Result<Box<dyn Camera>> {
-    Err(gige::fault("this krylux was built without GigE Vision", "build it with --features gige"))
+/// Opens the camera.
+fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Camera>> {
+    Ok(match spec {
+        #[cfg(feature = "gige")]
+        CameraSpec::Gige(spec) => Box::new(super::GigeVision::open(spec, clock, after)?),
+        #[cfg(feature = "usb3")]
+        CameraSpec::Usb3(spec) => Box::new(super::Usb3Vision::open(spec, clock, after)?),
+        #[cfg(feature = "v4l")]
+        CameraSpec::V4l(spec) => Box::new(super::V4l::open(spec, clock, after)?),
+        CameraSpec::Gphoto2(spec) => Box::new(Gphoto2::open(spec, clock, after)?),
+        #[cfg(not(feature = "gige"))]
+        CameraSpec::Gige(_) => return Err(super::left_out("GigE Vision", "gige")),
+        #[cfg(not(feature = "usb3"))]
+        CameraSpec::Usb3(_) => return Err(super::left_out("USB3 Vision", "usb3")),
+        #[cfg(not(feature = "v4l"))]
+        CameraSpec::V4l(_) => return Err(super::left_out("cameras of Linux's video interface", "v4l")),
+    })
 }

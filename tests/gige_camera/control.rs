@@ -4,11 +4,10 @@ use std::net::{SocketAddr, UdpSocket};
 use std::sync::mpsc::Sender;
 use std::time::Instant;
 
-use super::Shared;
 use super::registers::{
-    MONO8, MONO12, MONO16, PACKET_SIZE, PIXEL_FORMAT, PRIVILEGE, Registers, START, STOP, TIMESTAMP_CONTROL,
-    TRIGGER,
+    PACKET_SIZE, PIXEL_FORMAT, PRIVILEGE, Registers, START, STOP, TIMESTAMP_CONTROL, TRIGGER,
 };
+use super::{Shared, pixels};
 
 const DISCOVERY: u16 = 0x02;
 const RESEND: u16 = 0x40;
@@ -124,7 +123,7 @@ fn write(
             }
             OK
         }
-        PIXEL_FORMAT if ![MONO8, MONO12, MONO16].contains(&value) => INVALID_PARAMETER,
+        PIXEL_FORMAT if !pixels::is_offered(value) => INVALID_PARAMETER,
         TIMESTAMP_CONTROL => {
             if value & 2 != 0 {
                 registers.set_wide(0x0948, shared.ticks());

@@ -6,9 +6,11 @@
 //! | registers, and who may write them | `registers` |
 //! | commands on the control channel | `control` |
 //! | exposures and packets of frames | `stream` |
+//! | counts as bytes of a pixel format | `pixels` |
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
 mod control;
+mod pixels;
 mod registers;
 mod stream;
 

@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
 
-const XML: &[u8] = include_bytes!("camera.xml");
+use super::pixels;
+
+const XML: &str = include_str!("camera.xml");
 const XML_AT: usize = 0x1_0000;
 const END: usize = 0x2_1000;
 
@@ -27,10 +29,7 @@ pub const TRIGGER: u32 = 0x2_0048;
 const PAYLOAD: u32 = 0x2_004C;
 const MOST_WIDTH: u32 = 0x2_0050;
 const MOST_HEIGHT: u32 = 0x2_0054;
-
-pub const MONO8: u32 = 0x0108_0001;
-pub const MONO12: u32 = 0x0110_0005;
-pub const MONO16: u32 = 0x0110_0007;
+pub const GAMMA: u32 = 0x2_0058;
 
 /// Packets of the last frames, for those that are asked for again.
 pub struct Sent {
@@ -73,25 +72,19 @@ impl Registers {
             (HEIGHT, sensor.height as u32),
             (MOST_WIDTH, sensor.width as u32),
             (MOST_HEIGHT, sensor.height as u32),
-            (
-                PIXEL_FORMAT,
-                if bits == 8 {
-                    MONO8
-                } else if bits == 12 {
-                    MONO12
-                } else {
-                    MONO16
-                },
-            ),
+            (PIXEL_FORMAT, pixels::gray(bits)),
+            // As many are when they are switched on.
+            (GAMMA, 1),
         ] {
             registers.set(at, value);
         }
         for (at, text) in [(0x0048, "krylux"), (0x0068, "Loopback"), (0x0088, "1"), (0x00D8, "1")] {
             registers.put(at, text.as_bytes());
         }
-        let url = format!("Local:camera.xml;{XML_AT:x};{:x}", XML.len());
+        let xml = XML.replace("PIXEL_FORMATS", pixels::entries().trim_end());
+        let url = format!("Local:camera.xml;{XML_AT:x};{:x}", xml.len());
         registers.put(0x0200, url.as_bytes());
-        registers.put(XML_AT, XML);
+        registers.put(XML_AT, xml.as_bytes());
         registers.put(EXPOSURE as usize, &10_000_f64.to_be_bytes());
         registers.update();
         registers
@@ -136,8 +129,8 @@ impl Registers {
 
     /// What follows from others.
     fn update(&mut self) {
-        let bytes = if self.get(PIXEL_FORMAT) == MONO8 { 1 } else { 2 };
-        self.set(PAYLOAD, self.get(WIDTH) * self.get(HEIGHT) * bytes);
+        let pixels = self.get(WIDTH) * self.get(HEIGHT);
+        self.set(PAYLOAD, pixels::bytes(self.get(PIXEL_FORMAT), pixels));
         // Exposures are whole microseconds.
         let exposure = self.float(EXPOSURE).round();
         self.put(EXPOSURE as usize, &exposure.to_be_bytes());

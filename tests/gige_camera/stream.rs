@@ -8,10 +8,9 @@ use krylux::rig::{Bench, Frame};
 use krylux::transport::Given;
 
 use super::registers::{
-    EXPOSURE, GAIN, HEIGHT, MONO8, MONO12, OFFSET_X, OFFSET_Y, PACKET_SIZE, PIXEL_FORMAT, Registers, Sent,
-    WIDTH,
+    EXPOSURE, GAIN, GAMMA, HEIGHT, OFFSET_X, OFFSET_Y, PACKET_SIZE, PIXEL_FORMAT, Registers, Sent, WIDTH,
 };
-use super::{Scene, Shared};
+use super::{Scene, Shared, pixels};
 
 /// Frames whose packets can be asked for again.
 const KEPT: usize = 4;
@@ -124,25 +123,19 @@ fn packets(registers: &Registers, counts: &[u16], scene: &Scene, ticks: u64) -> 
     let sensor = scene.rig.camera_info();
     let [width, height, left, top] =
         [WIDTH, HEIGHT, OFFSET_X, OFFSET_Y].map(|register| registers.get(register) as usize);
-    let bits = if format == MONO8 {
-        8
-    } else if format == MONO12 {
-        12
-    } else {
-        16
+    let (size, bits) = (sensor.resolution, sensor.bits);
+    let most = f64::from((1_u32 << bits) - 1);
+    // Whoever forgets to switch it off has bent counts.
+    let bend = |count: u16| match registers.get(GAMMA) {
+        0 => count,
+        _ => ((f64::from(count) / most).powf(1.0 / 2.2) * most) as u16,
     };
-    let mut bytes = Vec::new();
-    for y in top..(top + height).min(sensor.resolution.height) {
-        for x in left..(left + width).min(sensor.resolution.width) {
-            let count = u32::from(counts[y * sensor.resolution.width + x]);
-            let count = if bits >= sensor.bits {
-                count << (bits - sensor.bits)
-            } else {
-                count >> (sensor.bits - bits)
-            };
-            if format == MONO8 { bytes.push(count as u8) } else { bytes.extend((count as u16).to_le_bytes()) }
-        }
-    }
+    let rows = (top..(top + height).min(size.height)).map(|y| y * size.width);
+    let region: Vec<u16> = rows
+        .flat_map(|row| &counts[row + left..row + (left + width).min(size.width)])
+        .map(|&count| bend(count))
+        .collect();
+    let bytes = pixels::pack(format, bits, &region);
     let mut leader = vec![0, 0, 0, 1];
     leader.extend(ticks.to_be_bytes());
     for word in [format, width as u32, height as u32, left as u32, top as u32, 0] {

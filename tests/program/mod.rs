@@ -41,23 +41,36 @@ pub fn text(bytes: &[u8]) -> String {
 /// What a verb that succeeds says with `--json`.
 #[track_caller]
 pub fn summary(arguments: &[&str]) -> Value {
-    said(arguments, &[0])
+    said(command_without_graphics, arguments, &[0]).0
 }
 
 /// As [`summary`]; the verb may say that its answer is not good enough.
 #[track_caller]
 pub fn answer(arguments: &[&str]) -> Value {
-    said(arguments, &[0, 1])
+    verdict(arguments).0
+}
+
+/// As [`answer`], with the exit status.
+#[track_caller]
+pub fn verdict(arguments: &[&str]) -> (Value, i32) {
+    said(command_without_graphics, arguments, &[0, 1])
+}
+
+/// As [`verdict`], where a scene has to be traced.
+#[track_caller]
+pub fn verdict_of_traced(arguments: &[&str]) -> (Value, i32) {
+    said(command, arguments, &[0, 1])
 }
 
 #[track_caller]
-fn said(arguments: &[&str], statuses: &[i32]) -> Value {
+fn said(start: fn(&[&str]) -> Command, arguments: &[&str], statuses: &[i32]) -> (Value, i32) {
     // `rig` has actions of its own, which take the option.
     let (verb, rest) = arguments.split_at(if arguments[0] == "rig" { 2 } else { 1 });
-    let output = krylux(&[verb, &["--json"], rest].concat());
-    let is_ended_well = output.status.code().is_some_and(|status| statuses.contains(&status));
-    assert!(is_ended_well, "{arguments:?}: {}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON")
+    let output =
+        start(&[verb, &["--json"], rest].concat()).output().expect("the program is built with the tests");
+    let status = output.status.code().unwrap_or(-1);
+    assert!(statuses.contains(&status), "{arguments:?}: {}", text(&output.stderr));
+    (serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON"), status)
 }
 
 /// Asserts an error of exit status 2 whose message holds all of `parts`; the message.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use krylux::measure::Shots;
 use krylux::rig::WallClock;
 
-use crate::support::{Lamp, camera, expected, frame, live, refused, scene, shot, spec};
+use crate::support::{Lamp, address, camera, expected, frame, live, refused, scene, shot, spec};
 
 #[test]
 fn with_two_packets_lost_in_a_hundred_every_photo_is_right() {
@@ -61,7 +61,7 @@ fn a_camera_that_dies_for_good_is_named() {
     let mut shots = live(&spec(22), &lamp, clock).expect("it answers");
     drop(device);
     let message = refused(shots.shoot(&shot(1, 0.003)));
-    assert!(message.contains("no GigE Vision camera answers at 127.0.7.22"), "{message}");
+    assert!(message.contains(&format!("no GigE Vision camera answers at {}", address(22))), "{message}");
 }
 
 #[test]

@@ -4,16 +4,18 @@ use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
 use krylux::measure::Shots;
-use krylux::rig::{Camera, Frame, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
+use krylux::rig::{Camera, Colour, Frame, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
 
 use crate::gige_camera::GigeCamera;
 use crate::support::{Lamp, SIZE, address, camera, expected, frame, live, scene, shot, spec};
 
 #[test]
-fn counts_are_the_scenes_in_every_pixel_format() {
-    for (at, format) in [PixelFormat::Mono8, PixelFormat::Mono12, PixelFormat::Mono16].into_iter().enumerate()
-    {
-        let (clock, last) = (WallClock::starting_at(0.0), 1 + at as u8);
+fn counts_are_the_scenes_in_every_gray_format() {
+    use PixelFormat as F;
+    let formats =
+        [F::Mono8, F::Mono10, F::Mono10p, F::Mono10Packed, F::Mono12, F::Mono12p, F::Mono12Packed, F::Mono16];
+    for (at, format) in formats.into_iter().enumerate() {
+        let (clock, last) = (WallClock::starting_at(0.0), 50 + at as u8);
         let mut lamp = Lamp::new(clock);
         lamp.show(&frame(3)).expect("a lamp shows all");
         let scene = scene(format.bits());
@@ -28,6 +30,98 @@ fn counts_are_the_scenes_in_every_pixel_format() {
             found.counts.iter().any(|&count| u32::from(count) >= 1 << (format.bits() - 3)),
             "there is light"
         );
+    }
+}
+
+/// The counts of the cell at (x, y) of a 48 photosites wide sensor, row by row.
+fn cell(counts: &[u16], x: usize, y: usize) -> [u32; 4] {
+    [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| counts[(2 * y + down) * 48 + 2 * x + right].into())
+}
+
+#[test]
+fn a_colour_sensors_cells_become_pixels_in_every_bayer_format() {
+    use PixelFormat as F;
+    // The places of red, the greens and blue in a cell: above from the left, below from the left.
+    let orders = [
+        ([0, 1, 2, 3], [F::BayerRG12, F::BayerRG12p, F::BayerRG12Packed, F::BayerRG8].as_slice()),
+        ([1, 0, 3, 2], &[F::BayerGR12, F::BayerGR12p, F::BayerGR12Packed]),
+        ([2, 0, 3, 1], &[F::BayerGB12, F::BayerGB12p, F::BayerGB12Packed, F::BayerGB16]),
+        ([3, 1, 2, 0], &[F::BayerBG12, F::BayerBG12p, F::BayerBG12Packed]),
+    ];
+    let formats =
+        orders.iter().flat_map(|(places, formats)| formats.iter().map(move |format| (places, *format)));
+    for (at, (&[red, green, other, blue], format)) in formats.enumerate() {
+        let (clock, last) = (WallClock::starting_at(0.0), 60 + at as u8);
+        let mut lamp = Lamp::new(clock);
+        lamp.show(&frame(3)).expect("a lamp shows all");
+        let scene = scene(format.bits());
+        let _camera = GigeCamera::start(address(last), scene.clone(), lamp.look());
+        let sites = expected(&scene, &frame(3), 0.05);
+        for (colour, channels, bits) in [(Colour::Rgb, 3, 1), (Colour::Luma, 1, 2), (Colour::Green, 1, 1)] {
+            let spec = GigeSpec { pixel_format: format, colour, ..spec(last) };
+            let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
+            let info = opened.info().clone();
+            assert_eq!((info.resolution, info.channels), (Resolution::new(24, 10), channels));
+            assert_eq!(info.bits, (format.bits() + bits).min(16), "{format:?}");
+            opened.configure(0.05).expect("within range");
+            let found = opened.capture().expect("it is there").expect("it comes");
+            found.check().expect("its counts fill it");
+            assert_eq!((found.resolution, found.channels), (info.resolution, channels));
+            // 16 bits have no room for sums: they are halved or quartered, halves upwards.
+            let halvings = format.bits() + bits - info.bits;
+            let scaled = |sum: u32| ((sum + (1 << halvings) / 2) >> halvings) as u16;
+            for pixel in 0..240 {
+                let sites = cell(&sites, pixel % 24, pixel / 24);
+                let greens = sites[green] + sites[other];
+                let wanted: Vec<u16> = match colour {
+                    Colour::Rgb => [2 * sites[red], greens, 2 * sites[blue]].map(scaled).to_vec(),
+                    Colour::Luma => vec![scaled(sites[red] + greens + sites[blue])],
+                    Colour::Green => vec![scaled(greens)],
+                };
+                let counts = &found.counts[pixel * channels..][..channels];
+                assert_eq!(counts, wanted, "{format:?} {colour:?}, pixel {pixel}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cell_with_a_full_photosite_is_full_all_the_way() {
+    let clock = WallClock::starting_at(0.0);
+    let mut lamp = Lamp::new(clock);
+    lamp.show(&frame(3)).expect("a lamp shows all");
+    let _camera = camera(80, &lamp);
+    let spec = GigeSpec { pixel_format: PixelFormat::BayerRG12p, saturation: Some(4000), ..spec(80) };
+    let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
+    opened.configure(0.2).expect("within range");
+    let found = opened.capture().expect("it is there").expect("it comes");
+    let sites = expected(&scene(12), &frame(3), 0.2);
+    let mut full = 0;
+    for (pixel, counts) in found.counts.chunks(3).enumerate() {
+        let is_full = cell(&sites, pixel % 24, pixel / 24).iter().any(|&count| count >= 4000);
+        full += usize::from(is_full);
+        assert!(counts.iter().all(|&count| (count == 8191) == is_full), "pixel {pixel}: {counts:?}");
+    }
+    assert!((1..240).contains(&full), "some are full, some are not: {full}");
+}
+
+#[test]
+fn a_region_of_a_colour_sensor_begins_at_its_cells() {
+    let clock = WallClock::starting_at(0.0);
+    let mut lamp = Lamp::new(clock);
+    lamp.show(&frame(5)).expect("a lamp shows all");
+    let _camera = camera(81, &lamp);
+    let spec =
+        GigeSpec { pixel_format: PixelFormat::BayerGB12Packed, size: [16, 8], offset: [30, 12], ..spec(81) };
+    let spec = GigeSpec { colour: Colour::Luma, ..spec };
+    let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
+    opened.configure(0.02).expect("within range");
+    let found = opened.capture().expect("it is there").expect("it comes");
+    assert_eq!(found.resolution, Resolution::new(8, 4));
+    let whole = expected(&scene(12), &frame(5), 0.02);
+    for (at, &count) in found.counts.iter().enumerate() {
+        let sum: u32 = cell(&whole, 15 + at % 8, 6 + at / 8).iter().sum();
+        assert_eq!(u32::from(count), sum, "pixel {at}");
     }
 }
 

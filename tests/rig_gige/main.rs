@@ -8,5 +8,6 @@ mod gige_camera;
 
 mod faults;
 mod frames;
+mod product;
 mod session;
 mod support;

@@ -41,6 +41,7 @@ pub fn noisy(matrix: &Path) -> VirtualRig {
 
 /// A server with two monitors, and a camera that sees what is on the second.
 pub struct Stage {
+    pub address: Ipv4Addr,
     pub server: XServer,
     pub camera: GigeCamera,
     pub hardware: HardwareRig,
@@ -51,7 +52,7 @@ pub struct Stage {
 impl Stage {
     /// Switches the camera on: a new session, as after its power failed.
     pub fn switch_camera_on(&mut self) {
-        self.camera = camera(self.hardware.camera.address, &self.rig, &self.server);
+        self.camera = camera(self.address, &self.rig, &self.server);
     }
 }
 
@@ -75,7 +76,13 @@ pub fn stage_at(last: u8, rig: &VirtualRig, display: Option<&str>) -> Stage {
     let bits = PixelFormat::Mono16;
     let of_camera =
         GigeSpec { pixel_format: bits, exposures: [1e-4, 1.0], ..GigeSpec::new(address, SIDE, SIDE) };
-    Stage { server, camera, hardware: HardwareRig { projector, camera: of_camera }, rig: rig.clone() }
+    Stage {
+        address,
+        server,
+        camera,
+        hardware: HardwareRig { projector, camera: of_camera.into() },
+        rig: rig.clone(),
+    }
 }
 
 /// The server's monitors, of which the second is the projector.
@@ -93,14 +100,14 @@ fn camera(address: Ipv4Addr, rig: &VirtualRig, server: &XServer) -> GigeCamera {
 /// The file of the rig of real protocols.
 pub fn rig_file(folder: &Path, stage: &Stage, more: &str) -> String {
     let path = folder.join("real.toml");
-    let (projector, camera) = (&stage.hardware.projector, &stage.hardware.camera);
+    let projector = &stage.hardware.projector;
     let display = projector.display.as_deref().unwrap_or_default();
     let text = format!(
         "kind = \"hardware\"\n{more}\n\
          [projector]\nkind = \"x11\"\ndisplay = \"{display}\"\nmonitor = \"beamer\"\nsize = [{SIDE}, {SIDE}]\nmagnify = {MAGNIFY}\n\
          [camera]\nkind = \"gige\"\naddress = \"{}\"\nsize = [{SIDE}, {SIDE}]\npixel_format = \"mono16\"\n\
          exposures = [1e-4, 1.0]\n[measurement]\ndirect_square = 1\n",
-        camera.address
+        stage.address
     );
     std::fs::write(&path, text).expect("the folder can be written");
     path.display().to_string()

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use krylux::Error;
-use krylux::rig::{PixelFormat, RigFile, RigKind, X11Monitor};
+use krylux::rig::{CameraSpec, PixelFormat, RigFile, RigKind, X11Monitor};
 
 const WHOLE: &str = "kind = \"hardware\"\ncalibration = \"found\"\n\
     [projector]\nkind = \"x11\"\nmonitor = \"HDMI-1\"\nsize = [128, 96]\nmagnify = 10\n\
@@ -33,7 +33,8 @@ fn a_rig_of_real_devices_is_read_and_the_rest_has_a_default() {
     let RigKind::Hardware(rig) = &file.kind else { panic!("not hardware: {file:?}") };
     assert_eq!(rig.projector.monitor, X11Monitor::Name("HDMI-1".into()));
     assert_eq!((rig.projector.channels, rig.projector.settle_frames), (1, 1));
-    assert_eq!(rig.camera.pixel_format, PixelFormat::Mono12);
+    let CameraSpec::Gige(camera) = &rig.camera else { panic!("not GigE Vision: {rig:?}") };
+    assert_eq!(camera.pixel_format, PixelFormat::Mono12);
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     assert_eq!(
         (projector.resolution.width, projector.bits, camera.resolution.height, camera.bits),

@@ -11,6 +11,7 @@ mod program;
 mod x_server;
 
 mod bench;
+mod bench_verbs;
 mod calibration;
 mod faults;
 mod files;

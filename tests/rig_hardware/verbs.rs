@@ -84,11 +84,18 @@ fn the_list_names_what_a_rig_file_may_name() {
     let beamer = monitors.iter().find(|monitor| monitor["name"] == "beamer").expect("it is listed");
     assert_eq!((&beamer["resolution"]["width"], &beamer["place"][0]), (&Value::from(200), &Value::from(200)));
     let cameras = said["cameras"].as_array().expect("an array");
-    let ours = cameras
-        .iter()
-        .find(|camera| camera["address"] == stage.hardware.camera.address.to_string())
-        .expect("it is listed");
+    let ours =
+        cameras.iter().find(|camera| camera["address"] == stage.address.to_string()).expect("it is listed");
     assert_eq!((&ours["maker"], &ours["model"]), (&Value::from("krylux"), &Value::from("Loopback")));
+    assert_eq!(ours["kind"], "gige");
+    let abilities = &ours["abilities"];
+    assert_eq!(abilities["sensor"], serde_json::json!([SIDE, SIDE]));
+    let formats = abilities["pixel_formats"].as_array().expect("a list");
+    assert!(
+        ["Mono12Packed", "BayerRG12p"].iter().all(|format| formats.contains(&(*format).into())),
+        "{abilities}"
+    );
+    assert_eq!(abilities["exposures"], serde_json::json!([2e-5, 2.0]));
     // Without a server there is nothing to show on, which is said.
     let output = krylux(&["rig", "list", "--display", ":4094"]);
     assert!(output.status.success() && String::from_utf8_lossy(&output.stderr).contains(":4094"));
@@ -114,5 +121,5 @@ fn what_needs_a_simulated_scene_says_so_on_real_devices() {
     }
     let said = summary(&["info", &rig]);
     assert_eq!(said["rig"]["kind"], "hardware");
-    assert_eq!(said["rig"]["camera"]["name"], "gige 127.0.8.250");
+    assert_eq!(said["rig"]["camera"]["name"], "gige 127.0.8.250 Mono12 8x8+0+0");
 }

@@ -99,7 +99,7 @@ pub(super) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Check {
 
 /// `‖A − Aᵀ‖/‖A‖` from pairs of signs `x, y`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, and `E (yᵀ A x)² = ‖A‖²`. The photos
 /// are of `(1 + x)/2`.
-pub(super) fn symmetry(
+pub(in crate::analysis) fn symmetry(
     patterns: &[Vec<f64>],
     photos: &[Seen],
     white: &Seen,

@@ -19,6 +19,7 @@ mod checks;
 mod subject;
 
 pub use check::{Check, Verdict};
+pub(in crate::analysis) use checks::symmetry;
 pub use subject::{Audited, Exact, Seen};
 
 use rand::{RngExt, SeedableRng};
@@ -140,7 +141,7 @@ pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit>
     audit.checks.push(checks::additivity(&photos[0], &rest, &white, options.tolerance));
     audit.checks.push(checks::homogeneity(&photos[0], &scaled, options.tolerance));
     audit.checks.push(checks::repeatability(&photos[0], &again, options.tolerance));
-    audit.checks.push(checks::symmetry(&patterns, &photos, &white, &mask, options.asymmetry));
+    audit.checks.push(symmetry(&patterns, &photos, &white, &mask, options.asymmetry));
     let mean = (white.values.iter().sum::<f64>() / white.values.len() as f64).max(f64::MIN_POSITIVE);
     audit.additivity = (0..white.values.len())
         .map(|pixel| (photos[0].values[pixel] + rest.values[pixel] - white.values[pixel]) / mean)

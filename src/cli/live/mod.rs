@@ -44,6 +44,20 @@ impl FromStr for Address {
     }
 }
 
+impl LiveArgs {
+    /// The viewer, where one is to be told.
+    pub(super) fn viewer(&self, console: &Console) -> Option<Viewer> {
+        self.tev.as_ref().map(|Address(address)| {
+            let (console, place) = (console.clone(), address.clone());
+            Viewer::new(address, move |error| {
+                console.note(format_args!(
+                    "warning: --tev: no images are shown, since the viewer at {place} does not listen: {error}"
+                ));
+            })
+        })
+    }
+}
+
 /// The photos of a run, seen as they are taken.
 pub(super) struct Live {
     console: Console,
@@ -65,14 +79,7 @@ impl Live {
     /// Looks on a run on `source`.
     pub(super) fn new(args: &LiveArgs, source: &Source, channels: Channels, console: &Console) -> Self {
         let sizes = [source.projector_resolution(), source.resolution()];
-        let viewer = args.tev.as_ref().map(|Address(address)| {
-            let (console, place) = (console.clone(), address.clone());
-            Viewer::new(address, move |error| {
-                console.note(format_args!(
-                    "warning: --tev: no images are shown, since the viewer at {place} does not listen: {error}"
-                ));
-            })
-        });
+        let viewer = args.viewer(console);
         let channels = channels.count();
         let strip = Strip::new(sizes, channels);
         let state = RefCell::new(State { line: None, strip, taken: 0, expected: 0 });

@@ -11,10 +11,9 @@ use super::super::journal;
 use super::super::options::{OutputArgs, RunArgs, SourceArgs};
 use super::super::rig_source::RigSource;
 use super::super::run_folder::RunFolder;
-use super::super::source::is_rig;
 use super::super::trace::TraceArgs;
 use super::super::{Outcome, simulation};
-use crate::error::Error;
+use super::bench::require_rig;
 use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
 use crate::measure::{Journaled, Shots};
 use crate::report::calibration;
@@ -56,14 +55,7 @@ enum MapArg {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let path = &args.source.source;
-    if !is_rig(path) {
-        return Err(Error::Option {
-            option: "SOURCE".into(),
-            fault: format!("{} is no rig", path.display()),
-            help: "give a rig file (.toml): only devices can be calibrated".into(),
-        }
-        .into());
-    }
+    require_rig(path, "SOURCE")?;
     let mut rig = RigSource::uncalibrated(&args.source, &args.trace, console)?;
     let folder = args
         .folder

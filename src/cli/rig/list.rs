@@ -8,9 +8,10 @@ use serde_json::{Value, json};
 use super::super::Outcome;
 use super::super::console::Console;
 use super::super::options::OutputArgs;
+use super::cameras;
 use crate::rig::{self, MonitorInfo, RigFile, RigKind};
 
-/// List the monitors and cameras that a rig file may name
+/// List the monitors and cameras that a rig file may name, and what they can do
 #[derive(clap::Args)]
 pub(in super::super) struct Args {
     /// A rig file, whose X server and camera are asked, too
@@ -29,6 +30,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         Some(RigKind::Hardware(rig)) => Some(rig),
         _ => None,
     };
+    if let Some(file) = file.as_ref().filter(|_| hardware.is_none()) {
+        say_virtual(file, console)?;
+    }
     let display = args.display.clone().or(hardware.and_then(|rig| rig.projector.display.clone()));
     let monitors = rig::monitors(display.as_deref());
     match &monitors {
@@ -38,10 +42,30 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         // A computer without a screen may still have cameras.
         Err(why) => console.note(format_args!("note: {why}")),
     }
-    let cameras = cameras(hardware.map(|rig| rig.camera.address), console)?;
+    let cameras = cameras::list(hardware.map(|rig| &rig.camera), console)?;
     let monitors: Vec<Value> = monitors.unwrap_or_default().iter().map(describe).collect();
-    console.summary(&json!({ "verb": "rig list", "monitors": monitors, "cameras": cameras }))?;
+    let simulated = file
+        .as_ref()
+        .filter(|_| hardware.is_none())
+        .map(|file| json!({ "projector": file.kind.projector_info(), "camera": file.kind.camera_info() }));
+    console.summary(
+        &json!({ "verb": "rig list", "monitors": monitors, "cameras": cameras, "virtual": simulated }),
+    )?;
     Ok(Outcome::Done)
+}
+
+/// The devices that a virtual rig's file describes.
+fn say_virtual(file: &RigFile, console: &Console) -> Result<()> {
+    let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
+    console.say(format_args!(
+        "virtual   projector: {} pixels, {} bits, frame_time = {}",
+        projector.resolution, projector.bits, projector.frame_time
+    ))?;
+    let [shortest, longest] = camera.exposures;
+    console.say(format_args!(
+        "virtual   camera: {} pixels, {} bits, exposures {shortest} to {longest} s",
+        camera.resolution, camera.bits
+    ))
 }
 
 fn say(at: usize, monitor: &MonitorInfo, console: &Console) -> Result<()> {
@@ -62,29 +86,4 @@ fn describe(monitor: &MonitorInfo) -> Value {
         "primary": monitor.is_primary,
         "frame_time": monitor.frame_time,
     })
-}
-
-#[cfg(feature = "gige")]
-fn cameras(address: Option<std::net::Ipv4Addr>, console: &Console) -> Result<Value> {
-    let cameras = rig::cameras(&address.into_iter().collect::<Vec<_>>())?;
-    if cameras.is_empty() {
-        console.say("camera    none answers")?;
-    }
-    let known = |name: &Option<String>| name.clone().unwrap_or_else(|| "?".into());
-    for camera in &cameras {
-        console.say(format_args!(
-            "camera    {}: {} {}, serial number {}",
-            camera.address,
-            known(&camera.maker),
-            known(&camera.model),
-            known(&camera.serial)
-        ))?;
-    }
-    Ok(serde_json::to_value(cameras)?)
-}
-
-#[cfg(not(feature = "gige"))]
-fn cameras(_: Option<std::net::Ipv4Addr>, console: &Console) -> Result<Value> {
-    console.note(format_args!("note: this krylux was built without GigE Vision (--features gige)"));
-    Ok(json!([]))
 }

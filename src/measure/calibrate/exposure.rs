@@ -12,11 +12,34 @@ const FILL: f64 = 0.7;
 /// Pixels counted as bright: all but highlights.
 const BRIGHT: f64 = 0.98;
 
+/// How near white's light comes to filling the camera's range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// It fills as much of it as is wanted, or as near to that as the camera's exposures allow.
+    Filled,
+    /// Even the shortest exposure is too long.
+    TooBright,
+    /// Even the longest exposure shows next to nothing.
+    TooDark,
+}
+
 /// The exposure at which the 98th percentile of `frame`'s photo is about 70 % of the camera's range, or the longest there is.
 ///
 /// # Errors
-/// [`Error::Rig`] when even the shortest exposure saturates, or the longest shows nothing.
+/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest shows nothing.
 pub(super) fn fill(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<f64> {
+    match search(sitting, frame)? {
+        (exposure, Reach::Filled) => Ok(exposure),
+        (exposure, Reach::TooBright) => Err(saturated(exposure)),
+        (exposure, Reach::TooDark) => Err(unseen(exposure)),
+    }
+}
+
+/// The exposure at which `frame` fills the range as far as can be, and how far that is.
+///
+/// # Errors
+/// Whatever keeps frames from being taken.
+pub(super) fn search(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<(f64, Reach)> {
     let [shortest, longest] = sitting.camera().exposures;
     let full = sitting.full();
     let black = sitting.filled(0);
@@ -28,7 +51,7 @@ pub(super) fn fill(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<f64>
         let raw = sitting.shoot(frame, exposure)?;
         let bright = percentile(raw.counts.iter().map(|&count| count.into()), BRIGHT);
         if (bright - target).abs() < 0.1 * (full - floor) {
-            return Ok(raw.exposure);
+            return Ok((raw.exposure, Reach::Filled));
         }
         // A saturated photo only tells that it was far too long; a full well may saturate below the largest count.
         let factor = if bright > floor + 0.9 * (full - floor) {
@@ -39,17 +62,17 @@ pub(super) fn fill(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<f64>
         let next = sitting.allowed(exposure * factor);
         if next == exposure {
             return if factor < 1.0 {
-                Err(saturated(exposure))
+                Ok((exposure, Reach::TooBright))
             } else if bright - floor < 0.01 * (full - floor) {
-                Err(unseen(exposure))
+                Ok((exposure, Reach::TooDark))
             } else {
-                Ok(raw.exposure)
+                Ok((raw.exposure, Reach::Filled))
             };
         }
         exposure = next;
     }
     // A well that is full below the target: bright pixels never come near it.
-    Ok(exposure)
+    Ok((exposure, Reach::Filled))
 }
 
 fn saturated(exposure: f64) -> Error {

@@ -27,27 +27,45 @@ pub(super) struct Light<'a> {
     pub(super) read_noise: f64,
     pub(super) exposure: f64,
     pub(super) takes: u32,
+    /// Counts from here on may be saturated.
+    pub(super) limit: f64,
 }
 
 /// A camera pixel and the projector coordinates that it looks at.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Seen {
+pub struct Seen {
     /// Camera pixel, by its number.
-    pub(super) pixel: usize,
+    pub pixel: usize,
     /// Centre of the projector pixels that it may look at, in pixels from the top left corner of the raster.
-    pub(super) at: [f64; 2],
+    pub at: [f64; 2],
+    /// The same to parts of a pixel: the centroid of what it sees, as far as the stripes tell whose edges it looks at.
+    pub fine: [f64; 2],
 }
 
-/// The decoded camera pixels.
+/// The decoded camera pixels. Planes have an entry for each camera pixel, in linear DN summed over its channels.
 #[derive(Clone, Debug)]
-pub(super) struct Decoded {
-    pub(super) seen: Vec<Seen>,
+pub struct Decoded {
+    /// Where each of those looks that could be decoded.
+    pub seen: Vec<Seen>,
+    /// The same of those that look at an edge between two steps, so that it is not decided which of the two they see more of: where
+    /// parts of a pixel count they tell as much.
+    pub between: Vec<Seen>,
     /// Which camera pixels the projector lights.
-    pub(super) lit: Vec<bool>,
+    pub lit: Vec<bool>,
     /// Share of these that are not decoded.
-    pub(super) unreliable: f64,
+    pub unreliable: f64,
     /// Projector pixels that a step of the decoded coordinates stands for: 1, or more where fine bits were left out.
-    pub(super) step: usize,
+    pub step: usize,
+    /// Light of white less that of black.
+    pub white: Vec<f64>,
+    /// Light of black.
+    pub black: Vec<f64>,
+    /// The part of `white` that follows the finest stripes: direct light.
+    pub direct: Vec<f64>,
+    /// Standard deviation of `white`, and of every other difference of two photos.
+    pub noise: Vec<f64>,
+    /// Where white is saturated.
+    pub saturated: Vec<bool>,
 }
 
 /// The bit of `index` that is `shift` places up in its Gray code.
@@ -65,13 +83,20 @@ pub(super) fn from_gray(code: usize) -> usize {
     index
 }
 
+impl Decoded {
+    /// All that tell parts of a pixel.
+    pub fn all(&self) -> impl Iterator<Item = &Seen> {
+        self.seen.iter().chain(&self.between)
+    }
+}
+
 /// Shows the codes and decodes them, without the `coarse` finest bits of each axis.
 ///
 /// # Errors
 /// Whatever keeps frames from being taken.
 pub(super) fn gray_code(sitting: &mut Sitting<'_>, light: &Light<'_>, coarse: u32) -> Result<Decoded> {
     let Resolution { width, height } = sitting.projector().resolution;
-    let white = sum(sitting, light, |_, _| true)?;
+    let (white, saturated) = photo(sitting, light, |_, _| true)?;
     let black = sum(sitting, light, |_, _| false)?;
     let difference: Vec<f64> = white.iter().zip(&black).map(|(white, black)| white - black).collect();
     let bits = [width, height].map(|size| usize::BITS - (size - 1).leading_zeros());
@@ -91,32 +116,49 @@ pub(super) fn gray_code(sitting: &mut Sitting<'_>, light: &Light<'_>, coarse: u3
         let electrons = (white[pixel] + black[pixel]).max(0.0) / light.gain;
         ((electrons + 2.0 * channels * light.read_noise.powi(2)) / f64::from(light.takes)).sqrt()
     };
-    let lit = lit(&difference, noise);
+    let noise: Vec<f64> = (0..difference.len()).map(noise).collect();
+    let lit = lit(&difference, |pixel| noise[pixel]);
     let step = 1 << coarse;
-    let mut seen = Vec::new();
+    let direct: Vec<f64> = (0..difference.len())
+        .map(|pixel| {
+            let fine = axes.iter().flat_map(|planes| planes.iter().take(2)).map(|plane| plane.1[pixel].abs());
+            fine.fold(0.0, f64::max)
+        })
+        .collect();
+    let (mut seen, mut between) = (Vec::new(), Vec::new());
     for pixel in (0..difference.len()).filter(|&pixel| lit[pixel]) {
-        let fine = axes.iter().flat_map(|planes| planes.iter().take(2)).map(|plane| plane.1[pixel].abs());
-        let direct = fine.fold(0.0, f64::max);
-        let threshold = (DECIDED * direct).max(SIGMAS * noise(pixel));
-        let place = |axis: usize, size: usize| -> Option<f64> {
-            let mut code = 0;
+        let threshold = (DECIDED * direct[pixel]).max(SIGMAS * noise[pixel]);
+        // Centre and centroid along an axis, and whether every bit is decided.
+        let place = |axis: usize, size: usize| -> Option<(f64, f64, bool)> {
+            let (mut code, mut undecided) = (0, 0);
             for (shift, plane) in &axes[axis] {
-                if plane[pixel].abs() < threshold {
-                    return None;
-                }
-                code |= usize::from(plane[pixel] > 0.0) << (shift - coarse.min(*shift));
+                let bit = 1 << (shift - coarse.min(*shift));
+                code |= if plane[pixel] > 0.0 { bit } else { 0 };
+                undecided |= if plane[pixel].abs() < threshold { bit } else { 0 };
             }
             let index = from_gray(code);
+            // A pixel that looks at the edge between two steps does not decide the one bit that tells them apart, and need not.
+            if undecided != 0 && from_gray(code ^ undecided).abs_diff(index) != 1 {
+                return None;
+            }
             let from = index * step;
-            (from < size).then(|| 0.5 * (from + (from + step).min(size)) as f64)
+            let centre = 0.5 * (from + (from + step).min(size)) as f64;
+            // Each edge between two steps is in the stripes of one bit, and in no others.
+            let beyond = |edge: usize| {
+                let plane = axes[axis].get(edge.trailing_zeros() as usize).filter(|_| edge > 0);
+                plane.map_or(0.0, |plane| 0.5 * (1.0 - (plane.1[pixel].abs() / direct[pixel]).min(1.0)))
+            };
+            let centroid = centre + step as f64 * (beyond(index + 1) - beyond(index));
+            (from < size).then_some((centre, centroid, undecided == 0))
         };
         if let (Some(x), Some(y)) = (place(0, width), place(1, height)) {
-            seen.push(Seen { pixel, at: [x, y] });
+            let found = Seen { pixel, at: [x.0, y.0], fine: [x.1, y.1] };
+            if x.2 && y.2 { seen.push(found) } else { between.push(found) }
         }
     }
     let count = lit.iter().filter(|&&lit| lit).count();
     let unreliable = if count == 0 { 1.0 } else { 1.0 - seen.len() as f64 / count as f64 };
-    Ok(Decoded { seen, lit, unreliable, step })
+    Ok(Decoded { seen, between, lit, unreliable, step, white: difference, black, direct, noise, saturated })
 }
 
 /// Linear DN of each camera pixel under a pattern, summed over its channels.
@@ -125,13 +167,24 @@ pub(super) fn sum(
     light: &Light<'_>,
     lit: impl Fn(usize, usize) -> bool,
 ) -> Result<Vec<f64>> {
+    Ok(photo(sitting, light, lit)?.0)
+}
+
+/// The same, and where a channel is saturated.
+pub(super) fn photo(
+    sitting: &mut Sitting<'_>,
+    light: &Light<'_>,
+    lit: impl Fn(usize, usize) -> bool,
+) -> Result<(Vec<f64>, Vec<bool>)> {
     let frame = sitting.drawn(lit)?;
-    let Mean { counts, .. } = sitting.mean(&frame, light.exposure, light.takes)?;
+    let Mean { counts, peaks, .. } = sitting.mean(&frame, light.exposure, light.takes)?;
     let channels = sitting.camera().channels;
-    Ok(counts
+    let values = counts
         .chunks_exact(channels)
         .map(|pixel| pixel.iter().map(|&count| light.linear.of(count)).sum())
-        .collect())
+        .collect();
+    let over = |pixel: &[u16]| pixel.iter().any(|&peak| f64::from(peak) >= light.limit);
+    Ok((values, peaks.chunks_exact(channels).map(over).collect()))
 }
 
 fn lit(difference: &[f64], noise: impl Fn(usize) -> f64) -> Vec<bool> {

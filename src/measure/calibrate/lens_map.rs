@@ -69,6 +69,11 @@ impl LensMap {
     }
 }
 
+/// The centre of a camera pixel.
+pub(super) fn centre(pixel: usize, camera: Resolution) -> [f64; 2] {
+    [(pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5]
+}
+
 pub(super) fn half_diagonal(raster: Resolution) -> f64 {
     0.5 * (raster.width as f64).hypot(raster.height as f64)
 }

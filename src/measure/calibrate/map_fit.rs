@@ -18,14 +18,26 @@ type Point = ([f64; 2], [f64; 2]);
 
 /// A map fitted to matches.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Fit {
-    pub(super) map: LensMap,
+pub struct Fit {
+    /// The map that most of them agree on.
+    pub map: LensMap,
     /// Root mean square distance of the matches that belong to it, in projector pixels.
-    pub(super) rms: f64,
+    pub rms: f64,
     /// Standard error of the map itself, root mean square over the field, in projector pixels.
-    pub(super) error: f64,
+    pub error: f64,
     /// Share of matches that do not belong to it.
-    pub(super) outliers: f64,
+    pub outliers: f64,
+}
+
+impl Fit {
+    /// The map from the points of one raster to those of another that most matches agree on, where these are off by about `spread`
+    /// pixels of the second.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when fewer than 24 of the matches agree on a map.
+    pub fn of(matches: &[Match], from: Resolution, to: Resolution, spread: f64) -> Result<Self> {
+        fit(matches, from, to, spread)
+    }
 }
 
 /// Fits the map to matches some of which may be wrong. Matches are taken to be off by about `spread` projector pixels.

@@ -10,10 +10,14 @@
 //! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `map_fit`, `footprint` |
 //! | drift | the whites shown on the way | `stability` |
 //!
+//! Parts of it, for looking on while a bench is aligned and checked: `observer`, `map_check`.
+//!
 //! O'Toole and Kutulakos, section 8.1.
 
 mod camera;
 mod checkerboard;
+mod comparison;
+mod displacement;
 mod exposure;
 mod figure;
 mod footprint;
@@ -23,7 +27,9 @@ mod latency;
 mod least_squares;
 mod lens_map;
 mod linear;
+mod map_check;
 mod map_fit;
+mod observer;
 mod pixel_map;
 mod ramp;
 mod report;
@@ -33,8 +39,14 @@ mod sitting;
 mod stability;
 mod transfer;
 
+pub use displacement::Displacement;
+pub use exposure::Reach;
 pub use figure::Measured;
+pub use gray_code::{Decoded, Seen};
 pub use lens_map::{LensMap, Match};
+pub use map_check::map_check;
+pub use map_fit::Fit;
+pub use observer::Observer;
 pub use report::{CalibrationReport, CameraFigures, MapBy, MapFigures, ProjectorFigures, StabilityFigures};
 
 use std::ops::ControlFlow;
@@ -108,6 +120,7 @@ pub fn calibrate(
         read_noise: reading.read_noise,
         exposure,
         takes: options.takes,
+        limit: camera.limit,
     };
     let (registration, map) = pixel_map::pixel_map(&mut sitting, &light, options.map)?;
     let whites = ramps.iter().map(|ramp| ramp.whites.as_slice()).collect::<Vec<_>>();

@@ -3,7 +3,7 @@
 use super::checkerboard::corners;
 use super::footprint::{by_decoding, by_overlap};
 use super::gray_code::{Decoded, Light, gray_code};
-use super::lens_map::Match;
+use super::lens_map::{Match, centre};
 use super::map_fit::{self, Fit};
 use super::report::{MapBy, MapFigures};
 use super::sitting::Sitting;
@@ -30,10 +30,8 @@ pub(super) fn pixel_map(
     by: Option<MapBy>,
 ) -> Result<(Registration, MapFigures)> {
     let (camera, projector) = (sitting.camera().resolution, sitting.projector().resolution);
-    let scale =
-        (camera.width as f64 / projector.width as f64).min(camera.height as f64 / projector.height as f64);
-    // The finest stripes of a Gray code are two pixels wide.
-    let coarse = (STRIPE / (2.0 * scale)).log2().ceil().max(0.0) as u32;
+    let scale = scale(camera, projector);
+    let coarse = coarse(camera, projector);
     let by = by.unwrap_or(if scale < 0.95 { MapBy::Checkerboard } else { MapBy::GrayCode });
     let decoded = gray_code(sitting, light, coarse)?;
     let from_codes = map_fit::fit(&matches(&decoded, camera), camera, projector, 0.41 * decoded.step as f64);
@@ -83,9 +81,19 @@ pub(super) fn pixel_map(
     }
 }
 
+/// Camera pixels for one of the projector's, on a side.
+fn scale(camera: Resolution, projector: Resolution) -> f64 {
+    (camera.width as f64 / projector.width as f64).min(camera.height as f64 / projector.height as f64)
+}
+
+/// How many of the finest bits this camera could not decode.
+pub(super) fn coarse(camera: Resolution, projector: Resolution) -> u32 {
+    // The finest stripes of a Gray code are two pixels wide.
+    (STRIPE / (2.0 * scale(camera, projector))).log2().ceil().max(0.0) as u32
+}
+
 fn matches(decoded: &Decoded, camera: Resolution) -> Vec<Match> {
-    let centre = |pixel: usize| [(pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5];
-    decoded.seen.iter().map(|seen| Match { camera: centre(seen.pixel), projector: seen.at }).collect()
+    decoded.seen.iter().map(|seen| Match { camera: centre(seen.pixel, camera), projector: seen.at }).collect()
 }
 
 fn masked(registration: &Registration) -> f64 {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::error::Error;
 use crate::measure::MeasureOptions;
-use crate::rig::{Ambient, Drift, Faults, GigeSpec, VirtualCamera, VirtualProjector, X11Spec};
+use crate::rig::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector, X11Spec};
 
 /// Checks the values of one file.
 pub(super) struct Check {
@@ -12,7 +12,7 @@ pub(super) struct Check {
     pub(super) path: PathBuf,
 }
 
-type Checked = Result<(), Error>;
+pub(super) type Checked = Result<(), Error>;
 
 impl Check {
     /// An error about the file.
@@ -29,7 +29,7 @@ impl Check {
         Err(self.fault(format!("{key} is {value}"), format!("give {range}")))
     }
 
-    fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
+    pub(super) fn ranges(&self, table: &str, values: &[(&str, f64, f64, f64)]) -> Checked {
         values
             .iter()
             .try_for_each(|&(key, value, low, high)| self.range(&format!("{table}.{key}"), value, low, high))
@@ -197,27 +197,6 @@ impl Check {
                 ("magnify", spec.magnify as f64, 1.0, 1024.0),
                 ("frame_time", spec.frame_time, 1e-3, 1.0),
                 ("settle_frames", spec.settle_frames as f64, 0.0, 1e3),
-            ],
-        )
-    }
-
-    pub(super) fn gige(&self, spec: &GigeSpec) -> Checked {
-        for side in spec.size {
-            self.range("camera.size", side as f64, 1.0, 65535.0)?;
-        }
-        for side in spec.offset {
-            self.range("camera.offset", side as f64, 0.0, 65535.0)?;
-        }
-        let [shortest, longest] = spec.exposures;
-        self.ranges(
-            "camera",
-            &[
-                ("exposures[0]", shortest, 1e-9, 1e6),
-                ("exposures[1]", longest, shortest, 1e6),
-                ("gain", spec.gain.unwrap_or(0.0), -1e6, 1e6),
-                ("timeout", spec.timeout, 0.0, 3600.0),
-                // The least that every network carries, and what fits a datagram.
-                ("packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0),
             ],
         )
     }

@@ -27,7 +27,7 @@
 //! monitor = "HDMI-1"
 //! size = [128, 96]
 //!
-//! [camera]                        # GigeSpec
+//! [camera]                        # of its kind: GigeSpec, Usb3Spec, V4lSpec, Gphoto2Spec
 //! kind = "gige"
 //! address = "192.168.1.20"
 //! size = [640, 480]
@@ -39,17 +39,19 @@
 //! [`crate::scene::load_with`]) is another one; a virtual rig may name it as `scene.camera_file`.
 
 mod check;
+mod check_camera;
 mod parse;
 mod scene;
 
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use super::nearest::nearest;
 use super::{
-    Ambient, CameraInfo, Drift, Faults, GigeSpec, HardwareRig, ProjectorInfo, VirtualCamera,
-    VirtualProjector, VirtualRig, X11Spec,
+    Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, GigeSpec, Gphoto2Spec, HardwareRig,
+    ProjectorInfo, Usb3Spec, V4lSpec, VirtualCamera, VirtualProjector, VirtualRig, X11Spec,
 };
 use crate::error::{Error, Result};
 use crate::measure::MeasureOptions;
@@ -134,17 +136,28 @@ struct VirtualTables {
     measurement: MeasureOptions,
 }
 
-/// A rig of real devices as it stands in its file.
+/// A rig of real devices as it stands in its file, with a camera of one kind.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct HardwareTables {
+struct HardwareTables<C> {
     #[serde(rename = "kind")]
     _kind: String,
     calibration: Option<PathBuf>,
     projector: X11Spec,
-    camera: GigeSpec,
+    camera: C,
     #[serde(default)]
     measurement: MeasureOptions,
+}
+
+/// Of which kind its camera is; all else is looked at when that is known.
+#[derive(Deserialize)]
+struct OfKind {
+    camera: Option<KindOnly>,
+}
+
+#[derive(Deserialize)]
+struct KindOnly {
+    kind: CameraKind,
 }
 
 impl RigFile {
@@ -178,15 +191,32 @@ impl RigFile {
             let (calibration, measurement) = (tables.calibration.clone(), tables.measurement.clone());
             (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
         } else {
-            let HardwareTables { calibration, projector, camera, measurement, .. } = parse(path, text)?;
-            check.x11(&projector)?;
-            check.gige(&camera)?;
-            (RigKind::Hardware(HardwareRig { projector, camera }), calibration, measurement)
+            let OfKind { camera } = parse(path, text)?;
+            // That there is none is an error of the whole, as others are.
+            let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind)
+            {
+                CameraKind::Gige => hardware::<GigeSpec>(&check, text)?,
+                CameraKind::Usb3 => hardware::<Usb3Spec>(&check, text)?,
+                CameraKind::V4l => hardware::<V4lSpec>(&check, text)?,
+                CameraKind::Gphoto2 => hardware::<Gphoto2Spec>(&check, text)?,
+            };
+            check.x11(&rig.projector)?;
+            check.hardware_camera(&rig.camera)?;
+            (RigKind::Hardware(rig), calibration, measurement)
         };
         check.measurement(&measurement)?;
         let calibration = calibration.map(|calibration| folder.join(calibration));
         Ok(Self { path: path.to_path_buf(), hash, calibration, measurement, kind })
     }
+}
+
+/// Reads a rig of real devices whose camera is of this kind.
+fn hardware<C: DeserializeOwned + Into<CameraSpec>>(
+    check: &Check,
+    text: &str,
+) -> Result<(HardwareRig, Option<PathBuf>, MeasureOptions)> {
+    let HardwareTables::<C> { calibration, projector, camera, measurement, .. } = parse(&check.path, text)?;
+    Ok((HardwareRig { projector, camera: camera.into() }, calibration, measurement))
 }
 
 impl VirtualTables {

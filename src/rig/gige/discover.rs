@@ -4,10 +4,11 @@ use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use viva_genicam::gige::DiscoveryOptions;
-use viva_genicam::{GenicamError, blocking};
+use viva_genicam::{Access, GenicamError, blocking};
 
-use super::fault;
 use crate::error::Result;
+use crate::rig::camera_fault;
+use crate::rig::genicam::Abilities;
 
 /// How long cameras may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
@@ -31,7 +32,7 @@ pub struct FoundCamera {
 /// [`Error::Rig`](crate::Error::Rig) when no question can be sent.
 pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
     let failed = |why: GenicamError| {
-        fault(format!("cameras cannot be looked for: {why}"), "check that the computer has a network")
+        camera_fault(format!("cameras cannot be looked for: {why}"), "check that the computer has a network")
     };
     let mut found =
         blocking::discover_with(ANSWER, &DiscoveryOptions::new().include_loopback(true)).map_err(failed)?;
@@ -47,4 +48,25 @@ pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
         serial: device.serial,
     };
     Ok(found.into_iter().map(camera).collect())
+}
+
+/// What the camera at an address can do. It is not taken from whoever holds it.
+///
+/// # Errors
+/// [`Error::Rig`](crate::Error::Rig) when it does not answer, or lets nobody read while it is held.
+pub fn camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
+    let failed = |why: GenicamError| {
+        camera_fault(
+            format!("the camera at {address} does not say what it can do: {why}"),
+            "end the program that holds it, and check its cable and address",
+        )
+    };
+    let Some(device) = blocking::discover_ip(address, ANSWER).map_err(failed)? else {
+        return Err(camera_fault(
+            format!("no GigE Vision camera answers at {address}"),
+            "check its power, its cable and its address; the network must be the computer's own",
+        ));
+    };
+    let (camera, _) = blocking::connect_as(&device, Access::Monitor).map_err(failed)?;
+    Ok(Abilities::of(&camera))
 }

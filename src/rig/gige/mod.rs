@@ -1,19 +1,13 @@
-//! A machine vision camera on the network: GigE Vision, with the camera's own GenICam description saying what is where.
+//! A machine vision camera on the network: GigE Vision (feature `gige`).
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | who answers | on the computer's networks | `discover` |
-//! | session | opened by address, set up, released; its frames | `link` |
-//! | time | the camera's clock against the rig's | `anchor` |
-//! | counts | bytes of a pixel format to digital numbers | `spec` |
-//! | frames | triggered one by one, numbered through, a lost session opened anew | `camera` |
+//! | who answers | on the computer's networks, and what it can do | `discover` |
+//! | session | opened by address, released; its frames, lost packets of which are sent again | `link` |
+//! | in the rig file | its keys | `spec` |
 //!
-//! The protocol is the crate `viva-genicam`'s (feature `gige`): registers, heartbeat, packets that are lost and sent again.
+//! All else is common with USB3 Vision: [`super::genicam`].
 
-#[cfg(feature = "gige")]
-mod anchor;
-#[cfg(feature = "gige")]
-mod camera;
 #[cfg(feature = "gige")]
 mod discover;
 #[cfg(feature = "gige")]
@@ -21,17 +15,7 @@ mod link;
 mod spec;
 
 #[cfg(feature = "gige")]
-pub use camera::GigeVision;
+pub use discover::{FoundCamera, camera_abilities, cameras};
 #[cfg(feature = "gige")]
-pub use discover::{FoundCamera, cameras};
-pub use spec::{CameraKind, GigeSpec, PixelFormat};
-
-use crate::error::Error;
-
-/// What the error is about.
-const DEVICE: &str = "camera";
-
-/// An error of the camera.
-pub(super) fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
-    Error::Rig { device: DEVICE.into(), fault: fault.into(), help: help.into() }
-}
+pub use link::GigeVision;
+pub use spec::GigeSpec;

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::world::World;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::rig::{Camera, CameraInfo, Clock, Frame, Projector, ProjectorInfo, RawFrame, Shown};
 
 pub(super) struct VirtualProjectorHandle {
@@ -45,14 +45,8 @@ impl Camera for VirtualCameraHandle {
     }
 
     fn configure(&mut self, exposure: f64) -> Result<f64> {
+        self.info.check_exposure(exposure)?;
         let [shortest, longest] = self.info.exposures;
-        if !(shortest..=longest).contains(&exposure) {
-            return Err(Error::Rig {
-                device: self.info.name.clone(),
-                fault: format!("an exposure of {exposure} s cannot be set"),
-                help: format!("it can do {shortest} s to {longest} s"),
-            });
-        }
         let mut set = exposure;
         if self.step > 0.0 {
             // To the nearest that is still in range.

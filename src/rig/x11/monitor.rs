@@ -1,13 +1,13 @@
 //! Monitors of an X server, and whether one shows pixels as they are.
 
-use x11rb::connection::Connection;
+use x11rb::connection::{Connection, RequestConnection};
 use x11rb::protocol::randr::{ConnectionExt as _, Crtc, GetScreenResourcesCurrentReply};
 use x11rb::protocol::xproto::{ConnectionExt as _, Window};
 use x11rb::rust_connection::RustConnection;
 
 use super::spec::{X11Monitor, X11Spec};
 use super::{fault, lost};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::nearest::nearest;
 
@@ -34,24 +34,58 @@ const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
 /// The monitors of a server, in its order; `display` as in [`X11Spec::display`].
 ///
 /// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when the server cannot be reached, or does not know its monitors.
+/// [`Error::Rig`] when the server cannot be reached, or does not know its monitors.
 pub fn monitors(display: Option<&str>) -> Result<Vec<MonitorInfo>> {
     let (connection, screen) = connect(display)?;
     let root = connection.setup().roots[screen].root;
     listed(&connection, root)
 }
 
-/// Connects to a server.
+impl X11Spec {
+    /// The monitor that is meant, which must fit what is written about it and show levels as they are.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) naming what differs, and what to do.
+    pub fn monitor(&self) -> Result<MonitorInfo> {
+        let (connection, screen) = connect(self.display.as_deref())?;
+        let root = connection.setup().roots[screen].root;
+        let monitor = choose(listed(&connection, root)?, self)?;
+        check_passes(&connection, &monitor)?;
+        Ok(monitor)
+    }
+}
+
+/// Why a Wayland session is none to project from.
+const WAYLAND: &str = "a Wayland session shows windows as its compositor likes: an X server on top of it (XWayland) scales them, and \
+                       does not say when a frame is on screen";
+
+/// Connects to a server, which must be one that lights its monitors itself.
 pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
-    x11rb::connect(display).map_err(|why| {
+    let (connection, screen) = x11rb::connect(display).map_err(|why| {
         let name = display.map_or_else(|| std::env::var("DISPLAY").unwrap_or_default(), str::to_owned);
-        let help = "start it, or give the server as display = \":0\" in [projector], or set DISPLAY; on Wayland, log in to an X11 session";
-        if name.is_empty() {
-            fault("there is no X server: DISPLAY is not set", help)
-        } else {
-            fault(format!("the X server \"{name}\" cannot be reached: {why}"), help)
-        }
-    })
+        no_server(&name, std::env::var_os("WAYLAND_DISPLAY").is_some(), &why.to_string())
+    })?;
+    let extension = connection.extension_information("XWAYLAND");
+    if extension.map_err(|why| lost("name its extensions", &why))?.is_some() {
+        return Err(fault(
+            format!("this X server is XWayland, which cannot project: {WAYLAND}"),
+            "log in to an X11 session, or give the projector an Xorg of its own: display = \":1\" in [projector]",
+        ));
+    }
+    Ok((connection, screen))
+}
+
+/// The error where the server of this name (none: no name is known) cannot be reached.
+fn no_server(name: &str, is_wayland: bool, why: &str) -> Error {
+    let help = "start it, or give the server as display = \":0\" in [projector], or set DISPLAY";
+    match (name.is_empty(), is_wayland) {
+        (true, true) => fault(
+            format!("there is no X server, but Wayland, which is not supported: {WAYLAND}"),
+            "log in to an X11 session, or give the projector an Xorg of its own: display = \":1\" in [projector]",
+        ),
+        (true, false) => fault("there is no X server: DISPLAY is not set", help),
+        (false, _) => fault(format!("the X server \"{name}\" cannot be reached: {why}"), help),
+    }
 }
 
 pub(super) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<MonitorInfo>> {
@@ -236,6 +270,17 @@ mod tests {
         assert!(
             choose(vec![slow], &spec).expect_err("60 Hz is said").to_string().contains("frame_time = 0.02")
         );
+    }
+
+    #[test]
+    fn without_a_server_the_error_says_what_there_is_instead() {
+        let wayland = no_server("", true, "").to_string();
+        assert!(
+            wayland.contains("but Wayland, which is not supported") && wayland.contains("does not say when")
+        );
+        assert!(wayland.contains("log in to an X11 session"), "{wayland}");
+        assert!(no_server("", false, "").to_string().contains("DISPLAY is not set"));
+        assert!(no_server(":7", true, "refused").to_string().contains("\":7\" cannot be reached: refused"));
     }
 
     #[test]

@@ -49,7 +49,7 @@ impl Run {
 
     /// Where its camera is.
     fn address(&self) -> String {
-        self.stage.hardware.camera.address.to_string()
+        self.stage.address.to_string()
     }
 
     /// Changes the rig file.

@@ -1,6 +1,6 @@
 //! What is wrong from the beginning: the program says so before it takes a photo.
 
-use krylux::rig::{Camera, GigeVision, WallClock};
+use krylux::rig::{Camera, CameraSpec, GigeVision, WallClock};
 
 use super::Run;
 use crate::program::assert_error;
@@ -35,7 +35,9 @@ fn a_monitor_of_the_wrong_size_is_named_with_both_sizes() {
 #[test]
 fn a_camera_that_another_program_holds_is_named_and_free_afterwards() {
     let run = Run::new(51);
-    let spec = &run.stage.hardware.camera;
+    let CameraSpec::Gige(spec) = &run.stage.hardware.camera else {
+        unreachable!("the stage has a camera on the network")
+    };
     let mut other = GigeVision::open(spec, WallClock::starting_at(0.0), 0).expect("it is free");
     let held = format!("camera at {} is held by another program", run.address());
     refused(&run, &[&held, "end that program"]);

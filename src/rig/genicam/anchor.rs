@@ -3,7 +3,8 @@
 //! A camera stamps its frames by a clock of its own. It is asked for its time between two looks at the rig's, which says what
 //! its stamps mean to within half of that; from then on both may part by what quartzes do.
 
-use viva_genicam::{Camera, GigeRegisterIo};
+use viva_genicam::Camera;
+use viva_genicam::genapi::RegisterIo;
 
 use crate::rig::WallClock;
 
@@ -13,7 +14,7 @@ const DRIFT: f64 = 1e-4;
 /// Seconds after which the camera is asked again.
 const AGE: f64 = 10.0;
 
-/// The names of the latch, by GigE Vision 1 and by SFNC 2, with the unit of SFNC's.
+/// The names of the latch, by SFNC 2 and by GigE Vision 1, with the unit of SFNC's.
 const LATCHES: [(&str, &str, Option<f64>); 2] = [
     ("TimestampLatch", "TimestampLatchValue", Some(1e9)),
     ("GevTimestampControlLatch", "GevTimestampValue", None),
@@ -32,7 +33,7 @@ pub(super) struct Anchor {
 
 impl Anchor {
     /// Asks the camera for its time. None where it cannot tell.
-    pub(super) fn take(camera: &mut Camera<GigeRegisterIo>, clock: WallClock) -> Option<Self> {
+    pub(super) fn take<T: RegisterIo>(camera: &mut Camera<T>, clock: WallClock) -> Option<Self> {
         for (latch, value, unit) in LATCHES {
             let before = clock.seconds();
             if camera.execute_command(latch).is_err() {
@@ -63,7 +64,7 @@ impl Anchor {
     }
 }
 
-fn frequency(camera: &Camera<GigeRegisterIo>) -> Option<f64> {
+fn frequency<T: RegisterIo>(camera: &Camera<T>) -> Option<f64> {
     let ticks = camera.get_integer("GevTimestampTickFrequency").ok()?;
     (ticks > 0).then_some(ticks as f64)
 }

@@ -1,0 +1,55 @@
+//! The shadow picture: what the camera sees, but the projector does not light.
+
+use super::disparity::percentile;
+use crate::measure::calibrate::{Decoded, LensMap};
+
+/// A pixel without so much of the usual direct light is not lit.
+const UNLIT: f64 = 0.05;
+
+/// ... and of its own light under white so much at most is direct.
+const INDIRECT: f64 = 0.25;
+
+/// A pixel sees the scene when it has so many standard deviations of light.
+const SIGMAS: f64 = 5.0;
+
+/// ... and such a share of the usual direct light: less is a glimmer.
+const GLIMMER: f64 = 0.01;
+
+/// What a camera pixel sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sight {
+    /// Light that comes straight from the projector.
+    Lit,
+    /// The scene, by indirect or ambient light, but none that comes straight from the projector.
+    Shadow,
+    /// Nothing: something black, or a shadow that no other light falls into.
+    Dark,
+    /// What the projector's field does not reach.
+    Outside,
+}
+
+/// What each camera pixel sees. What is displaced by up to `margin` projector pixels may be lit or not at the field's border.
+pub(super) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight> {
+    let usual = percentile(decoded.seen.iter().map(|seen| decoded.direct[seen.pixel]), 0.5);
+    let margin = margin.max(1.0) + decoded.step as f64;
+    let field = [map.projector.width as f64, map.projector.height as f64];
+    (0..decoded.white.len())
+        .map(|pixel| {
+            let [white, direct, noise] = [decoded.white[pixel], decoded.direct[pixel], decoded.noise[pixel]];
+            let seen = |light: f64| light > SIGMAS * noise && light > GLIMMER * usual;
+            if direct >= UNLIT * usual && direct > noise {
+                return Sight::Lit;
+            }
+            let at = [pixel % map.camera.width, pixel / map.camera.width].map(|at| at as f64 + 0.5);
+            let to = map.to_projector(at);
+            if (0..2).any(|axis| to[axis] < margin || to[axis] > field[axis] - margin) {
+                return Sight::Outside;
+            }
+            match (seen(white), seen(decoded.black[pixel])) {
+                (true, _) if direct > INDIRECT * white => Sight::Lit,
+                (true, _) | (false, true) => Sight::Shadow,
+                (false, false) => Sight::Dark,
+            }
+        })
+        .collect()
+}

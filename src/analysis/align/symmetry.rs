@@ -1,0 +1,61 @@
+//! The symmetry score of a round: random patterns, all pairs of them.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::AlignOptions;
+use crate::analysis::audit::{Check, Seen, symmetry as score};
+use crate::error::Result;
+use crate::measure::Registration;
+use crate::measure::calibrate::{Decoded, Fit, Observer};
+
+/// By patterns that are lit or dark, pixel by pixel: no response of the projector has to be known. Photos are resampled by the
+/// round's own map. None where hardly anything is seen by it.
+pub(super) fn symmetry(
+    observer: &mut Observer<'_>,
+    decoded: &Decoded,
+    fit: &Fit,
+    options: &AlignOptions,
+) -> Result<Option<Check>> {
+    let used: Vec<bool> =
+        decoded.lit.iter().zip(&decoded.saturated).map(|(lit, over)| *lit && !over).collect();
+    let map = fit.footprints(&used);
+    let mask = map.seen();
+    if mask.iter().filter(|&&seen| seen).count() < 2 {
+        return Ok(None);
+    }
+    let width = map.projector.width;
+    let black = decoded.black.as_slice();
+    let shoot = |observer: &mut Observer<'_>, pattern: &[f64]| {
+        observer.photograph(|x, y| pattern[y * width + x] > 0.0)
+    };
+    let whole: Vec<f64> = mask.iter().map(|&seen| f64::from(u8::from(seen))).collect();
+    let white = shoot(observer, &whole)?;
+    let mut random = Pcg64::seed_from_u64(0);
+    let (mut patterns, mut photos) = (Vec::new(), Vec::new());
+    for _ in 0..options.patterns {
+        let pattern: Vec<f64> =
+            mask.iter().map(|&seen| f64::from(u8::from(seen && random.random::<bool>()))).collect();
+        let photo = shoot(observer, &pattern)?;
+        photos.push(resampled(&map, &photo, black, |light| observer.variance(light)));
+        patterns.push(pattern);
+    }
+    // The black photo, which all have in common, leaves twice a photo less white as one less it: its noise goes with white's.
+    let white = resampled(&map, &white, black, |light| observer.variance(light));
+    let dark = resampled(&map, black, black, |light| observer.variance(light));
+    let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();
+    let white = Seen { variance, ..white };
+    Ok(Some(score(&patterns, &photos, &white, &mask, options.asymmetry)))
+}
+
+/// A photo less black on the projector's pixels, with the photo's own noise.
+fn resampled(map: &Registration, photo: &[f64], black: &[f64], variance: impl Fn(f64) -> f64) -> Seen {
+    let row = |pixel: usize, of: &dyn Fn(usize, f64) -> f64| -> f64 {
+        map.row(pixel).map(|(camera, weight)| of(camera, weight)).sum()
+    };
+    let pixels = 0..map.projector.pixels();
+    Seen {
+        values: pixels.clone().map(|i| row(i, &|at, weight| weight * (photo[at] - black[at]))).collect(),
+        variance: pixels.map(|i| row(i, &|at, weight| weight * weight * variance(photo[at]))).collect(),
+    }
+}

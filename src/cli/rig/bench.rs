@@ -1,0 +1,135 @@
+//! An open rig at the bench, of which little may be known yet.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use super::super::console::Console;
+use super::super::options::{SourceArgs, ViewArgs};
+use super::super::rig_source::RigSource;
+use super::super::source::is_rig;
+use super::super::trace::{SizeArgs, TraceArgs};
+use crate::error::Error;
+use crate::measure::{Calibration, Effort, Shot, Shots};
+use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
+
+/// Seconds between a frame's confirmation and its photo where neither a calibration nor the file says: projectors that process their
+/// picture show it some frames late.
+const CAREFUL: f64 = 0.1;
+
+/// Which rig.
+#[derive(clap::Args)]
+pub(super) struct RigArgs {
+    /// A rig file (.toml), of real or virtual devices
+    #[arg(value_name = "RIG")]
+    pub(super) rig: PathBuf,
+    /// The graphics adapter whose name contains this, where a virtual rig's scene is traced
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+}
+
+/// A rig, and what is known of it.
+pub(super) struct Bench {
+    pub(super) source: RigSource,
+    /// What calibration found, where there is one that can be used.
+    pub(super) known: Option<Calibration>,
+}
+
+impl RigArgs {
+    /// Reads the file and the calibration that it names. One that cannot be used is named, and left aside.
+    pub(super) fn read(&self, console: &Console) -> Result<Bench> {
+        let source = self.source(console)?;
+        let known = calibration(&source).transpose();
+        if let Err(why) = &known {
+            console.note(format_args!("note: the calibration is left aside: {why}"));
+        }
+        Ok(Bench { source, known: known.ok().flatten() })
+    }
+
+    /// Reads the file alone.
+    pub(super) fn source(&self, console: &Console) -> Result<RigSource> {
+        require_rig(&self.rig, "RIG")?;
+        let view = ViewArgs { camera: None, camera_file: None };
+        let trace = TraceArgs::for_looking(SizeArgs::default(), self.adapter.clone());
+        RigSource::uncalibrated(&SourceArgs { source: self.rig.clone(), view }, &trace, console)
+    }
+}
+
+impl Bench {
+    /// Opens the devices. Frames come until the user asks to stop: then as [`Error::Interrupted`].
+    pub(super) fn open(&mut self, console: &Console) -> Result<Box<dyn Shots>> {
+        let mut shots = self.source.opener(console)(None)?;
+        shots.set_settle(self.settle());
+        Ok(Box::new(Interruptible { shots, console: console.clone() }))
+    }
+
+    /// Seconds between a frame's confirmation and its photo.
+    pub(super) fn settle(&self) -> f64 {
+        let measured = self.known.as_ref().map(|known| known.stability.settle);
+        self.source.file.measurement.settle.or(measured).unwrap_or(CAREFUL)
+    }
+
+    /// The exposure that is given, or the longest that the rig file gives.
+    pub(super) fn exposure(&self, given: Option<f64>) -> Option<f64> {
+        given.or(self.source.file.measurement.exposures.last().copied())
+    }
+
+    /// The rig file's name.
+    pub(super) fn name(&self) -> String {
+        self.source.name()
+    }
+}
+
+/// The calibration that a rig's file names; none where it names none.
+pub(super) fn calibration(source: &RigSource) -> Option<crate::Result<Calibration>> {
+    let folder = source.file.calibration.as_ref()?;
+    let (projector, camera) = (source.file.kind.projector_info(), source.file.kind.camera_info());
+    Some(Calibration::load(folder).and_then(|known| known.check(&projector, &camera).map(|()| known)))
+}
+
+/// That a source, given as this argument, is a rig.
+///
+/// # Errors
+/// [`Error::Option`].
+pub(super) fn require_rig(path: &Path, argument: &str) -> Result<()> {
+    if is_rig(path) {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: argument.into(),
+        fault: format!("{} is no rig", path.display()),
+        help: "give a rig file (.toml): this verb asks devices".into(),
+    }
+    .into())
+}
+
+/// Frames until the user asks to stop.
+struct Interruptible {
+    shots: Box<dyn Shots>,
+    console: Console,
+}
+
+impl Shots for Interruptible {
+    fn projector(&self) -> &ProjectorInfo {
+        self.shots.projector()
+    }
+
+    fn camera(&self) -> &CameraInfo {
+        self.shots.camera()
+    }
+
+    fn shoot(&mut self, shot: &Shot) -> crate::Result<RawFrame> {
+        if self.console.check().is_break() {
+            return Err(Error::Interrupted);
+        }
+        self.shots.shoot(shot)
+    }
+
+    fn set_settle(&mut self, seconds: f64) {
+        self.shots.set_settle(seconds);
+    }
+
+    fn effort(&self) -> Effort {
+        self.shots.effort()
+    }
+}

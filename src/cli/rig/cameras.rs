@@ -1,0 +1,138 @@
+//! Cameras of every kind that this krylux was built with, as `krylux rig list` names them.
+
+use std::net::Ipv4Addr;
+
+use anyhow::Result;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::super::console::Console;
+use crate::rig::{self, CameraSpec};
+
+/// A camera: what is said of it, why more cannot be said, and the same for `--json`.
+struct Found {
+    lines: Vec<String>,
+    note: Option<crate::Error>,
+    described: Value,
+}
+
+/// Names all cameras, and asks that of a rig file, too; those found.
+pub(super) fn list(of_file: Option<&CameraSpec>, console: &Console) -> Result<Vec<Value>> {
+    let address = match of_file {
+        Some(CameraSpec::Gige(spec)) => Some(spec.address),
+        _ => None,
+    };
+    let mut found = Vec::new();
+    for kind in [gige(address), usb3(), v4l(), gphoto2()] {
+        match kind {
+            Ok(cameras) => found.extend(cameras),
+            // One kind that cannot be looked for does not hide the others.
+            Err(why) => console.note(format_args!("note: {why}")),
+        }
+    }
+    if found.is_empty() {
+        console.say("camera    none answers")?;
+    }
+    for camera in &found {
+        for (at, line) in camera.lines.iter().enumerate() {
+            console.say(format_args!("{:<9} {line}", if at == 0 { "camera" } else { "" }))?;
+        }
+        if let Some(why) = &camera.note {
+            console.note(format_args!("note: {why}"));
+        }
+    }
+    Ok(found.into_iter().map(|camera| camera.described).collect())
+}
+
+impl Found {
+    /// A camera of this kind, under which a rig file names it.
+    fn new(kind: &str, camera: &impl Serialize, said: String) -> Self {
+        let mut found = Self { lines: vec![said], note: None, described: json!(camera) };
+        found.add("kind", kind.into());
+        found
+    }
+
+    /// The same with what it can do.
+    #[cfg(any(feature = "gige", feature = "usb3"))]
+    fn able(mut self, abilities: crate::Result<rig::Abilities>) -> Self {
+        match abilities {
+            Ok(abilities) => {
+                self.lines.push(abilities.to_string());
+                self.add("abilities", json!(abilities));
+            }
+            // It is there all the same.
+            Err(why) => self.note = Some(why),
+        }
+        self
+    }
+
+    fn add(&mut self, key: &str, value: Value) {
+        if let Some(fields) = self.described.as_object_mut() {
+            fields.insert(key.into(), value);
+        }
+    }
+}
+
+#[cfg(any(feature = "gige", feature = "usb3"))]
+fn known(name: &Option<String>) -> &str {
+    name.as_deref().unwrap_or("?")
+}
+
+#[cfg(feature = "gige")]
+fn gige(address: Option<Ipv4Addr>) -> crate::Result<Vec<Found>> {
+    let cameras = rig::cameras(&address.into_iter().collect::<Vec<_>>())?;
+    let said = |camera: &rig::FoundCamera| {
+        let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
+        format!("gige {}: {maker} {model}, serial number {serial}", camera.address)
+    };
+    let found = |camera: &rig::FoundCamera| {
+        Found::new("gige", camera, said(camera)).able(rig::camera_abilities(camera.address))
+    };
+    Ok(cameras.iter().map(found).collect())
+}
+
+#[cfg(feature = "usb3")]
+fn usb3() -> crate::Result<Vec<Found>> {
+    let said = |camera: &rig::FoundUsbCamera| {
+        let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
+        let speed = camera.speed.as_ref().map_or_else(String::new, |speed| format!(", at {speed}"));
+        format!("usb3 {serial}: {maker} {model}{speed}")
+    };
+    let found = |camera: &rig::FoundUsbCamera| {
+        Found::new("usb3", camera, said(camera)).able(rig::usb_camera_abilities(camera.serial.as_deref()))
+    };
+    Ok(rig::usb_cameras()?.iter().map(found).collect())
+}
+
+#[cfg(feature = "v4l")]
+fn v4l() -> crate::Result<Vec<Found>> {
+    let said = |device: &rig::FoundVideoDevice| {
+        let formats = if device.formats.is_empty() {
+            "no format that krylux reads".into()
+        } else {
+            format!("pixel_format {}", device.formats.join(", "))
+        };
+        format!("v4l {}: {}, {formats}", device.device, device.name)
+    };
+    Ok(rig::video_devices().iter().map(|device| Found::new("v4l", device, said(device))).collect())
+}
+
+fn gphoto2() -> crate::Result<Vec<Found>> {
+    let said = |camera: &rig::FoundStillCamera| format!("gphoto2 \"{}\", at {}", camera.model, camera.port);
+    Ok(rig::still_cameras()?.iter().map(|camera| Found::new("gphoto2", camera, said(camera))).collect())
+}
+
+#[cfg(not(feature = "gige"))]
+fn gige(_: Option<Ipv4Addr>) -> crate::Result<Vec<Found>> {
+    Err(rig::left_out("GigE Vision", "gige"))
+}
+
+#[cfg(not(feature = "usb3"))]
+fn usb3() -> crate::Result<Vec<Found>> {
+    Err(rig::left_out("USB3 Vision", "usb3"))
+}
+
+#[cfg(not(feature = "v4l"))]
+fn v4l() -> crate::Result<Vec<Found>> {
+    Err(rig::left_out("cameras of Linux's video interface", "v4l"))
+}

@@ -1,0 +1,106 @@
+//! Whether a calibration's pixel map still fits: one pattern says how far everything has moved since.
+//!
+//! Random squares are shown, photographed, and resampled by the map. What projector pixel `x` then reads is the pattern at
+//! `x + d(x)`, with a small `d`, which is found by comparing the two.
+
+use std::sync::Arc;
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::displacement::{Displacement, displacement};
+use super::sitting::{Sitting, percentile};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::measure::{Calibration, Shots};
+use crate::rig::Frame;
+
+/// Pixels of a square, on a side; half of that where the field is small.
+const SQUARE: usize = 4;
+
+/// A field of fewer pixels on a side is small.
+const SMALL: usize = 32;
+
+/// Pixels of patterns that tell a map well: what is less is made up for by more patterns, up to so many.
+const PIXELS: usize = 2000;
+const PATTERNS: usize = 8;
+
+/// Camera light of a projector pixel below this share of the median is too little to go by.
+const DARK: f64 = 0.1;
+
+/// Looks how far the pixel map of `known` is off, by black, white, and a pattern at `exposure`; of a small field by a few patterns.
+///
+/// # Errors
+/// Whatever keeps frames from being taken; [`crate::Error::Numerical`] where nothing is seen of the pattern.
+pub fn map_check(shots: &mut dyn Shots, known: &Calibration, exposure: f64) -> Result<Displacement> {
+    let mut sitting = Sitting::new(shots);
+    let size = known.registration.projector;
+    let [black, white] = [sitting.filled(0), sitting.filled(sitting.top())];
+    let black = resampled(&mut sitting, known, &black, exposure)?;
+    let white = resampled(&mut sitting, known, &white, exposure)?;
+    let white: Vec<f64> = white.iter().zip(&black).map(|(white, black)| white - black).collect();
+    let bright = percentile(white.iter().copied().filter(|&light| light > 0.0), 0.5);
+    let used: Vec<bool> = white.iter().map(|&light| light > DARK * bright && bright > 0.0).collect();
+    let mut pairs = Vec::new();
+    for number in 0..PIXELS.div_ceil(size.pixels()).clamp(1, PATTERNS) {
+        let squares = squares(size, number as u64);
+        let frame = sitting.drawn(|x, y| squares[y * size.width + x] > 0.0)?;
+        let photo = resampled(&mut sitting, known, &frame, exposure)?;
+        let contrast = |pixel: usize| match used[pixel] {
+            true => 2.0 * (photo[pixel] - black[pixel]) / white[pixel] - 1.0,
+            false => 0.0,
+        };
+        let seen = (0..size.pixels()).map(contrast).collect();
+        pairs.push((squares, seen));
+    }
+    displacement(size, &pairs, &used)
+}
+
+/// Squares of −1 and 1.
+fn squares(size: Resolution, seed: u64) -> Vec<f64> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let side = if size.width.min(size.height) < SMALL { SQUARE / 2 } else { SQUARE };
+    let across = size.width.div_ceil(side);
+    let of: Vec<f64> = (0..across * size.height.div_ceil(side))
+        .map(|_| if random.random::<bool>() { 1.0 } else { -1.0 })
+        .collect();
+    let square = |pixel: usize| pixel / size.width / side * across + pixel % size.width / side;
+    (0..size.pixels()).map(|pixel| of[square(pixel)]).collect()
+}
+
+/// Linear DN of a frame's photo at each projector pixel, all channels together; 0 where nothing sees it.
+fn resampled(
+    sitting: &mut Sitting<'_>,
+    known: &Calibration,
+    frame: &Arc<Frame>,
+    exposure: f64,
+) -> Result<Vec<f64>> {
+    let channels = sitting.camera().channels;
+    let raw = sitting.shoot(frame, exposure)?;
+    let (black, curve) = (known.camera.black, known.camera.curve.as_deref());
+    let linear = |count: u16| {
+        curve.and_then(|curve| curve.get(usize::from(count)).copied()).unwrap_or(f64::from(count) - black)
+    };
+    let light: Vec<f64> =
+        raw.counts.chunks_exact(channels).map(|pixel| pixel.iter().map(|&c| linear(c)).sum()).collect();
+    let map = &known.registration;
+    Ok((0..map.projector.pixels())
+        .map(|pixel| map.row(pixel).map(|(camera, weight)| weight * light[camera]).sum())
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_are_as_large_as_said_and_about_as_often_light_as_dark() {
+        let size = Resolution::new(61, 47);
+        let squares = squares(size, 1);
+        let same = |a: usize, b: usize| squares[a] == squares[b];
+        assert!((0..4).all(|y| (0..4).all(|x| same(0, y * size.width + x))));
+        let sum: f64 = squares.iter().sum();
+        // 192 squares: a standard deviation of 16 × √192 pixels.
+        assert!(sum.abs() < 4.0 * 16.0 * 192.0_f64.sqrt(), "{sum}");
+    }
+}

@@ -1,0 +1,86 @@
+//! The picture of a round of alignment: the photo, its shadows, and arrows where something is displaced.
+
+use super::raster::Raster;
+use super::srgb::encode_srgb;
+use super::tone::percentile;
+use crate::analysis::align::{Alignment, Sight};
+use crate::image::Resolution;
+
+/// What the camera sees and the projector does not light.
+pub const SHADOW: [u8; 3] = [0xe0, 0x20, 0x18];
+
+/// Where nothing is seen, for whatever reason.
+pub const DARK: [u8; 3] = [0x48, 0x20, 0x60];
+
+/// Arrows: told from any gray, and from both of the above.
+pub const ARROW: [u8; 3] = [0x00, 0x70, 0xff];
+
+/// The picture is enlarged by a whole factor until its longer side has so many pixels, for arrows to be seen.
+const LARGE: usize = 640;
+
+/// An arrow of the displacement that 95 % are below is so many cells long.
+const LENGTH: f64 = 1.5;
+
+/// The photo in gray, shadows in red, what is dark in violet, and from each cell that is displaced by more than `least` projector pixels an arrow towards
+/// where it is displaced to. Arrows are lengthened alike, to be seen.
+pub fn picture(found: &Alignment, least: f64) -> Raster {
+    let Resolution { width, height } = found.camera;
+    let lit: Vec<f64> = found.white.iter().copied().filter(|&light| light > 0.0).collect();
+    let bright = percentile(lit, 0.98).unwrap_or(1.0);
+    let pixels = found.sights.iter().zip(&found.white).map(|(sight, light)| match sight {
+        Sight::Shadow => SHADOW,
+        Sight::Dark => DARK,
+        Sight::Lit | Sight::Outside => [encode_srgb((light / bright).clamp(0.0, 1.0) as f32); 3],
+    });
+    let factor = (LARGE / width.max(height)).max(1);
+    let photo = Raster::from_pixels(found.camera, pixels).enlarged(factor);
+    let mut canvas = Canvas { resolution: photo.resolution(), pixels: photo.bytes().to_vec() };
+    let disparity = &found.disparity;
+    let unit = LENGTH * (disparity.side * factor) as f64 / disparity.upper.max(least).max(f64::MIN_POSITIVE);
+    for cell in disparity.cells.iter().filter(|cell| cell.off[0].hypot(cell.off[1]) > least) {
+        canvas.arrow(cell.at.map(|at| at * factor as f64), cell.off.map(|off| off * unit));
+    }
+    let pixels = canvas.pixels.as_chunks::<3>().0.iter().copied();
+    Raster::from_pixels(Resolution::new(width * factor, height * factor), pixels)
+}
+
+struct Canvas {
+    resolution: Resolution,
+    pixels: Vec<u8>,
+}
+
+impl Canvas {
+    /// A line from a point, with a head at its end.
+    fn arrow(&mut self, from: [f64; 2], along: [f64; 2]) {
+        let to = [from[0] + along[0], from[1] + along[1]];
+        self.line(from, to);
+        for side in [-1.0, 1.0] {
+            // Back by a third of its length, and aside by half of that.
+            let back = [
+                to[0] - 0.3 * (along[0] - side * 0.5 * along[1]),
+                to[1] - 0.3 * (along[1] + side * 0.5 * along[0]),
+            ];
+            self.line(to, back);
+        }
+    }
+
+    fn line(&mut self, from: [f64; 2], to: [f64; 2]) {
+        let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs()).ceil().clamp(1.0, 1e4);
+        for step in 0..=steps as usize {
+            let share = step as f64 / steps;
+            let [x, y] = [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]));
+            // Outside of the picture there is nothing to be drawn.
+            if x < 0.0 || y < 0.0 || x >= self.resolution.width as f64 || y >= self.resolution.height as f64 {
+                continue;
+            }
+            // Two pixels wide.
+            for (right, down) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                let [x, y] = [x as usize + right, y as usize + down];
+                if x < self.resolution.width && y < self.resolution.height {
+                    let at = 3 * (y * self.resolution.width + x);
+                    self.pixels[at..at + 3].copy_from_slice(&ARROW);
+                }
+            }
+        }
+    }
+}

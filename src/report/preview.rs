@@ -1,0 +1,49 @@
+//! A camera's frame as a picture for the one who sets it up: what counts no further is red, what counts nothing blue.
+
+use super::raster::Raster;
+use super::srgb::encode_srgb;
+use crate::rig::RawFrame;
+
+/// A sample that counts no further.
+pub const SATURATED: [u8; 3] = [0xff, 0x20, 0x10];
+
+/// A pixel whose samples are all 0.
+pub const CRUSHED: [u8; 3] = [0x20, 0x50, 0xff];
+
+/// The range of counts from `black` to `full` as sRGB, of one exposure for all frames; counts of `limit` and more are saturated.
+pub fn overlay(frame: &RawFrame, black: f64, full: f64, limit: f64) -> Raster {
+    let range = (full - black).max(1.0);
+    let pixels = frame.counts.chunks_exact(frame.channels).map(|pixel| {
+        if pixel.iter().any(|&count| f64::from(count) >= limit) {
+            return SATURATED;
+        }
+        if pixel.iter().all(|&count| count == 0) {
+            return CRUSHED;
+        }
+        let level = |channel: usize| {
+            let count = pixel[channel.min(pixel.len() - 1)];
+            encode_srgb(((f64::from(count) - black) / range).clamp(0.0, 1.0) as f32)
+        };
+        [level(0), level(1), level(2)]
+    });
+    Raster::from_pixels(frame.resolution, pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Resolution;
+
+    #[test]
+    fn both_ends_of_the_range_are_coloured_and_what_is_between_is_gray() {
+        let counts = vec![0, 100, 2000, 4095];
+        let resolution = Resolution::new(4, 1);
+        let frame = RawFrame { resolution, channels: 1, counts, exposure: 0.1, id: 1, started: 0.0 };
+        let picture = overlay(&frame, 100.0, 4095.0, 4090.0);
+        assert_eq!((picture.pixel(0, 0), picture.pixel(3, 0)), (CRUSHED, SATURATED));
+        assert_eq!(picture.pixel(1, 0), [0; 3]);
+        let [red, green, blue] = picture.pixel(2, 0);
+        // sRGB of 0.4756.
+        assert!(red == green && green == blue && (180..185).contains(&red), "{red}");
+    }
+}

@@ -1,0 +1,251 @@
+//! The camera as a rig sees it: one frame for each trigger, each with a number and a time of its own.
+
+use std::time::Duration;
+
+use viva_genicam::genapi::RegisterIo;
+use viva_genicam::{Camera as Described, Frame, GenicamError};
+
+use super::anchor::Anchor;
+use super::numbers::Numbers;
+use super::set_up::{said, set_exposure, set_up};
+use super::settings::Settings;
+use crate::error::Result;
+use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
+
+/// How a camera is reached.
+pub(in crate::rig) trait Transport {
+    /// Its registers.
+    type Registers: RegisterIo;
+    /// Its frames.
+    type Stream;
+
+    /// Where it is, e.g. `at 192.168.1.20`.
+    fn place(&self) -> String;
+
+    /// Opens it.
+    fn connect(&self) -> Result<Described<Self::Registers>>;
+
+    /// Starts its stream.
+    fn stream(
+        &self,
+        camera: &mut Described<Self::Registers>,
+    ) -> std::result::Result<Self::Stream, GenicamError>;
+
+    /// The next whole frame. None, or [`GenicamError::Timeout`]: none came in time.
+    fn next(
+        stream: &mut Self::Stream,
+        patience: Duration,
+    ) -> std::result::Result<Option<Frame>, GenicamError>;
+
+    /// The camera's number of a frame, from 1 on.
+    fn number(frame: &Frame) -> u64;
+
+    /// Packets that were sent again.
+    fn resent(stream: &Self::Stream) -> u64;
+}
+
+/// An open camera, set up and waiting for its trigger. Dropped, it is released.
+struct Link<T: Transport> {
+    camera: Described<T::Registers>,
+    stream: T::Stream,
+}
+
+impl<T: Transport> Link<T> {
+    /// Opens the camera, sets it up, and starts its stream.
+    fn open(transport: &T, settings: &Settings) -> Result<Self> {
+        let place = transport.place();
+        let mut camera = transport.connect()?;
+        set_up(&mut camera, settings, &place)?;
+        let stream = transport.stream(&mut camera).map_err(|why| said(&place, "open its stream", &why))?;
+        camera.acquisition_start().map_err(|why| said(&place, "start", &why))?;
+        Ok(Self { camera, stream })
+    }
+}
+
+impl<T: Transport> Drop for Link<T> {
+    fn drop(&mut self) {
+        // The camera may be gone; it stops by itself then.
+        let _ = self.camera.acquisition_stop();
+    }
+}
+
+/// A camera that is triggered by software.
+pub(in crate::rig) struct Triggered<T: Transport> {
+    info: CameraInfo,
+    transport: T,
+    settings: Settings,
+    clock: WallClock,
+    link: Option<Link<T>>,
+    anchor: Option<Anchor>,
+    /// What was asked for, and what was set.
+    exposure: Option<[f64; 2]>,
+    numbers: Numbers,
+    /// Packets sent again, in the sessions before this one.
+    resent: u64,
+}
+
+impl<T: Transport> Triggered<T> {
+    /// Opens the camera. Times are told by `clock`; frames are numbered from past `after` on.
+    pub(in crate::rig) fn open(
+        transport: T,
+        settings: Settings,
+        info: CameraInfo,
+        clock: WallClock,
+        after: u64,
+    ) -> Result<Self> {
+        let link = Link::open(&transport, &settings)?;
+        let shortest = settings.exposures[0];
+        let mut camera = Self {
+            info,
+            transport,
+            settings,
+            clock,
+            link: Some(link),
+            anchor: None,
+            exposure: None,
+            numbers: Numbers::past(after),
+            resent: 0,
+        };
+        camera.configure(shortest)?;
+        Ok(camera)
+    }
+
+    /// Triggers a frame and waits for it; what came, when the trigger was sent, and when it came.
+    fn frame(&mut self, exposure: f64) -> std::result::Result<Option<(Frame, [f64; 2])>, GenicamError> {
+        let Some(link) = &mut self.link else { return Ok(None) };
+        // What came too late for the trigger before is not for this one.
+        while T::next(&mut link.stream, Duration::ZERO).is_ok_and(|frame| frame.is_some()) {}
+        let now = self.clock.seconds();
+        if self.anchor.is_none_or(|anchor| anchor.is_old(now)) {
+            self.anchor = Anchor::take(&mut link.camera, self.clock);
+        }
+        let triggered = self.clock.seconds();
+        link.camera.trigger_software()?;
+        let patience = Duration::from_secs_f64(exposure + self.settings.timeout);
+        match T::next(&mut link.stream, patience) {
+            Ok(frame) => Ok(frame.map(|frame| (frame, [triggered, self.clock.seconds()]))),
+            Err(GenicamError::Timeout(_)) => Ok(None),
+            Err(why) => Err(why),
+        }
+    }
+
+    /// When the exposure began, as far as the camera and the trigger tell.
+    fn started(&self, frame: &Frame, exposure: f64, [triggered, came]: [f64; 2]) -> f64 {
+        let (Some(anchor), Some(stamp)) = (self.anchor, frame.ts_dev) else {
+            // Nothing but the trigger tells. A frame of an earlier one would be taken for this one's, which draining prevents.
+            return triggered;
+        };
+        let [time, error] = anchor.time_of(stamp);
+        if time < triggered - error {
+            return time;
+        }
+        // Some cameras stamp the exposure's end.
+        time.min(came - exposure).max(triggered)
+    }
+
+    /// The counts of a frame, which must be of the format and the size that were set.
+    fn counts(&self, frame: &Frame) -> Result<Vec<u16>> {
+        let format = self.settings.pixel_format;
+        let [width, height] = self.settings.sensor.size;
+        let size = [frame.width, frame.height];
+        if frame.pixel_format.name() != Some(format.name())
+            || size.map(|side| side as usize) != [width, height]
+        {
+            let came = frame.pixel_format;
+            return Err(camera_fault(
+                format!(
+                    "a frame of {}x{} in {came} came, where {width}x{height} in {} was expected",
+                    size[0],
+                    size[1],
+                    format.name()
+                ),
+                "no other program may change the camera's settings",
+            ));
+        }
+        format.counts(size, frame.row_stride(), &frame.payload).ok_or_else(|| {
+            camera_fault(
+                format!(
+                    "a frame came with {} bytes, too few for {width}x{height} in {}",
+                    frame.payload.len(),
+                    format.name()
+                ),
+                "give another size or pixel_format in [camera]",
+            )
+        })
+    }
+
+    /// Sets the exposure of an open camera.
+    fn set(&mut self, exposure: f64) -> Result<f64> {
+        match &mut self.link {
+            Some(link) => set_exposure(&mut link.camera, &self.transport.place(), exposure),
+            None => Err(camera_fault("the camera is closed", "open it again")),
+        }
+    }
+
+    fn reopen(&mut self) -> Result<()> {
+        self.close();
+        self.link = Some(Link::open(&self.transport, &self.settings)?);
+        self.numbers.begin();
+        Ok(())
+    }
+
+    fn close(&mut self) {
+        if let Some(link) = self.link.take() {
+            self.resent += T::resent(&link.stream);
+        }
+        self.anchor = None;
+    }
+}
+
+impl<T: Transport> Camera for Triggered<T> {
+    fn info(&self) -> &CameraInfo {
+        &self.info
+    }
+
+    fn configure(&mut self, exposure: f64) -> Result<f64> {
+        self.info.check_exposure(exposure)?;
+        if self.link.is_none() {
+            self.reopen()?;
+        }
+        let set = match self.set(exposure) {
+            Ok(set) => set,
+            // It may have been switched off and on since the last frame.
+            Err(_) => self.reopen().and_then(|()| self.set(exposure))?,
+        };
+        self.exposure = Some([exposure, set]);
+        Ok(set)
+    }
+
+    fn capture(&mut self) -> Result<Option<RawFrame>> {
+        let exposure = self.exposure.map_or(self.info.exposures[0], |[_, set]| set);
+        let (frame, times) = match self.frame(exposure) {
+            Ok(Some(came)) => came,
+            Ok(None) => return Ok(None),
+            // It is gone, or somebody else's: opened anew at the next restart, or an error then.
+            Err(_) => {
+                self.close();
+                return Ok(None);
+            }
+        };
+        Ok(Some(RawFrame {
+            resolution: self.info.resolution,
+            channels: self.info.channels,
+            counts: self.settings.sensor.pixels(self.counts(&frame)?),
+            exposure,
+            id: self.numbers.of(T::number(&frame)),
+            started: self.started(&frame, exposure, times),
+        }))
+    }
+
+    fn restart(&mut self) -> Result<()> {
+        self.reopen()?;
+        if let Some([asked, _]) = self.exposure {
+            self.exposure = Some([asked, self.set(asked)?]);
+        }
+        Ok(())
+    }
+
+    fn resent(&self) -> u64 {
+        self.resent + self.link.as_ref().map_or(0, |link| T::resent(&link.stream))
+    }
+}

@@ -1,0 +1,172 @@
+//! A camera brought to one frame for each software trigger, with nothing automatic, within its own limits.
+
+use viva_genicam::genapi::{RegisterIo, ValueRange};
+use viva_genicam::{Camera, GenicamError, StandardFeature};
+
+use super::settings::Settings;
+use crate::error::{Error, Result};
+use crate::rig::camera_fault;
+
+/// Decibels, or whatever the camera's unit is, by which a gain that was set may differ from the one that was asked for: their steps
+/// are mostly a tenth.
+const GAIN_TOLERANCE: f64 = 0.06;
+
+/// Sets an open camera up. `place` says in errors where it is.
+pub(super) fn set_up<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
+    let failed = |doing: &str, why: &GenicamError| said(place, doing, why);
+    // A session that ended abruptly leaves it running.
+    let _ = camera.acquisition_stop();
+    for automatic in ["ExposureAuto", "GainAuto", "BalanceWhiteAuto"] {
+        if camera.get_enum(automatic).is_ok_and(|value| value != "Off") {
+            camera
+                .set_enum(automatic, "Off")
+                .map_err(|why| failed(&format!("switch {automatic} off"), &why))?;
+        }
+    }
+    // What bends counts, or changes single ones.
+    for bent in ["GammaEnable", "LUTEnable"] {
+        if camera.get_bool(bent).is_ok_and(|value| value) {
+            camera.set_bool(bent, false).map_err(|why| failed(&format!("switch {bent} off"), &why))?;
+        }
+    }
+    set_format(camera, settings, place)?;
+    set_region(camera, settings, place)?;
+    camera.set_acquisition_mode("Continuous").map_err(|why| failed("take frames one after another", &why))?;
+    camera
+        .enable_trigger("FrameStart", "Software")
+        .map_err(|why| failed("wait for a software trigger", &why))?;
+    if let Some(gain) = settings.gain {
+        set_gain(camera, place, gain)?;
+    }
+    check_exposures(camera, settings, place)
+}
+
+fn set_format<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
+    let format = settings.pixel_format.name();
+    camera.set_enum("PixelFormat", format).map_err(|why| {
+        let known = camera.feature_state("PixelFormat").ok().and_then(|state| state.enum_entries);
+        camera_fault(
+            format!("the camera {place} has no pixel format {format}: {why}"),
+            format!("give another pixel_format in [camera]; it has {}", known.unwrap_or_default().join(", ")),
+        )
+    })
+}
+
+/// Sets the part of the sensor that is read. A size's limit depends on the offset and the other way round, so that the offsets go to
+/// their least first.
+fn set_region<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
+    for name in ["OffsetX", "OffsetY"] {
+        let least = limits(camera, name).map_or(0, |range| range.min as i64);
+        if camera.get_integer(name).is_ok_and(|now| now != least) {
+            camera
+                .set_integer(name, least)
+                .map_err(|why| said(place, &format!("set {name} to {least}"), &why))?;
+        }
+    }
+    let [[width, height], [x, y]] = [settings.sensor.size, settings.sensor.offset];
+    for (key, at, name, value) in [
+        ("size", 0, "Width", width),
+        ("size", 1, "Height", height),
+        ("offset", 0, "OffsetX", x),
+        ("offset", 1, "OffsetY", y),
+    ] {
+        let range = limits(camera, name);
+        if let Some(range) = range.filter(|range| !allows(*range, value as f64)) {
+            return Err(camera_fault(
+                format!("camera.{key}[{at}] is {value}, but {name} of the camera {place} is {}", told(range)),
+                match key {
+                    "size" => "correct size in [camera]",
+                    _ => "correct offset in [camera], or give a smaller size",
+                },
+            ));
+        }
+        // A camera without offsets reads from its first pixel on.
+        if key == "offset" && value == 0 && camera.feature_state(name).is_err() {
+            continue;
+        }
+        camera
+            .set_integer(name, value as i64)
+            .map_err(|why| said(place, &format!("set {name} to {value}"), &why))?;
+    }
+    Ok(())
+}
+
+fn set_gain<T: RegisterIo>(camera: &mut Camera<T>, place: &str, gain: f64) -> Result<()> {
+    let failed = |why: GenicamError| said(place, &format!("set a gain of {gain}"), &why);
+    let name = camera.resolve(StandardFeature::Gain).map_err(failed)?.name;
+    if let Some(range) = limits(camera, name).filter(|range| !(range.min..=range.max).contains(&gain)) {
+        return Err(camera_fault(
+            format!("camera.gain is {gain}, but {name} of the camera {place} is {}", told(range)),
+            "correct gain in [camera]",
+        ));
+    }
+    camera.set_gain(gain).map_err(failed)?;
+    let set = camera.gain().map_err(failed)?;
+    if (set - gain).abs() > GAIN_TOLERANCE {
+        return Err(camera_fault(
+            format!("asked for a gain of {gain}, the camera {place} has set {set}"),
+            format!("write gain = {set} in [camera]"),
+        ));
+    }
+    Ok(())
+}
+
+/// That the camera does all exposures that the rig file promises.
+fn check_exposures<T: RegisterIo>(camera: &Camera<T>, settings: &Settings, place: &str) -> Result<()> {
+    let known = ["ExposureTime", "ExposureTimeAbs"];
+    if known.iter().all(|name| camera.feature_state(name).is_err()) {
+        return Err(camera_fault(
+            format!("the camera {place} does not say its exposure in microseconds"),
+            "use a camera with the feature ExposureTime",
+        ));
+    }
+    let Some(range) = known.iter().find_map(|name| limits(camera, name)) else { return Ok(()) };
+    let [least, most] = [range.min, range.max];
+    let [shortest, longest] = settings.exposures;
+    // Microseconds are whole numbers in many cameras.
+    if 1e6 * shortest < least - 1.0 || 1e6 * longest > most + 1.0 {
+        return Err(camera_fault(
+            format!(
+                "the camera {place} does exposures from {} to {} s, but the rig file says {shortest} to {longest} s",
+                least / 1e6,
+                most / 1e6
+            ),
+            "correct exposures in [camera]",
+        ));
+    }
+    Ok(())
+}
+
+/// Sets the exposure in seconds; what was really set.
+pub(super) fn set_exposure<T: RegisterIo>(camera: &mut Camera<T>, place: &str, exposure: f64) -> Result<f64> {
+    let failed = |why: GenicamError| said(place, &format!("set an exposure of {exposure} s"), &why);
+    camera.set_exposure_time(1e6 * exposure).map_err(failed)?;
+    let set = camera.exposure_time().map_err(failed)?;
+    Ok(set / 1e6)
+}
+
+/// What a feature may be now, where the camera says.
+fn limits<T: RegisterIo>(camera: &Camera<T>, name: &str) -> Option<ValueRange> {
+    camera.feature_state(name).ok()?.range
+}
+
+fn allows(range: ValueRange, value: f64) -> bool {
+    // Both are whole numbers, far below what is exact.
+    let is_step = range.inc.is_none_or(|step| step <= 0.0 || (value - range.min).rem_euclid(step) == 0.0);
+    (range.min..=range.max).contains(&value) && is_step
+}
+
+/// `4 to 48 in steps of 4`.
+fn told(range: ValueRange) -> String {
+    let steps = range.inc.filter(|step| *step > 1.0);
+    let steps = steps.map_or_else(String::new, |step| format!(" in steps of {step}"));
+    format!("{} to {}{steps}", range.min, range.max)
+}
+
+/// An error of the camera, as its protocol says it.
+pub(in crate::rig) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
+    camera_fault(
+        format!("the camera {place} did not {doing}: {why}"),
+        "check its cable and power, and that no other program uses it; go on with --resume",
+    )
+}

@@ -1,0 +1,283 @@
+//! A video device brought to what a rig file says: its format, nothing automatic, exposure and gain by hand. A driver may set something
+//! else than what it is asked for, and does not call that an error: each is read back.
+
+use super::spec::V4lSpec;
+use crate::error::Result;
+use crate::rig::camera_fault;
+
+/// Why a video device refused.
+pub(super) type Refusal = std::io::Error;
+
+/// How a device hands out frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layout {
+    pub(super) code: [u8; 4],
+    pub(super) size: [usize; 2],
+    /// Bytes from one row to the next.
+    pub(super) stride: usize,
+}
+
+/// What a video device can be asked.
+pub(super) trait VideoDevice {
+    /// The four letters of each of its formats.
+    fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal>;
+
+    /// Asks for a format and a size; what was set.
+    fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<Layout, Refusal>;
+
+    /// A control's value. An error where there is no such control.
+    fn control(&self, id: u32) -> std::result::Result<i64, Refusal>;
+
+    /// Asks for a control's value.
+    fn set_control(&mut self, id: u32, value: i64) -> std::result::Result<(), Refusal>;
+}
+
+/// Controls by the numbers of the kernel's `v4l2-controls.h`.
+pub(super) mod id {
+    pub(in super::super) const AUTO_WHITE_BALANCE: u32 = 0x0098_090C;
+    pub(in super::super) const AUTO_GAIN: u32 = 0x0098_0912;
+    pub(in super::super) const GAIN: u32 = 0x0098_0913;
+    pub(in super::super) const HUE_AUTO: u32 = 0x0098_0919;
+    pub(in super::super) const BACKLIGHT: u32 = 0x0098_091C;
+    pub(in super::super) const AUTO_BRIGHTNESS: u32 = 0x0098_0920;
+    pub(in super::super) const EXPOSURE_AUTO: u32 = 0x009A_0901;
+    pub(in super::super) const EXPOSURE: u32 = 0x009A_0902;
+    pub(in super::super) const FOCUS_AUTO: u32 = 0x009A_090C;
+    pub(in super::super) const WIDE_DYNAMIC_RANGE: u32 = 0x009A_0915;
+    pub(in super::super) const STABILIZATION: u32 = 0x009A_0916;
+}
+
+/// What is automatic, and its value when it is off (`EXPOSURE_AUTO`: 1 is by hand).
+const AUTOMATIC: [(u32, &str, i64); 9] = [
+    (id::EXPOSURE_AUTO, "the automatic exposure", 1),
+    (id::AUTO_GAIN, "the automatic gain", 0),
+    (id::AUTO_WHITE_BALANCE, "the automatic white balance", 0),
+    (id::HUE_AUTO, "the automatic hue", 0),
+    (id::AUTO_BRIGHTNESS, "the automatic brightness", 0),
+    (id::BACKLIGHT, "the backlight compensation", 0),
+    (id::FOCUS_AUTO, "the automatic focus", 0),
+    (id::WIDE_DYNAMIC_RANGE, "the wide dynamic range", 0),
+    (id::STABILIZATION, "the image stabilization", 0),
+];
+
+/// Units of `EXPOSURE` in a second.
+const PER_SECOND: f64 = 1e4;
+
+/// By how much an exposure that was set may differ from the one that was asked for, relatively: half a unit of the shortest that is
+/// worth having, and what drivers round to.
+const NEAR: f64 = 0.1;
+
+/// Sets a device up; how it hands out frames.
+pub(super) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
+    let layout = set_layout(device, spec)?;
+    for (id, name, off) in AUTOMATIC {
+        // What it does not have is off.
+        if device.control(id).is_ok_and(|value| value != off) {
+            put(device, spec, (id, name), off)?;
+        }
+    }
+    if let Some(gain) = spec.gain {
+        put(device, spec, (id::GAIN, "gain"), gain)?;
+    }
+    // The ends of what is promised must be there.
+    let [shortest, longest] = spec.exposures;
+    set_exposure(device, spec, longest)?;
+    set_exposure(device, spec, shortest)?;
+    Ok(layout)
+}
+
+fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
+    let (code, name) = (spec.pixel_format.code(), &spec.device);
+    let failed = |why: Refusal| {
+        camera_fault(
+            format!("{name} cannot be set up: {why}"),
+            "end the program that uses it; the user must be of the group `video`",
+        )
+    };
+    let formats = device.formats().map_err(failed)?;
+    if !formats.contains(&code) {
+        return Err(camera_fault(
+            format!("{name} has no pixel format {}", letters(code)),
+            format!("give another pixel_format in [camera]; it has {}", known(&formats)),
+        ));
+    }
+    let set = device.set_layout(code, spec.size).map_err(failed)?;
+    if (set.code, set.size) != (code, spec.size) {
+        let [[width, height], [w, h]] = [spec.size, set.size];
+        return Err(camera_fault(
+            format!(
+                "{name} was asked for {width}x{height} in {}, and set {w}x{h} in {}",
+                letters(code),
+                letters(set.code)
+            ),
+            "correct size or pixel_format in [camera]; `v4l2-ctl --list-formats-ext` names what there is",
+        ));
+    }
+    Ok(set)
+}
+
+/// Sets the exposure in seconds; what was really set.
+pub(super) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposure: f64) -> Result<f64> {
+    let units = (exposure * PER_SECOND).round().max(1.0) as i64;
+    let failed = |why: Refusal| {
+        camera_fault(
+            format!("{} did not set an exposure of {exposure} s: {why}", spec.device),
+            "correct exposures in [camera]; `v4l2-ctl --list-ctrls` names the limits of exposure_time_absolute, in 0.1 ms",
+        )
+    };
+    device.set_control(id::EXPOSURE, units).map_err(failed)?;
+    let set = device.control(id::EXPOSURE).map_err(failed)? as f64 / PER_SECOND;
+    if (set / exposure - 1.0).abs() <= NEAR {
+        return Ok(set);
+    }
+    Err(camera_fault(
+        format!("{} was asked for an exposure of {exposure} s, and set {set} s", spec.device),
+        "correct exposures in [camera]: multiples of 0.1 ms, within the camera's limits",
+    ))
+}
+
+/// Sets a control, and reads it back.
+fn put(device: &mut impl VideoDevice, spec: &V4lSpec, (id, name): (u32, &str), value: i64) -> Result<()> {
+    let help = "`v4l2-ctl --list-ctrls` names the device's controls and their limits";
+    device
+        .set_control(id, value)
+        .map_err(|why| camera_fault(format!("{} did not set {name} to {value}: {why}", spec.device), help))?;
+    match device.control(id) {
+        Ok(set) if set == value => Ok(()),
+        Ok(set) => Err(camera_fault(
+            format!("{} was asked to set {name} to {value}, and set {set}", spec.device),
+            help,
+        )),
+        Err(why) => Err(camera_fault(format!("{} does not tell {name}: {why}", spec.device), help)),
+    }
+}
+
+fn letters(code: [u8; 4]) -> String {
+    String::from_utf8_lossy(&code).trim_end().to_owned()
+}
+
+fn known(formats: &[[u8; 4]]) -> String {
+    formats.iter().map(|&code| letters(code)).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::io::ErrorKind;
+
+    use super::*;
+    use crate::rig::{CameraKind, V4lFormat};
+
+    /// A device that does what drivers do: values are brought within limits, sizes to the nearest there is.
+    struct Played {
+        formats: Vec<[u8; 4]>,
+        most: [usize; 2],
+        /// By number: value, least and most.
+        controls: BTreeMap<u32, [i64; 3]>,
+        /// Controls that stay as they are.
+        stubborn: Vec<u32>,
+    }
+
+    impl VideoDevice for Played {
+        fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal> {
+            Ok(self.formats.clone())
+        }
+
+        fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<Layout, Refusal> {
+            let size = [size[0].min(self.most[0]), size[1].min(self.most[1])];
+            Ok(Layout { code, size, stride: 2 * size[0] })
+        }
+
+        fn control(&self, id: u32) -> std::result::Result<i64, Refusal> {
+            self.controls.get(&id).map(|[value, ..]| *value).ok_or(ErrorKind::InvalidInput.into())
+        }
+
+        fn set_control(&mut self, id: u32, value: i64) -> std::result::Result<(), Refusal> {
+            let stubborn = self.stubborn.contains(&id);
+            let [now, least, most] =
+                self.controls.get_mut(&id).ok_or(Refusal::from(ErrorKind::InvalidInput))?;
+            if !stubborn {
+                *now = value.clamp(*least, *most);
+            }
+            Ok(())
+        }
+    }
+
+    /// A webcam as it is plugged in: all automatic.
+    fn webcam() -> Played {
+        Played {
+            formats: vec![*b"MJPG", *b"YUYV", *b"Y16 "],
+            most: [1280, 720],
+            controls: BTreeMap::from([
+                (id::EXPOSURE_AUTO, [3, 0, 3]),
+                (id::EXPOSURE, [250, 3, 2047]),
+                (id::AUTO_WHITE_BALANCE, [1, 0, 1]),
+                (id::BACKLIGHT, [1, 0, 2]),
+                (id::GAIN, [64, 0, 255]),
+                (id::FOCUS_AUTO, [1, 0, 1]),
+            ]),
+            stubborn: Vec::new(),
+        }
+    }
+
+    fn spec() -> V4lSpec {
+        V4lSpec {
+            kind: CameraKind::V4l,
+            device: "/dev/video0".into(),
+            size: [640, 480],
+            pixel_format: V4lFormat::Y16,
+            saturation: None,
+            gain: Some(16),
+            exposures: [1e-3, 0.1],
+            timeout: 1.0,
+            skip: 2,
+        }
+    }
+
+    #[track_caller]
+    fn refused(mut device: Played, spec: &V4lSpec) -> String {
+        set_up(&mut device, spec).expect_err("it is refused").to_string()
+    }
+
+    #[test]
+    fn nothing_stays_automatic_and_what_is_asked_for_is_set() {
+        let mut device = webcam();
+        let layout = set_up(&mut device, &spec()).expect("it can do that");
+        assert_eq!(layout, Layout { code: *b"Y16 ", size: [640, 480], stride: 1280 });
+        let now = |id| device.control(id).expect("it has it");
+        assert_eq!(
+            [id::EXPOSURE_AUTO, id::AUTO_WHITE_BALANCE, id::BACKLIGHT, id::FOCUS_AUTO, id::GAIN].map(now),
+            [1, 0, 0, 0, 16]
+        );
+        assert_eq!(now(id::EXPOSURE), 10, "the shortest, in tenths of a millisecond");
+        let set = set_exposure(&mut device, &spec(), 0.01234).expect("it can do that");
+        assert!((set - 0.0123).abs() < 1e-12, "what was set, not what was asked for: {set}");
+        assert_eq!(device.control(id::EXPOSURE).expect("it has it"), 123);
+    }
+
+    #[test]
+    fn what_a_driver_sets_instead_is_told() {
+        let message = refused(webcam(), &V4lSpec { pixel_format: V4lFormat::Grey, ..spec() });
+        assert!(
+            message.contains("no pixel format GREY") && message.contains("it has MJPG, YUYV, Y16"),
+            "{message}"
+        );
+        let message = refused(webcam(), &V4lSpec { size: [1920, 720], ..spec() });
+        assert!(message.contains("asked for 1920x720 in Y16, and set 1280x720 in Y16"), "{message}");
+        let message = refused(webcam(), &V4lSpec { gain: Some(300), ..spec() });
+        assert!(message.contains("asked to set gain to 300, and set 255"), "{message}");
+        let message = refused(webcam(), &V4lSpec { exposures: [1e-3, 1.0], ..spec() });
+        assert!(message.contains("asked for an exposure of 1 s, and set 0.2047 s"), "{message}");
+        let message = refused(webcam(), &V4lSpec { exposures: [1e-5, 0.1], ..spec() });
+        assert!(message.contains("an exposure of 0.00001 s"), "{message}");
+        let stubborn = Played { stubborn: vec![id::EXPOSURE_AUTO], ..webcam() };
+        let message = refused(stubborn, &spec());
+        assert!(message.contains("the automatic exposure to 1, and set 3"), "{message}");
+        let mut blind = webcam();
+        blind.controls.remove(&id::EXPOSURE);
+        assert!(refused(blind, &spec()).contains("did not set an exposure"));
+        let mut plain = webcam();
+        plain.controls.remove(&id::GAIN);
+        assert!(refused(plain, &spec()).contains("did not set gain to 16"));
+    }
+}

@@ -1,0 +1,169 @@
+//! The check before a session: each thing that is wrong is named, and nothing else.
+
+use std::time::Instant;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::support::{folder, inside, krylux, rig, summary, text};
+
+/// A rig with its calibration.
+fn calibrated(folder: &TempDir) -> String {
+    let plain = rig(folder, [0, 0], &[]);
+    let out = inside(folder, "known");
+    let output = krylux(&["rig", "calibrate", &plain, "-o", &out, "-q"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    rig(folder, [0, 0], &[("", "calibration = \"known\"")])
+}
+
+/// What a check found, by name, and whether the program says that all is well.
+#[track_caller]
+fn check(rig: &str, folder: &TempDir) -> (Vec<(String, String, String)>, bool) {
+    let (said, status) = summary(&["rig", "check", rig, "-o", &inside(folder, "out")]);
+    let of = |finding: &Value, key: &str| finding[key].as_str().unwrap_or_default().to_owned();
+    let findings: Vec<(String, String, String)> = said["findings"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|finding| {
+            (
+                of(finding, "name"),
+                of(finding, "grade"),
+                format!("{} → {}", of(finding, "found"), of(finding, "help")),
+            )
+        })
+        .collect();
+    findings.iter().for_each(|(name, grade, found)| println!("{name:<14}{grade:<9}{found}"));
+    assert_eq!(said["passed"].as_bool(), Some(status == 0));
+    (findings, status == 0)
+}
+
+/// Those that are not ok.
+fn named(findings: &[(String, String, String)]) -> Vec<(&str, &str)> {
+    let wrong = findings.iter().filter(|(_, grade, _)| grade != "ok");
+    wrong.map(|(name, grade, _)| (name.as_str(), grade.as_str())).collect()
+}
+
+#[test]
+fn a_bench_in_order_passes_line_by_line_and_a_moved_camera_does_not() {
+    let folder = folder();
+    let rig = calibrated(&folder);
+    let began = Instant::now();
+    let (findings, passed) = check(&rig, &folder);
+    println!("{:?}", began.elapsed());
+    assert!(passed && named(&findings).is_empty(), "{findings:?}");
+    let names: Vec<&str> = findings.iter().map(|(name, ..)| name.as_str()).collect();
+    let expected = [
+        "file",
+        "disk",
+        "projector",
+        "camera",
+        "calibration",
+        "exposure",
+        "saturation",
+        "ambient",
+        "frames",
+        "settling",
+        "repeatability",
+        "noise",
+        "pixel map",
+    ];
+    assert_eq!(names, expected);
+    let output = krylux(&["rig", "check", &rig]);
+    let said = text(&output.stdout);
+    assert!(said.contains("pixel map     ok ") && said.contains("The bench is ready."), "{said}");
+
+    let moved = |by: &str| {
+        super::support::rig(
+            &folder,
+            [0, 0],
+            &[("", "calibration = \"known\""), ("camera", &format!("shift = [{by}, 0.0]"))],
+        )
+    };
+    for (by, grade) in [("0.5", "fails"), ("-3.0", "fails"), ("0.2", "warning")] {
+        let (findings, passed) = check(&moved(by), &folder);
+        assert_eq!((named(&findings), passed), (vec![("pixel map", grade)], grade == "warning"));
+    }
+}
+
+#[test]
+fn more_noise_than_calibration_knows_is_named() {
+    let folder = folder();
+    let rig = calibrated(&folder);
+    let text = std::fs::read_to_string(&rig).expect("it was written");
+    // Electrons: 60 instead of 6, beside white's 150 of shot noise.
+    std::fs::write(&rig, text.replace("read_noise = 6", "read_noise = 150"))
+        .expect("the folder can be written");
+    let (findings, passed) = check(&rig, &folder);
+    assert!(passed);
+    assert_eq!(named(&findings), [("noise", "warning")]);
+}
+
+#[test]
+fn each_fault_of_light_and_time_is_named_with_what_to_do() {
+    let folder = folder();
+    let uncalibrated = ("calibration", "warning");
+    for (more, expected, part) in [
+        (vec![], vec![uncalibrated], "rig calibrate"),
+        // The light is there 50 ms after its frame, but photos are taken after 10.
+        (
+            vec![("projector", "latency = 0.05"), ("measurement", "settle = 0.01")],
+            vec![uncalibrated, ("settling", "fails")],
+            "longer settle",
+        ),
+        (vec![("projector", "latency = 0.05")], vec![uncalibrated], "rig calibrate"),
+        (
+            vec![("faults", "late_frames = [9]"), ("faults", "dropped_frames = [12]")],
+            vec![uncalibrated, ("frames", "warning")],
+            "1 were exposed too early",
+        ),
+        (
+            vec![("measurement", "exposures = [1.0]")],
+            vec![uncalibrated, ("saturation", "fails")],
+            "shorter exposure",
+        ),
+        (
+            vec![("measurement", "exposures = [0.01]")],
+            vec![uncalibrated, ("exposure", "warning")],
+            "expose longer",
+        ),
+        (
+            vec![("measurement", "exposures = [0.1]"), ("projector", "frame_time = 0.03")],
+            vec![("file", "warning"), uncalibrated],
+            "whole multiples",
+        ),
+    ] {
+        let rig = rig(&folder, [0, 0], &more);
+        let (findings, passed) = check(&rig, &folder);
+        assert_eq!(named(&findings), expected, "{more:?}");
+        assert_eq!(passed, expected.iter().all(|(_, grade)| *grade != "fails"), "{more:?}");
+        let said = krylux(&["rig", "check", &rig, "-o", &inside(&folder, "out")]);
+        assert!(text(&said.stdout).contains(part), "`{part}` is missing in: {}", text(&said.stdout));
+    }
+}
+
+#[test]
+fn a_camera_that_gives_no_frame_and_a_file_with_a_fault_are_findings_not_errors() {
+    let folder = folder();
+    let rig = rig(&folder, [0, 0], &[("faults", "dropped = 1.0")]);
+    let (findings, passed) = check(&rig, &folder);
+    assert!(!passed);
+    let last = findings.last().expect("there are some");
+    assert!(last.0 == "frames" && last.2.contains("no good frame"), "{last:?}");
+    let wrong = inside(&folder, "wrong.toml");
+    std::fs::write(&wrong, "kind = \"virtual\"\nsede = 1\n").expect("the folder can be written");
+    let (findings, passed) = check(&wrong, &folder);
+    assert!(!passed && findings.len() == 1 && findings[0].2.contains("seed"), "{findings:?}");
+    let missing = super::support::rig(&folder, [0, 0], &[("", "calibration = \"nowhere\"")]);
+    let (findings, passed) = check(&missing, &folder);
+    assert_eq!((named(&findings), passed), (vec![("calibration", "fails")], false));
+}
+
+#[test]
+fn the_list_tells_what_virtual_devices_can_do() {
+    let folder = folder();
+    let rig = rig(&folder, [0, 0], &[]);
+    let (said, _) = summary(&["rig", "list", &rig]);
+    assert_eq!(said["virtual"]["camera"]["resolution"]["width"], 64);
+    assert_eq!(said["virtual"]["projector"]["bits"], 8);
+}
