@@ -1,5 +1,7 @@
 //! Many small pictures in one PNG file: a page of hundreds of photos stays small, and a browser decodes one image.
 
+use rayon::prelude::*;
+
 use super::thumb::{SIDE, Thumb};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -15,11 +17,11 @@ const LARGE: usize = 128;
 /// Paints photos, of a run of any length.
 pub(super) fn sheet(shots: &[[Thumb; 2]]) -> Result<Sheet> {
     let side = if shots.len() > LARGE { SIDE / 2 } else { SIDE };
-    let mut painted = Vec::with_capacity(shots.len());
-    for shot in shots {
+    let paint = |shot: &[Thumb; 2]| {
         let [(pattern, _), (photo, range)] = [shot[0].within(side).paint()?, shot[1].within(side).paint()?];
-        painted.push(([pattern, photo], range));
-    }
+        Ok(([pattern, photo], range))
+    };
+    let painted = shots.par_iter().map(paint).collect::<Result<Vec<_>>>()?;
     let largest = |of: &dyn Fn(Resolution) -> usize, which: usize| {
         painted.iter().map(|(pair, _)| of(pair[which].resolution())).max().unwrap_or(0)
     };
