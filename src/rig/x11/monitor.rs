@@ -45,7 +45,7 @@ impl X11Spec {
     /// The monitor that is meant, which must fit what is written about it and show levels as they are.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) naming what differs, and what to do.
+    /// [`Error::Rig`] naming what differs, and what to do.
     pub fn monitor(&self) -> Result<MonitorInfo> {
         let (connection, screen) = connect(self.display.as_deref())?;
         let root = connection.setup().roots[screen].root;
