@@ -1,11 +1,10 @@
 //! Which cameras there are.
 
-use viva_genicam::u3v::{U3vDeviceInfo, discover};
+use viva_genicam::u3v::U3vDeviceInfo;
 
 use super::Usb3Spec;
-use super::link::Port;
+use super::port::{Port, devices};
 use crate::error::Result;
-use crate::rig::camera_fault;
 use crate::rig::genicam::Abilities;
 
 /// A USB3 Vision camera that is plugged in.
@@ -42,14 +41,4 @@ pub fn usb_cameras() -> Result<Vec<FoundUsbCamera>> {
 pub fn usb_camera_abilities(serial: Option<&str>) -> Result<Abilities> {
     let spec = Usb3Spec { serial: serial.map(str::to_owned), ..Usb3Spec::new(1, 1) };
     Ok(Abilities::of(&spec.open()?))
-}
-
-/// The same as the protocol knows them.
-pub(super) fn devices() -> Result<Vec<U3vDeviceInfo>> {
-    discover().map_err(|why| {
-        camera_fault(
-            format!("USB cameras cannot be looked for: {why}"),
-            "check that the computer has USB, and that /sys is mounted",
-        )
-    })
 }

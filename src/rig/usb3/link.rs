@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use viva_genicam::u3v::{NusbTransfer, U3vDeviceInfo, U3vStreamOptions, UsbTransfer};
-use viva_genicam::{Camera as Described, Frame, GenicamError, U3vFrameStream, U3vRegisterIo, connect_u3v};
+use viva_genicam::u3v::U3vStreamOptions;
+use viva_genicam::{Camera as Described, Frame, GenicamError, U3vFrameStream, U3vRegisterIo};
 
 use super::Usb3Spec;
-use super::discover::devices;
-use crate::error::{Error, Result};
+use super::port::Port;
+use crate::error::Result;
 use crate::rig::genicam::{Transport, Triggered};
-use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
+use crate::rig::{Camera, CameraInfo, RawFrame, WallClock};
 
 /// A USB3 Vision camera.
 pub struct Usb3Vision(Triggered<OnUsb<Usb3Spec>>);
@@ -18,7 +18,7 @@ impl Usb3Vision {
     /// Opens the camera. Times are told by `clock`; frames are numbered from past `after` on.
     ///
     /// # Errors
-    /// [`Error::Rig`] when it is not plugged in, another program holds it, or it cannot do what `spec` says.
+    /// [`Error::Rig`](crate::Error::Rig) when it is not plugged in, another program holds it, or it cannot do what `spec` says.
     pub fn open(spec: &Usb3Spec, clock: WallClock, after: u64) -> Result<Self> {
         Triggered::open(OnUsb(spec.clone()), spec.settings(), spec.info(), clock, after).map(Self)
     }
@@ -39,37 +39,6 @@ impl Camera for Usb3Vision {
 
     fn restart(&mut self) -> Result<()> {
         self.0.restart()
-    }
-}
-
-/// How a camera is opened.
-pub(super) trait Port {
-    /// What carries bytes to it and back.
-    type Wire: UsbTransfer + 'static;
-
-    /// Where it is, in errors.
-    fn place(&self) -> String;
-
-    /// Opens it.
-    fn open(&self) -> Result<Described<U3vRegisterIo<Self::Wire>>>;
-}
-
-impl Port for Usb3Spec {
-    type Wire = NusbTransfer;
-
-    fn place(&self) -> String {
-        self.serial.as_ref().map_or_else(|| "on USB".into(), |serial| format!("with serial number {serial}"))
-    }
-
-    fn open(&self) -> Result<Described<U3vRegisterIo<NusbTransfer>>> {
-        let device = choose(devices()?, self.serial.as_deref())?;
-        connect_u3v(&device).map_err(|why| {
-            camera_fault(
-                format!("the camera {} cannot be opened: {why}", self.place()),
-                "end the program that holds it; the user needs the right to write to the device under /dev/bus/usb \
-                 (a udev rule, mostly the maker's)",
-            )
-        })
     }
 }
 
@@ -110,65 +79,5 @@ impl<P: Port> Transport for OnUsb<P> {
     fn resent(_: &U3vFrameStream) -> u64 {
         // Nothing is lost on USB but whole frames.
         0
-    }
-}
-
-/// The camera of this serial number, or the only one.
-fn choose(mut devices: Vec<U3vDeviceInfo>, serial: Option<&str>) -> Result<U3vDeviceInfo> {
-    let known: Vec<String> =
-        devices.iter().map(|device| device.serial.clone().unwrap_or_else(|| "?".into())).collect();
-    if let Some(serial) = serial {
-        devices.retain(|device| device.serial.as_deref() == Some(serial));
-    }
-    let refused = |fault: String, help: String| -> Error { camera_fault(fault, help) };
-    match (devices.len(), serial) {
-        (1, _) => Ok(devices.remove(0)),
-        (0, None) => Err(refused(
-            "no USB3 Vision camera is plugged in".into(),
-            "check its cable and power; `krylux rig list` names those there are".into(),
-        )),
-        (0, Some(serial)) => Err(refused(
-            format!("no USB3 Vision camera has the serial number {serial}"),
-            if known.is_empty() {
-                "none is plugged in: check its cable and power".into()
-            } else {
-                format!("there are {}: correct serial in [camera]", known.join(", "))
-            },
-        )),
-        (count, _) => Err(refused(
-            format!("{count} USB3 Vision cameras are plugged in"),
-            format!("give serial in [camera]: {}", known.join(", ")),
-        )),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn device(serial: &str) -> U3vDeviceInfo {
-        U3vDeviceInfo {
-            bus: "1".into(),
-            address: 4,
-            vendor_id: 1,
-            product_id: 2,
-            serial: Some(serial.into()),
-            manufacturer: None,
-            model: None,
-            speed: None,
-        }
-    }
-
-    #[test]
-    fn a_camera_is_chosen_by_its_serial_number_or_as_the_only_one() {
-        let both = || vec![device("A1"), device("B2")];
-        let of = |devices, serial| choose(devices, serial).map(|device| device.serial);
-        let refused = |devices, serial| of(devices, serial).expect_err("it is refused").to_string();
-        assert_eq!(of(both(), Some("B2")).expect("it is there"), Some("B2".into()));
-        assert_eq!(of(vec![device("A1")], None).expect("the only one"), Some("A1".into()));
-        assert!(refused(both(), None).contains("give serial in [camera]: A1, B2"));
-        assert!(refused(both(), Some("C3")).contains("no USB3 Vision camera has the serial number C3"));
-        assert!(refused(both(), Some("C3")).contains("there are A1, B2"));
-        assert!(refused(Vec::new(), None).contains("no USB3 Vision camera is plugged in"));
     }
 }

@@ -3,7 +3,8 @@
 //! | step | what it does | file |
 //! |---|---|---|
 //! | who is there | on the computer's USB ports, and what it can do | `discover` |
-//! | session | opened by serial number, released; its frames | `link` |
+//! | port | found by serial number, opened | `port` |
+//! | session | its frames, released | `link` |
 //! | in the rig file | its keys | `spec` |
 //!
 //! All else is common with GigE Vision, and proven there: [`super::genicam`].
@@ -14,6 +15,8 @@ mod discover;
 mod link;
 #[cfg(all(test, feature = "usb3"))]
 mod played;
+#[cfg(feature = "usb3")]
+mod port;
 mod spec;
 
 #[cfg(feature = "usb3")]

@@ -12,7 +12,8 @@ use viva_genicam::u3v::{U3vDevice, U3vError, UsbTransfer};
 use viva_genicam::{Camera as Described, U3vRegisterIo, open_u3v_device};
 
 use super::Usb3Spec;
-use super::link::{OnUsb, Port};
+use super::link::OnUsb;
+use super::port::Port;
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::genicam::{Abilities, Triggered};
