@@ -1,4 +1,5 @@
-//! Products with the frozen matrix against the machine's memory bandwidth, at 128×128 and 512×512. `cargo bench --bench
+//! Products with the frozen matrix against the machine's memory bandwidth, at 128×128 and 512×512: against a STREAM triad over
+//! arrays that no cache holds, and against one over as many bytes, some of which may. `cargo bench --bench
 //! products`; see `benches/README.md`.
 
 use std::ops::ControlFlow;
@@ -12,7 +13,9 @@ use rayon::prelude::*;
 
 /// Repetitions of each measurement.
 const TURNS: usize = 21;
-/// Entries of each of the triad's vectors that one task takes.
+/// Bytes of the triad that measures memory: four times the largest cache that processors have today.
+const BEYOND_CACHES: usize = 2 << 30;
+/// Entries of each of a triad's vectors that one task takes.
 const TASK: usize = 1 << 14;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -28,17 +31,26 @@ fn main() -> Outcome {
         rayon::current_num_threads()
     );
     println!(
-        "                              entries, M   MiB     product, GB/s            triad, GB/s              share"
+        "{:>28}   entries, M      MiB   {:^29} {}",
+        "", "product, GB/s", "share of a triad over as many bytes, and of memory's"
     );
+    let mut memory = Triad::of_bytes(BEYOND_CACHES);
     for side in [128, 512] {
-        measure(&format!("corner, {side}x{side}"), &builtin::corner().to_scene(), side)?;
-        measure(&format!("box of 100,000, {side}x{side}"), &builtin::tessellated_box(100_000), side)?;
+        measure(&format!("corner, {side}x{side}"), &builtin::corner().to_scene(), side, &mut memory)?;
+        measure(
+            &format!("box of 100,000, {side}x{side}"),
+            &builtin::tessellated_box(100_000),
+            side,
+            &mut memory,
+        )?;
     }
+    let rates = (0..TURNS).map(|_| rate(memory.bytes(), || memory.run())).collect();
+    println!("\ntriad over {} MiB: {} GB/s", BEYOND_CACHES >> 20, spread(rates));
     Ok(())
 }
 
-/// One scene's product beside a triad that moves as many bytes.
-fn measure(name: &str, scene: &Scene, side: usize) -> Outcome {
+/// One scene's product beside a triad that moves as many bytes, and one of memory's.
+fn measure(name: &str, scene: &Scene, side: usize, memory: &mut Triad) -> Outcome {
     let mut tracer = Tracer::new(scene, None)?;
     let settings = TraceSettings::new(Resolution::new(side, side), 64);
     let matrix = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?.matrix;
@@ -48,21 +60,20 @@ fn measure(name: &str, scene: &Scene, side: usize) -> Outcome {
     let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
     let mut y = vec![0.0; pixels];
     let mut triad = Triad::of_bytes(bytes);
-    let (mut products, mut triads, mut shares) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut products, mut of_triad, mut of_memory) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..TURNS {
         let product = rate(bytes, || multiply(&matrix, &x, &mut y));
-        let copied = rate(triad.bytes(), || triad.run());
         products.push(product);
-        triads.push(copied);
-        shares.push(product / copied);
+        of_triad.push(product / rate(triad.bytes(), || triad.run()));
+        of_memory.push(product / rate(memory.bytes(), || memory.run()));
     }
     println!(
-        "{name:>28}   {:>9.1}   {:>6.1}   {}   {}   {}",
+        "{name:>28}   {:>10.1}   {:>6.1}   {}   {}   {}",
         matrix.nonzeros() as f64 / 1e6,
         bytes as f64 / f64::from(1 << 20),
         spread(products),
-        spread(triads),
-        spread(shares)
+        spread(of_triad),
+        spread(of_memory)
     );
     Ok(())
 }

@@ -62,10 +62,11 @@ fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symme
     // Paths come from both ends, or each connection has a mirror image. None has more entries than there are pairs of pixels.
     let from_one_end = (per_path * paths).min(pairs);
     let rows = if symmetric { from_one_end } else { 2.0 * from_one_end };
-    // Added up pixel by pixel they have a key, a mean and an error each; in the matrix, a place and a weight. They become its rows, and
-    // these its tiles.
-    let matrix = (2.0 * from_one_end).min(pairs) * (4.0 + 4.0 * channels);
-    let bytes = (rows * (4.0 + 8.0 * channels) + matrix).max(2.0 * matrix);
+    // Added up pixel by pixel they have a key, a mean and an error each; in the matrix's rows, a column and a weight. They become its rows, and
+    // these its tiles, where columns are half as wide, but slices have a head and are filled up: at most three bytes an entry of its own.
+    let entries = (2.0 * from_one_end).min(pairs);
+    let (matrix, tiles) = (entries * (4.0 + 4.0 * channels), entries * (5.0 + 4.0 * channels));
+    let bytes = matrix + tiles.max(rows * (4.0 + 8.0 * channels));
     Prediction { connections: per_path * paths * if symmetric { 1.0 } else { 2.0 }, bytes }
 }
 
@@ -77,8 +78,8 @@ mod tests {
     fn memory_grows_with_paths_until_the_matrix_is_full() {
         let settings = |side, samples| TraceSettings::new(Resolution::new(side, side), samples);
         let bytes = |side, samples| prediction(2.5, &settings(side, samples), Channels::Luma, true).bytes;
-        assert_eq!(bytes(512, 64), 2.5 * 512.0 * 512.0 * 64.0 * 2.0 * (2.0 * 8.0));
+        assert_eq!(bytes(512, 64), 2.5 * 512.0 * 512.0 * 64.0 * 2.0 * (8.0 + 9.0));
         assert_eq!(bytes(512, 64), 4.0 * bytes(256, 64));
-        assert_eq!(bytes(16, 1 << 20), 65536.0 * (12.0 + 8.0), "no more than every pair of pixels");
+        assert_eq!(bytes(16, 1 << 20), 65536.0 * (8.0 + 12.0), "no more than every pair of pixels");
     }
 }

@@ -3,11 +3,14 @@
 use rayon::prelude::*;
 
 use super::layer::{Bounces, Layer};
-use super::tiles::{CompressedRows, TILE};
+use super::tiles::CompressedRows;
 use super::{Channels, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::sparse::Csr;
+
+/// Rows that a thread takes at a time where there is nothing but the diagonal.
+const BAND: usize = 4096;
 
 /// Which light a product carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,14 +117,13 @@ impl TransportMatrix {
 
     fn multiply(&self, part: Part, layers: &[&Layer], channel: usize, from: &[f64], to: &mut [f64]) {
         let direct = if part.holds(1) { self.direct[channel].as_slice() } else { &[] };
-        to.par_chunks_mut(TILE).enumerate().for_each(|(band, to)| {
-            for (row, value) in (band * TILE..).zip(&mut *to) {
+        // Of equally many rows, layers have equal bands.
+        let rows = layers.first().map_or(BAND, |layer| layer.tiles().band_rows());
+        to.par_chunks_mut(rows).enumerate().for_each(|(band, to)| {
+            for (row, value) in (band * rows..).zip(&mut *to) {
                 *value = direct.get(row).map_or(0.0, |&direct| f64::from(direct) * from[row]);
             }
-            for layer in layers {
-                let product = layer.tiles().product(channel, band, from);
-                to.iter_mut().zip(product).for_each(|(to, product)| *to += product);
-            }
+            layers.iter().for_each(|layer| layer.tiles().add_product(channel, band, from, to));
         });
     }
 

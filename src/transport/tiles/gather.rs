@@ -1,0 +1,73 @@
+//! The inner loop of a product by instructions that look up four entries at once, and ask for the next ones ahead.
+
+#![allow(
+    unsafe_code,
+    reason = "the standard library has these instructions as unsafe functions; every place that they reach is checked here"
+)]
+
+use std::arch::x86_64::*;
+
+use super::sums::{Kernel, LANES, Slice};
+
+/// Steps ahead of its use that an entry is asked for: what memory takes to answer, since no processor guesses a stream's next page.
+const AHEAD: usize = 20;
+
+/// `None` where the processor does not have the instructions.
+pub(super) fn kernel() -> Option<Kernel> {
+    // SAFETY: the processor has them.
+    is_x86_feature_detected!("avx2").then_some(|slices, columns, weights, from, to| unsafe {
+        by_four(slices, columns, weights, from, to);
+    })
+}
+
+/// Panics where a step or a row does not exist. A column that does not exist, which no tile has, reads the last of `from`.
+#[target_feature(enable = "avx2")]
+fn by_four(
+    slices: &[Slice],
+    columns: &[[u16; LANES]],
+    weights: &[[f32; LANES]],
+    from: &[f64],
+    to: &mut [f64],
+) {
+    assert!(!from.is_empty(), "a tile has columns");
+    let last = _mm256_set1_epi32(from.len().min(1 << 16) as i32 - 1);
+    let mut first = 0;
+    for slice in slices {
+        let end = first + slice.steps as usize;
+        let mut sums = slice.rows.map(|row| to[usize::from(row)]);
+        // SAFETY: these read the eight values of `sums`.
+        let (mut low, mut high) =
+            unsafe { (_mm256_loadu_pd(sums.as_ptr()), _mm256_loadu_pd(sums.as_ptr().add(4))) };
+        for (columns, weights) in columns[first..end].iter().zip(&weights[first..end]) {
+            // SAFETY: asking ahead reads nothing, wherever it points.
+            #[allow(unused_unsafe, reason = "newer compilers know that")]
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(columns.as_ptr().wrapping_add(AHEAD * LANES).cast());
+                _mm_prefetch::<_MM_HINT_T0>(weights.as_ptr().wrapping_add(AHEAD * LANES).cast());
+            }
+            // SAFETY: these read the eight values of `columns` and of `weights`.
+            let (places, weights) =
+                unsafe { (_mm_loadu_si128(columns.as_ptr().cast()), _mm256_loadu_ps(weights.as_ptr())) };
+            let places = _mm256_min_epu32(_mm256_cvtepu16_epi32(places), last);
+            // SAFETY: no place is above the last of `from`.
+            let (from_low, from_high) = unsafe {
+                (
+                    _mm256_i32gather_pd::<8>(from.as_ptr(), _mm256_castsi256_si128(places)),
+                    _mm256_i32gather_pd::<8>(from.as_ptr(), _mm256_extracti128_si256::<1>(places)),
+                )
+            };
+            let weights_low = _mm256_cvtps_pd(_mm256_castps256_ps128(weights));
+            let weights_high = _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(weights));
+            // Products and sums are rounded each, as everywhere else.
+            low = _mm256_add_pd(low, _mm256_mul_pd(weights_low, from_low));
+            high = _mm256_add_pd(high, _mm256_mul_pd(weights_high, from_high));
+        }
+        // SAFETY: these write the eight values of `sums`.
+        unsafe {
+            _mm256_storeu_pd(sums.as_mut_ptr(), low);
+            _mm256_storeu_pd(sums.as_mut_ptr().add(4), high);
+        }
+        slice.rows.iter().zip(sums).for_each(|(&row, sum)| to[usize::from(row)] = sum);
+        first = end;
+    }
+}

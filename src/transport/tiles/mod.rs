@@ -1,0 +1,95 @@
+//! A sparse matrix cut into tiles, so that a product finds what it needs in the processor's caches and reads the entries as fast as
+//! memory gives them.
+//!
+//! Within a tile rows of about as many entries come eight at a time (a *slice*; together, "sliced ELL" of the literature): eight sums then grow side by side, each with the entries of its own row from left to right. So a product has the
+//! same bits whatever the tiles' shape, the number of threads and the instructions used.
+
+mod build;
+#[cfg(target_arch = "x86_64")]
+mod gather;
+mod pages;
+mod rows;
+mod shape;
+mod sums;
+#[cfg(test)]
+mod tests;
+
+use pages::Pages;
+pub(crate) use rows::CompressedRows;
+use shape::Shape;
+use sums::{LANES, Slice, Sums};
+
+/// A sparse matrix of one set of `f32` weights per channel on a common pattern, by tiles.
+#[derive(Clone, Debug)]
+pub(super) struct Tiles {
+    rows: usize,
+    cols: usize,
+    entries: usize,
+    shape: Shape,
+    /// One tile after the other, from left to right and then downwards, and the end of the last.
+    tiles: Vec<Start>,
+    slices: Vec<Slice>,
+    /// Columns within the tile. Those of a row ascend; a repeated one only fills the slice up, and has no weight.
+    columns: Pages<[u16; LANES]>,
+    /// `[channel][step][lane]`
+    weights: Vec<Pages<[f32; LANES]>>,
+}
+
+/// Where a tile begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Start {
+    slice: usize,
+    step: usize,
+}
+
+impl Tiles {
+    pub(super) fn cols(&self) -> usize {
+        self.cols
+    }
+
+    pub(super) fn nonzeros(&self) -> usize {
+        self.entries
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        let weights: usize = self.weights.iter().map(|plane| size_of_val(&plane[..])).sum();
+        size_of_val(self.tiles.as_slice())
+            + size_of_val(self.slices.as_slice())
+            + size_of_val(&self.columns[..])
+            + weights
+    }
+
+    /// Rows of a band of tiles: each but the last has so many.
+    pub(super) fn band_rows(&self) -> usize {
+        self.shape.rows
+    }
+
+    /// Adds the product with `from` of one band's rows to `to`, which begins with the band's first row.
+    pub(super) fn add_product(&self, channel: usize, band: usize, from: &[f64], to: &mut [f64]) {
+        let across = self.cols.div_ceil(self.shape.columns);
+        let starts = &self.tiles[band * across..=(band + 1) * across];
+        let weights = &self.weights[channel];
+        let sums = Sums::fastest();
+        // One more, for lanes without a row.
+        let mut product = vec![0.0; to.len() + 1];
+        for (ends, from) in starts.windows(2).zip(from.chunks(self.shape.columns)) {
+            let [start, end] = [ends[0], ends[1]];
+            sums.add(
+                &self.slices[start.slice..end.slice],
+                &self.columns[start.step..end.step],
+                &weights[start.step..end.step],
+                from,
+                &mut product,
+            );
+        }
+        to.iter_mut().zip(product).for_each(|(to, product)| *to += product);
+    }
+}
+
+/// Equal entries; the tiles' shape does not count.
+impl PartialEq for Tiles {
+    fn eq(&self, other: &Self) -> bool {
+        (self.rows, self.cols, self.entries) == (other.rows, other.cols, other.entries)
+            && self.to_rows() == other.to_rows()
+    }
+}

@@ -1,0 +1,101 @@
+use super::*;
+use proptest::prelude::*;
+
+/// A matrix of two channels with about `per_row` entries in each row, some rows and columns without any.
+fn matrix(rows: usize, cols: usize, per_row: usize, seed: u64) -> CompressedRows {
+    let mut state = seed | 1;
+    let mut draw = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    let mut made = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); 2] };
+    for row in 0..rows {
+        let count = if row / 300 == 1 { 0 } else { draw(2 * per_row + 1) };
+        let mut columns: Vec<u32> = (0..count).map(|_| draw(cols) as u32).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        for plane in &mut made.weights {
+            plane.extend(columns.iter().map(|_| draw(1000) as f32 / 1000.0 - 0.25));
+        }
+        made.columns.extend(columns);
+        made.row_start.push(made.columns.len());
+    }
+    made
+}
+
+fn shapes() -> impl Strategy<Value = Shape> {
+    (6..12_u32, 6..16_u32).prop_map(|(rows, columns)| Shape { rows: 1 << rows, columns: 1 << columns })
+}
+
+/// The sums of the rows, from left to right.
+fn product(from: &CompressedRows, channel: usize, x: &[f64]) -> Vec<f64> {
+    let of_row = |ends: &[usize]| {
+        (ends[0]..ends[1]).fold(0.0, |sum, entry| {
+            sum + f64::from(from.weights[channel][entry]) * x[from.columns[entry] as usize]
+        })
+    };
+    from.row_start.windows(2).map(of_row).collect()
+}
+
+fn pattern(cols: usize) -> Vec<f64> {
+    (0..cols).map(|column| (column * 7919 % 1013) as f64 / 1013.0 - 0.5).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn tiles_hold_what_the_rows_held(
+        rows in 1..3000_usize, cols in 1..5000_usize, per_row in 0..12_usize, shape in shapes(), seed: u64,
+    ) {
+        let rows = matrix(rows, cols, per_row, seed);
+        let tiles = Tiles::of_shape(shape, cols, &rows);
+        prop_assert_eq!(tiles.nonzeros(), rows.columns.len());
+        prop_assert_eq!(tiles.to_rows(), rows);
+    }
+
+    #[test]
+    fn products_are_the_sums_of_the_rows(
+        rows in 1..3000_usize, cols in 1..5000_usize, shape in shapes(), seed: u64,
+    ) {
+        let from = matrix(rows, cols, 3, seed);
+        let tiles = Tiles::of_shape(shape, cols, &from);
+        let x = pattern(cols);
+        for channel in 0..2 {
+            let mut y = vec![0.0; rows];
+            for (band, y) in y.chunks_mut(tiles.band_rows()).enumerate() {
+                tiles.add_product(channel, band, &x, y);
+            }
+            // The same additions from left to right: the same to the last bit.
+            prop_assert_eq!(y, product(&from, channel, &x));
+        }
+    }
+}
+
+#[test]
+fn every_way_to_add_gives_the_same_bits() {
+    let from = matrix(700, 4000, 40, 7);
+    let tiles = Tiles::of_shape(Shape { rows: 1024, columns: 4096 }, 4000, &from);
+    let x = pattern(4000);
+    for sums in Sums::all() {
+        for channel in 0..2 {
+            let mut y = vec![0.0; 701];
+            sums.add(&tiles.slices, &tiles.columns, &tiles.weights[channel], &x, &mut y);
+            assert_eq!(y.pop(), Some(0.0), "lanes without a row add nothing");
+            assert_eq!(y, product(&from, channel, &x));
+        }
+    }
+}
+
+#[test]
+fn a_column_that_is_not_there_is_never_read() {
+    let slice = Slice { rows: [0, 1, 2, 3, 4, 5, 6, 7], steps: 1 };
+    for sums in Sums::all() {
+        let outcome = std::panic::catch_unwind(|| {
+            let mut to = [0.0; LANES];
+            sums.add(&[slice], &[[5; LANES]], &[[1.0; LANES]], &[2.0, 3.0], &mut to);
+            to
+        });
+        assert!(outcome.is_err() || outcome.is_ok_and(|to| to == [3.0; LANES]));
+    }
+}
