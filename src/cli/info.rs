@@ -45,10 +45,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         console.say(format_args!("adapter   {} ({})", adapter.name, adapter.kind))?;
         console.say(format_args!("  driver  {} {}", adapter.driver, adapter.driver_version))?;
         console.say(format_args!(
-            "  limits  shader buffers {} MiB, buffers {} MiB, textures {} texels a side",
+            "  limits  shader buffers {} MiB, buffers {} MiB, textures {} texels a side, {} in shaders",
             adapter.max_storage_binding >> 20,
             adapter.max_buffer >> 20,
-            adapter.max_texture_side
+            adapter.max_texture_side,
+            if adapter.double_precision { "f64" } else { "no f64" }
         ))?;
     }
     console.summary(&json!({

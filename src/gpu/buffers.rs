@@ -5,6 +5,9 @@ use wgpu::util::DeviceExt;
 use super::Gpu;
 use crate::error::{Error, Result};
 
+/// Bytes that [`Gpu::upload`] has on their way at a time, twice.
+const PIECE: usize = 32 << 20;
+
 /// Texels in a row of a data texture; the shaders split an index into column and row by it.
 const TEXTURE_WIDTH: u32 = 4096;
 
@@ -21,6 +24,25 @@ impl Gpu {
                 usage: wgpu::BufferUsages::STORAGE,
             })
         })
+    }
+
+    /// As [`Gpu::storage`] for data of any size: it goes piece by piece, so that little memory is taken for data on the way, and too
+    /// little memory on the device is an error.
+    pub(crate) fn upload<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let size = bytes.len().max(size_of::<T>()) as u64;
+        let buffer = self.buffer(label, size, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST)?;
+        let mut before = None;
+        for (index, piece) in bytes.chunks(PIECE).enumerate() {
+            let submission = self.guarded(label, || {
+                self.queue.write_buffer(&buffer, (index * PIECE) as u64, piece);
+                self.queue.submit([])
+            })?;
+            if let Some(before) = before.replace(submission) {
+                self.wait(Some(before))?;
+            }
+        }
+        Ok(buffer)
     }
 
     /// An uninitialized buffer of `bytes`.

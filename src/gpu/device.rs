@@ -4,6 +4,13 @@ use crate::error::{Error, Result};
 
 const INSTALL: &str = "install a GPU's Vulkan driver, or the software one: apt-get install -y --no-install-recommends mesa-vulkan-drivers";
 
+/// The kind of adapter that is none.
+const SOFTWARE: &str = "software";
+
+/// How much of the memory that a GPU's driver grants this process may be taken, in per cent. What would exceed it is refused as out of
+/// memory, before the driver begins to move things about.
+const MEMORY_SHARE: u8 = 80;
+
 /// What identifies an adapter and its driver.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct AdapterSummary {
@@ -21,6 +28,8 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Largest side of a texture, in texels.
     pub max_texture_side: u32,
+    /// Shaders can calculate in `f64`.
+    pub double_precision: bool,
 }
 
 impl AdapterSummary {
@@ -33,7 +42,7 @@ impl AdapterSummary {
                 wgpu::DeviceType::DiscreteGpu => "discrete GPU",
                 wgpu::DeviceType::IntegratedGpu => "integrated GPU",
                 wgpu::DeviceType::VirtualGpu => "virtual GPU",
-                wgpu::DeviceType::Cpu => "software",
+                wgpu::DeviceType::Cpu => SOFTWARE,
                 wgpu::DeviceType::Other => "other",
             }
             .into(),
@@ -42,11 +51,18 @@ impl AdapterSummary {
             max_storage_binding: limits.max_storage_buffer_binding_size,
             max_buffer: limits.max_buffer_size,
             max_texture_side: limits.max_texture_dimension_2d,
+            double_precision: adapter.features().contains(wgpu::Features::SHADER_F64),
         }
+    }
+
+    /// Whether it is the processor itself, under the name of a graphics device.
+    pub fn is_processor(&self) -> bool {
+        self.kind == SOFTWARE
     }
 }
 
-/// An open device with its queue.
+/// An open device with its queue. Clones share them.
+#[derive(Clone)]
 pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
@@ -59,8 +75,12 @@ pub(crate) struct Gpu {
 impl Gpu {
     /// Opens the adapter whose name contains `wanted` (case does not matter); without a wish, the fastest kind there is.
     pub(crate) fn open(wanted: Option<&str>) -> Result<Self> {
-        let adapter = choose(wanted)?;
+        let mut adapter = choose(wanted, None)?;
         let summary = AdapterSummary::of(&adapter);
+        // Software Vulkan's memory is the machine's, of which others have their share: there the system decides.
+        if !summary.is_processor() {
+            adapter = choose(wanted, Some(MEMORY_SHARE))?;
+        }
         let available = adapter.limits();
         let limits = wgpu::Limits {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
@@ -71,11 +91,12 @@ impl Gpu {
             ..wgpu::Limits::default()
         };
         let mappable = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
-        let is_processor = adapter.get_info().device_type == wgpu::DeviceType::Cpu;
-        let shares_memory = is_processor && adapter.features().contains(mappable);
+        let shares_memory = summary.is_processor() && adapter.features().contains(mappable);
+        let wishes =
+            wgpu::Features::SHADER_F64 | if shares_memory { mappable } else { wgpu::Features::empty() };
         let request = wgpu::DeviceDescriptor {
             label: Some("krylux"),
-            required_features: if shares_memory { mappable } else { wgpu::Features::empty() },
+            required_features: adapter.features() & wishes,
             required_limits: limits,
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
@@ -121,7 +142,7 @@ impl Gpu {
 
 /// All adapters of this machine; none is not an error.
 pub(crate) fn adapters() -> Vec<AdapterSummary> {
-    enumerate().iter().map(AdapterSummary::of).collect()
+    enumerate(None).iter().map(AdapterSummary::of).collect()
 }
 
 /// The error for a machine without any adapter.
@@ -129,9 +150,14 @@ pub(crate) fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
 }
 
-fn enumerate() -> Vec<wgpu::Adapter> {
+/// All adapters, which keep to `share` per cent of the memory that their drivers grant.
+fn enumerate(share: Option<u8>) -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,
+        memory_budget_thresholds: wgpu::MemoryBudgetThresholds {
+            for_resource_creation: share,
+            for_device_loss: None,
+        },
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     });
     let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
@@ -145,8 +171,8 @@ fn enumerate() -> Vec<wgpu::Adapter> {
     adapters
 }
 
-fn choose(wanted: Option<&str>) -> Result<wgpu::Adapter> {
-    let adapters = enumerate();
+fn choose(wanted: Option<&str>, share: Option<u8>) -> Result<wgpu::Adapter> {
+    let adapters = enumerate(share);
     let Some(wanted) = wanted.filter(|_| !adapters.is_empty()) else {
         return adapters.into_iter().next().ok_or_else(no_adapter);
     };

@@ -97,7 +97,7 @@ pub(super) fn pack_materials(scene: &Scene) -> (Vec<[u32; 4]>, Vec<GpuTexture>) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::parameters::tests::assert_constant;
+    use crate::gpu::layout::assert_constant;
     use crate::scene::Volume;
     use std::mem::{offset_of, size_of};
 

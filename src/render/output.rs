@@ -1,14 +1,13 @@
 //! The buffers that a kernel's results come back through.
 
-use std::sync::mpsc::Receiver;
-
 use wgpu::BufferUsages;
 
 use super::geometry::GpuScene;
 use super::parameters::Parameters;
 use super::pipeline::{PhotonBuffers, Pipeline};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::gpu::readback::Readback;
 
 /// Where a kernel's results land and are read from, with all that the kernel reads bound to it. One dispatch at a time.
 pub(super) struct Output {
@@ -18,13 +17,6 @@ pub(super) struct Output {
     readback: Option<wgpu::Buffer>,
     scene_group: wgpu::BindGroup,
     output_group: wgpu::BindGroup,
-}
-
-/// A dispatch that has been handed to the device.
-pub(super) struct Flight {
-    submission: wgpu::SubmissionIndex,
-    mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
-    bytes: u64,
 }
 
 impl Output {
@@ -82,7 +74,7 @@ impl Output {
         kernel: &Pipeline,
         parameters: &Parameters,
         bytes: u64,
-    ) -> Result<Flight> {
+    ) -> Result<Readback> {
         let submission = gpu.guarded("dispatch", || {
             gpu.queue.write_buffer(&self.parameters, 0, bytemuck::bytes_of(parameters));
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -97,27 +89,13 @@ impl Output {
             }
             gpu.queue.submit([encoder.finish()])
         })?;
-        let (sender, mapped) = std::sync::mpsc::channel();
-        self.readable().map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            // Nobody listens any more where the trace has been interrupted.
-            let _ = sender.send(outcome);
-        });
-        Ok(Flight { submission, mapped, bytes })
+        Ok(Readback::request(self.readable(), bytes, submission))
     }
 
     /// Waits for a dispatch of this output's, and returns its results. Drop the view and call [`Output::release`] before the
     /// next one.
-    pub(super) fn land(&self, gpu: &Gpu, flight: Flight) -> Result<wgpu::BufferView> {
-        gpu.wait(Some(flight.submission))?;
-        let lost = |reason: String| Error::Device {
-            fault: format!("results cannot be read back from {}: {reason}", gpu.summary.name),
-            help: "run again; if it happens again, choose another --adapter".into(),
-        };
-        match flight.mapped.try_recv() {
-            Ok(Ok(())) => self.readable().get_mapped_range(0..flight.bytes).map_err(|e| lost(e.to_string())),
-            Ok(Err(e)) => Err(lost(e.to_string())),
-            Err(e) => Err(lost(e.to_string())),
-        }
+    pub(super) fn land(&self, gpu: &Gpu, flight: Readback) -> Result<wgpu::BufferView> {
+        flight.wait(gpu, self.readable())
     }
 
     /// Launches a dispatch and waits for it.

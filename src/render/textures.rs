@@ -135,8 +135,8 @@ pub(super) fn pack_normal(normal: Vec3) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::parameters::tests::{assert_layout, offsets};
-    use std::mem::{offset_of, size_of};
+    use crate::gpu::layout::{assert_layout, offsets};
+    use std::mem::size_of;
 
     #[test]
     fn textures_lie_as_the_shader_reads_them() {

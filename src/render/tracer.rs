@@ -9,7 +9,7 @@ use super::batch::Batch;
 use super::dispatch::{BatchSize, Dispatches, MAX_PATHS};
 use super::features::Features;
 use super::geometry::GpuScene;
-use super::output::{Flight, Output};
+use super::output::Output;
 use super::parameters::Parameters;
 use super::pipeline::Pipeline;
 use super::rig::Rig;
@@ -17,6 +17,7 @@ use super::settings::{TraceSettings, check};
 use super::sight::Sights;
 use super::strategy::{Stage, Strategy};
 use crate::error::{Error, Result};
+use crate::gpu::readback::Readback;
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
 use crate::scene::Scene;
@@ -49,7 +50,7 @@ pub struct TraceSummary {
 /// A dispatch under way.
 struct Launched<'a> {
     output: &'a Output,
-    flight: Flight,
+    flight: Readback,
     start: Instant,
     first_path: u64,
     parameters: Parameters,
@@ -87,6 +88,11 @@ impl Tracer {
     /// The adapter in use.
     pub fn adapter(&self) -> &AdapterSummary {
         &self.gpu.summary
+    }
+
+    /// The device, for what else is to be done on it.
+    pub(crate) fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
     /// Whether camera and projector are one, so that the matrix is square and symmetric.
