@@ -34,7 +34,7 @@ pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> Result<
 }
 
 fn take_apart(key: &Key, traced: &Assembled, channel: usize) -> (Record, Arrays) {
-    let Assembled { matrix, ambient, noise, summary } = traced;
+    let Assembled { matrix, ambient, noise, summary, .. } = traced;
     let plane =
         |image: &Image| image.samples().iter().skip(channel).step_by(image.channels()).copied().collect();
     let arrays = Arrays {
@@ -243,5 +243,6 @@ fn put_together(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
         ambient,
         noise,
         summary,
+        resident: None,
     })
 }

@@ -40,7 +40,8 @@ impl Key {
             hasher.update(text.as_bytes());
         };
         part(&format!("krylux operator {OPERATOR_VERSION}"));
-        shader::SOURCES.iter().for_each(|(name, source)| {
+        // Products come after the matrix.
+        shader::SOURCES.iter().filter(|(name, _)| *name != "product").for_each(|(name, source)| {
             part(name);
             part(source);
         });

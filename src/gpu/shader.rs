@@ -18,6 +18,7 @@ macro_rules! shaders {
 
 shaders! {
     "" / "primary_regions",
+    "" / "product",
     "" / "trace_paths",
     "" / "trace_photons",
     "shared" / "bsdf",

@@ -7,7 +7,7 @@ use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
 use super::pixel_sums::PixelSums;
 use super::rows::Rows;
-use super::{Channels, RigShape, TransportMatrix, from_planes, luminance};
+use super::{Channels, Resident, RigShape, TransportMatrix, from_planes, luminance};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::render::{Progress, TraceSettings, TraceSummary, Tracer};
@@ -23,6 +23,8 @@ pub struct Assembled {
     pub noise: Option<Noise>,
     /// What the tracing took.
     pub summary: TraceSummary,
+    /// The matrix on a device, if products are taken there: see [`Assembled::place`].
+    pub(crate) resident: Option<Resident>,
 }
 
 /// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal bits.
@@ -94,7 +96,7 @@ fn run<const C: usize>(
     let matrix = TransportMatrix { rig, channels, direct: (0..C).map(plane).collect(), layers };
     let ambient = image::<C>(camera, |pixel, channel| ambient.estimates[pixel][channel][0])?;
     let noise = are_two.then(|| noise(camera, &sums)).transpose()?;
-    Ok(Assembled { matrix, ambient, noise, summary })
+    Ok(Assembled { matrix, ambient, noise, summary, resident: None })
 }
 
 fn noise<const C: usize>(camera: Resolution, rows: &[super::combine::RowSums<C>]) -> Result<Noise> {

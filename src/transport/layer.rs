@@ -83,6 +83,12 @@ impl Layer {
     }
 
     fn transposed(&self) -> Self {
+        let (rows, transpose) = self.transposed_rows();
+        Self::new(self.bounces, rows, &transpose)
+    }
+
+    /// How many rows there are, and all channels of the transpose in compressed rows.
+    pub(super) fn transposed_rows(&self) -> (usize, CompressedRows) {
         let CompressedRows { row_start: from_start, columns: from_columns, weights: from_weights } =
             self.to_rows();
         let (rows, cols) = (from_start.len() - 1, self.tiles.cols());
@@ -103,6 +109,6 @@ impl Layer {
                 *at += 1;
             }
         }
-        Self::new(self.bounces, rows, &CompressedRows { row_start, columns, weights })
+        (rows, CompressedRows { row_start, columns, weights })
     }
 }

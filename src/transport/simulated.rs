@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::{Assembled, Channels, Part, Transport, from_planes, planes};
+use super::{Assembled, Channels, Part, Products, Transport, from_planes, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 
 /// A traced scene as a rig. Patterns may be signed and of any size of value: it is linear.
 #[derive(Debug)]
 pub struct Simulated {
-    /// The matrix and the ambient light.
+    /// The matrix, placed where products are to be taken, and the ambient light.
     pub traced: Assembled,
 }
 
@@ -55,7 +55,7 @@ fn photograph(traced: &Assembled, pattern: &Image) -> Result<Image> {
     let lit = planes(pattern, matrix.projector_resolution(), matrix.channels())?;
     let mut photo = vec![vec![0.0; matrix.resolution().pixels()]; lit.len()];
     for (channel, (pattern, plane)) in lit.iter().zip(&mut photo).enumerate() {
-        matrix.apply(Part::Full, channel, pattern, plane);
+        traced.product(Part::Full, channel, pattern, plane)?;
         for (value, ambient) in plane.iter_mut().zip(traced.ambient.plane(channel)) {
             *value += ambient;
         }

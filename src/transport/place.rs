@@ -1,0 +1,118 @@
+//! Where products are taken: on the processor, or on the device that traced the paths.
+//!
+//! The rule, for [`Place::Auto`]: on the device where that is a GPU (of its own, part of the processor, or virtual), a product has
+//! enough entries to be worth the way there and back, shaders calculate in `f64`, and matrix and vectors fit its buffers and the
+//! share of its memory that is taken at most; else on the processor, and why is said where a GPU was passed over for want of
+//! something. On software Vulkan, which is the processor with a detour, products take ten times as long.
+
+use super::{Assembled, Resident};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::render::Tracer;
+
+/// Entries that make a product worth sending to a GPU: they take a few cores as long as the way there and back, some 0.2 ms. An
+/// estimate: it was never measured on one.
+const WORTHWHILE: usize = 1 << 20;
+
+/// Where products with the frozen matrix are to be taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Place {
+    /// On the device where it is a GPU that suits.
+    #[default]
+    Auto,
+    /// On the processor.
+    Processor,
+    /// On the device, whatever it is.
+    Device,
+}
+
+impl Assembled {
+    /// Moves the matrix to where products are to be taken from now on, by the device that `tracer` traces on. Where a GPU was passed
+    /// over for want of something, says of what.
+    ///
+    /// # Errors
+    /// [`Error::Device`] where the device is insisted on, but has no `f64` or not the memory.
+    pub fn place(&mut self, tracer: &Tracer, place: Place) -> Result<Option<String>> {
+        self.place_on(tracer.gpu(), place, WORTHWHILE)
+    }
+
+    /// Whether products are taken on a device.
+    pub fn is_resident(&self) -> bool {
+        self.resident.is_some()
+    }
+
+    /// As [`Assembled::place`], where so many entries are worth the way.
+    fn place_on(&mut self, gpu: &Gpu, place: Place, worthwhile: usize) -> Result<Option<String>> {
+        self.resident = None;
+        let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
+        if place == Place::Processor || (place == Place::Auto && !suits) {
+            return Ok(None);
+        }
+        match Resident::on(gpu, &self.matrix) {
+            Ok(resident) => self.resident = Some(resident),
+            Err(Error::Device { fault, .. }) if place == Place::Auto => return Ok(Some(fault)),
+            Err(Error::Device { fault, .. }) => {
+                let help = "leave the products to the processor (--products cpu), or use another --adapter";
+                return Err(Error::Device { fault, help: help.into() });
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::AdapterSummary;
+    use crate::transport::resident::tests::{coaxial, gpu};
+    use crate::transport::{Part, Products};
+
+    /// Software Vulkan under the name of a card.
+    fn card() -> Gpu {
+        let mut gpu = gpu();
+        gpu.summary.kind = "discrete GPU".into();
+        gpu
+    }
+
+    fn placed(traced: &mut Assembled, gpu: &Gpu, place: Place, worthwhile: usize) -> (Option<String>, bool) {
+        let why = traced.place_on(gpu, place, worthwhile).unwrap_or_else(|error| unreachable!("{error}"));
+        (why, traced.is_resident())
+    }
+
+    #[test]
+    fn products_are_taken_where_they_are_wanted() {
+        let (software, card, mut traced) = (gpu(), card(), coaxial());
+        assert!(software.summary.is_processor(), "the tests run on software Vulkan");
+        let entries = traced.matrix.nonzeros();
+        assert_eq!(placed(&mut traced, &software, Place::Device, 0), (None, true));
+        assert_eq!(placed(&mut traced, &software, Place::Auto, 0), (None, false));
+        assert_eq!(placed(&mut traced, &card, Place::Auto, entries), (None, true));
+        assert_eq!(placed(&mut traced, &card, Place::Auto, entries + 1), (None, false));
+        assert_eq!(placed(&mut traced, &card, Place::Device, entries + 1), (None, true));
+        assert_eq!(placed(&mut traced, &card, Place::Processor, 0), (None, false));
+    }
+
+    #[test]
+    fn a_card_without_f64_or_room_is_passed_over_and_an_error_where_it_is_insisted_on() {
+        let mut traced = coaxial();
+        let pixels = traced.matrix.resolution().pixels();
+        let (white, mut expected) = (vec![1.0; pixels], vec![f64::NAN; pixels]);
+        traced.matrix.apply(Part::Full, 0, &white, &mut expected);
+        let lacking: [(&str, fn(&mut AdapterSummary)); 2] = [
+            ("f64", |summary| summary.double_precision = false),
+            ("MiB", |summary| summary.max_buffer = 1000),
+        ];
+        for (lack, take) in lacking {
+            let mut card = card();
+            take(&mut card.summary);
+            let forced = traced.place_on(&card, Place::Device, 0);
+            let error = forced.map_or_else(|error| error.to_string(), |_| String::new());
+            assert!(error.contains(lack) && error.contains("--products cpu"), "{error}");
+            let (why, is_resident) = placed(&mut traced, &card, Place::Auto, 0);
+            assert!(why.is_some_and(|why| why.contains(lack)) && !is_resident);
+            let mut y = vec![f64::NAN; pixels];
+            assert!(traced.product(Part::Full, 0, &white, &mut y).is_ok() && y == expected);
+        }
+    }
+}

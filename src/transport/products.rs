@@ -1,0 +1,60 @@
+//! What multiplies with a frozen matrix: the matrix itself, on the processor; and a traced scene, wherever its matrix was placed.
+
+use std::fmt::Debug;
+
+use super::{Assembled, Part, TransportMatrix};
+use crate::error::Result;
+
+/// Products with a frozen matrix. Wherever they are taken they differ by the rounding of sums alone, and repeat to the bit.
+pub trait Products: Debug + Sync {
+    /// The matrix.
+    fn frozen(&self) -> &TransportMatrix;
+
+    /// `y ← P x` for the `part` `P` of one channel; `x` has an entry for each projector pixel, `y` one for each of the camera's.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] when they are taken on a device, and it failed.
+    fn product(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) -> Result<()>;
+
+    /// `x ← Pᵀ y`.
+    ///
+    /// # Errors
+    /// As [`Products::product`].
+    fn transposed_product(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) -> Result<()>;
+}
+
+impl Products for TransportMatrix {
+    fn frozen(&self) -> &TransportMatrix {
+        self
+    }
+
+    fn product(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.apply(part, channel, x, y);
+        Ok(())
+    }
+
+    fn transposed_product(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.apply_transpose(part, channel, y, x);
+        Ok(())
+    }
+}
+
+impl Products for Assembled {
+    fn frozen(&self) -> &TransportMatrix {
+        &self.matrix
+    }
+
+    fn product(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) -> Result<()> {
+        match &self.resident {
+            Some(resident) => resident.apply(part, channel, x, y),
+            None => self.matrix.product(part, channel, x, y),
+        }
+    }
+
+    fn transposed_product(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) -> Result<()> {
+        match &self.resident {
+            Some(resident) => resident.apply_transpose(&self.matrix, part, channel, y, x),
+            None => self.matrix.transposed_product(part, channel, y, x),
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! The matrix in a device's memory: products are taken there, and only patterns and photos travel.
+
+mod bands;
+mod figures;
+mod kernel;
+#[cfg(test)]
+pub(super) mod tests;
+
+use std::sync::{Mutex, PoisonError};
+
+use wgpu::BufferUsages;
+
+use self::bands::{DeviceLayer, most_entries};
+use self::kernel::{Kernel, Shared, Step, Terms};
+use super::layer::{Bounces, Layer};
+use super::{Part, RigShape, TransportMatrix};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::gpu::readback::Readback;
+use crate::render::Tracer;
+
+/// A copy of a [`TransportMatrix`] on a graphics device.
+///
+/// Weights are `f32` there as here, vectors and sums `f64`; a row is summed by 32 lanes in a fixed order, another one than the
+/// processor's. So products repeat to the bit, and differ from [`TransportMatrix::apply`] by the rounding of sums alone.
+pub struct Resident {
+    gpu: Gpu,
+    kernel: Kernel,
+    rig: RigShape,
+    layers: Vec<DeviceLayer>,
+    /// One for each channel.
+    diagonals: Vec<wgpu::Buffer>,
+    /// Where direct light is no diagonal, they hold nothing.
+    has_diagonal: bool,
+    most_entries: usize,
+    vectors: Vectors,
+    state: Mutex<State>,
+}
+
+/// Where patterns come in and photos go out.
+struct Vectors {
+    from: wgpu::Buffer,
+    to: wgpu::Buffer,
+    /// `None` where the host reads results where they are: see [`Gpu::shares_memory`].
+    readback: Option<wgpu::Buffer>,
+}
+
+/// What is made when first asked for. Whoever multiplies holds it, since all products share the vectors.
+#[derive(Default)]
+struct State {
+    transposed: Option<Vec<DeviceLayer>>,
+    products: Vec<(Product, Vec<Step>)>,
+}
+
+/// One of the products that there are.
+#[derive(Clone, Copy, PartialEq)]
+struct Product {
+    part: Part,
+    channel: usize,
+    is_transposed: bool,
+}
+
+impl std::fmt::Debug for Resident {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Resident").field("rig", &self.rig).finish_non_exhaustive()
+    }
+}
+
+impl Resident {
+    /// Copies the matrix to the device that `tracer` traces on.
+    ///
+    /// # Errors
+    /// [`Error::Device`] where it has no `f64`, or not the memory.
+    pub fn new(tracer: &Tracer, matrix: &TransportMatrix) -> Result<Self> {
+        Self::on(tracer.gpu(), matrix)
+    }
+
+    pub(super) fn on(gpu: &Gpu, matrix: &TransportMatrix) -> Result<Self> {
+        Self::with_bands(gpu, matrix, most_entries(gpu))
+    }
+
+    fn with_bands(gpu: &Gpu, matrix: &TransportMatrix, most_entries: usize) -> Result<Self> {
+        if !gpu.summary.double_precision {
+            return Err(Error::Device {
+                fault: format!("{} calculates in no f64, which products need", gpu.summary.name),
+                help: "leave the products to the processor: --products cpu".into(),
+            });
+        }
+        let kernel = Kernel::new(gpu)?;
+        let rig = matrix.rig;
+        let vectors = Vectors::new(gpu, rig)?;
+        let diagonals = matrix.direct.iter().map(|plane| gpu.upload("matrix's diagonal", plane));
+        let diagonals = diagonals.collect::<Result<_>>()?;
+        let has_diagonal = matrix.direct.iter().all(|plane| plane.len() == rig.camera.pixels());
+        let layer = |layer: &Layer| DeviceLayer::upload(gpu, bounces(layer), &layer.to_rows(), most_entries);
+        let layers = matrix.layers.iter().map(layer).collect::<Result<_>>()?;
+        let state = Mutex::default();
+        let gpu = gpu.clone();
+        Ok(Self { gpu, kernel, rig, layers, diagonals, has_diagonal, most_entries, vectors, state })
+    }
+
+    /// `y ← P x`, as [`TransportMatrix::apply`].
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] for vectors that do not fit; [`Error::Device`] when the device failed.
+    pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.check([x.len(), y.len()])?;
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let product = Product { part, channel, is_transposed: false };
+        let steps = self.steps(&mut state, product)?;
+        self.multiply(steps, x, y)
+    }
+
+    /// `x ← Pᵀ y`, as [`TransportMatrix::apply_transpose`]. The transpose of a rig that is not coaxial is another matrix: that of
+    /// `matrix`, which is the one that this is a copy of, is copied when first asked for.
+    ///
+    /// # Errors
+    /// As [`Resident::apply`]; [`Error::Device`] also where there is no memory for the transpose.
+    pub fn apply_transpose(
+        &self,
+        matrix: &TransportMatrix,
+        part: Part,
+        channel: usize,
+        y: &[f64],
+        x: &mut [f64],
+    ) -> Result<()> {
+        self.check([x.len(), y.len()])?;
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if !self.rig.symmetric && state.transposed.is_none() {
+            let layer = |layer: &Layer| {
+                let (_, rows) = layer.transposed_rows();
+                DeviceLayer::upload(&self.gpu, bounces(layer), &rows, self.most_entries)
+            };
+            state.transposed = Some(matrix.layers.iter().map(layer).collect::<Result<_>>()?);
+        }
+        let product = Product { part, channel, is_transposed: !self.rig.symmetric };
+        let steps = self.steps(&mut state, product)?;
+        self.multiply(steps, y, x)
+    }
+
+    fn check(&self, found: [usize; 2]) -> Result<()> {
+        let [x, y] = [self.rig.projector.pixels(), self.rig.camera.pixels()];
+        if found == [x, y] {
+            return Ok(());
+        }
+        Err(Error::Dimension {
+            what: "pixels of pattern and photo",
+            expected: format!("{x} and {y}"),
+            found: format!("{} and {}", found[0], found[1]),
+        })
+    }
+
+    /// The dispatches of a product; made once.
+    fn steps<'a>(&self, state: &'a mut State, product: Product) -> Result<&'a [Step]> {
+        let known = state.products.iter().position(|(known, _)| *known == product);
+        let index = match known {
+            Some(index) => index,
+            None => {
+                let steps = self.new_steps(state, product)?;
+                state.products.push((product, steps));
+                state.products.len() - 1
+            }
+        };
+        Ok(&state.products[index].1)
+    }
+
+    fn new_steps(&self, state: &State, product: Product) -> Result<Vec<Step>> {
+        let Product { part, channel, is_transposed } = product;
+        let (layers, rows) = match &state.transposed {
+            Some(transposed) if is_transposed => (transposed, self.rig.projector),
+            _ => (&self.layers, self.rig.camera),
+        };
+        let diagonal = part.holds(1) && self.has_diagonal;
+        let shared =
+            Shared { diagonal: &self.diagonals[channel], from: &self.vectors.from, to: &self.vectors.to };
+        let mut steps = Vec::new();
+        let mut is_first = true;
+        for layer in layers.iter().filter(|layer| part.holds(layer.bounces)) {
+            let terms = Terms { diagonal: diagonal && is_first, adds: !is_first };
+            for band in &layer.bands {
+                steps.push(self.kernel.band(&self.gpu, (band, channel), terms, &shared)?);
+            }
+            is_first = false;
+        }
+        if is_first {
+            let terms = Terms { diagonal, adds: false };
+            // Pixels are counted in 32 bits everywhere.
+            steps.push(self.kernel.diagonal(&self.gpu, rows.pixels() as u32, terms, &shared)?);
+        }
+        Ok(steps)
+    }
+
+    fn multiply(&self, steps: &[Step], from: &[f64], to: &mut [f64]) -> Result<()> {
+        let gpu = &self.gpu;
+        let Vectors { from: pattern, to: photo, readback } = &self.vectors;
+        let bytes = size_of_val(to) as u64;
+        let submission = gpu.guarded("product", || {
+            gpu.queue.write_buffer(pattern, 0, bytemuck::cast_slice(from));
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            self.kernel.encode(&mut encoder, steps);
+            if let Some(readback) = readback {
+                encoder.copy_buffer_to_buffer(photo, 0, readback, 0, bytes);
+            }
+            gpu.queue.submit([encoder.finish()])
+        })?;
+        let readable = readback.as_ref().unwrap_or(photo);
+        let view = Readback::request(readable, bytes, submission).wait(gpu, readable)?;
+        to.copy_from_slice(bytemuck::cast_slice(&view));
+        drop(view);
+        readable.unmap();
+        Ok(())
+    }
+}
+
+impl Vectors {
+    /// Each for the longer one of pattern and photo: with the transpose they change places.
+    fn new(gpu: &Gpu, rig: RigShape) -> Result<Self> {
+        let bytes = 8 * rig.projector.pixels().max(rig.camera.pixels()) as u64;
+        let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
+        let readback = (!gpu.shares_memory)
+            .then(|| gpu.buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST));
+        Ok(Self {
+            from: gpu.buffer("pattern", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
+            to: gpu.buffer("photo", bytes, BufferUsages::STORAGE | read)?,
+            readback: readback.transpose()?,
+        })
+    }
+}
+
+/// As [`Part::holds`] counts them.
+fn bounces(layer: &Layer) -> u32 {
+    if layer.bounces() == Bounces::One { 1 } else { 2 }
+}

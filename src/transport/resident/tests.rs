@@ -1,0 +1,168 @@
+//! Products on software Vulkan beside the processor's own.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::*;
+use crate::image::{Image, Resolution};
+use crate::render::TraceSummary;
+use crate::transport::{Assembled, Bounces, Channels, CompressedRows};
+
+/// The first adapter, as the tests' environment provides it.
+pub(in crate::transport) fn gpu() -> Gpu {
+    Gpu::open(None)
+        .unwrap_or_else(|error| unreachable!("the README's test command installs a driver: {error}"))
+}
+
+/// Rows of about as many entries on average, some of none and some of very many; three channels.
+fn rows(random: &mut Pcg64, [rows, cols]: [usize; 2], per_row: usize) -> CompressedRows {
+    let mut made = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); 3] };
+    for row in 0..rows {
+        let share = match row % 7 {
+            0 => 0.0,
+            1 => (10 * per_row) as f64 / cols as f64,
+            _ => per_row as f64 / cols as f64,
+        };
+        for column in (0..cols).filter(|_| random.random_range(0.0..1.0) < share).collect::<Vec<_>>() {
+            made.columns.push(column as u32);
+            made.weights.iter_mut().for_each(|plane| plane.push(random.random_range(0.0..1.0)));
+        }
+        made.row_start.push(made.columns.len());
+    }
+    made
+}
+
+/// `(R + Rᵀ)/2` entry by entry: symmetric to the last bit.
+fn symmetric(random: &mut Pcg64, pixels: usize, per_row: usize) -> CompressedRows {
+    let half = rows(random, [pixels; 2], per_row / 2);
+    let mut entries = Vec::new();
+    for row in 0..pixels {
+        for entry in half.row_start[row]..half.row_start[row + 1] {
+            let column = half.columns[entry] as usize;
+            let weights = [0, 1, 2].map(|channel| half.weights[channel][entry]);
+            if column > row {
+                entries.extend([(row, column, weights), (column, row, weights)]);
+            }
+        }
+    }
+    entries.sort_by_key(|&(row, column, _)| (row, column));
+    let mut made = CompressedRows { row_start: vec![0; pixels + 1], ..CompressedRows::default() };
+    made.weights = vec![Vec::new(); 3];
+    for (row, column, weights) in entries {
+        made.row_start[row + 1] += 1;
+        made.columns.push(column as u32);
+        made.weights.iter_mut().zip(weights).for_each(|(plane, weight)| plane.push(weight));
+    }
+    (0..pixels).for_each(|row| made.row_start[row + 1] += made.row_start[row]);
+    made
+}
+
+/// A coaxial pinhole rig, whose direct light is a diagonal; second bounce and the rest apart.
+pub(in crate::transport) fn coaxial() -> Assembled {
+    let random = &mut Pcg64::seed_from_u64(1);
+    let resolution = Resolution::new(37, 29);
+    let pixels = resolution.pixels();
+    let layers = [(Bounces::Two, 60), (Bounces::Rest, 20)]
+        .map(|(bounces, per_row)| Layer::new(bounces, pixels, &symmetric(random, pixels, per_row)));
+    let plane = |_| (0..pixels).map(|_| random.random_range(0.0..9.0)).collect();
+    let matrix = TransportMatrix {
+        rig: RigShape { camera: resolution, projector: resolution, symmetric: true },
+        channels: Channels::Rgb,
+        direct: [0, 1, 2].map(plane).into(),
+        layers: layers.into(),
+    };
+    let ambient = Image::filled(resolution, 3, 0.0);
+    Assembled { matrix, ambient, noise: None, summary: TraceSummary::default(), resident: None }
+}
+
+/// A projector beside the camera, of fewer pixels: direct light is a layer.
+fn apart() -> TransportMatrix {
+    let random = &mut Pcg64::seed_from_u64(2);
+    let rig =
+        RigShape { camera: Resolution::new(33, 21), projector: Resolution::new(19, 23), symmetric: false };
+    let shape = [rig.camera.pixels(), rig.projector.pixels()];
+    let layers = [(Bounces::One, 2), (Bounces::Global, 50)]
+        .map(|(bounces, per_row)| Layer::new(bounces, shape[1], &rows(random, shape, per_row)));
+    TransportMatrix { rig, channels: Channels::Rgb, direct: vec![Vec::new(); 3], layers: layers.into() }
+}
+
+fn signed(random: &mut Pcg64, length: usize) -> Vec<f64> {
+    (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
+}
+
+/// Both products of a part and channel with the same patterns.
+fn both(
+    matrix: &TransportMatrix,
+    resident: &Resident,
+    (part, channel): (Part, usize),
+) -> [(Vec<f64>, Vec<f64>); 2] {
+    let random = &mut Pcg64::seed_from_u64(3);
+    let [rows, cols] = [matrix.rig.camera.pixels(), matrix.rig.projector.pixels()];
+    let (x, y) = (signed(random, cols), signed(random, rows));
+    let [mut ax, mut found_ax] = [vec![f64::NAN; rows], vec![f64::NAN; rows]];
+    let [mut aty, mut found_aty] = [vec![f64::NAN; cols], vec![f64::NAN; cols]];
+    matrix.apply(part, channel, &x, &mut ax);
+    matrix.apply_transpose(part, channel, &y, &mut aty);
+    let taken = resident
+        .apply(part, channel, &x, &mut found_ax)
+        .and_then(|()| resident.apply_transpose(matrix, part, channel, &y, &mut found_aty));
+    taken.unwrap_or_else(|error| unreachable!("{error}"));
+    [(ax, found_ax), (aty, found_aty)]
+}
+
+/// For each row of `P`, or of its transpose: `Σ |a|`, which bounds `Σ |a||x|`, and the number of terms.
+fn magnitudes(
+    matrix: &TransportMatrix,
+    (part, channel): (Part, usize),
+    is_transposed: bool,
+) -> Vec<(f64, usize)> {
+    let csr = matrix.to_csr(part, channel).unwrap_or_else(|error| unreachable!("{error}"));
+    let mut sums = vec![(0.0, 0); if is_transposed { csr.cols() } else { csr.rows() }];
+    csr.entries().for_each(|(row, column, weight)| {
+        let sum = &mut sums[if is_transposed { column } else { row }];
+        // Layers and diagonal may meet on an entry, which is one here.
+        *sum = (sum.0 + weight.abs(), sum.1 + 3);
+    });
+    sums
+}
+
+const PARTS: [Part; 3] = [Part::Full, Part::Direct, Part::Global];
+
+#[test]
+fn products_are_the_processors_to_the_rounding_of_sums_however_rows_are_cut() {
+    let gpu = gpu();
+    for matrix in [coaxial().matrix, apart()] {
+        let whole = Resident::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));
+        let cut = Resident::with_bands(&gpu, &matrix, 700).unwrap_or_else(|error| unreachable!("{error}"));
+        assert!(whole.dispatches() == 2 && cut.dispatches() > 20, "{} bands", cut.dispatches());
+        let mut compared = 0.0_f64;
+        for (part, channel) in PARTS.into_iter().flat_map(|part| [0, 1, 2].map(|channel| (part, channel))) {
+            let products = both(&matrix, &whole, (part, channel));
+            for (is_transposed, (expected, found)) in [false, true].into_iter().zip(&products) {
+                let magnitudes = magnitudes(&matrix, (part, channel), is_transposed);
+                for (row, (magnitude, terms)) in magnitudes.into_iter().enumerate() {
+                    let error = (expected[row] - found[row]).abs();
+                    // Either sum of so many products is off by at most as many halves of an ε of Σ|a||x| (Higham 2002, section 3.1), and
+                    // here |x| < 1; `f32` weights are rounded once more where entries meet, which changes Σ|a| by less than a half.
+                    let bound = 1.5 * (terms + 2) as f64 * f64::EPSILON * magnitude;
+                    assert!(error <= bound, "{part:?} {channel}, row {row}: {error:e} above {bound:e}");
+                    compared += expected[row].abs();
+                }
+            }
+            let again = both(&matrix, &whole, (part, channel));
+            assert!(products == again, "{part:?} {channel}: the same bits again");
+            let in_bands = both(&matrix, &cut, (part, channel));
+            assert!(products == in_bands, "{part:?} {channel}: where bands end makes no difference");
+        }
+        assert!(compared > 1000.0, "there is light to be compared: {compared}");
+    }
+}
+
+#[test]
+fn vectors_that_do_not_fit_are_refused() {
+    let matrix = apart();
+    let resident = Resident::on(&gpu(), &matrix).unwrap_or_else(|error| unreachable!("{error}"));
+    let [rows, cols] = [matrix.rig.camera.pixels(), matrix.rig.projector.pixels()];
+    let apply = |x: usize, y: usize| resident.apply(Part::Full, 0, &vec![1.0; x], &mut vec![0.0; y]);
+    assert!(apply(cols, rows).is_ok() && apply(rows, cols).is_err() && apply(cols, rows - 1).is_err());
+}
