@@ -77,7 +77,7 @@ fn audited(
     };
     let mut light = folder
         .timed(source.preparation(), |_| source.light(&args.operator, Channels::Luma, None, console))?;
-    folder.manifest.noise = light.noise().map(Into::into);
+    folder.describe_light(&light);
     let found = folder.timed("photos", |_| check(&mut light, resolution, &options, console));
     // What failed by saturation has no white photo whose noise could be told.
     let whole = found.as_ref().is_ok_and(|found| !found.white.is_empty());

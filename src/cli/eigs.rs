@@ -169,7 +169,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         source.light(&args.operator, Channels::Luma, Some(folder), console)
     });
     let outcome = light.and_then(|mut light| {
-        folder.manifest.noise = light.noise().map(Into::into);
+        folder.describe_light(&light);
         live.expect(options.products);
         let found = folder.timed("photos", |_| {
             light.with_operator(args.question.part(), console, |operator| {

@@ -6,13 +6,18 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 
 use crate::cache::{self, Cache};
+use crate::transport::Place;
 
-/// `--operator` and `--memory`.
+/// `--operator`, `--products` and `--memory`.
 #[derive(Args)]
 pub(super) struct OperatorArgs {
     /// Photos as products with a matrix, or each traced anew (the same photos, to rounding); auto decides by --memory
     #[arg(long, value_enum, default_value = "auto")]
     pub(super) operator: OperatorArg,
+    /// Where products with the matrix are taken (the same, to the rounding of sums); auto: on a GPU that has f64 and room for the matrix,
+    /// else on the processor
+    #[arg(long, value_enum, default_value = "auto")]
+    pub(super) products: ProductsArg,
     /// The memory that a matrix may take while it is made, e.g. 8GiB or 500MB [default: half of the machine's]
     #[arg(long, value_name = "BYTES")]
     memory: Option<Bytes>,
@@ -29,10 +34,35 @@ pub(super) enum OperatorArg {
     Retrace,
 }
 
+/// `--products`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum ProductsArg {
+    /// On the device that traces, if that is a GPU with all that it takes
+    Auto,
+    /// On the processor
+    Cpu,
+    /// On the device that traces, whatever it is
+    Device,
+}
+
+impl From<ProductsArg> for Place {
+    fn from(argument: ProductsArg) -> Self {
+        match argument {
+            ProductsArg::Auto => Self::Auto,
+            ProductsArg::Cpu => Self::Processor,
+            ProductsArg::Device => Self::Device,
+        }
+    }
+}
+
 impl OperatorArgs {
     /// The first option given that is not what it is by itself.
     pub(super) fn given(&self) -> Option<&'static str> {
-        let given = [(self.operator != OperatorArg::Auto, "--operator"), (self.memory.is_some(), "--memory")];
+        let given = [
+            (self.operator != OperatorArg::Auto, "--operator"),
+            (self.products != ProductsArg::Auto, "--products"),
+            (self.memory.is_some(), "--memory"),
+        ];
         given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
 

@@ -96,7 +96,7 @@ fn answer(
     let mut light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, args.channels.into(), Some(folder), console)
     })?;
-    folder.manifest.noise = light.noise().map(Into::into);
+    folder.describe_light(&light);
     live.expect(probing.photos(photos));
     let found: crate::Result<Vec<Probed>> = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |channels| {

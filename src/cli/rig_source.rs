@@ -25,7 +25,7 @@ use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
 use crate::report::sparse;
 use crate::rig::{Helper, RigFile, RigKind, VirtualRig, VirtualScene};
-use crate::transport::{Channels, Given};
+use crate::transport::{Channels, Given, Place};
 
 /// A rig that can be opened.
 pub(super) struct RigSource {
@@ -272,7 +272,11 @@ fn twin(
     console: &Console,
 ) -> Result<Twin> {
     Ok(match (simulation, &devices.scene) {
-        (Some(simulation), _) => Twin::Traced(Arc::new(simulation.assemble(devices.channels(), console)?)),
+        (Some(simulation), _) => {
+            let mut traced = simulation.assemble(devices.channels(), console)?;
+            simulation.place(&mut traced, Place::Auto, console)?;
+            Twin::Traced(Arc::new(traced))
+        }
         (None, VirtualScene::Matrix { path, size }) => Twin::Given(Given::new(sparse::read(path)?, *size)?),
         (None, VirtualScene::File { .. }) => return Err(no_scene(rig).into()),
     })

@@ -89,6 +89,12 @@ impl RunFolder {
         Ok(())
     }
 
+    /// Notes what is known of the matrix, where there is one.
+    pub(super) fn describe_light(&mut self, light: &Light<'_>) {
+        self.manifest.noise = light.noise().map(Into::into);
+        self.manifest.products = light.products();
+    }
+
     /// Notes what a run on a rig has cost, and says it; then hands on what came of it. What it has cost is of interest above all
     /// when it failed.
     pub(super) fn record_rig<T, E>(

@@ -14,7 +14,7 @@ use crate::journal::Identity;
 use crate::render::{TraceSettings, TraceSummary, Tracer};
 use crate::report::manifest::{self, Manifest};
 use crate::scene::{self, LoadOptions, Scene};
-use crate::transport::{self, Assembled, Channels};
+use crate::transport::{self, Assembled, Channels, Place};
 
 /// A scene, with the device that traces it and the matrices that are there already.
 pub(super) struct Simulation {
@@ -87,6 +87,16 @@ impl Simulation {
         });
         manifest.samples_per_pixel = Some(settings.samples);
         manifest.max_bounces = Some(settings.max_bounces);
+    }
+
+    /// Moves the matrix to where products are to be taken, and says where that is.
+    pub(super) fn place(&self, traced: &mut Assembled, place: Place, console: &Console) -> Result<()> {
+        if let Some(why) = traced.place(&self.tracer, place)? {
+            console.note(format_args!("note: products are taken on the processor: {why}"));
+        }
+        let whom = if traced.is_resident() { &self.tracer.adapter().name } else { "the processor" };
+        console.detail(format_args!("products  on {whom}"));
+        Ok(())
     }
 
     /// The matrix from the cache, if it is there and whole.

@@ -51,6 +51,9 @@ pub struct Manifest {
     /// How far the matrix is from the true one.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub noise: Option<Noise>,
+    /// Where products with the matrix were taken.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub products: Option<ProductsOn>,
     /// What a run on a rig cost, and how its photos were made.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub rig: Option<Rig>,
@@ -77,6 +80,16 @@ pub enum Status {
     Interrupted,
     /// Stopped by an error, which is the message.
     Failed,
+}
+
+/// Where products were taken: the same to the rounding of sums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ProductsOn {
+    /// On the processor.
+    Cpu,
+    /// On the adapter.
+    Device,
 }
 
 /// The matrix's relative errors, told from two independent halves of the samples.
@@ -163,6 +176,7 @@ impl Manifest {
             max_bounces: None,
             channels: None,
             noise: None,
+            products: None,
             rig: None,
             photos_allowed: None,
             photos: 0,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::manifest::{Manifest, Rig};
+use super::manifest::{Manifest, ProductsOn, Rig};
 use crate::measure::{DirectBy, MeasureOptions};
 
 /// The files of a run's folder, noted by name as they are asked for.
@@ -37,6 +37,13 @@ pub(super) fn facts(
     facts.extend(manifest.noise.map(|noise| {
         let [matrix, global] = [noise.operator, noise.global].map(|share| 100.0 * share);
         ("Noise of the matrix", format!("{matrix:.2} %, {global:.2} % without direct light"))
+    }));
+    facts.extend(manifest.products.map(|on| {
+        let on = match on {
+            ProductsOn::Cpu => "on the processor",
+            ProductsOn::Device => "on the adapter",
+        };
+        ("Products", on.to_owned())
     }));
     facts.extend(manifest.rig.iter().flat_map(rig_facts));
     facts.extend(more);

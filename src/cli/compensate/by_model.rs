@@ -115,7 +115,7 @@ fn corrected(
     let mut light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, channels, Some(folder), console)
     })?;
-    folder.manifest.noise = light.noise().map(Into::into);
+    folder.describe_light(&light);
     live.expect(args.question.corrections());
     let found = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |operators| {

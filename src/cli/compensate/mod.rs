@@ -104,7 +104,7 @@ fn answer(
     let mut light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, args.channels(), Some(folder), console)
     })?;
-    folder.manifest.noise = light.noise().map(Into::into);
+    folder.describe_light(&light);
     let wish = Wish::new(target, &light.ambient(console)?)?;
     let (crosstalk, learned) = args.colors.crosstalk(&mut light, console)?;
     let symmetric = crosstalk.is_none() && prior::is_symmetric(&mut light, console);

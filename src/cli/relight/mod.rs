@@ -189,7 +189,7 @@ fn captured(
     let mut light: Light<'_> = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, args.channels(), kept.then_some(&*folder), console)
     })?;
-    folder.manifest.noise = light.noise().map(Into::into);
+    folder.describe_light(&light);
     let process = capture::Process { photos, block: args.block.unwrap_or(BLOCK), seed: args.trace.seed() };
     let model = folder.timed("photos", |_| {
         capture::model(&mut light, process, [&name, unit], [resolution, projector], &live, console)

@@ -81,7 +81,7 @@ fn segment(
     let mut light = folder.timed(source.preparation(), |folder| {
         source.light(&args.operator, Channels::Luma, Some(folder), console)
     })?;
-    folder.manifest.noise = light.noise().map(Into::into);
+    folder.describe_light(&light);
 
     live.expect(photos + graph.beside(&args.question));
     let taken = folder.timed("photos", |_| {

@@ -21,7 +21,7 @@ use super::trace::TraceArgs;
 use crate::analysis::separate::{SeparateBy, Separation};
 use crate::error::Error;
 use crate::report::separation::{Planes, SeparationRun, relative_error};
-use crate::transport::{Channels, Simulated};
+use crate::transport::Channels;
 use comparison::compare;
 pub(super) use photos::weigh;
 use photos::{bounces, exact, measured, reach};
@@ -154,12 +154,13 @@ fn answer(
     let mut light = folder.timed(preparation, |folder| match args.bounces {
         // Bounces are layers of a matrix. A simulator is also asked for the truth, hundreds of times: that is no journal's business.
         true => {
-            let traced = source.simulation()?.assemble_layers(channels, true, console)?;
-            Ok(Light::Replayed(Box::new(Simulated { traced })))
+            let simulation = source.simulation()?;
+            let traced = simulation.assemble_layers(channels, true, console)?;
+            Light::replayed(simulation, traced, &args.operator, console)
         }
         false => source.light(&args.operator, channels, (!is_scene).then_some(&*folder), console),
     })?;
-    folder.manifest.noise = light.noise().map(Into::into);
+    folder.describe_light(&light);
     let seed = args.trace.seed();
 
     let exact = match is_scene {

@@ -1,25 +1,26 @@
 //! Light transport as a verb uses it: replayed from a matrix, traced anew for each photo, or measured by a rig.
 
+mod kept;
+mod of_scene;
+
 use std::cell::RefCell;
 
 use anyhow::Result;
 
-use super::about::{self, About};
+pub(super) use self::kept::{Kept, name};
 use super::channel::ChannelOperator;
 use super::console::Console;
 use super::journal;
 use super::measured::Measured;
-use super::operator::{OperatorArg, OperatorArgs, in_words};
-use super::simulation::Simulation;
 use crate::error::Error;
 use crate::image::{Image, Resolution};
-use crate::journal::{Journal, Key};
+use crate::journal::Key;
 use crate::operator::Adjoint;
 use crate::render::{TraceSettings, Tracer};
-use crate::report::manifest;
+use crate::report::manifest::{self, ProductsOn};
 use crate::transport::{
     Assembled, Bounces, Channels, JournaledOperator, MatrixOperator, Noise, Part, Retraced, Simulated,
-    Transport, predict,
+    Transport,
 };
 
 /// What photos are taken by. For equal settings the first two give equal photos, to rounding.
@@ -30,46 +31,7 @@ pub(super) enum Light<'a> {
     Kept(Box<Kept<'a>>),
 }
 
-/// Light whose photos are in a journal before they are used; without an inner one, only those that are there already.
-pub(super) struct Kept<'a> {
-    inner: Option<Light<'a>>,
-    journal: RefCell<Journal>,
-    about: About,
-    channels: usize,
-}
-
 impl<'a> Light<'a> {
-    /// The operator that the options ask for; the matrix for `auto`, unless that would not fit the memory.
-    pub(super) fn of_scene(
-        simulation: &'a mut Simulation,
-        choice: &OperatorArgs,
-        channels: Channels,
-        console: &Console,
-    ) -> Result<Self> {
-        let settings = simulation.settings;
-        let retrace = match choice.operator {
-            OperatorArg::Replay => false,
-            OperatorArg::Retrace => true,
-            OperatorArg::Auto => {
-                let limit = choice.memory();
-                let needed = predict(&mut simulation.tracer, &settings, channels, limit)?.bytes;
-                let exceeds = needed > limit as f64;
-                if exceeds {
-                    let (needed, limit) = (in_words(needed as u64), in_words(limit));
-                    console.note(format_args!(
-                        "note: the matrix would take about {needed}, more than --memory {limit}: every photo is traced anew"
-                    ));
-                }
-                exceeds
-            }
-        };
-        if retrace {
-            return Ok(Self::Retraced { tracer: &mut simulation.tracer, settings, channels });
-        }
-        let traced = simulation.assemble(channels, console)?;
-        Ok(Self::Replayed(Box::new(Simulated { traced })))
-    }
-
     /// The matrix, where there is one.
     pub(super) fn matrix(&self) -> Option<&Assembled> {
         match self {
@@ -87,6 +49,12 @@ impl<'a> Light<'a> {
     /// What is known of the matrix's noise.
     pub(super) fn noise(&self) -> Option<&Noise> {
         self.matrix()?.noise.as_ref()
+    }
+
+    /// Where products with the matrix are taken.
+    pub(super) fn products(&self) -> Option<ProductsOn> {
+        let is_resident = self.matrix()?.is_resident();
+        Some(if is_resident { ProductsOn::Device } else { ProductsOn::Cpu })
     }
 
     /// What a run on a rig has cost so far; see [`Measured::record`].
@@ -150,9 +118,10 @@ impl<'a> Light<'a> {
                 work(&mut (0..*channels).map(operator).collect::<Vec<_>>())
             }
             Self::Replayed(rig) => {
-                let matrix = &rig.traced.matrix;
-                let operator = |channel| ChannelOperator::Replayed(MatrixOperator { matrix, part, channel });
-                work(&mut (0..matrix.channels().count()).map(operator).collect::<Vec<_>>())
+                let traced = &rig.traced;
+                let operator =
+                    |channel| ChannelOperator::Replayed(MatrixOperator { matrix: traced, part, channel });
+                work(&mut (0..traced.matrix.channels().count()).map(operator).collect::<Vec<_>>())
             }
             Self::Retraced { tracer, settings, channels } => {
                 let tracer = RefCell::new(&mut **tracer);
@@ -248,67 +217,6 @@ impl<'a> Light<'a> {
     }
 }
 
-impl<'a> Kept<'a> {
-    /// Keeps the photos of `inner`.
-    pub(super) fn new(journal: Journal, about: About, inner: Light<'a>) -> Self {
-        let channels = about.channels;
-        Self { inner: Some(inner), journal: RefCell::new(journal), about, channels }
-    }
-
-    /// Hands out the photos of a run, of as many channels as it had.
-    ///
-    /// # Errors
-    /// [`Error::Option`] when it had not as many.
-    pub(super) fn replay(journal: Journal, about: About, channels: Channels) -> Result<Self> {
-        let channels = channels.count();
-        if channels != about.channels {
-            return Err(Error::Option {
-                option: "--channels".into(),
-                fault: format!("the run's photos have {} channels, not {channels}", about.channels),
-                help: "give the channels of that run".into(),
-            }
-            .into());
-        }
-        Ok(Self { inner: None, journal: RefCell::new(journal), about, channels })
-    }
-
-    /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
-    pub(super) fn keep_known(&mut self, console: &Console) -> Result<()> {
-        let Some(traced) = self.inner.as_ref().and_then(Light::matrix) else { return Ok(()) };
-        if let Some(direct) = direct_diagonal(traced) {
-            let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
-            self.journal.get_mut().note(about::DIRECT, &bytes)?;
-        }
-        self.image("ambient", |inner| inner.ambient(console)).map(drop)
-    }
-
-    /// The image of this name: from the journal, or taken and kept.
-    fn image(&mut self, name: &str, take: impl FnOnce(&mut Light<'a>) -> Result<Image>) -> Result<Image> {
-        let journal = self.journal.get_mut();
-        let resolution = self.about.photos;
-        if let Some(bytes) = journal.read_note(name)? {
-            let (samples, _) = bytes.as_chunks::<4>();
-            let samples: Vec<f32> = samples.iter().map(|&sample| f32::from_le_bytes(sample)).collect();
-            return Ok(Image::new(resolution, samples.len() / resolution.pixels().max(1), samples)?);
-        }
-        let Some(inner) = &mut self.inner else {
-            return Err(Error::Journal {
-                path: journal.path().into(),
-                fault: format!(
-                    "the photo `{name}` is not among its {}, and there is no scene",
-                    journal.photos()
-                ),
-                help: "give the scene, with -o and --resume".into(),
-            }
-            .into());
-        };
-        let image = take(inner)?;
-        let bytes: Vec<u8> = image.samples().iter().flat_map(|sample| sample.to_le_bytes()).collect();
-        journal.note(name, &bytes)?;
-        Ok(image)
-    }
-}
-
 /// The direct light of each channel, where it is a diagonal.
 pub(super) fn direct_diagonal(traced: &Assembled) -> Option<Vec<Vec<f64>>> {
     let matrix = &traced.matrix;
@@ -320,9 +228,4 @@ pub(super) fn direct_diagonal(traced: &Assembled) -> Option<Vec<Vec<f64>>> {
         (!diagonal.is_empty()).then(|| diagonal.iter().map(|&value| f64::from(value)).collect())
     });
     planes.collect()
-}
-
-/// What the products of a part and channel are called in a journal.
-pub(super) fn name(part: Part, channel: usize) -> String {
-    format!("{part:?}, channel {channel}")
 }
