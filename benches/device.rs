@@ -1,0 +1,144 @@
+//! What the adapter at hand gives: tracing in rays a second with the longest dispatch, and products with the matrix in its memory beside
+//! plain copies there. `cargo bench --bench device`, with `-- --force` also for products on software Vulkan; see `docs/gpu.md`.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use krylux::image::Resolution;
+use krylux::render::{AdapterSummary, TraceSettings, Tracer};
+use krylux::scene::{Scene, builtin};
+use krylux::transport::{Channels, Part, Resident, TransportMatrix, assemble};
+
+/// Repetitions of each measurement; products and copies take turns.
+const TURNS: usize = 9;
+/// What a measurement is to take at least, in seconds.
+const ENOUGH: f64 = 0.1;
+
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+fn main() -> Outcome<()> {
+    let has = |wanted: &str| std::env::args().any(|argument| argument == wanted);
+    // `cargo test --benches` passes this; there is nothing to test here.
+    if has("--test") {
+        return Ok(());
+    }
+    let adapter = adapter()?;
+    println!(
+        "krylux {}, {} ({}), {} {}; 64 samples, six bounces; {TURNS} turns, median (least to most)\n",
+        env!("CARGO_PKG_VERSION"),
+        adapter.name,
+        adapter.kind,
+        adapter.driver,
+        adapter.driver_version
+    );
+    let sides: &[usize] = if adapter.is_processor() { &[128] } else { &[128, 512] };
+    let takes_products = !adapter.is_processor() || has("--force");
+    for &side in sides {
+        for (name, scene) in
+            [("corner", builtin::corner().to_scene()), ("box of 100,000", builtin::tessellated_box(100_000))]
+        {
+            println!("{name}, {side}x{side}");
+            let (tracer, matrix) = trace(&scene, side)?;
+            if takes_products {
+                products(&tracer, &matrix)?;
+            }
+        }
+    }
+    if !takes_products {
+        println!(
+            "\nproducts are the processor's own on software Vulkan; -- --force takes them there all the same"
+        );
+    }
+    Ok(())
+}
+
+/// The one that is used where none is asked for.
+fn adapter() -> Outcome<AdapterSummary> {
+    Ok(Tracer::new(&builtin::corner().to_scene(), None)?.adapter().clone())
+}
+
+/// Traces twice, since the first dispatches compile, and says how the second one went.
+fn trace(scene: &Scene, side: usize) -> Outcome<(Tracer, TransportMatrix)> {
+    let mut tracer = Tracer::new(scene, None)?;
+    let settings = TraceSettings::new(Resolution::new(side, side), 64);
+    let trace = |tracer: &mut Tracer, samples| {
+        let settings = TraceSettings { samples, ..settings };
+        assemble(tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))
+    };
+    trace(&mut tracer, 1)?;
+    let start = Instant::now();
+    let traced = trace(&mut tracer, 64)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let summary = traced.summary;
+    println!(
+        "  tracing   {:.3} Grays/s while the device worked, {:.3} with all that the host does; {} dispatches, the longest {:.0} ms",
+        summary.rays as f64 / summary.tracing.as_secs_f64() / 1e9,
+        summary.rays as f64 / seconds / 1e9,
+        summary.dispatches,
+        1e3 * summary.longest.as_secs_f64()
+    );
+    Ok((tracer, traced.matrix))
+}
+
+fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
+    let start = Instant::now();
+    let resident = Resident::new(tracer, matrix)?;
+    let moved = start.elapsed();
+    let bytes = resident.bytes_of_product();
+    let [rows, cols] = [matrix.resolution(), matrix.projector_resolution()].map(Resolution::pixels);
+    let x: Vec<f64> = (0..cols).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
+    let mut y = vec![0.0; rows];
+    resident.apply(Part::Full, 0, &x, &mut y)?;
+    let times = enough(|count| resident.time_products(count))?;
+    // A copy reads and writes: half as many bytes move as many.
+    let adapter = tracer.adapter();
+    let half = (bytes / 2).min(adapter.max_storage_binding).min(adapter.max_buffer);
+    let copies = enough(|count| resident.time_copies(half, count))?;
+    let (mut product, mut copied, mut shares) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut photos, mut here) = (Vec::new(), Vec::new());
+    for _ in 0..TURNS {
+        let rate = |bytes, time: Duration, count| bytes as f64 * f64::from(count) / time.as_secs_f64() / 1e9;
+        let of_product = rate(bytes, resident.time_products(times)?, times);
+        let of_copy = rate(2 * half, resident.time_copies(half, copies)?, copies);
+        product.push(of_product);
+        copied.push(of_copy);
+        shares.push(of_product / of_copy);
+        let start = Instant::now();
+        resident.apply(Part::Full, 0, &x, &mut y)?;
+        photos.push(1e3 * start.elapsed().as_secs_f64());
+        let start = Instant::now();
+        matrix.apply(Part::Full, 0, &x, &mut y);
+        here.push(1e3 * start.elapsed().as_secs_f64());
+    }
+    let bands = resident.dispatches();
+    println!(
+        "  matrix    {:.1} million entries, {:.1} MiB, there within {:.2} s; {bands} dispatches a product",
+        matrix.nonzeros() as f64 / 1e6,
+        bytes as f64 / f64::from(1 << 20),
+        moved.as_secs_f64()
+    );
+    println!(
+        "  product   {} GB/s, a copy there {} GB/s, share {}",
+        spread(product),
+        spread(copied),
+        spread(shares)
+    );
+    println!(
+        "  a photo   {} ms with its way there and back, {} ms on the processor",
+        spread(photos),
+        spread(here)
+    );
+    Ok(())
+}
+
+/// How many make a time that can be told.
+fn enough(mut work: impl FnMut(u32) -> krylux::Result<Duration>) -> krylux::Result<u32> {
+    work(1)?;
+    Ok((ENOUGH / work(1)?.as_secs_f64().max(1e-7)).ceil().clamp(1.0, 1000.0) as u32)
+}
+
+/// Median and range.
+fn spread(mut values: Vec<f64>) -> String {
+    values.sort_by(f64::total_cmp);
+    format!("{:.2} ({:.2} to {:.2})", values[values.len() / 2], values[0], values[values.len() - 1])
+}
