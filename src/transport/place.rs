@@ -99,7 +99,8 @@ mod tests {
         let pixels = traced.matrix.resolution().pixels();
         let (white, mut expected) = (vec![1.0; pixels], vec![f64::NAN; pixels]);
         traced.matrix.apply(Part::Full, 0, &white, &mut expected);
-        let lacking: [(&str, fn(&mut AdapterSummary)); 2] = [
+        type Taken = fn(&mut AdapterSummary);
+        let lacking: [(&str, Taken); 2] = [
             ("f64", |summary| summary.double_precision = false),
             ("MiB", |summary| summary.max_buffer = 1000),
         ];
