@@ -94,11 +94,14 @@ fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
     let adapter = tracer.adapter();
     let half = (bytes / 2).min(adapter.max_storage_binding).min(adapter.max_buffer);
     let copies = enough(|count| resident.time_copies(half, count))?;
-    let (mut product, mut copied, mut shares) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut photos, mut here) = (Vec::new(), Vec::new());
+    let bands = resident.dispatches();
+    let [mut product, mut copied, mut shares, mut dispatches, mut photos, mut here] =
+        [const { Vec::new() }; 6];
     for _ in 0..TURNS {
         let rate = |bytes, time: Duration, count| bytes as f64 * f64::from(count) / time.as_secs_f64() / 1e9;
-        let of_product = rate(bytes, resident.time_products(times)?, times);
+        let taken = resident.time_products(times)?;
+        let of_product = rate(bytes, taken, times);
+        dispatches.push(1e3 * taken.as_secs_f64() / f64::from(times) / bands as f64);
         let of_copy = rate(2 * half, resident.time_copies(half, copies)?, copies);
         product.push(of_product);
         copied.push(of_copy);
@@ -110,12 +113,12 @@ fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
         matrix.apply(Part::Full, 0, &x, &mut y);
         here.push(1e3 * start.elapsed().as_secs_f64());
     }
-    let bands = resident.dispatches();
     println!(
-        "  matrix    {:.1} million entries, {:.1} MiB, there within {:.2} s; {bands} dispatches a product",
+        "  matrix    {:.1} million entries, {:.1} MiB, there within {:.2} s; {bands} dispatches of {} ms",
         matrix.nonzeros() as f64 / 1e6,
         bytes as f64 / f64::from(1 << 20),
-        moved.as_secs_f64()
+        moved.as_secs_f64(),
+        spread(dispatches)
     );
     println!(
         "  product   {} GB/s, a copy there {} GB/s, share {}",

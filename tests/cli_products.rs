@@ -31,7 +31,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 fn eigenvalues_are_the_same_wherever_products_are_taken() {
     let folder = TempDir::new().expect("a temporary folder can be made");
     let scene = scene_path("cornell").display().to_string();
-    let eigs = ["eigs", &scene, "--size", "24", "--spp", "16", "--count", "4", "--photos", "60"];
+    let eigs = ["eigs", &scene, "--size", "24", "--spp", "16", "--count", "4", "--photos", "100"];
     let mut found = Vec::new();
     for (place, on) in [("cpu", "cpu"), ("auto", "cpu"), ("device", "device"), ("device", "device")] {
         let run = folder.path().join(found.len().to_string()).display().to_string();

@@ -5,30 +5,16 @@ use wgpu::util::DeviceExt;
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// Bytes that [`Gpu::upload`] has on their way at a time, twice.
+/// Bytes that [`Gpu::storage`] has on their way at a time, twice.
 const PIECE: usize = 32 << 20;
 
 /// Texels in a row of a data texture; the shaders split an index into column and row by it.
 const TEXTURE_WIDTH: u32 = 4096;
 
 impl Gpu {
-    /// A read-only storage buffer holding `data`. An empty slice becomes one zeroed element: bindings may not be empty.
+    /// A read-only storage buffer holding `data`, which goes there piece by piece: little memory is taken for what is on the way, and too
+    /// little on the device is an error. An empty slice becomes one zeroed element: bindings may not be empty.
     pub(crate) fn storage<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
-        let zero = [T::zeroed()];
-        let bytes: &[u8] = bytemuck::cast_slice(if data.is_empty() { &zero } else { data });
-        self.check_size(label, bytes.len() as u64)?;
-        self.guarded(label, || {
-            self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some(label),
-                contents: bytes,
-                usage: wgpu::BufferUsages::STORAGE,
-            })
-        })
-    }
-
-    /// As [`Gpu::storage`] for data of any size: it goes piece by piece, so that little memory is taken for data on the way, and too
-    /// little memory on the device is an error.
-    pub(crate) fn upload<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len().max(size_of::<T>()) as u64;
         let buffer = self.buffer(label, size, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST)?;

@@ -75,12 +75,16 @@ pub(crate) struct Gpu {
 impl Gpu {
     /// Opens the adapter whose name contains `wanted` (case does not matter); without a wish, the fastest kind there is.
     pub(crate) fn open(wanted: Option<&str>) -> Result<Self> {
-        let mut adapter = choose(wanted, None)?;
-        let summary = AdapterSummary::of(&adapter);
+        let adapter = choose(wanted, None)?;
         // Software Vulkan's memory is the machine's, of which others have their share: there the system decides.
-        if !summary.is_processor() {
-            adapter = choose(wanted, Some(MEMORY_SHARE))?;
+        if AdapterSummary::of(&adapter).is_processor() {
+            return Self::on(&adapter);
         }
+        Self::on(&choose(wanted, Some(MEMORY_SHARE))?)
+    }
+
+    fn on(adapter: &wgpu::Adapter) -> Result<Self> {
+        let summary = AdapterSummary::of(adapter);
         let available = adapter.limits();
         let limits = wgpu::Limits {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,

@@ -1,5 +1,7 @@
 //! The kernel of a product, and what a product consists of: one dispatch for each band.
 
+use std::ops::Range;
+
 use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
 
 use super::bands::Band;
@@ -8,6 +10,9 @@ use crate::gpu::{Gpu, shader};
 
 /// Rows that a workgroup of `shaders/product.wgsl` takes.
 const ROWS_OF_GROUP: u32 = 2;
+
+/// There are entries to be added up, as `shaders/product.wgsl` has it.
+const HAS_ENTRIES: u32 = 1;
 
 /// Workgroups in one direction of a dispatch.
 const MOST_GROUPS: u32 = 65_535;
@@ -102,26 +107,32 @@ impl Kernel {
         shared: &Shared<'_>,
     ) -> Result<Step> {
         let of_band = [&band.starts, &band.columns, &band.weights[channel]];
-        self.step(gpu, [band.rows.start, band.rows.end], 1 | bits(terms), of_band, shared)
+        self.step(gpu, band.rows.clone(), HAS_ENTRIES | bits(terms), of_band, shared)
     }
 
-    /// The dispatch for the diagonal of so many rows, or for zeros.
-    pub(super) fn diagonal(&self, gpu: &Gpu, rows: u32, terms: Terms, shared: &Shared<'_>) -> Result<Step> {
-        self.step(gpu, [0, rows], bits(terms), [&self.nothing; 3], shared)
+    /// The dispatch for the diagonal of these rows, or for zeros.
+    pub(super) fn diagonal(
+        &self,
+        gpu: &Gpu,
+        rows: Range<u32>,
+        terms: Terms,
+        shared: &Shared<'_>,
+    ) -> Result<Step> {
+        self.step(gpu, rows, bits(terms), [&self.nothing; 3], shared)
     }
 
     fn step(
         &self,
         gpu: &Gpu,
-        [first_row, end_row]: [u32; 2],
+        rows: Range<u32>,
         terms: u32,
         of_band: [&wgpu::Buffer; 3],
         shared: &Shared<'_>,
     ) -> Result<Step> {
-        let rows = end_row - first_row;
         let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let parameters = gpu.buffer("band", size_of::<Parameters>() as u64, uniform)?;
-        let values = Parameters { first_row, rows, terms, padding: 0 };
+        let count = rows.end - rows.start;
+        let values = Parameters { first_row: rows.start, rows: count, terms, padding: 0 };
         let [starts, columns, weights] = of_band;
         let buffers = [&parameters, starts, columns, weights, shared.diagonal, shared.from, shared.to];
         let group = gpu.guarded("bindings", || {
@@ -139,7 +150,7 @@ impl Kernel {
                 entries: &entries,
             })
         })?;
-        Ok(Step { group, workgroups: workgroups(rows) })
+        Ok(Step { group, workgroups: workgroups(count) })
     }
 
     /// Writes the steps down, to be taken one after the other.
@@ -175,7 +186,7 @@ mod tests {
         assert_layout("product", "Band", members, size_of::<Parameters>());
         assert_constant("product", "ROWS_OF_GROUP", ROWS_OF_GROUP);
         let (diagonal, adds) = (Terms { diagonal: true, adds: false }, Terms { diagonal: false, adds: true });
-        assert_constant("product", "HAS_ENTRIES", 1);
+        assert_constant("product", "HAS_ENTRIES", HAS_ENTRIES);
         assert_constant("product", "HAS_DIAGONAL", bits(diagonal));
         assert_constant("product", "ADDS", bits(adds));
     }

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 
 use wgpu::BufferUsages;
 
-use self::bands::{DeviceLayer, most_entries};
+use self::bands::{DeviceLayer, Limits};
 use self::kernel::{Kernel, Shared, Step, Terms};
 use super::layer::{Bounces, Layer};
 use super::{Part, RigShape, TransportMatrix};
@@ -32,7 +32,7 @@ pub struct Resident {
     diagonals: Vec<wgpu::Buffer>,
     /// Where direct light is no diagonal, they hold nothing.
     has_diagonal: bool,
-    most_entries: usize,
+    limits: Limits,
     vectors: Vectors,
     state: Mutex<State>,
 }
@@ -76,10 +76,10 @@ impl Resident {
     }
 
     pub(super) fn on(gpu: &Gpu, matrix: &TransportMatrix) -> Result<Self> {
-        Self::with_bands(gpu, matrix, most_entries(gpu))
+        Self::within(gpu, matrix, Limits::of(gpu))
     }
 
-    fn with_bands(gpu: &Gpu, matrix: &TransportMatrix, most_entries: usize) -> Result<Self> {
+    fn within(gpu: &Gpu, matrix: &TransportMatrix, limits: Limits) -> Result<Self> {
         if !gpu.summary.double_precision {
             return Err(Error::Device {
                 fault: format!("{} calculates in no f64, which products need", gpu.summary.name),
@@ -89,14 +89,14 @@ impl Resident {
         let kernel = Kernel::new(gpu)?;
         let rig = matrix.rig;
         let vectors = Vectors::new(gpu, rig)?;
-        let diagonals = matrix.direct.iter().map(|plane| gpu.upload("matrix's diagonal", plane));
+        let diagonals = matrix.direct.iter().map(|plane| gpu.storage("matrix's diagonal", plane));
         let diagonals = diagonals.collect::<Result<_>>()?;
         let has_diagonal = matrix.direct.iter().all(|plane| plane.len() == rig.camera.pixels());
-        let layer = |layer: &Layer| DeviceLayer::upload(gpu, bounces(layer), &layer.to_rows(), most_entries);
+        let layer = |layer: &Layer| DeviceLayer::upload(gpu, bounces(layer), &layer.to_rows(), limits);
         let layers = matrix.layers.iter().map(layer).collect::<Result<_>>()?;
         let state = Mutex::default();
         let gpu = gpu.clone();
-        Ok(Self { gpu, kernel, rig, layers, diagonals, has_diagonal, most_entries, vectors, state })
+        Ok(Self { gpu, kernel, rig, layers, diagonals, has_diagonal, limits, vectors, state })
     }
 
     /// `y ← P x`, as [`TransportMatrix::apply`].
@@ -129,7 +129,7 @@ impl Resident {
         if !self.rig.symmetric && state.transposed.is_none() {
             let layer = |layer: &Layer| {
                 let (_, rows) = layer.transposed_rows();
-                DeviceLayer::upload(&self.gpu, bounces(layer), &rows, self.most_entries)
+                DeviceLayer::upload(&self.gpu, bounces(layer), &rows, self.limits)
             };
             state.transposed = Some(matrix.layers.iter().map(layer).collect::<Result<_>>()?);
         }
@@ -183,9 +183,17 @@ impl Resident {
             is_first = false;
         }
         if is_first {
-            let terms = Terms { diagonal, adds: false };
-            // Pixels are counted in 32 bits everywhere.
-            steps.push(self.kernel.diagonal(&self.gpu, rows.pixels() as u32, terms, &shared)?);
+            let rows = rows.pixels();
+            for first in (0..rows).step_by(self.limits.rows) {
+                // Pixels are counted in 32 bits everywhere.
+                let rows = first as u32..rows.min(first + self.limits.rows) as u32;
+                steps.push(self.kernel.diagonal(
+                    &self.gpu,
+                    rows,
+                    Terms { diagonal, adds: false },
+                    &shared,
+                )?);
+            }
         }
         Ok(steps)
     }

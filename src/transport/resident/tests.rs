@@ -133,7 +133,8 @@ fn products_are_the_processors_to_the_rounding_of_sums_however_rows_are_cut() {
     let gpu = gpu();
     for matrix in [coaxial().matrix, apart()] {
         let whole = Resident::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));
-        let cut = Resident::with_bands(&gpu, &matrix, 700).unwrap_or_else(|error| unreachable!("{error}"));
+        let cut = Resident::within(&gpu, &matrix, Limits { entries: 700, rows: 100 })
+            .unwrap_or_else(|error| unreachable!("{error}"));
         assert!(whole.dispatches() == 2 && cut.dispatches() > 20, "{} bands", cut.dispatches());
         let mut compared = 0.0_f64;
         for (part, channel) in PARTS.into_iter().flat_map(|part| [0, 1, 2].map(|channel| (part, channel))) {
