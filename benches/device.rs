@@ -140,8 +140,10 @@ fn enough(mut work: impl FnMut(u32) -> krylux::Result<Duration>) -> krylux::Resu
     Ok((ENOUGH / work(1)?.as_secs_f64().max(1e-7)).ceil().clamp(1.0, 1000.0) as u32)
 }
 
-/// Median and range.
+/// Median and range, in three digits.
 fn spread(mut values: Vec<f64>) -> String {
     values.sort_by(f64::total_cmp);
-    format!("{:.2} ({:.2} to {:.2})", values[values.len() / 2], values[0], values[values.len() - 1])
+    let middle = values[values.len() / 2];
+    let digits = (2.0 - middle.max(1e-9).log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{middle:.digits$} ({:.digits$} to {:.digits$})", values[0], values[values.len() - 1])
 }

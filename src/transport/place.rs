@@ -65,8 +65,10 @@ impl Assembled {
 mod tests {
     use super::*;
     use crate::gpu::AdapterSummary;
+    use crate::image::Image;
+    use crate::operator::Operator;
     use crate::transport::resident::tests::{coaxial, gpu};
-    use crate::transport::{Part, Products};
+    use crate::transport::{MatrixOperator, Part, Products, Simulated, Transport};
 
     /// Software Vulkan under the name of a card.
     fn card() -> Gpu {
@@ -115,5 +117,31 @@ mod tests {
             let mut y = vec![f64::NAN; pixels];
             assert!(traced.product(Part::Full, 0, &white, &mut y).is_ok() && y == expected);
         }
+    }
+
+    #[test]
+    fn photos_and_operators_go_with_the_matrix() {
+        let [mut here, mut there] = [coaxial(), coaxial()].map(|traced| Simulated { traced });
+        assert_eq!(placed(&mut there.traced, &gpu(), Place::Device, 0), (None, true));
+        let resolution = here.photo_resolution();
+        let pattern = Image::filled(resolution, 3, 0.5);
+        let photos = [&mut here, &mut there].map(|rig| rig.photograph(&pattern));
+        let [Ok(expected), Ok(found)] = photos else { unreachable!("{photos:?}") };
+        for (expected, found) in expected.samples().iter().zip(found.samples()) {
+            // The same to 1e-13, and then rounded to `f32`, down or up.
+            assert!((expected - found).abs() <= f32::EPSILON * expected, "{expected} and {found}");
+        }
+        let pixels = resolution.pixels();
+        let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
+        let product = |matrix: &dyn Products| {
+            let mut y = vec![f64::NAN; pixels];
+            let taken = MatrixOperator { matrix, part: Part::Global, channel: 1 }.apply(&x, &mut y);
+            taken.unwrap_or_else(|error| unreachable!("{error}"));
+            y
+        };
+        let traced = &there.traced;
+        let (placed, matrix) = (product(traced), product(&traced.matrix));
+        assert!(placed != matrix, "sums are taken in another order there");
+        assert!(placed == product(traced) && matrix == product(&here.traced));
     }
 }
