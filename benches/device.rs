@@ -71,7 +71,7 @@ fn trace(scene: &Scene, side: usize) -> Outcome<(Tracer, TransportMatrix)> {
     let seconds = start.elapsed().as_secs_f64();
     let summary = traced.summary;
     println!(
-        "  tracing   {:.3} Grays/s while the device worked, {:.3} with all that the host does; {} dispatches, the longest {:.0} ms",
+        "  tracing   {:.4} Grays/s while the device worked, {:.4} with all that the host does; {} dispatches, the longest {:.0} ms",
         summary.rays as f64 / summary.tracing.as_secs_f64() / 1e9,
         summary.rays as f64 / seconds / 1e9,
         summary.dispatches,
@@ -114,7 +114,7 @@ fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
         here.push(1e3 * start.elapsed().as_secs_f64());
     }
     println!(
-        "  matrix    {:.1} million entries, {:.1} MiB, there within {:.2} s; {bands} dispatches of {} ms",
+        "  matrix    {:.1} million entries, {:.1} MiB, there within {:.2} s; dispatches: {bands}, of {} ms",
         matrix.nonzeros() as f64 / 1e6,
         bytes as f64 / f64::from(1 << 20),
         moved.as_secs_f64(),
