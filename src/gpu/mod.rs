@@ -3,6 +3,7 @@
 
 pub(crate) mod buffers;
 pub(crate) mod device;
+mod fold;
 #[cfg(test)]
 pub(crate) mod layout;
 pub(crate) mod readback;

@@ -2,6 +2,7 @@
 //!
 //! With `KRYLUX_DUMP_WGSL=DIR` in the environment every composed shader is also written to `DIR/NAME.wgsl`.
 
+use super::fold::fold;
 use crate::error::{Error, Result};
 
 macro_rules! shaders {
@@ -58,13 +59,57 @@ pub fn compose(name: &str) -> Result<String> {
 /// # Errors
 /// As [`compose`].
 pub fn compose_source(name: &str, source: &str) -> Result<String> {
+    let text = assemble(name, source)?;
+    validate(name, &text)?;
+    Ok(text)
+}
+
+/// The entry point `name` with these values for its overrides, and without what they rule out; what it has no override for is passed
+/// over. Not validated: whoever makes a kernel of it does that.
+///
+/// # Errors
+/// [`Error::Device`] naming the shader when it, or what it imports, does not exist or cannot be parsed, or when an override has no
+/// value.
+pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
+    let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
+    let text = with_constants(name, &assemble(name, source)?, constants)?;
+    let mut module = parse(name, &text)?;
+    fold(&mut module);
+    Ok(module)
+}
+
+/// `text` with constants in the place of overrides, which stand on lines of their own. The parser of constants needs no second
+/// pass over the module.
+fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<String> {
+    let mut out = String::with_capacity(text.len());
+    for line in text.lines() {
+        let declared = line.strip_prefix("override ").and_then(|rest| rest.split_once([':', '=']));
+        match declared {
+            None => out.push_str(line),
+            Some((constant, rest)) => {
+                let constant = constant.trim();
+                let value = constants.iter().find(|(known, _)| *known == constant);
+                let (_, value) = value.ok_or_else(|| fault(name, &format!("`{constant}` has no value")))?;
+                let ty = rest.split('=').next().unwrap_or_default().trim();
+                out.push_str(&match ty {
+                    "bool" => format!("const {constant}: bool = {};", *value != 0.0),
+                    _ => format!("const {constant}: {ty} = {ty}({value});"),
+                });
+            }
+        }
+        out.push('\n');
+    }
+    Ok(out)
+}
+
+/// Imports resolved, and dumped where that is wanted.
+fn assemble(name: &str, source: &str) -> Result<String> {
     let mut text = String::new();
     append(name, source, &mut Vec::new(), &mut text)?;
     if let Some(folder) = std::env::var_os("KRYLUX_DUMP_WGSL") {
         let path = std::path::Path::new(&folder).join(format!("{name}.wgsl"));
         std::fs::write(&path, &text).map_err(Error::writing(path))?;
     }
-    validate(name, &text)?;
     Ok(text)
 }
 
@@ -92,11 +137,20 @@ fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -
 
 /// Parses and validates with naga, so that a mistake is shown with its line, before any driver sees it.
 fn validate(name: &str, text: &str) -> Result<naga::Module> {
-    let module = naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))?;
+    let module = parse(name, text)?;
+    validated(text, &module).map_err(|what| fault(name, &what))?;
+    Ok(module)
+}
+
+/// What is wrong with `module`, if anything, in the lines of `text`.
+fn validated(text: &str, module: &naga::Module) -> std::result::Result<(), String> {
     let mut validator =
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all());
-    validator.validate(&module).map_err(|e| fault(name, &e.emit_to_string(text)))?;
-    Ok(module)
+    validator.validate(module).map(drop).map_err(|e| e.emit_to_string(text))
+}
+
+fn parse(name: &str, text: &str) -> Result<naga::Module> {
+    naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))
 }
 
 /// The composed shader `name` as naga sees it, e.g. to compare its layouts with the host's.
@@ -123,6 +177,37 @@ mod tests {
         for (name, _) in SOURCES.iter().filter(|(name, _)| !name.starts_with("shared/")) {
             compose(name).unwrap_or_else(|e| unreachable!("{e}"));
         }
+    }
+
+    /// Values for all overrides of `trace_paths`: 1 for those named, else 0.
+    fn constants(on: &[&str]) -> Vec<(&'static str, f64)> {
+        let names = lookup("shared/features")
+            .unwrap_or_default()
+            .lines()
+            .filter_map(|line| line.strip_prefix("override ").and_then(|rest| rest.split(':').next()));
+        names.map(|name| (name, f64::from(u8::from(on.contains(&name))))).collect()
+    }
+
+    #[test]
+    fn a_kernel_has_nothing_that_its_scene_has_not() {
+        let functions = |on: &[&str]| -> Vec<String> {
+            let module = kernel("trace_paths", &constants(on)).unwrap_or_else(|e| unreachable!("{e}"));
+            validated("", &module).unwrap_or_else(|e| unreachable!("{e}"));
+            module.functions.iter().filter_map(|(_, function)| function.name.clone()).collect()
+        };
+        let (matte, all) =
+            (functions(&["MATTE"]), functions(&["CORNERS", "CHAINS", "PASSABLE", "MEDIA", "LENSES"]));
+        for name in ["surface_texture", "photons_gather", "bsdf_facets", "footprint_turn"] {
+            assert!(!matte.iter().any(|function| function == name), "{name} in {matte:?}");
+            assert!(all.iter().any(|function| function == name), "{name} not in {all:?}");
+        }
+    }
+
+    #[test]
+    fn an_override_without_a_value_is_named() {
+        let error = kernel("trace_paths", &constants(&[])[1..]).map(drop);
+        let message = error.map_or_else(|e| e.to_string(), |()| String::new());
+        assert!(message.contains("`MATTE` has no value"), "{message}");
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! A compute kernel over a scene.
 
+use std::borrow::Cow;
+
 use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, ShaderStages};
 
 use super::features::Features;
@@ -17,11 +19,11 @@ pub(super) struct Pipeline {
 impl Pipeline {
     /// Composes and compiles the shader `name`, whose entry point has the same name, for a scene and rig with these features.
     pub(super) fn new(gpu: &Gpu, name: &str, features: &Features) -> Result<Self> {
-        let source = shader::compose(name)?;
+        let kernel = shader::kernel(name, &features.constants())?;
         gpu.guarded(name, || {
             let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
+                source: wgpu::ShaderSource::Naga(Cow::Owned(kernel)),
             });
             let scene_layout = bind_group_layout(
                 gpu,
@@ -56,10 +58,7 @@ impl Pipeline {
                 layout: Some(&layout),
                 module: &module,
                 entry_point: Some(name),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &features.constants(),
-                    ..Default::default()
-                },
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
                 cache: None,
             });
             Self { pipeline, scene_layout, output_layout }
@@ -68,6 +67,7 @@ impl Pipeline {
 }
 
 /// The specular chains of an eye as the shaders read them.
+#[derive(Clone)]
 pub(super) struct PhotonBuffers {
     pub(super) photons: wgpu::Buffer,
     pub(super) buckets: wgpu::Buffer,
