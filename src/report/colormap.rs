@@ -1,5 +1,7 @@
 //! Colours for numbers: a signed map for eigenvectors, and a sequential one for amounts.
 
+use std::sync::LazyLock;
+
 use super::oklab::{linear_from_oklab, oklab_from_linear};
 pub use super::palette::{MASKED, NOT_A_NUMBER};
 use super::raster::Raster;
@@ -22,6 +24,11 @@ const SIGNED_STOPS: [[u8; 3]; 7] = [
     [0x6b, 0x1b, 0x0b],
 ];
 
+/// The same in Oklab, made once: that takes several times as long as a pixel's own colour.
+static SIGNED_IN_OKLAB: LazyLock<[[f32; 3]; 7]> = LazyLock::new(|| {
+    SIGNED_STOPS.map(|stop| oklab_from_linear(stop.map(|byte| decode_srgb(f32::from(byte) / 255.0))))
+});
+
 /// The colour of `value` in \[−1, 1\], clipped beyond: 0 is near white, negative blue, positive vermilion.
 pub fn signed_color(value: f64) -> [u8; 3] {
     if value.is_nan() {
@@ -30,8 +37,7 @@ pub fn signed_color(value: f64) -> [u8; 3] {
     let position = (value.clamp(-1.0, 1.0) + 1.0) / 2.0 * (SIGNED_STOPS.len() - 1) as f64;
     let below = (position as usize).min(SIGNED_STOPS.len() - 2);
     let fraction = (position - below as f64) as f32;
-    let [from, to] = [SIGNED_STOPS[below], SIGNED_STOPS[below + 1]]
-        .map(|stop| oklab_from_linear(stop.map(|byte| decode_srgb(f32::from(byte) / 255.0))));
+    let [from, to] = [SIGNED_IN_OKLAB[below], SIGNED_IN_OKLAB[below + 1]];
     let mixed = [0, 1, 2].map(|axis| from[axis] + fraction * (to[axis] - from[axis]));
     linear_from_oklab(mixed).map(encode_srgb)
 }
