@@ -14,7 +14,8 @@
 #import visibility
 #import sight
 
-// `stride` slots a path. Slot 0: mark (16 bits), rays traced (8), surfaces met (8), and direct light that came back the way
+// `stride` slots a path, and the same slot of all paths side by side: neighbours write to one cache line, and what few paths
+// reach is touched by few. Slot 0: mark (16 bits), rays traced (8), surfaces met (8), and direct light that came back the way
 // it went. Then the connections from each surface, the first one left out where it is the direct light. Where there are
 // photons, the connections through specular chains from the second surface on. Last: ambient radiance.
 // A connection is pixel (or NONE; the upper four bits count the chain's surfaces) and weight.
@@ -33,9 +34,8 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
     let start = path_start(id.x);
     let pixel = start.pixel;
     let sample = start.sample;
-    let first_slot = id.x * parameters.stride;
     // The slot of the connection from surface k is this plus k; that of the gathered one, plus k − 2.
-    let connection_slot = first_slot + select(0u, ~0u, COAXIAL_PINHOLE);
+    let connection_slot = select(0u, ~0u, COAXIAL_PINHOLE);
     let gather_slot = connection_slot + parameters.max_bounces + 1u;
     let gathers = CHAINS && parameters.bucket_mask != 0u;
 
@@ -146,8 +146,8 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
                 }
             }
         }
-        if (slot > first_slot) {
-            records[slot] = connection;
+        if (slot > 0u) {
+            records[slot * parameters.paths + id.x] = connection;
         }
         // Specular at both ends: by way of the photons.
         if (gathers && surfaces > 1u) {
@@ -164,7 +164,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
                 reverse *= bsdf_reverse_density(surface.bsdf, wo, gathered.wi) * odds / meeting;
             }
             let value = throughput * gathered.value * (parameters.scale / (1.0 + reverse));
-            records[gather_slot + surfaces - 2u] = vec4u(gathered.origin, bitcast<vec3u>(value));
+            records[(gather_slot + surfaces - 2u) * parameters.paths + id.x] = vec4u(gathered.origin, bitcast<vec3u>(value));
         }
 
         if (surfaces == parameters.max_bounces || surface.black || !(next.pdf > 0.0) || all(next.weight == vec3f(0.0))) {
@@ -205,9 +205,9 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3u) {
         }
     }
 
-    records[first_slot] = vec4u(parameters.mark | (min(rays, 255u) << 8u) | surfaces, bitcast<vec3u>(direct));
+    records[id.x] = vec4u(parameters.mark | (min(rays, 255u) << 8u) | surfaces, bitcast<vec3u>(direct));
     if (AMBIENT) {
-        records[first_slot + parameters.stride - 1u] = vec4u(parameters.mark, bitcast<vec3u>(ambient));
+        records[(parameters.stride - 1u) * parameters.paths + id.x] = vec4u(parameters.mark, bitcast<vec3u>(ambient));
     }
 }
 

@@ -1,5 +1,7 @@
 //! What one dispatch hands back: the records of a run of light paths.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 /// A path's connection from its `k`-th surface to the other end of the rig.
@@ -36,7 +38,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Slots of a path: head, connections, connections through chains, ambient light.
+    /// Slots of a path: head, connections, connections through chains, ambient light. In a batch's records the first slots of all its
+    /// paths come first, then their second ones, and so on.
     pub(super) fn stride(&self) -> usize {
         self.gathered(2)
             + if self.gathers { self.max_bounces as usize - 1 } else { 0 }
@@ -54,23 +57,73 @@ impl Layout {
     }
 }
 
+/// A connection as its path's record has it.
+pub(crate) struct End {
+    /// Without it, the rest means nothing.
+    pub(crate) is_seen: bool,
+    /// Of the other end of the rig.
+    pub(crate) pixel: u32,
+    /// As in [`Connection`], and so is the value.
+    pub(crate) bounces: u32,
+    pub(crate) value: [f32; 3],
+}
+
+/// Those of a batch's paths that start from one pixel and belong to one of two independent halves of its samples.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// In the camera or the projector: where the paths start.
+    pub pixel: u32,
+    /// 0 or 1.
+    pub half: usize,
+    /// Within the batch.
+    pub paths: Range<usize>,
+}
+
 /// Records of consecutive paths from one end of the rig. Paths are numbered `pixel · samples + sample`; batches come in that
 /// order, without gaps; those of the projector, where it stands apart, after those of the camera.
 pub struct Batch<'a> {
-    pub(super) first_path: u64,
-    pub(super) layout: Layout,
-    pub(super) records: &'a [[u32; 4]],
+    first_path: u64,
+    layout: Layout,
+    paths: usize,
+    records: &'a [[u32; 4]],
 }
 
-impl Batch<'_> {
+impl<'a> Batch<'a> {
+    /// The paths from number `first_path` on that left these records.
+    pub(super) fn new(first_path: u64, layout: Layout, records: &'a [[u32; 4]]) -> Self {
+        Self { first_path, layout, paths: records.len() / layout.stride(), records }
+    }
+
     /// Number of paths.
     pub fn len(&self) -> usize {
-        self.records.len() / self.layout.stride()
+        self.paths
     }
 
     /// Whether there are no paths.
     pub fn is_empty(&self) -> bool {
         self.records.is_empty()
+    }
+
+    /// All paths, in order.
+    pub fn runs(&self) -> impl Iterator<Item = Run> + '_ {
+        let samples = u64::from(self.layout.samples);
+        // Both fit: there are at most 2²⁰ samples, and pixels have 28 bits.
+        let (mut pixel, mut sample) =
+            ((self.first_path / samples) as u32, (self.first_path % samples) as usize);
+        let (samples, halfway) = (samples as usize, samples.div_ceil(2) as usize);
+        let mut begin = 0;
+        std::iter::from_fn(move || {
+            let half = usize::from(sample >= halfway);
+            let left = if half == 0 { halfway } else { samples } - sample;
+            let paths = begin..self.len().min(begin + left);
+            let run = Run { pixel, half, paths };
+            begin = run.paths.end;
+            sample += left;
+            if sample == samples {
+                (pixel, sample) = (pixel + 1, 0);
+            }
+            (!run.paths.is_empty()).then_some(run)
+        })
     }
 
     /// Pixel of the batch's path `index`, in the camera or the projector: where the path starts.
@@ -84,73 +137,99 @@ impl Batch<'_> {
         self.layout.symmetric
     }
 
+    /// Whether the paths start at the camera, and not at a projector that stands apart.
+    pub fn from_camera(&self) -> bool {
+        self.layout.from_camera
+    }
+
+    /// Slots of each path's record: of no path more comes than these.
+    pub(crate) fn stride(&self) -> usize {
+        self.layout.stride()
+    }
+
     /// Paths from each pixel.
     pub fn samples(&self) -> u32 {
         self.layout.samples
     }
 
-    /// Which of two independent halves of the samples path `index` belongs to, 0 or 1.
-    pub fn half(&self, index: usize) -> usize {
-        let samples = u64::from(self.layout.samples);
-        let sample = (self.first_path + index as u64) % samples;
-        usize::from(2 * sample >= samples)
-    }
-
     /// Light of path `index` that came back the way it went, its sample of `A_jj`: direct light, in mirrors and through
     /// glass as well. Zero where the ray met nothing, and in rigs with lenses or a projector apart.
     pub fn direct(&self, index: usize) -> [f32; 3] {
-        value(self.slots(index)[0])
+        value(self.slot(index, 0))
+    }
+
+    /// Whether anything emits that the paths see.
+    pub fn has_ambient(&self) -> bool {
+        self.layout.ambient
     }
 
     /// Light of the scene's own that path `index` saw, in W/(m² sr); `None` where nothing emits, and for paths from the
     /// projector.
     pub fn ambient(&self, index: usize) -> Option<[f32; 3]> {
-        self.layout.ambient.then(|| value(self.slots(index)[self.layout.stride() - 1]))
+        self.layout.ambient.then(|| value(self.slot(index, self.layout.stride() - 1)))
     }
 
     /// The connections of path `index`, by increasing bounces.
     pub fn connections(&self, index: usize) -> impl Iterator<Item = Connection> + '_ {
+        self.connections_from(self.pixel(index), index)
+    }
+
+    /// As [`Batch::connections`], of a path that starts from `pixel`: whoever goes by [`Batch::runs`] knows it.
+    pub fn connections_from(&self, pixel: u32, index: usize) -> impl Iterator<Item = Connection> + '_ {
+        let from_camera = self.layout.from_camera;
+        self.ends(index).filter(|end| end.is_seen).map(move |end| {
+            let (camera, projector) = if from_camera { (pixel, end.pixel) } else { (end.pixel, pixel) };
+            Connection { camera, projector, bounces: end.bounces, value: end.value }
+        })
+    }
+
+    /// The other ends of the connections of path `index`, those that see nothing among them.
+    pub(crate) fn ends(&self, index: usize) -> impl Iterator<Item = End> + '_ {
         let layout = self.layout;
-        let start = self.pixel(index);
-        let slots = self.slots(index);
-        let surfaces = slots[0][0] & 0xff;
-        let connected =
-            (1 + u32::from(layout.direct)..=surfaces).map(move |k| (k, slots[layout.connected(k)]));
+        let surfaces = self.slot(index, 0)[0] & 0xff;
         let last_gathered = if layout.gathers { surfaces } else { 1 };
-        let gathered = (2..=last_gathered).map(move |k| (k, slots[layout.gathered(k)]));
-        connected.chain(gathered).filter(|(_, slot)| slot[0] != super::materials::NONE).map(
-            move |(k, slot)| {
-                let end = slot[0] & PIXEL;
-                let (camera, projector) = if layout.from_camera { (start, end) } else { (end, start) };
-                Connection { camera, projector, bounces: k + (slot[0] >> PIXEL_BITS), value: value(slot) }
-            },
-        )
+        let connected = (1 + u32::from(layout.direct)..surfaces + 1)
+            .map(move |k| (k, self.slot(index, layout.connected(k))));
+        let gathered = (2..last_gathered + 1).map(move |k| (k, self.slot(index, layout.gathered(k))));
+        connected.chain(gathered).map(|(k, slot)| End {
+            is_seen: slot[0] != super::materials::NONE,
+            pixel: slot[0] & PIXEL,
+            bounces: k + (slot[0] >> PIXEL_BITS),
+            value: value(slot),
+        })
     }
 
     /// Rays traced along path `index`.
+    #[cfg(test)]
     pub(super) fn rays(&self, index: usize) -> u64 {
-        u64::from(self.slots(index)[0][0] >> 8 & 0xff)
+        rays(self.slot(index, 0))
     }
 
     /// Paths whose record does not carry `mark`, so that the device never finished them; and the rays that all of them took.
     pub(super) fn census(&self, mark: u32) -> (u64, u64) {
-        let of_path = |index| {
-            let is_lost = self.slots(index)[0][0] >> 16 != mark >> 16;
-            (u64::from(is_lost), self.rays(index))
+        let of_some = |heads: &[[u32; 4]]| {
+            heads.iter().fold((0, 0), |(lost, sum), head| {
+                (lost + u64::from(head[0] >> 16 != mark >> 16), sum + rays(*head))
+            })
         };
         let add = |a: (u64, u64), b: (u64, u64)| (a.0 + b.0, a.1 + b.1);
-        (0..self.len()).into_par_iter().with_min_len(4096).map(of_path).reduce(|| (0, 0), add)
+        self.records[..self.paths].par_chunks(8192).map(of_some).reduce(|| (0, 0), add)
     }
 
-    fn slots(&self, index: usize) -> &[[u32; 4]] {
-        let stride = self.layout.stride();
-        &self.records[index * stride..(index + 1) * stride]
+    fn slot(&self, index: usize, slot: usize) -> [u32; 4] {
+        debug_assert!(index < self.paths);
+        self.records[slot * self.paths + index]
     }
 }
 
 /// A connection's pixel, below the number of its chain's surfaces.
 const PIXEL_BITS: u32 = 28;
 const PIXEL: u32 = (1 << PIXEL_BITS) - 1;
+
+/// Rays traced along a path, by its first slot.
+fn rays(head: [u32; 4]) -> u64 {
+    u64::from(head[0] >> 8 & 0xff)
+}
 
 fn value(slot: [u32; 4]) -> [f32; 3] {
     [f32::from_bits(slot[1]), f32::from_bits(slot[2]), f32::from_bits(slot[3])]
@@ -171,7 +250,7 @@ mod tests {
             symmetric: true,
             from_camera: true,
         };
-        Batch { first_path: 7, layout, records }
+        Batch::new(7, layout, records)
     }
 
     const MARK: u32 = 5 << 16;
@@ -180,15 +259,17 @@ mod tests {
 
     fn records() -> [[u32; 4]; 8] {
         [
-            // Four rays, two surfaces; then the connection from the second, a slot not reached, and ambient light.
+            // Four rays and two surfaces; five and three.
             [MARK | 4 << 8 | 2, ONE, 0, 0],
-            [6, 0, ONE, 0],
-            LEFT_OVER,
-            [MARK, 0, 0, ONE],
-            // Three surfaces, of which the second sees no pixel.
             [MARK | 5 << 8 | 3, 0, 0, 0],
+            // The connections from the second surfaces, of which the other path's sees no pixel.
+            [6, 0, ONE, 0],
             [crate::render::materials::NONE, 0, 0, 0],
+            // From the third ones, which only the other path has.
+            LEFT_OVER,
             [2, ONE, ONE, ONE],
+            // Ambient light.
+            [MARK, 0, 0, ONE],
             [MARK, 0, 0, 0],
         ]
     }
@@ -209,11 +290,40 @@ mod tests {
     }
 
     #[test]
+    fn runs_end_with_their_half_of_a_pixels_samples() {
+        let runs = |first_path, samples, paths: usize| {
+            let records = vec![[0; 4]; 4 * paths];
+            let batch = batch(&records);
+            let batch = Batch::new(first_path, Layout { samples, ..batch.layout }, &records);
+            let halves = |path: usize| {
+                let at = first_path + path as u64;
+                (
+                    (at / u64::from(samples)) as u32,
+                    usize::from(2 * (at % u64::from(samples)) >= u64::from(samples)),
+                )
+            };
+            let mut next = 0;
+            for Run { pixel, half, paths } in batch.runs() {
+                assert_eq!(paths.start, next);
+                next = paths.end;
+                assert!(paths.clone().all(|path| halves(path) == (pixel, half)), "{first_path}, {samples}");
+                assert!(next == batch.len() || halves(next) != (pixel, half), "{first_path}, {samples}");
+            }
+            assert_eq!(next, paths);
+        };
+        for samples in 1..6 {
+            for first_path in 0..12 {
+                (0..14).for_each(|paths| runs(first_path, samples, paths));
+            }
+        }
+    }
+
+    #[test]
     fn a_path_without_this_dispatchs_mark_is_unfinished() {
         let mut records = records();
         assert_eq!(batch(&records).census(MARK).0, 0);
         // What an earlier dispatch left there.
-        records[4][0] = 4 << 16 | 5 << 8 | 3;
+        records[1][0] = 4 << 16 | 5 << 8 | 3;
         assert_eq!(batch(&records).census(MARK).0, 1);
         records[0][0] = 0;
         assert_eq!(batch(&records).census(MARK).0, 2);

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::parameters::Parameters;
 use crate::gpu::Gpu;
 
 /// A dispatch aims at this time: short enough for progress, cancellation and a GPU's watchdog, long enough that its
@@ -11,7 +12,7 @@ const TARGET: Duration = Duration::from_millis(100);
 /// Bytes of records that a dispatch leaves, at most: enough paths to keep a GPU busy.
 const RECORD_BYTES: u64 = 64 << 20;
 
-/// The same where the device is the processor itself, and the records of two dispatches had better stay in its caches.
+/// The same where the device is the processor itself, and the records had better stay in its caches.
 const RECORD_BYTES_IN_CACHE: u64 = 8 << 20;
 
 /// Paths in one dispatch at most: 65,535 workgroups of 64.
@@ -38,49 +39,115 @@ impl Dispatches {
     }
 }
 
-/// How many paths the next dispatch takes.
-pub(super) struct BatchSize {
-    paths: u32,
-    most: u32,
-    state: State,
+/// What decides, beside a kernel and its scene, how long a path takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Work {
+    max_bounces: u32,
+    stride: u32,
+    bucket_mask: u32,
+    gather_radius: f32,
 }
 
-/// What is known of the time that a path takes.
-#[derive(PartialEq)]
-enum State {
-    /// Nothing: the first dispatch of a pipeline compiles it, so that its time says nothing either.
-    Cold,
-    /// Too little, from dispatches that were mostly overhead.
-    Growing,
-    Steady,
+impl Work {
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        let &Parameters { max_bounces, stride, bucket_mask, gather_radius, .. } = parameters;
+        Self { max_bounces, stride, bucket_mask, gather_radius }
+    }
 }
 
-impl BatchSize {
-    pub(super) fn new(most: u32) -> Self {
-        Self { paths: 64, most, state: State::Cold }
+/// How fast a kernel is, as far as its dispatches have told: how many paths the next one takes. Kept between the traces of a tracer,
+/// so that only the first one has to find out.
+#[derive(Debug, Default)]
+pub(super) struct Pace {
+    /// `None` as long as nothing is known: the first dispatch of a pipeline compiles it, so that its time says nothing either.
+    wish: Option<u32>,
+    work: Option<Work>,
+}
+
+impl Pace {
+    /// Paths of the dispatch that compiles.
+    const COLD: u32 = 64;
+    /// Paths of the first one that tells something.
+    const FIRST: u32 = 4096;
+    /// A size grows at most so many times by one measurement: what comes next may take longer.
+    const GROWTH: f64 = 16.0;
+
+    /// A trace of such paths begins. What others took says nothing of them.
+    pub(super) fn begin(&mut self, work: Work) {
+        if self.work.replace(work) != Some(work) {
+            self.wish = self.wish.map(|_| Self::FIRST);
+        }
     }
 
-    pub(super) fn paths(&self) -> u32 {
-        self.paths
+    /// Paths that the next dispatch takes, at most `most`.
+    pub(super) fn paths(&self, most: u32) -> u32 {
+        self.wish.unwrap_or(Self::COLD).min(most)
     }
 
     /// How many dispatches the device should have at a time: a second one, so that it need not wait for the host, as soon as
     /// its size means something.
     pub(super) fn flights(&self) -> usize {
-        if self.state == State::Steady { 2 } else { 1 }
+        if self.wish.is_some() { 2 } else { 1 }
     }
 
     /// Learns that a dispatch of `paths` took `elapsed`.
     pub(super) fn adapt(&mut self, paths: u32, elapsed: Duration) {
-        let wish = if self.state == State::Cold {
-            4096.0
-        } else {
-            // Grow at most fourfold: a short dispatch is mostly overhead and would mislead.
-            f64::from(paths) * (TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6)).min(4.0)
+        let Some(wish) = self.wish else {
+            self.wish = Some(Self::FIRST);
+            return;
         };
-        self.paths = (wish as u32).next_multiple_of(64).clamp(64, self.most.max(64));
-        self.paths = self.paths.min(self.most);
-        let grows = self.state == State::Cold || f64::from(self.paths) > 2.0 * f64::from(paths);
-        self.state = if grows { State::Growing } else { State::Steady };
+        let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
+        // The last paths of a trace, or one that may not be larger: it was mostly overhead, and says only that it was not too long.
+        if paths < wish && factor >= 1.0 {
+            return;
+        }
+        let next = f64::from(paths) * factor.min(Self::GROWTH);
+        self.wish = Some((next as u32).next_multiple_of(64).clamp(64, MAX_PATHS));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WORK: Work = Work { max_bounces: 6, stride: 6, bucket_mask: 0, gather_radius: 0.0 };
+
+    fn paced(millis: &[u64]) -> Pace {
+        let mut pace = Pace::default();
+        pace.begin(WORK);
+        for &millis in millis {
+            pace.adapt(pace.paths(u32::MAX), Duration::from_millis(millis));
+        }
+        pace
+    }
+
+    #[test]
+    fn a_dispatch_grows_towards_its_target_and_not_by_leaps() {
+        assert_eq!((paced(&[]).paths(u32::MAX), paced(&[]).flights()), (64, 1), "nothing is known");
+        assert_eq!((paced(&[900]).paths(u32::MAX), paced(&[900]).flights()), (4096, 2), "that was compiling");
+        assert_eq!(paced(&[900, 50]).paths(u32::MAX), 8192);
+        assert_eq!(paced(&[900, 1]).paths(u32::MAX), 16 * 4096);
+        assert_eq!(paced(&[900, 1, 1]).paths(u32::MAX), 256 * 4096);
+        assert_eq!(paced(&[900, 1, 1, 1, 1]).paths(u32::MAX), MAX_PATHS);
+        assert_eq!(paced(&[900, 400]).paths(u32::MAX), 1024, "too long");
+        assert_eq!(paced(&[900, 1]).paths(100), 100, "no more than there is room for");
+    }
+
+    #[test]
+    fn the_last_paths_of_a_trace_teach_nothing_unless_they_were_too_many() {
+        let mut pace = paced(&[900, 1]);
+        pace.adapt(64, Duration::from_millis(2));
+        assert_eq!(pace.paths(u32::MAX), 16 * 4096);
+        pace.adapt(6400, Duration::from_millis(200));
+        assert_eq!(pace.paths(u32::MAX), 3200);
+    }
+
+    #[test]
+    fn the_next_trace_goes_on_where_the_last_one_ended_unless_its_paths_are_others() {
+        let mut pace = paced(&[900, 1]);
+        pace.begin(WORK);
+        assert_eq!(pace.paths(u32::MAX), 16 * 4096);
+        pace.begin(Work { max_bounces: 64, ..WORK });
+        assert_eq!((pace.paths(u32::MAX), pace.flights()), (4096, 2));
     }
 }

@@ -3,6 +3,7 @@
 #![doc = include_str!("../../docs/operator.md")]
 
 mod batch;
+mod chains;
 mod dispatch;
 mod features;
 mod geometry;
@@ -21,7 +22,7 @@ mod tests;
 mod textures;
 mod tracer;
 
-pub use batch::{Batch, Connection};
+pub use batch::{Batch, Connection, Run};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
 pub use sampler::Sampler;

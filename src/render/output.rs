@@ -9,26 +9,18 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::readback::Readback;
 
-/// Where a kernel's results land and are read from, with all that the kernel reads bound to it. One dispatch at a time.
-pub(super) struct Output {
+/// Where a kernel's parameters and results lie.
+#[derive(Clone)]
+pub(super) struct Landing {
     parameters: wgpu::Buffer,
     results: wgpu::Buffer,
     /// `None` where the host reads the results where they are: see [`Gpu::shares_memory`].
     readback: Option<wgpu::Buffer>,
-    scene_group: wgpu::BindGroup,
-    output_group: wgpu::BindGroup,
 }
 
-impl Output {
-    /// Buffers for `bytes` of results of `kernel` over `scene`, with these chains to gather from and lists to see by.
-    pub(super) fn new(
-        gpu: &Gpu,
-        kernel: &Pipeline,
-        scene: &GpuScene,
-        chains: &PhotonBuffers,
-        sight: &wgpu::TextureView,
-        bytes: u64,
-    ) -> Result<Self> {
+impl Landing {
+    /// Room for `bytes` of results.
+    pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self> {
         let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
         let results = gpu.buffer("path records", bytes, BufferUsages::STORAGE | read)?;
         let readback = (!gpu.shares_memory)
@@ -37,13 +29,39 @@ impl Output {
         let uniform_bytes = size_of::<Parameters>() as u64;
         let parameters =
             gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
+        Ok(Self { parameters, results, readback })
+    }
+
+    /// For how many bytes of results there is room.
+    pub(super) fn bytes(&self) -> u64 {
+        self.results.size()
+    }
+}
+
+/// What a kernel writes to, with all that it reads bound to it. One dispatch at a time.
+pub(super) struct Output {
+    landing: Landing,
+    scene_group: wgpu::BindGroup,
+    output_group: wgpu::BindGroup,
+}
+
+impl Output {
+    /// Results of `kernel` over `scene` in `landing`, with these chains to gather from and lists to see by.
+    pub(super) fn new(
+        gpu: &Gpu,
+        kernel: &Pipeline,
+        scene: &GpuScene,
+        chains: &PhotonBuffers,
+        sight: &wgpu::TextureView,
+        landing: Landing,
+    ) -> Result<Self> {
         gpu.guarded("bindings", || {
             let view = wgpu::BindingResource::TextureView;
             let scene_group = bind_group(
                 gpu,
                 &kernel.scene_layout,
                 [
-                    parameters.as_entire_binding(),
+                    landing.parameters.as_entire_binding(),
                     view(&scene.nodes),
                     view(&scene.triangles),
                     view(&scene.materials),
@@ -57,13 +75,13 @@ impl Output {
                 gpu,
                 &kernel.output_layout,
                 [
-                    results.as_entire_binding(),
+                    landing.results.as_entire_binding(),
                     chains.photons.as_entire_binding(),
                     chains.buckets.as_entire_binding(),
                     view(sight),
                 ],
             );
-            Self { parameters, results, readback, scene_group, output_group }
+            Self { landing: landing.clone(), scene_group, output_group }
         })
     }
 
@@ -76,7 +94,7 @@ impl Output {
         bytes: u64,
     ) -> Result<Readback> {
         let submission = gpu.guarded("dispatch", || {
-            gpu.queue.write_buffer(&self.parameters, 0, bytemuck::bytes_of(parameters));
+            gpu.queue.write_buffer(&self.landing.parameters, 0, bytemuck::bytes_of(parameters));
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(&kernel.pipeline);
@@ -84,8 +102,8 @@ impl Output {
             pass.set_bind_group(1, &self.output_group, &[]);
             pass.dispatch_workgroups(parameters.paths.div_ceil(64), 1, 1);
             drop(pass);
-            if let Some(readback) = &self.readback {
-                encoder.copy_buffer_to_buffer(&self.results, 0, readback, 0, bytes);
+            if let Some(readback) = &self.landing.readback {
+                encoder.copy_buffer_to_buffer(&self.landing.results, 0, readback, 0, bytes);
             }
             gpu.queue.submit([encoder.finish()])
         })?;
@@ -114,7 +132,7 @@ impl Output {
     }
 
     fn readable(&self) -> &wgpu::Buffer {
-        self.readback.as_ref().unwrap_or(&self.results)
+        self.landing.readback.as_ref().unwrap_or(&self.landing.results)
     }
 }
 

@@ -11,7 +11,7 @@ use super::dispatch::Dispatches;
 use super::features::Features;
 use super::geometry::GpuScene;
 use super::materials::NONE;
-use super::output::Output;
+use super::output::{Landing, Output};
 use super::parameters::{GpuEye, Parameters};
 use super::pipeline::{PhotonBuffers, Pipeline};
 use super::sight;
@@ -29,6 +29,7 @@ const MAX_CHAIN: u32 = 15;
 const MAX_BUCKET: usize = 512;
 
 /// The chains of one eye, on the device.
+#[derive(Clone)]
 pub(super) struct PhotonMap {
     pub(super) buffers: PhotonBuffers,
     /// Buckets minus one; 0 where there are no photons.
@@ -53,6 +54,22 @@ impl Default for Gather {
     }
 }
 
+/// Which chains of a scene: all that their map depends on.
+pub(super) struct ChainsOf {
+    pub(super) features: Features,
+    pub(super) eye: GpuEye,
+    pub(super) gather: Gather,
+    /// Of its paths: their number of bounces, seed and so on.
+    pub(super) base: Parameters,
+}
+
+impl PartialEq for ChainsOf {
+    fn eq(&self, other: &Self) -> bool {
+        (self.features, self.eye, self.gather) == (other.features, other.eye, other.gather)
+            && bytemuck::bytes_of(&self.base) == bytemuck::bytes_of(&other.base)
+    }
+}
+
 impl PhotonMap {
     /// No chains.
     pub(super) fn empty(gpu: &Gpu) -> Result<Self> {
@@ -63,28 +80,27 @@ impl PhotonMap {
         Ok(Self { buffers, bucket_mask: 0, radius: 1.0 })
     }
 
-    /// Traces the chains of `eye`. `parameters` carry its paths' number of bounces and seed.
+    /// Traces what is asked for.
     pub(super) fn trace(
         gpu: &Gpu,
         scene: &GpuScene,
-        features: &Features,
-        eye: GpuEye,
-        gather: Gather,
-        base: &Parameters,
+        asked: &ChainsOf,
         dispatches: &mut Dispatches,
     ) -> Result<Self> {
+        let ChainsOf { features, eye, gather, base } = *asked;
         // At least the surface at either end of the path is not part of this chain.
         let chain = base.max_bounces.saturating_sub(2).min(MAX_CHAIN);
         if chain == 0 || gather.photons == 0 {
             return Self::empty(gpu);
         }
         let total = eye.pixels() * u64::from(gather.photons);
-        let kernel = Pipeline::new(gpu, "trace_photons", features)?;
+        let kernel = Pipeline::new(gpu, "trace_photons", &features)?;
         let none = Self::empty(gpu)?;
         let words = 4 * u64::from(chain) + 1;
         let capacity = dispatches.capacity(gpu, words, total);
         let bytes = u64::from(capacity) * words * 16;
-        let output = Output::new(gpu, &kernel, scene, &none.buffers, &sight::none(gpu)?, bytes)?;
+        let landing = Landing::new(gpu, bytes)?;
+        let output = Output::new(gpu, &kernel, scene, &none.buffers, &sight::none(gpu)?, landing)?;
         let mut photons: Vec<Photon> = Vec::new();
         let mut done = 0;
         while done < total {
@@ -101,7 +117,7 @@ impl PhotonMap {
                 mark: dispatches.mark(),
                 scale: (eye.image_area() / total as f64) as f32,
                 stride: chain,
-                ..*base
+                ..base
             };
             let bytes = u64::from(paths) * words * 16;
             let view = output.run(gpu, &kernel, &parameters, bytes)?;

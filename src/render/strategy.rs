@@ -1,11 +1,12 @@
 //! Which paths are traced: from the camera, and from the projector too where that stands apart.
 
 use super::batch::Layout;
+use super::chains::Chains;
 use super::dispatch::Dispatches;
 use super::features::Features;
 use super::geometry::GpuScene;
 use super::parameters::{GpuEye, Parameters};
-use super::photons::PhotonMap;
+use super::photons::{ChainsOf, PhotonMap};
 use super::rig::Rig;
 use super::settings::TraceSettings;
 use super::sight::{self, Sights};
@@ -36,6 +37,7 @@ pub(super) struct Stage<'a> {
     pub(super) rig: &'a Rig,
     pub(super) dispatches: &'a mut Dispatches,
     pub(super) sights: &'a mut Sights,
+    pub(super) chains: &'a mut Chains,
 }
 
 impl Stage<'_> {
@@ -104,15 +106,8 @@ impl Stage<'_> {
             padding: [0; 2],
         };
         let chains = if self.scene.features.chains {
-            PhotonMap::trace(
-                self.gpu,
-                self.scene,
-                &features,
-                end,
-                settings.gather,
-                &parameters,
-                self.dispatches,
-            )?
+            let asked = ChainsOf { features, eye: end, gather: settings.gather, base: parameters };
+            self.chains.map(self.gpu, self.scene, asked, self.dispatches)?
         } else {
             PhotonMap::empty(self.gpu)?
         };

@@ -6,10 +6,11 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use super::batch::Batch;
-use super::dispatch::{BatchSize, Dispatches, MAX_PATHS};
+use super::chains::Chains;
+use super::dispatch::{Dispatches, MAX_PATHS, Pace, Work};
 use super::features::Features;
 use super::geometry::GpuScene;
-use super::output::Output;
+use super::output::{Landing, Output};
 use super::parameters::Parameters;
 use super::pipeline::Pipeline;
 use super::rig::Rig;
@@ -62,9 +63,18 @@ pub struct Tracer {
     scene: GpuScene,
     rig: Rig,
     /// The kernels that were needed so far.
-    kernels: HashMap<Features, Pipeline>,
+    kernels: HashMap<Features, Kernel>,
     dispatches: Dispatches,
     sights: Sights,
+    chains: Chains,
+    /// Of the last trace.
+    landings: Vec<Landing>,
+}
+
+/// A compiled kernel, and how fast it was.
+struct Kernel {
+    pipeline: Pipeline,
+    pace: Pace,
 }
 
 impl Tracer {
@@ -73,7 +83,27 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoAdapter`] without a Vulkan driver; [`Error::Device`] when the scene does not fit.
     pub fn new(scene: &Scene, adapter: Option<&str>) -> Result<Self> {
-        let gpu = Gpu::open(adapter)?;
+        Self::on(Gpu::open(adapter)?, scene)
+    }
+
+    /// As [`Tracer::new`] for the scene that `load` returns, which it loads while the adapter is being opened.
+    ///
+    /// # Errors
+    /// Whatever `load` returns; else as [`Tracer::new`].
+    pub fn open<E: From<Error>>(
+        adapter: Option<&str>,
+        load: impl FnOnce() -> std::result::Result<Scene, E>,
+    ) -> std::result::Result<(Scene, Self), E> {
+        let (scene, gpu) = std::thread::scope(|scope| {
+            let gpu = scope.spawn(|| Gpu::open(adapter));
+            (load(), gpu.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        });
+        let scene = scene?;
+        let tracer = Self::on(gpu?, &scene)?;
+        Ok((scene, tracer))
+    }
+
+    fn on(gpu: Gpu, scene: &Scene) -> Result<Self> {
         let uploaded = GpuScene::upload(&gpu, scene)?;
         Ok(Self {
             gpu,
@@ -82,6 +112,8 @@ impl Tracer {
             kernels: HashMap::new(),
             dispatches: Dispatches::default(),
             sights: Sights::default(),
+            chains: Chains::default(),
+            landings: Vec::new(),
         })
     }
 
@@ -130,6 +162,12 @@ impl Tracer {
         Ok(summary)
     }
 
+    /// Gives back the memory that would only make the next trace begin earlier.
+    pub fn rest(&mut self) {
+        self.landings.clear();
+        self.chains = Chains::default();
+    }
+
     pub(super) fn stage(&mut self) -> Stage<'_> {
         Stage {
             gpu: &self.gpu,
@@ -137,6 +175,7 @@ impl Tracer {
             rig: &self.rig,
             dispatches: &mut self.dispatches,
             sights: &mut self.sights,
+            chains: &mut self.chains,
         }
     }
 
@@ -153,23 +192,33 @@ impl Tracer {
         let paths = strategy.paths();
         let capacity = self.dispatches.capacity(&self.gpu, stride, paths);
         let bytes = u64::from(capacity) * stride * 16;
-        let kernel = kernel(&self.gpu, &mut self.kernels, &strategy.features)?;
-        let output = || {
+        let Kernel { pipeline, pace } = kernel(&self.gpu, &mut self.kernels, &strategy.features)?;
+        pace.begin(Work::of(&strategy.parameters));
+        // While the host takes in the paths of one, the device writes to the other; but not where both are the same cores, which
+        // the host then has for itself: the driver gives each of them half of a dispatch, and whichever has to do the host's work, too,
+        // would keep the others waiting.
+        let places = if self.gpu.shares_memory { 1 } else { 2 };
+        // Those of the last trace may serve again, unless it was broken off: then they are not here.
+        let mut landings = std::mem::take(&mut self.landings);
+        landings.retain(|landing| landing.bytes() >= bytes);
+        landings.truncate(places);
+        while landings.len() < places {
+            landings.push(Landing::new(&self.gpu, bytes)?);
+        }
+        let outputs = landings.iter().map(|landing| {
             let (chains, sight) = (&strategy.chains.buffers, &strategy.sight);
-            Output::new(&self.gpu, kernel, &self.scene, chains, sight, bytes)
-        };
-        // While the host takes in the paths of one, the device writes to the other.
-        let outputs = [output()?, output()?];
-        let mut size = BatchSize::new(capacity);
+            Output::new(&self.gpu, pipeline, &self.scene, chains, sight, landing.clone())
+        });
+        let outputs: Vec<Output> = outputs.collect::<Result<_>>()?;
         let mut flights = VecDeque::new();
         let mut launched = 0;
         let mut idle_since = Instant::now();
         loop {
-            while launched < paths && flights.len() < size.flights() {
+            while launched < paths && flights.len() < pace.flights().min(places) {
                 if progress(Progress { done: summary.paths, total }).is_break() {
                     return Err(Error::Interrupted);
                 }
-                let count = u64::from(size.paths()).min(paths - launched) as u32;
+                let count = u64::from(pace.paths(capacity)).min(paths - launched) as u32;
                 let parameters = Parameters {
                     first_pixel: (launched / samples) as u32,
                     first_sample: (launched % samples) as u32,
@@ -179,18 +228,19 @@ impl Tracer {
                 };
                 let output = &outputs[summary.dispatches as usize % outputs.len()];
                 let start = Instant::now();
-                let flight = output.launch(&self.gpu, kernel, &parameters, u64::from(count) * stride * 16)?;
+                let flight =
+                    output.launch(&self.gpu, pipeline, &parameters, u64::from(count) * stride * 16)?;
                 flights.push_back(Launched { output, flight, start, first_path: launched, parameters });
                 launched += u64::from(count);
                 summary.dispatches += 1;
             }
-            let Some(next) = flights.pop_front() else { return Ok(()) };
+            let Some(next) = flights.pop_front() else { break };
             let Launched { output, flight, start, first_path, parameters } = next;
             let view = output.land(&self.gpu, flight)?;
             // One behind another began when that was done.
             let elapsed = start.max(idle_since).elapsed();
             idle_since = Instant::now();
-            let batch = Batch { first_path, layout: strategy.layout, records: bytemuck::cast_slice(&view) };
+            let batch = Batch::new(first_path, strategy.layout, bytemuck::cast_slice(&view));
             let (unfinished, rays) = batch.census(parameters.mark);
             if unfinished > 0 {
                 return Err(Error::UnfinishedPaths { unfinished, total: batch.len() as u64 });
@@ -202,8 +252,10 @@ impl Tracer {
             summary.tracing += elapsed;
             drop(view);
             output.release();
-            size.adapt(parameters.paths, elapsed);
+            pace.adapt(parameters.paths, elapsed);
         }
+        self.landings = landings;
+        Ok(())
     }
 
     /// The region (index into [`Scene::regions`]) that each camera pixel's centre sees; `None` where it sees nothing.
@@ -219,7 +271,8 @@ impl Tracer {
         let total = resolution.pixels() as u64;
         let capacity = total.min(u64::from(MAX_PATHS)).max(64);
         let (chains, sight) = (&template.chains.buffers, &template.sight);
-        let output = Output::new(&self.gpu, &kernel, &self.scene, chains, sight, capacity * 4)?;
+        let landing = Landing::new(&self.gpu, capacity * 4)?;
+        let output = Output::new(&self.gpu, &kernel, &self.scene, chains, sight, landing)?;
         let mut regions = Vec::with_capacity(resolution.pixels());
         while (regions.len() as u64) < total {
             let first_pixel = regions.len() as u32;
@@ -238,11 +291,14 @@ impl Tracer {
 /// The kernel for paths with these features, compiled at its first use.
 fn kernel<'a>(
     gpu: &Gpu,
-    kernels: &'a mut HashMap<Features, Pipeline>,
+    kernels: &'a mut HashMap<Features, Kernel>,
     features: &Features,
-) -> Result<&'a Pipeline> {
+) -> Result<&'a mut Kernel> {
     Ok(match kernels.entry(*features) {
         Entry::Occupied(entry) => entry.into_mut(),
-        Entry::Vacant(entry) => entry.insert(Pipeline::new(gpu, "trace_paths", features)?),
+        Entry::Vacant(entry) => {
+            let pipeline = Pipeline::new(gpu, "trace_paths", features)?;
+            entry.insert(Kernel { pipeline, pace: Pace::default() })
+        }
     })
 }

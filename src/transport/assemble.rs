@@ -74,12 +74,18 @@ fn run<const C: usize>(
     let mut are_two = true;
     let summary = tracer.trace(settings, progress, &mut |batch| {
         are_two &= batch.samples() > 1;
-        rows.add(batch, &project)?;
-        direct.add(batch, |path| project(batch.direct(path)));
-        ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], &project));
+        let of_pixels = || {
+            direct.add(batch, |path| project(batch.direct(path)));
+            if batch.has_ambient() {
+                ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], &project));
+            }
+        };
+        rayon::join(|| rows.add(batch, &project), of_pixels).0?;
         Ok(())
     })?;
     rows.close()?;
+    // Combining needs the most memory.
+    tracer.rest();
 
     let rig = RigShape { camera, projector: tracer.projector_resolution(settings), symmetric };
     let direct = if symmetric { direct.estimates } else { Vec::new() };

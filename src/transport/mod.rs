@@ -13,6 +13,7 @@
 mod assemble;
 mod choice;
 mod combine;
+mod contributions;
 mod given;
 mod journaled;
 mod layer;

@@ -39,9 +39,14 @@ impl Halves {
         Self { mean, error }
     }
 
+    /// What a sample adds to the mean alone.
+    pub(super) fn share(self, value: f64) -> f64 {
+        value * self.mean
+    }
+
     /// Adds a sample of half `half` to a mean and its error, `e` of [`Noise`].
     pub(super) fn add(self, to: &mut [f64; 2], half: usize, value: f64) {
-        to[0] += value * self.mean;
+        to[0] += self.share(value);
         to[1] += value * self.error[half];
     }
 }

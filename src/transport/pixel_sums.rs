@@ -17,15 +17,16 @@ impl<const C: usize> PixelSums<C> {
 
     /// Adds what `sample` finds on each path of the batch; zeros do not count.
     pub(super) fn add(&mut self, batch: &Batch<'_>, sample: impl Fn(usize) -> [f32; C]) {
-        for path in 0..batch.len() {
-            let value = sample(path);
-            if value.iter().all(|&value| value == 0.0) {
-                continue;
-            }
-            let half = batch.half(path);
-            let estimates = &mut self.estimates[batch.pixel(path) as usize];
-            for (estimate, value) in estimates.iter_mut().zip(value) {
-                self.halves.add(estimate, half, f64::from(value));
+        for run in batch.runs() {
+            let estimates = &mut self.estimates[run.pixel as usize];
+            for path in run.paths {
+                let value = sample(path);
+                if value.iter().all(|&value| value == 0.0) {
+                    continue;
+                }
+                for (estimate, value) in estimates.iter_mut().zip(value) {
+                    self.halves.add(estimate, run.half, f64::from(value));
+                }
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::noise::Halves;
+use super::contributions::{Contributions, Direction, Tally, Way};
 use super::{Channels, Part, Transport, from_planes, luminance, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -30,75 +30,58 @@ impl Retraced<'_> {
     /// # Errors
     /// As [`Transport::photograph`].
     pub fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Image)> {
-        let lit = planes(pattern, self.pattern_resolution(), self.channels)?;
-        let camera = self.settings.resolution;
-        let seen = self.trace(Direction::Forward, Part::Full, true, (0, &lit), camera.pixels())?;
-        let planes = |value: fn(&[f64; 2]) -> f64| -> Vec<Vec<f64>> {
-            seen.iter().map(|plane| plane.iter().map(value).collect()).collect()
+        let seen: Vec<Vec<[f64; 2]>> = self.see(pattern)?;
+        let image = |value: fn(&[f64; 2]) -> f64| {
+            let planes: Vec<Vec<f64>> = seen.iter().map(|plane| plane.iter().map(value).collect()).collect();
+            from_planes(self.settings.resolution, &planes)
         };
-        let photo = from_planes(camera, &planes(|[mean, _]| *mean))?;
-        Ok((photo, from_planes(camera, &planes(|[_, error]| error.abs()))?))
+        Ok((image(|[mean, _]| *mean)?, image(|[_, error]| error.abs())?))
     }
 
-    /// Traces, and returns what arrives of `lit` (its first channel, and the light by channel from there on) with its error:
-    /// `[channel][pixel][mean, error]`.
-    fn trace(
-        &mut self,
-        direction: Direction,
-        part: Part,
-        with_ambient: bool,
-        (first_channel, lit): (usize, &[Vec<f64>]),
-        pixels: usize,
-    ) -> Result<Vec<Vec<[f64; 2]>>> {
-        let samples = self.settings.samples;
-        let project = |color| project(self.channels, first_channel, color);
-        let mut seen = vec![vec![[0.0_f64; 2]; pixels]; lit.len()];
-        self.tracer.trace(&self.settings, self.progress, &mut |batch| {
-            let halves = Halves::new(samples, batch.samples());
-            for path in 0..batch.len() {
-                let half = batch.half(path);
-                // `seen[to] += value · lit[from]`, channel by channel.
-                let mut add = |to: u32, value: [f64; 3], from: Option<u32>| {
-                    if value == [0.0; 3] {
-                        return;
-                    }
-                    for (channel, seen) in seen.iter_mut().enumerate() {
-                        let light = from.map_or(1.0, |from| lit[channel][from as usize]);
-                        halves.add(&mut seen[to as usize], half, value[channel] * light);
-                    }
-                };
-                let pixel = batch.pixel(path);
-                if part.holds(1) {
-                    add(pixel, project(batch.direct(path)), Some(pixel));
-                }
-                if let Some(ambient) = batch.ambient(path).filter(|_| with_ambient) {
-                    add(pixel, project(ambient), None);
-                }
-                for connection in batch.connections(path).filter(|connection| part.holds(connection.bounces))
-                {
-                    let value = project(connection.value);
-                    let (to, from) = match direction {
-                        Direction::Forward => (connection.camera, connection.projector),
-                        Direction::Backward => (connection.projector, connection.camera),
-                    };
-                    add(to, value, Some(from));
-                    if batch.symmetric() {
-                        // The path's reverse, as in the matrix.
-                        add(from, value, Some(to));
-                    }
-                }
+    /// What arrives of `pattern`, with the ambient light: `[channel][pixel]`.
+    fn see<T: Tally>(&mut self, pattern: &Image) -> Result<Vec<Vec<T>>> {
+        let lit = planes(pattern, self.pattern_resolution(), self.channels)?;
+        let pixels = self.settings.resolution.pixels();
+        let way = Way { direction: Direction::Forward, part: Part::Full, with_ambient: true };
+        match (self.channels, &lit[..]) {
+            (Channels::Rgb, [red, green, blue]) => {
+                let lit: Vec<[f64; 3]> =
+                    red.iter().zip(green).zip(blue).map(|((&r, &g), &b)| [r, g, b]).collect();
+                let seen = self.trace(way, &lit, |rgb| rgb, pixels)?;
+                Ok((0..3).map(|channel| seen.iter().map(|seen: &[T; 3]| seen[channel]).collect()).collect())
             }
+            _ => {
+                let lit: Vec<[f64; 1]> = lit[0].iter().map(|&light| [light]).collect();
+                let seen = self.trace(way, &lit, |rgb| [luminance(rgb)], pixels)?;
+                Ok(vec![seen.into_iter().map(|[seen]| seen).collect()])
+            }
+        }
+    }
+
+    /// Traces, and returns what arrives of `lit`, pixel by pixel. `project` makes channels of a connection's colours.
+    fn trace<const C: usize, T: Tally>(
+        &mut self,
+        way: Way,
+        lit: &[[f64; C]],
+        project: impl Fn([f32; 3]) -> [f32; C] + Sync,
+        pixels: usize,
+    ) -> Result<Vec<[T; C]>> {
+        let samples = self.settings.samples;
+        let mut seen = vec![[T::default(); C]; pixels];
+        // Of the batch before: read, but not yet added up.
+        let mut last: Option<Contributions<C>> = None;
+        self.tracer.trace(&self.settings, self.progress, &mut |batch| {
+            // What meets is added up in path order, by one core; meanwhile the others read on, which takes longer.
+            let (read, ()) = rayon::join(
+                || Contributions::read(batch, samples, way, &project),
+                || last.iter().for_each(|last| last.add_to(&mut seen, way.direction, lit)),
+            );
+            last = Some(read);
             Ok(())
         })?;
+        last.iter().for_each(|last| last.add_to(&mut seen, way.direction, lit));
         Ok(seen)
     }
-}
-
-/// From the projector to the camera, or as if each were the other.
-#[derive(Clone, Copy)]
-enum Direction {
-    Forward,
-    Backward,
 }
 
 impl Transport for Retraced<'_> {
@@ -115,18 +98,9 @@ impl Transport for Retraced<'_> {
     }
 
     fn photograph(&mut self, pattern: &Image) -> Result<Image> {
-        Ok(self.photograph_with_error(pattern)?.0)
+        let seen: Vec<Vec<f64>> = self.see(pattern)?;
+        from_planes(self.settings.resolution, &seen)
     }
-}
-
-/// The channels from `first` on.
-fn project(channels: Channels, first: usize, color: [f32; 3]) -> [f64; 3] {
-    let mut values = match channels {
-        Channels::Luma => [f64::from(luminance(color)), 0.0, 0.0],
-        Channels::Rgb => color.map(f64::from),
-    };
-    values.rotate_left(first);
-    values
 }
 
 /// `y = P x` for one part and channel, traced anew for each product. The same matrix as the replayed one, to rounding.
@@ -141,11 +115,14 @@ pub struct RetracedOperator<'a> {
 
 impl RetracedOperator<'_> {
     fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
-        let lit = [from.to_vec()];
-        let seen = self.retraced.trace(direction, self.part, false, (self.channel, &lit), to.len())?;
-        for (to, [mean, _]) in to.iter_mut().zip(&seen[0]) {
-            *to = *mean;
-        }
+        let (channels, channel) = (self.retraced.channels, self.channel);
+        let lit: Vec<[f64; 1]> = from.iter().map(|&light| [light]).collect();
+        let way = Way { direction, part: self.part, with_ambient: false };
+        let seen: Vec<[f64; 1]> = match channels {
+            Channels::Luma => self.retraced.trace(way, &lit, |rgb| [luminance(rgb)], to.len())?,
+            Channels::Rgb => self.retraced.trace(way, &lit, |rgb| [rgb[channel]], to.len())?,
+        };
+        to.copy_from_slice(seen.as_flattened());
         Ok(())
     }
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::noise::Halves;
 use crate::error::{Error, Result};
-use crate::render::{Batch, Connection};
+use crate::render::{Batch, Connection, Run};
 
 /// Where a contribution lies within a row: pixel at the other end of the paths, and class of bounces below it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -132,16 +132,7 @@ impl<const C: usize> Rows<C> {
         batch: &Batch<'_>,
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
     ) -> Result<()> {
-        let connections = |path: usize, to: &mut dyn FnMut(&Connection) -> Result<()>| {
-            batch.connections(path).try_for_each(|connection| to(&connection))
-        };
-        self.add_by(
-            &pixels((0..batch.len()).map(|path| batch.pixel(path))),
-            batch.samples(),
-            &|path| batch.half(path),
-            &connections,
-            project,
-        )
+        self.add_by(&batch.runs().collect::<Vec<_>>(), batch.samples(), batch, project)
     }
 
     /// As [`Rows::add`], for paths written down as start pixel, half, and connections.
@@ -151,50 +142,47 @@ impl<const C: usize> Rows<C> {
         paths: &[(u32, usize, Vec<Connection>)],
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
     ) -> Result<()> {
-        self.add_by(
-            &pixels(paths.iter().map(|path| path.0)),
-            self.samples,
-            &|path| paths[path].1,
-            &|path, to| paths[path].2.iter().try_for_each(to),
-            project,
-        )
+        let run = |(path, &(pixel, half, _)): (usize, &_)| Run { pixel, half, paths: path..path + 1 };
+        let runs: Vec<Run> = paths.iter().enumerate().map(run).collect();
+        self.add_by(&runs, self.samples, paths, project)
     }
 
-    /// `pixels` are the start pixels, in order, each with those of its `samples` paths that are in the batch.
+    /// `runs` are all of `paths`, in order, of which so many `samples` start from each pixel.
     fn add_by(
         &mut self,
-        pixels: &[(u32, Range<usize>)],
+        runs: &[Run],
         samples: u32,
-        half: &(impl Fn(usize) -> usize + Sync),
-        connections: &(impl Fn(usize, &mut dyn FnMut(&Connection) -> Result<()>) -> Result<()> + Sync),
+        paths: &(impl Paths + ?Sized),
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
     ) -> Result<()> {
-        let Some(((last, last_paths), whole)) = pixels.split_last() else { return Ok(()) };
+        let pixels: Vec<&[Run]> = runs.chunk_by(|a, b| a.pixel == b.pixel).collect();
+        let Some((last, whole)) = pixels.split_last() else { return Ok(()) };
         let mut finished = Vec::new();
         let mut open = self.open.take();
-        if open.as_ref().is_some_and(|open| (open.pixel, open.paths) != (pixels[0].0, samples)) {
+        if open.as_ref().is_some_and(|open| (open.pixel, open.paths) != (runs[0].pixel, samples)) {
             finished.extend(open.take().map(|open| self.finish(open)));
         }
-        let collect = |pixel: u32, paths: &Range<usize>| -> Result<Open<C>> {
+        let collect = |runs: &[Run]| -> Result<Open<C>> {
+            let pixel = runs[0].pixel;
             let mut entries = match &open {
                 Some(open) if open.pixel == pixel => open.entries.clone(),
                 _ => Vec::new(),
             };
-            for path in paths.clone() {
-                let half = half(path) as u32 * Key::HALF;
-                connections(path, &mut |connection| {
+            for run in runs {
+                let half = run.half as u32 * Key::HALF;
+                paths.connections(run, |connection| {
                     let value = project(connection.value);
                     if value.iter().any(|&value| value != 0.0) {
-                        entries.push(self.entry(pixel, half, connection, value)?);
+                        entries.push(self.entry(pixel, half, &connection, value)?);
                     }
                     Ok(())
                 })?;
             }
             Ok(Open { pixel, paths: samples, entries })
         };
-        let done = whole.par_iter().map(|(pixel, paths)| self.finish(collect(*pixel, paths)?));
+        let done = whole.par_iter().map(|runs| self.finish(collect(runs)?));
         finished.extend(done.collect::<Vec<_>>());
-        let last = collect(*last, last_paths)?;
+        let last = collect(last)?;
         self.strips.push(Strip::join(finished.into_iter().collect::<Result<_>>()?));
         self.open = Some(last);
         Ok(())
@@ -251,14 +239,21 @@ fn stray(pixel: u32) -> Error {
     ))
 }
 
-/// The pixels that a batch's paths start from, in order, each with its paths.
-fn pixels(starts: impl Iterator<Item = u32>) -> Vec<(u32, Range<usize>)> {
-    let mut pixels: Vec<(u32, Range<usize>)> = Vec::new();
-    for (path, pixel) in starts.enumerate() {
-        match pixels.last_mut() {
-            Some((last, paths)) if *last == pixel => paths.end = path + 1,
-            _ => pixels.push((pixel, path..path + 1)),
-        }
+/// Where paths' connections come from.
+trait Paths: Sync {
+    /// Shows `to` those of a run's paths, path by path, until it fails.
+    fn connections(&self, run: &Run, to: impl FnMut(Connection) -> Result<()>) -> Result<()>;
+}
+
+impl Paths for Batch<'_> {
+    fn connections(&self, run: &Run, mut to: impl FnMut(Connection) -> Result<()>) -> Result<()> {
+        run.paths.clone().try_for_each(|path| self.connections_from(run.pixel, path).try_for_each(&mut to))
     }
-    pixels
+}
+
+#[cfg(test)]
+impl Paths for [(u32, usize, Vec<Connection>)] {
+    fn connections(&self, run: &Run, mut to: impl FnMut(Connection) -> Result<()>) -> Result<()> {
+        self[run.paths.clone()].iter().flat_map(|path| &path.2).try_for_each(|connection| to(*connection))
+    }
 }

@@ -1,0 +1,37 @@
+//! The maps of specular chains that were made last, since every retraced photo needs the same again.
+
+use super::dispatch::Dispatches;
+use super::geometry::GpuScene;
+use super::photons::{ChainsOf, PhotonMap};
+use crate::error::Result;
+use crate::gpu::Gpu;
+
+/// A separated rig needs one map for each end.
+const KEPT: usize = 2;
+
+/// Maps of one scene on the device, the latest last.
+#[derive(Default)]
+pub(super) struct Chains {
+    made: Vec<(ChainsOf, PhotonMap)>,
+}
+
+impl Chains {
+    /// As [`PhotonMap::trace`], unless that has been done.
+    pub(super) fn map(
+        &mut self,
+        gpu: &Gpu,
+        scene: &GpuScene,
+        asked: ChainsOf,
+        dispatches: &mut Dispatches,
+    ) -> Result<PhotonMap> {
+        if let Some((_, map)) = self.made.iter().find(|(made, _)| *made == asked) {
+            return Ok(map.clone());
+        }
+        let map = PhotonMap::trace(gpu, scene, &asked, dispatches)?;
+        if self.made.len() == KEPT {
+            self.made.remove(0);
+        }
+        self.made.push((asked, map.clone()));
+        Ok(map)
+    }
+}
