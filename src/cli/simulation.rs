@@ -34,8 +34,7 @@ impl Simulation {
         trace: &TraceArgs,
         console: &Console,
     ) -> Result<Self> {
-        let scene = load(path, view, console)?;
-        let tracer = Tracer::new(&scene, trace.adapter.as_deref())?;
+        let (scene, tracer) = Tracer::open(trace.adapter.as_deref(), || load(path, view, console))?;
         let adapter = tracer.adapter();
         console.detail(format_args!(
             "adapter   {} ({}), {}",
