@@ -18,12 +18,17 @@ pub struct Repeat {
     pub samples: usize,
 }
 
-/// Compares two frames, a common change of brightness aside.
+/// Compares two frames, a common change of brightness aside. `None` where all their samples are saturated.
 ///
 /// # Errors
 /// [`Error::Dimension`] and [`Error::Numerical`] when the response is not this camera's; [`Error::Dimension`] when the frames are not of
 /// one size.
-pub fn repeat(first: &RawFrame, second: &RawFrame, response: &CameraResponse, bits: u32) -> Result<Repeat> {
+pub fn repeat(
+    first: &RawFrame,
+    second: &RawFrame,
+    response: &CameraResponse,
+    bits: u32,
+) -> Result<Option<Repeat>> {
     if first.counts.len() != second.counts.len() {
         return Err(Error::Dimension {
             what: "counts of two frames of one shot",
@@ -39,6 +44,9 @@ pub fn repeat(first: &RawFrame, second: &RawFrame, response: &CameraResponse, bi
         .map(|(&a, &b)| [a, b])
         .filter(|pair| pair.iter().all(|&count| !curve.is_saturated(count)))
         .collect();
+    if pairs.is_empty() {
+        return Ok(None);
+    }
     let light = |of: usize| pairs.iter().map(|pair| curve.linear(pair[of])).sum::<f64>();
     let ratio = light(0) / light(1);
     let ratio = if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 };
@@ -53,7 +61,7 @@ pub fn repeat(first: &RawFrame, second: &RawFrame, response: &CameraResponse, bi
         .sum();
     let samples = pairs.len();
     let z = (squares / samples as f64).sqrt();
-    Ok(Repeat { z, error: z / (2.0 * samples as f64).sqrt(), samples })
+    Ok(Some(Repeat { z, error: z / (2.0 * samples as f64).sqrt(), samples }))
 }
 
 #[cfg(test)]
@@ -90,11 +98,19 @@ mod tests {
             CameraResponse { black: 100.0, saturation: 4000.0, gain: 2.0, read_noise: 5.0, curve: None };
         let z = |times: f64, brightness: f64| {
             let found = repeat(&frame(1, times, 1.0), &frame(2, times, brightness), &response, 12);
-            found.expect("frames of one size").z
+            found.expect("frames of one size").expect("samples that are not saturated").z
         };
         // 4096 samples tell the root mean square to 1.1 %: four of those. Rounding adds 1/12 to a variance of 25 and more.
         assert!((z(1.0, 1.0) - 1.0).abs() < 0.045, "{}", z(1.0, 1.0));
         assert!((z(2.0, 1.0) - 2.0).abs() < 0.09, "{}", z(2.0, 1.0));
         assert!((z(1.0, 1.05) - 1.0).abs() < 0.045, "{}", z(1.0, 1.05));
+    }
+
+    #[test]
+    fn saturated_frames_tell_nothing() {
+        let response =
+            CameraResponse { black: 100.0, saturation: 90.0, gain: 2.0, read_noise: 5.0, curve: None };
+        let found = repeat(&frame(1, 0.0, 1.0), &frame(2, 0.0, 1.0), &response, 12);
+        assert_eq!(found.expect("frames of one size"), None);
     }
 }

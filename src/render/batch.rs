@@ -4,69 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-/// A path's connection from its `k`-th surface to the other end of the rig.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Connection {
-    /// Camera pixel `j`, through which the light left.
-    pub camera: u32,
-    /// Projector pixel `i`, through which the light came.
-    pub projector: u32,
-    /// Number of surfaces on the way, `k`.
-    pub bounces: u32,
-    /// `a · F/(p_f + p_r)` per channel: contribution to `A_ji`, and to `A_ij` where the rig is coaxial, before the division
-    /// by the sample count.
-    pub value: [f32; 3],
-}
-
-/// What the records of a path hold.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Layout {
-    /// Paths per pixel.
-    pub(super) samples: u32,
-    /// Surfaces of a path at most.
-    pub(super) max_bounces: u32,
-    /// The first surface's connection is the direct light, which is kept apart.
-    pub(super) direct: bool,
-    /// There are connections through specular chains.
-    pub(super) gathers: bool,
-    /// There is ambient light.
-    pub(super) ambient: bool,
-    /// Camera and projector are one.
-    pub(super) symmetric: bool,
-    /// The paths start at the camera.
-    pub(super) from_camera: bool,
-}
-
-impl Layout {
-    /// Slots of a path: head, connections, connections through chains, ambient light. In a batch's records the first slots of all its
-    /// paths come first, then their second ones, and so on.
-    pub(super) fn stride(&self) -> usize {
-        self.gathered(2)
-            + if self.gathers { self.max_bounces as usize - 1 } else { 0 }
-            + usize::from(self.ambient)
-    }
-
-    /// The slot of the connection from the `k`-th surface.
-    fn connected(&self, k: u32) -> usize {
-        k as usize - usize::from(self.direct)
-    }
-
-    /// The slot of the connection through a chain from the `k`-th surface, `k ≥ 2`.
-    fn gathered(&self, k: u32) -> usize {
-        self.connected(self.max_bounces + 1) + k as usize - 2
-    }
-}
-
-/// A connection as its path's record has it.
-pub(crate) struct End {
-    /// Without it, the rest means nothing.
-    pub(crate) is_seen: bool,
-    /// Of the other end of the rig.
-    pub(crate) pixel: u32,
-    /// As in [`Connection`], and so is the value.
-    pub(crate) bounces: u32,
-    pub(crate) value: [f32; 3],
-}
+use super::records::{Connection, End, Layout, rays, value};
 
 /// Those of a batch's paths that start from one pixel and belong to one of two independent halves of its samples.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -191,12 +129,7 @@ impl<'a> Batch<'a> {
         let connected = (1 + u32::from(layout.direct)..surfaces + 1)
             .map(move |k| (k, self.slot(index, layout.connected(k))));
         let gathered = (2..last_gathered + 1).map(move |k| (k, self.slot(index, layout.gathered(k))));
-        connected.chain(gathered).map(|(k, slot)| End {
-            is_seen: slot[0] != super::materials::NONE,
-            pixel: slot[0] & PIXEL,
-            bounces: k + (slot[0] >> PIXEL_BITS),
-            value: value(slot),
-        })
+        connected.chain(gathered).map(|(k, slot)| End::new(k, slot))
     }
 
     /// Rays traced along path `index`.
@@ -220,19 +153,6 @@ impl<'a> Batch<'a> {
         debug_assert!(index < self.paths);
         self.records[slot * self.paths + index]
     }
-}
-
-/// A connection's pixel, below the number of its chain's surfaces.
-const PIXEL_BITS: u32 = 28;
-const PIXEL: u32 = (1 << PIXEL_BITS) - 1;
-
-/// Rays traced along a path, by its first slot.
-fn rays(head: [u32; 4]) -> u64 {
-    u64::from(head[0] >> 8 & 0xff)
-}
-
-fn value(slot: [u32; 4]) -> [f32; 3] {
-    [f32::from_bits(slot[1]), f32::from_bits(slot[2]), f32::from_bits(slot[3])]
 }
 
 #[cfg(test)]

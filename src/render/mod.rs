@@ -12,22 +12,26 @@ mod output;
 mod parameters;
 mod photons;
 mod pipeline;
+mod records;
 mod rig;
 mod sampler;
 mod settings;
 mod sight;
 mod strategy;
+mod summary;
 #[cfg(test)]
 mod tests;
 mod textures;
 mod tracer;
 
-pub use batch::{Batch, Connection, Run};
+pub use batch::{Batch, Run};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
+pub use records::Connection;
 pub use sampler::Sampler;
 pub use settings::{MAX_BOUNCES, TraceSettings};
-pub use tracer::{Progress, TraceSummary, Tracer};
+pub use summary::{Progress, TraceSummary};
+pub use tracer::Tracer;
 
 pub use crate::gpu::AdapterSummary;
 

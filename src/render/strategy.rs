@@ -1,12 +1,12 @@
 //! Which paths are traced: from the camera, and from the projector too where that stands apart.
 
-use super::batch::Layout;
 use super::chains::Chains;
 use super::dispatch::Dispatches;
 use super::features::Features;
 use super::geometry::GpuScene;
 use super::parameters::{GpuEye, Parameters};
 use super::photons::{ChainsOf, PhotonMap};
+use super::records::Layout;
 use super::rig::Rig;
 use super::settings::TraceSettings;
 use super::sight::{self, Sights};

@@ -3,7 +3,7 @@
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::batch::Batch;
 use super::chains::Chains;
@@ -17,36 +17,12 @@ use super::rig::Rig;
 use super::settings::{TraceSettings, check};
 use super::sight::Sights;
 use super::strategy::{Stage, Strategy};
+use super::summary::{Progress, TraceSummary};
 use crate::error::{Error, Result};
 use crate::gpu::readback::Readback;
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
 use crate::scene::Scene;
-
-/// How far a trace has come.
-#[derive(Clone, Copy, Debug)]
-pub struct Progress {
-    /// Paths done.
-    pub done: u64,
-    /// Paths in all.
-    pub total: u64,
-}
-
-/// What a trace took.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct TraceSummary {
-    /// Light paths traced.
-    pub paths: u64,
-    /// Rays traced for them: to the next surface, and to the other end.
-    pub rays: u64,
-    /// Dispatches, and the longest one.
-    pub dispatches: u32,
-    /// Wall time of the longest dispatch, its read-back included; one that waited for another counts from then on. The host may see
-    /// its end late, when it is taking in another's paths.
-    pub longest: Duration,
-    /// The same of all dispatches together.
-    pub tracing: Duration,
-}
 
 /// A dispatch under way.
 struct Launched<'a> {

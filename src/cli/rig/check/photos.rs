@@ -61,8 +61,10 @@ pub(super) fn photos(bench: &Bench, shots: &mut dyn Shots, findings: &mut Findin
     findings.add(steadiness(&means))?;
     if let Some(known) = &bench.known {
         let [first, second] = &session.whites[0];
-        let found = repeat(first, second, &known.camera, shots.camera().bits)?;
-        findings.add(noise(found.z, found.error))?;
+        // A white that is saturated everywhere has been found fault with already.
+        if let Some(found) = repeat(first, second, &known.camera, shots.camera().bits)? {
+            findings.add(noise(found.z, found.error))?;
+        }
     }
     Ok(Some(exposure))
 }
