@@ -6,12 +6,12 @@
 #import parameters
 #import bvh
 
-// Words, four to a texel of the texture. First one for each of the raster's texels: the only triangle, or at which word its list
-// begins, which is told apart by `SIGHT_LIST`. A list is its length and then the triangles.
+// Words, four to a texel of the texture. First one for each of the raster's texels: the only triangle, or, told apart by `SIGHT_GOES_ON`, at
+// which word its list begins; no word where nothing is in sight. A list is triangles, all but the last with that mark.
 @group(1) @binding(3) var sight_lists: texture_storage_2d<rgba32uint, read>;
 
 // As `render::sight` has it.
-const SIGHT_LIST = 0x80000000u;
+const SIGHT_GOES_ON = 0x80000000u;
 
 fn sight_word(index: u32) -> u32 {
     let four = textureLoad(sight_lists, vec2u((index >> 2u) & 4095u, index >> 14u));
@@ -24,28 +24,29 @@ fn sight_word(index: u32) -> u32 {
 fn sight_trace(image: vec2f, origin: vec3f, direction: vec3f, limit: f32, own: u32, any: bool) -> Hit {
     let raster = (image / parameters.start.tangent * 0.5 + 0.5) * f32(SIGHT_SIDE - 2u) + 1.0;
     let texel = vec2u(clamp(raster, vec2f(0.0), vec2f(f32(SIGHT_SIDE) - 0.5)));
-    let head = sight_word(texel.y * SIGHT_SIDE + texel.x);
+    var word = texel.y * SIGHT_SIDE + texel.x;
+    var is_listed = false;
     var hit = Hit(NONE, limit, vec2f(0.0));
-    var triangle = head;
-    var word = head & ~SIGHT_LIST;
-    var end = word + 1u;
-    if ((head & SIGHT_LIST) != 0u) {
-        end += sight_word(word);
-        word += 1u;
-        if (word < end) {
-            triangle = sight_word(word);
-        }
-    } else if (head == own) {
-        end = word;
-    }
-    while (word < end) {
-        bvh_intersect_triangle(triangle, origin, direction, &hit);
-        if (any && hit.triangle != NONE) {
-            break;
-        }
-        word += 1u;
-        if (word < end) {
-            triangle = sight_word(word);
+    // One loop, that a word is read at one place: software Vulkan reads at each place that any lane may come to.
+    loop {
+        let value = sight_word(word);
+        let goes_on = (value & SIGHT_GOES_ON) != 0u;
+        let rest = value & ~SIGHT_GOES_ON;
+        if (goes_on && !is_listed) {
+            if (rest == 0u) {
+                break;
+            }
+            word = rest;
+            is_listed = true;
+        } else {
+            if (!is_listed && rest == own) {
+                break;
+            }
+            bvh_intersect_triangle(rest, origin, direction, &hit);
+            if (!goes_on || (any && hit.triangle != NONE)) {
+                break;
+            }
+            word += 1u;
         }
     }
     return hit;

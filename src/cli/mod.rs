@@ -35,6 +35,7 @@ mod rig;
 mod rig_info;
 mod rig_scene;
 mod rig_source;
+mod rig_twin;
 mod run_folder;
 mod segment;
 mod separate;

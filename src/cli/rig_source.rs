@@ -1,7 +1,6 @@
 //! A rig file as a source: its devices, real or virtual, and what is known of them.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::Result;
 
@@ -11,6 +10,7 @@ use super::journal;
 use super::measured::Measured;
 use super::options::SourceArgs;
 use super::rig_scene::{refuse_tracing, scene_of};
+use super::rig_twin::{into_error, no_scene, not_virtual, twin};
 use super::run_folder::RunFolder;
 use super::simulation::{self, Simulation};
 use super::trace::TraceArgs;
@@ -23,9 +23,8 @@ use crate::measure::{Calibration, Journaled, Live, Measurement, Opener, Shots};
 use crate::operator::Symmetry;
 use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
-use crate::report::sparse;
 use crate::rig::{Helper, RigFile, RigKind, VirtualRig, VirtualScene};
-use crate::transport::{Channels, Given, Place};
+use crate::transport::Channels;
 
 /// A rig that can be opened.
 pub(super) struct RigSource {
@@ -263,46 +262,4 @@ pub(super) fn measured(
     }
     let calibration = file.calibration.as_ref().map(|folder| folder.display().to_string());
     Ok(Measured { measurement, calibration })
-}
-
-fn twin(
-    simulation: &mut Option<Box<Simulation>>,
-    devices: &VirtualRig,
-    rig: &Path,
-    console: &Console,
-) -> Result<Twin> {
-    Ok(match (simulation, &devices.scene) {
-        (Some(simulation), _) => {
-            let mut traced = simulation.assemble(devices.channels(), console)?;
-            simulation.place(&mut traced, Place::Auto, console)?;
-            Twin::Traced(Arc::new(traced))
-        }
-        (None, VirtualScene::Matrix { path, size }) => Twin::Given(Given::new(sparse::read(path)?, *size)?),
-        (None, VirtualScene::File { .. }) => return Err(no_scene(rig).into()),
-    })
-}
-
-/// The library's error, in which all that opens a rig ends but for an output that cannot be written.
-fn into_error(error: anyhow::Error) -> Error {
-    error.downcast().unwrap_or_else(|error| Error::Rig {
-        device: "virtual rig".into(),
-        fault: format!("{error:#}"),
-        help: "make standard output writable, or add -q".into(),
-    })
-}
-
-fn no_scene(path: &Path) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault: "there is no scene in it that could be traced".into(),
-        help: "give a rig whose [scene] names a scene's `file`".into(),
-    }
-}
-
-fn not_virtual(path: &Path) -> Error {
-    Error::Data {
-        path: path.to_path_buf(),
-        fault: "its devices are real: there is no virtual twin to predict by".into(),
-        help: "describe scene and devices in a rig file of kind = \"virtual\"".into(),
-    }
 }

@@ -17,8 +17,9 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use polygon::{Corner, InverseDepth, clip, covers, extent_in_band};
 
-/// Marks a word of the raster as the beginning of a list. As `SIGHT_LIST` in `shaders/shared/sight.wgsl`.
-const LIST: u32 = 1 << 31;
+/// Marks a word of the raster as where a list is, and one of a list as not its last. As `SIGHT_GOES_ON` in
+/// `shaders/shared/sight.wgsl`.
+const GOES_ON: u32 = 1 << 31;
 /// In texels: rays this near to a texel count as its own.
 const MARGIN: f64 = 1.0 / 32.0;
 /// Relative: a triangle that is behind another one by less is not hidden.
@@ -183,8 +184,6 @@ impl Raster {
         });
         let raster = self.side * self.side;
         let mut words = vec![0_u32; raster];
-        // Texels in which nothing is seen share one.
-        let mut empty = None;
         let mut entries = self.entries.iter().peekable();
         let mut list = Vec::new();
         for texel in 0..raster {
@@ -193,17 +192,16 @@ impl Raster {
                 list.push(entry.triangle);
             }
             list.extend(&self.everywhere);
-            // The texture's limit is far below 2³¹ words, and is checked when it is made.
-            let mut append = |list: &[u32]| {
-                let begin = words.len() as u32;
-                words.push(list.len() as u32);
-                words.extend(list);
-                LIST | begin
-            };
             words[texel] = match list[..] {
-                [] => *empty.get_or_insert_with(|| append(&[])),
+                [] => GOES_ON,
                 [only] => only,
-                _ => append(&list),
+                [ref others @ .., last] => {
+                    // The texture's limit is far below 2³¹ words, and is checked when it is made.
+                    let begin = words.len() as u32;
+                    words.extend(others.iter().map(|triangle| triangle | GOES_ON));
+                    words.push(last);
+                    begin | GOES_ON
+                }
             };
         }
         words.resize(words.len().next_multiple_of(4), 0);

@@ -12,6 +12,7 @@
 //! Time is simulated: nothing sleeps. All is a function of the rig's description, the frame's number and the time, so that
 //! runs repeat to the last bit, and an interrupted one goes on where it stopped.
 
+mod conditions;
 mod devices;
 mod faults;
 mod open;
@@ -24,7 +25,6 @@ mod spec;
 mod view;
 mod world;
 
+pub use conditions::{Ambient, Drift, Faults};
 pub use response::Response;
-pub use spec::{
-    Ambient, Drift, Faults, Misregistration, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene,
-};
+pub use spec::{Misregistration, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene};
