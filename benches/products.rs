@@ -31,8 +31,8 @@ fn main() -> Outcome {
         rayon::current_num_threads()
     );
     println!(
-        "{:>28}   entries, M      MiB   {:^29} {}",
-        "", "product, GB/s", "share of a triad over as many bytes, and of memory's"
+        "{:>28}   entries, M      MiB   {:^29} share of a triad over as many bytes, and of memory's",
+        "", "product, GB/s"
     );
     let mut memory = Triad::of_bytes(BEYOND_CACHES);
     for side in [128, 512] {
