@@ -1,7 +1,7 @@
 //! How the numbers that decide the light paths are spread.
 
 /// Where random numbers come from. Either way they are a hash of pixel, sample, vertex and seed: any path can be traced on
-/// its own, and the two halves of a pixel's samples ([`super::Batch::half`]) are independent of each other.
+/// its own, and the two halves of a pixel's samples ([`super::Run::half`]) are independent of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampler {
