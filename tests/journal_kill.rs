@@ -178,10 +178,13 @@ fn kill_runs(
         let name = format!("run-{seed}-{run}");
         let folder = bench.path(&name);
         let resume = segment(&["-o", &name, "--resume"]);
+        // On a machine that is busy with the other workers' runs the program may need longer to its next photo than it is given: then a
+        // little more time, until one is taken.
+        let (mut patience, mut photos) = (1.0, None);
         loop {
             let mut command = bench.command(&resume);
             let mut child = command.stderr(Stdio::piped()).spawn().expect("the program starts");
-            std::thread::sleep(Duration::from_secs_f64(random.random_range(0.0..longest)));
+            std::thread::sleep(Duration::from_secs_f64(random.random_range(0.0..longest * patience)));
             if child.try_wait().expect("it is our child").is_none() {
                 // SIGKILL: nothing is cleaned up.
                 child.kill().expect("it is our child");
@@ -195,7 +198,10 @@ fn kill_runs(
                 None => {
                     kills += 1;
                     let journal = Journal::read_only(&folder.join("journal")).ok();
-                    *landed.entry(journal.map(|journal| journal.photos())).or_default() += 1;
+                    let taken = journal.map(|journal| journal.photos());
+                    patience = if taken > photos { 1.0 } else { 1.1 * patience };
+                    photos = taken.max(photos);
+                    *landed.entry(taken).or_default() += 1;
                 }
             }
         }
