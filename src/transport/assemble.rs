@@ -75,6 +75,10 @@ fn run<const C: usize>(
     let summary = tracer.trace(settings, progress, &mut |batch| {
         are_two &= batch.samples() > 1;
         let of_pixels = || {
+            // The others' paths begin at pixels of the projector, and bring neither.
+            if !batch.from_camera() {
+                return;
+            }
             direct.add(batch, |path| project(batch.direct(path)));
             if batch.has_ambient() {
                 ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], &project));
