@@ -28,6 +28,7 @@ pub use batch::{Batch, Run};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
 pub use records::Connection;
+pub(crate) use records::PIXEL;
 pub use sampler::Sampler;
 pub use settings::{MAX_BOUNCES, TraceSettings};
 pub use summary::{Progress, TraceSummary};

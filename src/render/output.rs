@@ -7,34 +7,28 @@ use super::parameters::Parameters;
 use super::pipeline::{PhotonBuffers, Pipeline};
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::gpu::readback::Readback;
+use crate::gpu::readback::{Readback, Results};
 
 /// Where a kernel's parameters and results lie.
 #[derive(Clone)]
 pub(super) struct Landing {
     parameters: wgpu::Buffer,
-    results: wgpu::Buffer,
-    /// `None` where the host reads the results where they are: see [`Gpu::shares_memory`].
-    readback: Option<wgpu::Buffer>,
+    results: Results,
 }
 
 impl Landing {
     /// Room for `bytes` of results.
     pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self> {
-        let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
-        let results = gpu.buffer("path records", bytes, BufferUsages::STORAGE | read)?;
-        let readback = (!gpu.shares_memory)
-            .then(|| gpu.buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST))
-            .transpose()?;
+        let results = Results::new(gpu, "path records", bytes)?;
         let uniform_bytes = size_of::<Parameters>() as u64;
         let parameters =
             gpu.buffer("parameters", uniform_bytes, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?;
-        Ok(Self { parameters, results, readback })
+        Ok(Self { parameters, results })
     }
 
     /// For how many bytes of results there is room.
     pub(super) fn bytes(&self) -> u64 {
-        self.results.size()
+        self.results.buffer.size()
     }
 }
 
@@ -75,7 +69,7 @@ impl Output {
                 gpu,
                 &kernel.output_layout,
                 [
-                    landing.results.as_entire_binding(),
+                    landing.results.buffer.as_entire_binding(),
                     chains.photons.as_entire_binding(),
                     chains.buckets.as_entire_binding(),
                     view(sight),
@@ -102,18 +96,15 @@ impl Output {
             pass.set_bind_group(1, &self.output_group, &[]);
             pass.dispatch_workgroups(parameters.paths.div_ceil(64), 1, 1);
             drop(pass);
-            if let Some(readback) = &self.landing.readback {
-                encoder.copy_buffer_to_buffer(&self.landing.results, 0, readback, 0, bytes);
-            }
-            gpu.queue.submit([encoder.finish()])
+            self.landing.results.submit(gpu, encoder, bytes)
         })?;
-        Ok(Readback::request(self.readable(), bytes, submission))
+        Ok(self.landing.results.request(bytes, submission))
     }
 
     /// Waits for a dispatch of this output's, and returns its results. Drop the view and call [`Output::release`] before the
     /// next one.
     pub(super) fn land(&self, gpu: &Gpu, flight: Readback) -> Result<wgpu::BufferView> {
-        flight.wait(gpu, self.readable())
+        self.landing.results.wait(gpu, flight)
     }
 
     /// Launches a dispatch and waits for it.
@@ -128,11 +119,7 @@ impl Output {
     }
 
     pub(super) fn release(&self) {
-        self.readable().unmap();
-    }
-
-    fn readable(&self) -> &wgpu::Buffer {
-        self.landing.readback.as_ref().unwrap_or(&self.landing.results)
+        self.landing.results.release();
     }
 }
 

@@ -76,9 +76,10 @@ impl End {
     }
 }
 
-/// A connection's pixel, below the number of its chain's surfaces.
+/// Of a word for a pixel; the others are for what else belongs to it: here, the number of its chain's surfaces.
 const PIXEL_BITS: u32 = 28;
-const PIXEL: u32 = (1 << PIXEL_BITS) - 1;
+/// Those bits.
+pub(crate) const PIXEL: u32 = (1 << PIXEL_BITS) - 1;
 
 /// Rays traced along a path, by its first slot.
 pub(super) fn rays(head: [u32; 4]) -> u64 {

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::Part;
 use super::noise::Halves;
-use crate::render::{Batch, Run};
+use crate::render::{Batch, PIXEL, Run};
 
 /// What light goes which way.
 #[derive(Clone, Copy)]
@@ -43,15 +43,15 @@ impl Tally for [f64; 2] {
 pub(super) struct Contributions<const C: usize> {
     halves: Halves,
     symmetric: bool,
-    from_camera: bool,
+    /// The paths begin at the pixels that see the light, and not at those that send it.
+    from_seeing: bool,
     parts: Vec<Read<C>>,
 }
 
 /// Runs that one task reads.
 const RUNS: usize = 16;
 
-/// A contribution's other pixel, below what it is: direct, ambient, or else a connection.
-const PIXEL: u32 = (1 << 28) - 1;
+/// What a contribution is, above its other pixel: direct, ambient, or else a connection.
 const DIRECT: u32 = 1 << 30;
 const AMBIENT: u32 = 1 << 31;
 
@@ -67,13 +67,13 @@ impl<const C: usize> Contributions<C> {
         Self {
             halves: Halves::new(samples, batch.samples()),
             symmetric: batch.symmetric(),
-            from_camera: batch.from_camera(),
+            from_seeing: batch.from_camera() == (way.direction == Direction::Forward),
             parts: runs.par_chunks(RUNS).map(|runs| Read::new(batch, runs, way, project)).collect(),
         }
     }
 
     /// `seen += P lit`, channel by channel, for what of `P` is here.
-    pub(super) fn add_to<T: Tally>(&self, seen: &mut [[T; C]], direction: Direction, lit: &[[f64; C]]) {
+    pub(super) fn add_to<T: Tally>(&self, seen: &mut [[T; C]], lit: &[[f64; C]]) {
         for (run, found) in self.parts.iter().flat_map(Read::runs) {
             let start = run.pixel as usize;
             let mut add = |to: usize, value: &[f32; C], light: &[f64; C]| {
@@ -91,10 +91,7 @@ impl<const C: usize> Contributions<C> {
                         // The path's reverse, as in the matrix.
                         add(end, value, &lit[start]);
                     }
-                    // Its path begins at the pixel that sees the light, or at the one that sends it.
-                    _ if self.from_camera == (direction == Direction::Forward) => {
-                        add(start, value, &lit[end]);
-                    }
+                    _ if self.from_seeing => add(start, value, &lit[end]),
                     _ => add(end, value, &lit[start]),
                 }
             }

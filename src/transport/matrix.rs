@@ -33,8 +33,9 @@ impl Part {
         }
     }
 
-    fn has(self, layer: &Layer) -> bool {
-        self.holds(if layer.bounces() == Bounces::One { 1 } else { 2 })
+    /// Whether a layer of such light belongs to it.
+    pub(super) fn has(self, layer: Bounces) -> bool {
+        self.holds(if layer == Bounces::One { 1 } else { 2 })
     }
 }
 
@@ -98,7 +99,7 @@ impl TransportMatrix {
     /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector pixel, `y` one for
     /// each of the camera's.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
-        let layers: Vec<&Layer> = self.layers.iter().filter(|layer| part.has(layer)).collect();
+        let layers: Vec<&Layer> = self.layers.iter().filter(|layer| part.has(layer.bounces())).collect();
         let pixels = (self.rig.projector.pixels(), self.rig.camera.pixels());
         assert_eq!((x.len(), y.len()), pixels, "x has the projector's pixels, and y the camera's");
         self.multiply(part, &layers, channel, x, y);
@@ -107,7 +108,7 @@ impl TransportMatrix {
     /// `x ← Pᵀ y`: the photo of the dual rig, whose camera is this one's projector. `y` has an entry for each camera pixel,
     /// `x` one for each of the projector's.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
-        let layers = self.layers.iter().filter(|layer| part.has(layer));
+        let layers = self.layers.iter().filter(|layer| part.has(layer.bounces()));
         let layers: Vec<&Layer> =
             layers.map(|layer| if self.rig.symmetric { layer } else { layer.transpose() }).collect();
         let pixels = (self.rig.projector.pixels(), self.rig.camera.pixels());
@@ -134,7 +135,7 @@ impl TransportMatrix {
     /// None that this matrix can cause; the constructor of [`Csr`] checks its arrays.
     pub fn to_csr(&self, part: Part, channel: usize) -> Result<Csr> {
         let layers: Vec<CompressedRows> =
-            self.layers.iter().filter(|layer| part.has(layer)).map(Layer::to_rows).collect();
+            self.layers.iter().filter(|layer| part.has(layer.bounces())).map(Layer::to_rows).collect();
         let mut row_start = vec![0];
         let (mut columns, mut weights) = (Vec::new(), Vec::new());
         let mut entries: Vec<(u32, f32)> = Vec::new();

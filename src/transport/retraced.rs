@@ -74,12 +74,12 @@ impl Retraced<'_> {
             // What meets is added up in path order, by one core; meanwhile the others read on, which takes longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
-                || last.iter().for_each(|last| last.add_to(&mut seen, way.direction, lit)),
+                || last.iter().for_each(|last| last.add_to(&mut seen, lit)),
             );
             last = Some(read);
             Ok(())
         })?;
-        last.iter().for_each(|last| last.add_to(&mut seen, way.direction, lit));
+        last.iter().for_each(|last| last.add_to(&mut seen, lit));
         Ok(seen)
     }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::transport::CompressedRows;
+use crate::transport::{Bounces, CompressedRows};
 
 /// What one dispatch takes at most.
 #[derive(Clone, Copy)]
@@ -33,8 +33,7 @@ const LONGEST_ROW: usize = 1 << 20;
 
 /// A layer's bands, top to bottom.
 pub(super) struct DeviceLayer {
-    /// Of its light: 1, or 2 for two and more.
-    pub(super) bounces: u32,
+    pub(super) bounces: Bounces,
     pub(super) bands: Vec<Band>,
 }
 
@@ -49,7 +48,7 @@ pub(super) struct Band {
 
 impl DeviceLayer {
     /// Moves the rows there, in bands of at most so much.
-    pub(super) fn upload(gpu: &Gpu, bounces: u32, from: &CompressedRows, limits: Limits) -> Result<Self> {
+    pub(super) fn upload(gpu: &Gpu, bounces: Bounces, from: &CompressedRows, limits: Limits) -> Result<Self> {
         let CompressedRows { row_start, columns, weights } = from;
         let longest = row_start.windows(2).map(|ends| ends[1] - ends[0]).max().unwrap_or(0);
         if longest > LONGEST_ROW {

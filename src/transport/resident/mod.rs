@@ -12,11 +12,11 @@ use wgpu::BufferUsages;
 
 use self::bands::{DeviceLayer, Limits};
 use self::kernel::{Kernel, Shared, Step, Terms};
-use super::layer::{Bounces, Layer};
+use super::layer::Layer;
 use super::{Part, RigShape, TransportMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::gpu::readback::Readback;
+use crate::gpu::readback::Results;
 use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
@@ -40,9 +40,7 @@ pub struct Resident {
 /// Where patterns come in and photos go out.
 struct Vectors {
     from: wgpu::Buffer,
-    to: wgpu::Buffer,
-    /// `None` where the host reads results where they are: see [`Gpu::shares_memory`].
-    readback: Option<wgpu::Buffer>,
+    to: Results,
 }
 
 /// What is made when first asked for. Whoever multiplies holds it, since all products share the vectors.
@@ -92,7 +90,7 @@ impl Resident {
         let diagonals = matrix.direct.iter().map(|plane| gpu.storage("matrix's diagonal", plane));
         let diagonals = diagonals.collect::<Result<_>>()?;
         let has_diagonal = matrix.direct.iter().all(|plane| plane.len() == rig.camera.pixels());
-        let layer = |layer: &Layer| DeviceLayer::upload(gpu, bounces(layer), &layer.to_rows(), limits);
+        let layer = |layer: &Layer| DeviceLayer::upload(gpu, layer.bounces(), &layer.to_rows(), limits);
         let layers = matrix.layers.iter().map(layer).collect::<Result<_>>()?;
         let state = Mutex::default();
         let gpu = gpu.clone();
@@ -129,7 +127,7 @@ impl Resident {
         if !self.rig.symmetric && state.transposed.is_none() {
             let layer = |layer: &Layer| {
                 let (_, rows) = layer.transposed_rows();
-                DeviceLayer::upload(&self.gpu, bounces(layer), &rows, self.limits)
+                DeviceLayer::upload(&self.gpu, layer.bounces(), &rows, self.limits)
             };
             state.transposed = Some(matrix.layers.iter().map(layer).collect::<Result<_>>()?);
         }
@@ -171,11 +169,14 @@ impl Resident {
             _ => (&self.layers, self.rig.camera),
         };
         let diagonal = part.holds(1) && self.has_diagonal;
-        let shared =
-            Shared { diagonal: &self.diagonals[channel], from: &self.vectors.from, to: &self.vectors.to };
+        let shared = Shared {
+            diagonal: &self.diagonals[channel],
+            from: &self.vectors.from,
+            to: &self.vectors.to.buffer,
+        };
         let mut steps = Vec::new();
         let mut is_first = true;
-        for layer in layers.iter().filter(|layer| part.holds(layer.bounces)) {
+        for layer in layers.iter().filter(|layer| part.has(layer.bounces)) {
             let terms = Terms { diagonal: diagonal && is_first, adds: !is_first };
             for band in &layer.bands {
                 steps.push(self.kernel.band(&self.gpu, (band, channel), terms, &shared)?);
@@ -200,22 +201,18 @@ impl Resident {
 
     fn multiply(&self, steps: &[Step], from: &[f64], to: &mut [f64]) -> Result<()> {
         let gpu = &self.gpu;
-        let Vectors { from: pattern, to: photo, readback } = &self.vectors;
+        let Vectors { from: pattern, to: photo } = &self.vectors;
         let bytes = size_of_val(to) as u64;
         let submission = gpu.guarded("product", || {
             gpu.queue.write_buffer(pattern, 0, bytemuck::cast_slice(from));
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             self.kernel.encode(&mut encoder, steps);
-            if let Some(readback) = readback {
-                encoder.copy_buffer_to_buffer(photo, 0, readback, 0, bytes);
-            }
-            gpu.queue.submit([encoder.finish()])
+            photo.submit(gpu, encoder, bytes)
         })?;
-        let readable = readback.as_ref().unwrap_or(photo);
-        let view = Readback::request(readable, bytes, submission).wait(gpu, readable)?;
+        let view = photo.wait(gpu, photo.request(bytes, submission))?;
         to.copy_from_slice(bytemuck::cast_slice(&view));
         drop(view);
-        readable.unmap();
+        photo.release();
         Ok(())
     }
 }
@@ -224,18 +221,9 @@ impl Vectors {
     /// Each for the longer one of pattern and photo: with the transpose they change places.
     fn new(gpu: &Gpu, rig: RigShape) -> Result<Self> {
         let bytes = 8 * rig.projector.pixels().max(rig.camera.pixels()) as u64;
-        let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
-        let readback = (!gpu.shares_memory)
-            .then(|| gpu.buffer("read-back", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST));
         Ok(Self {
             from: gpu.buffer("pattern", bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
-            to: gpu.buffer("photo", bytes, BufferUsages::STORAGE | read)?,
-            readback: readback.transpose()?,
+            to: Results::new(gpu, "photo", bytes)?,
         })
     }
-}
-
-/// As [`Part::holds`] counts them.
-fn bounces(layer: &Layer) -> u32 {
-    if layer.bounces() == Bounces::One { 1 } else { 2 }
 }
