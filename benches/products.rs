@@ -31,7 +31,7 @@ fn main() -> Outcome {
         rayon::current_num_threads()
     );
     println!(
-        "{:>28}   entries, M      MiB   {:^29} share of a triad over as many bytes, and of memory's",
+        "{:>28}   entries, M      MiB   {:^29} share of a triad over as many bytes, and of memory's; four at once, of one by one",
         "", "product, GB/s"
     );
     let mut memory = Triad::of_bytes(BEYOND_CACHES);
@@ -60,20 +60,25 @@ fn measure(name: &str, scene: &Scene, side: usize, memory: &mut Triad) -> Outcom
     let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
     let mut y = vec![0.0; pixels];
     let mut triad = Triad::of_bytes(bytes);
-    let (mut products, mut of_triad, mut of_memory) = (Vec::new(), Vec::new(), Vec::new());
+    let (xs, mut ys) = (vec![x.clone(); 4], vec![y.clone(); 4]);
+    let (mut products, mut of_triad, mut of_memory, mut of_four) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for _ in 0..TURNS {
         let product = rate(bytes, || multiply(&matrix, &x, &mut y));
+        let together = rate(bytes, || matrix.apply_block(Part::Full, 0, &xs, &mut ys));
         products.push(product);
+        of_four.push(product / together / 4.0);
         of_triad.push(product / rate(triad.bytes(), || triad.run()));
         of_memory.push(product / rate(memory.bytes(), || memory.run()));
     }
     println!(
-        "{name:>28}   {:>10.1}   {:>6.1}   {}   {}   {}",
+        "{name:>28}   {:>10.1}   {:>6.1}   {}   {}   {}   {}",
         matrix.nonzeros() as f64 / 1e6,
         bytes as f64 / f64::from(1 << 20),
         spread(products),
         spread(of_triad),
-        spread(of_memory)
+        spread(of_memory),
+        spread(of_four)
     );
     Ok(())
 }

@@ -113,7 +113,7 @@ fn whole_run(name: &str, scene: &Scene) -> Outcome {
 
 /// All photos of a segmentation, to the last one allowed.
 fn capture(traced: &Assembled) -> krylux::Result<Capture> {
-    let mut operator = MatrixOperator { matrix: &traced.matrix, part: Part::Global, channel: 0 };
+    let mut operator = MatrixOperator::new(&traced.matrix, Part::Global, 0);
     let mut capture =
         Capture::new(SegmentOptions { photos: 50, tolerance: 0.0, ..SegmentOptions::default() })?;
     capture.run(&mut operator, &mut keep_going)?;

@@ -36,8 +36,8 @@ fn main() -> Outcome {
         let settings = TraceSettings::new(Resolution::new(SIDE, SIDE), 64);
         let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
         println!("{name}: {:.1} million entries", traced.matrix.nonzeros() as f64 / 1e6);
-        let matrix = MatrixOperator { matrix: &traced.matrix, part: Part::Full, channel: 0 };
-        orthogonalization(matrix)?;
+        let matrix = MatrixOperator::new(&traced.matrix, Part::Full, 0);
+        orthogonalization(matrix.clone())?;
         solvers(matrix)?;
     }
     Ok(())

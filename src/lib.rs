@@ -47,7 +47,7 @@
 //! let settings = TraceSettings::new(Resolution::new(32, 32), 64);
 //! let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
 //!
-//! let mut global = MatrixOperator { matrix: &traced.matrix, part: Part::Global, channel: 0 };
+//! let mut global = MatrixOperator::new(&traced.matrix, Part::Global, 0);
 //! let options = SegmentOptions { photos: 20, groups: vec![2], ..SegmentOptions::default() };
 //! let found = segment(&mut global, &options, &mut krylux::krylov::keep_going)?;
 //! // Two regions exchange no light, so the eigenvalue 1 comes twice.

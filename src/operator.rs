@@ -1,5 +1,11 @@
 //! Linear operators as the Krylov methods see them: signed real vectors, and a product that may fail.
 
+mod ahead;
+mod each;
+
+pub use ahead::Ahead;
+pub use each::each_product;
+
 use crate::error::Result;
 
 /// What is known about an operator's symmetry.
@@ -24,6 +30,11 @@ pub trait Operator {
     /// # Errors
     /// Whatever kept the product from being taken; `y` is unspecified then.
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()>;
+
+    /// Says which vectors come next, unless whoever asks stops before; replaces what was announced before. An operator that takes
+    /// several products for little more than one ([`Ahead`]) does so when the first is asked for. Nothing else changes: no product
+    /// counts before it is asked for, and each has the same bits. One whose products are photos has no use for it.
+    fn announce(&mut self, _xs: &[Vec<f64>]) {}
 }
 
 /// An operator whose transpose can be applied too.
@@ -33,6 +44,9 @@ pub trait Adjoint: Operator {
     /// # Errors
     /// As [`Operator::apply`].
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()>;
+
+    /// As [`Operator::announce`], for products with the transpose.
+    fn announce_adjoint(&mut self, _ys: &[Vec<f64>]) {}
 }
 
 /// An operator that remembers what it was asked, and what it answered.
@@ -80,6 +94,10 @@ impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
         self.keep(x, y);
         Ok(())
     }
+
+    fn announce(&mut self, xs: &[Vec<f64>]) {
+        self.operator.announce(xs);
+    }
 }
 
 impl<O: Adjoint + ?Sized> Adjoint for Recorded<'_, O> {
@@ -87,5 +105,9 @@ impl<O: Adjoint + ?Sized> Adjoint for Recorded<'_, O> {
         self.operator.apply_adjoint(y, x)?;
         self.keep(y, x);
         Ok(())
+    }
+
+    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
+        self.operator.announce_adjoint(ys);
     }
 }

@@ -133,7 +133,7 @@ fn at(history: &[CompensationRow], photos: usize) -> f64 {
 }
 
 fn in_focus(options: &CompensateOptions) -> Compensation {
-    let mut channels = [MatrixOperator { matrix: &corner().matrix, part: Part::Full, channel: 0 }];
+    let mut channels = [MatrixOperator::new(&corner().matrix, Part::Full, 0)];
     compensate(&mut channels, &wish(), options, &mut keep_solving).unwrap()
 }
 
@@ -264,7 +264,7 @@ fn three_colours_are_three_systems_seen_in_one_photo() {
     let target = Image::new(resolution, 3, samples.collect()).unwrap();
     let wish = Wish::new(&target, &simulated.traced.ambient).unwrap();
     let options = CompensateOptions { photos: 10, ..CompensateOptions::default() };
-    let operator = |channel| MatrixOperator { matrix: &simulated.traced.matrix, part: Part::Full, channel };
+    let operator = |channel| MatrixOperator::new(&simulated.traced.matrix, Part::Full, channel);
     let found = compensate(&mut [0, 1, 2].map(operator), &wish, &options, &mut keep_solving).unwrap();
     assert!(found.photos <= 10 && found.history.len() == found.photos);
     let photo = simulated.photograph(&found.pattern).unwrap();
@@ -296,7 +296,7 @@ fn ambient_light_is_taken_out_of_the_wish_and_its_excess_is_not_hidden() {
     let resolution = Resolution::new(SIDE, SIDE);
     let target = Image::filled(resolution, 1, 1.0);
     let peak = 0.1;
-    let mut channels = [MatrixOperator { matrix: &corner().matrix, part: Part::Full, channel: 0 }];
+    let mut channels = [MatrixOperator::new(&corner().matrix, Part::Full, 0)];
     let options =
         CompensateOptions { peak: Some(peak), rtol: 1e-6, photos: 60, ..CompensateOptions::default() };
     // A tenth of the wish is there already: together they are the target.
@@ -317,7 +317,7 @@ fn ambient_light_is_taken_out_of_the_wish_and_its_excess_is_not_hidden() {
 
 #[test]
 fn wishes_that_make_no_sense_are_refused() {
-    let mut channels = [MatrixOperator { matrix: &corner().matrix, part: Part::Full, channel: 0 }];
+    let mut channels = [MatrixOperator::new(&corner().matrix, Part::Full, 0)];
     let mut refused = |options: CompensateOptions, named: &str| {
         let error = compensate(&mut channels, &wish(), &options, &mut keep_solving).unwrap_err();
         assert!(error.to_string().contains(named), "{named}: {error}");

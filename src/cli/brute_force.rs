@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::operator::Operator;
+use crate::operator::{Operator, each_product};
 use crate::sparse::Csr;
 use crate::transport::Channels;
 
@@ -36,15 +36,19 @@ pub(super) fn check(resolution: Resolution, channels: Channels, allowed: Option<
 pub(super) fn columns(operator: &mut dyn Operator) -> Result<Csr> {
     let (rows, count) = (operator.rows(), operator.cols());
     let mut entries: Vec<Vec<(u32, f64)>> = vec![Vec::new(); rows];
-    let (mut pattern, mut photo) = (vec![0.0; count], vec![0.0; rows]);
-    for column in 0..count {
+    let unit = |column| {
+        let mut pattern = vec![0.0; count];
         pattern[column] = 1.0;
-        operator.apply(&pattern, &mut photo)?;
-        pattern[column] = 0.0;
+        pattern
+    };
+    let mut column = 0;
+    each_product(operator, (0..count).map(unit), |_, photo| {
         for (entries, &value) in entries.iter_mut().zip(&photo).filter(|(_, value)| **value != 0.0) {
-            entries.push((column as u32, value));
+            entries.push((column, value));
         }
-    }
+        column += 1;
+        Ok(())
+    })?;
     let mut row_start = vec![0];
     for row in &entries {
         row_start.push(row_start[row_start.len() - 1] + row.len());

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use super::console::Console;
 use crate::image::Resolution;
 use crate::measure::Measurement;
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Ahead, Operator, Symmetry};
 use crate::render::{TraceSettings, Tracer};
 use crate::transport::{Channels, JournaledOperator, MatrixOperator, Part, Retraced, RetracedOperator};
 
@@ -19,6 +19,7 @@ pub(super) enum ChannelOperator<'a> {
         part: Part,
         channel: usize,
         console: &'a Console,
+        ahead: [Ahead; 2],
     },
     Measured {
         measurement: &'a RefCell<&'a mut Measurement>,
@@ -33,14 +34,18 @@ impl ChannelOperator<'_> {
         match self {
             Self::Replayed(operator) => work(operator),
             Self::Kept(operator) => work(operator),
-            Self::Retraced { tracer, settings, channels, part, channel, console } => {
+            Self::Retraced { tracer, settings, channels, part, channel, console, ahead } => {
                 let retraced = Retraced {
                     tracer: &mut tracer.borrow_mut(),
                     settings: *settings,
                     channels: *channels,
                     progress: &mut |_| console.check(),
                 };
-                work(&mut RetracedOperator { retraced, part: *part, channel: *channel })
+                let (part, channel, announced) = (*part, *channel, std::mem::take(ahead));
+                let mut operator = RetracedOperator { retraced, part, channel, ahead: announced };
+                let done = work(&mut operator);
+                *ahead = operator.ahead;
+                done
             }
             Self::Measured { measurement, part, channel } => {
                 work(&mut measurement.borrow_mut().operator(*part, *channel))
@@ -84,10 +89,18 @@ impl Operator for ChannelOperator<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> crate::Result<()> {
         self.with(|operator| operator.apply(x, y))
     }
+
+    fn announce(&mut self, xs: &[Vec<f64>]) {
+        self.with(|operator| operator.announce(xs));
+    }
 }
 
 impl Adjoint for ChannelOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> crate::Result<()> {
         self.with(|operator| operator.apply_adjoint(y, x))
+    }
+
+    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
+        self.with(|operator| operator.announce_adjoint(ys));
     }
 }

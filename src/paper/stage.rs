@@ -72,7 +72,7 @@ pub(super) struct Stage {
 impl Stage {
     /// The light itself, as the ideal rig sees it; what an answer is judged by, whoever took the photos.
     pub(super) fn ideal(&self, part: Part) -> MatrixOperator<'_> {
-        MatrixOperator { matrix: &self.traced.matrix, part, channel: 0 }
+        MatrixOperator::new(&self.traced.matrix, part, 0)
     }
 
     pub(super) fn pixels(&self) -> usize {

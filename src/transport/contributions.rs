@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::Part;
+use super::matrix::{Direction, Part};
 use super::noise::Halves;
 use crate::render::{Batch, PIXEL, Run};
 
@@ -12,13 +12,6 @@ pub(super) struct Way {
     pub(super) direction: Direction,
     pub(super) part: Part,
     pub(super) with_ambient: bool,
-}
-
-/// From the projector to the camera, or as if each were the other.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Direction {
-    Forward,
-    Backward,
 }
 
 /// Sums over samples: a mean, with its error or without.

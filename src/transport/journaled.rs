@@ -142,10 +142,18 @@ impl Operator for JournaledOperator<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.product(Direction::Forward, x, y)
     }
+
+    fn announce(&mut self, xs: &[Vec<f64>]) {
+        self.inner.iter_mut().for_each(|inner| inner.announce(xs));
+    }
 }
 
 impl Adjoint for JournaledOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.product(Direction::Adjoint, y, x)
+    }
+
+    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
+        self.inner.iter_mut().for_each(|inner| inner.announce_adjoint(ys));
     }
 }

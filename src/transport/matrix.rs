@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::layer::{Bounces, Layer};
-use super::tiles::CompressedRows;
+use super::tiles::{CompressedRows, Value};
 use super::{Channels, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -37,6 +37,13 @@ impl Part {
     pub(super) fn has(self, layer: Bounces) -> bool {
         self.holds(if layer == Bounces::One { 1 } else { 2 })
     }
+}
+
+/// From the projector to the camera, or as if each were the other.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Direction {
+    Forward,
+    Backward,
 }
 
 /// `A = diag(direct) + Σ layers`: a row for each camera pixel, a column for each projector pixel.
@@ -99,30 +106,40 @@ impl TransportMatrix {
     /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector pixel, `y` one for
     /// each of the camera's.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
-        let layers: Vec<&Layer> = self.layers.iter().filter(|layer| part.has(layer.bounces())).collect();
-        let pixels = (self.rig.projector.pixels(), self.rig.camera.pixels());
-        assert_eq!((x.len(), y.len()), pixels, "x has the projector's pixels, and y the camera's");
-        self.multiply(part, &layers, channel, x, y);
+        self.multiply(Direction::Forward, part, channel, x, y);
     }
 
     /// `x ← Pᵀ y`: the photo of the dual rig, whose camera is this one's projector. `y` has an entry for each camera pixel,
     /// `x` one for each of the projector's.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
-        let layers = self.layers.iter().filter(|layer| part.has(layer.bounces()));
-        let layers: Vec<&Layer> =
-            layers.map(|layer| if self.rig.symmetric { layer } else { layer.transpose() }).collect();
-        let pixels = (self.rig.projector.pixels(), self.rig.camera.pixels());
-        assert_eq!((x.len(), y.len()), pixels, "x has the projector's pixels, and y the camera's");
-        self.multiply(part, &layers, channel, y, x);
+        self.multiply(Direction::Backward, part, channel, y, x);
     }
 
-    fn multiply(&self, part: Part, layers: &[&Layer], channel: usize, from: &[f64], to: &mut [f64]) {
+    /// Either of them, for a number at each pixel, or for those of several vectors.
+    pub(super) fn multiply<V: Value>(
+        &self,
+        direction: Direction,
+        part: Part,
+        channel: usize,
+        from: &[V],
+        to: &mut [V],
+    ) {
+        let transposed = direction == Direction::Backward && !self.rig.symmetric;
+        let layers = self.layers.iter().filter(|layer| part.has(layer.bounces()));
+        let layers: Vec<&Layer> =
+            layers.map(|layer| if transposed { layer.transpose() } else { layer }).collect();
+        let (camera, projector) = (self.rig.camera.pixels(), self.rig.projector.pixels());
+        let [lit, seen] = match direction {
+            Direction::Forward => [from.len(), to.len()],
+            Direction::Backward => [to.len(), from.len()],
+        };
+        assert_eq!((lit, seen), (projector, camera), "x has the projector's pixels, and y the camera's");
         let direct = if part.holds(1) { self.direct[channel].as_slice() } else { &[] };
         // Of equally many rows, layers have equal bands.
         let rows = layers.first().map_or(BAND, |layer| layer.tiles().band_rows());
         to.par_chunks_mut(rows).enumerate().for_each(|(band, to)| {
             for (row, value) in (band * rows..).zip(&mut *to) {
-                *value = direct.get(row).map_or(0.0, |&direct| f64::from(direct) * from[row]);
+                *value = direct.get(row).map_or(V::default(), |&direct| from[row].times(f64::from(direct)));
             }
             layers.iter().for_each(|layer| layer.tiles().add_product(channel, band, from, to));
         });

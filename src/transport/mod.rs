@@ -10,6 +10,7 @@
 //! symmetric to the last bit; that of any other rig has a row for each camera pixel, a column for each projector pixel, and its
 //! transpose is the dual rig. On a GPU with room for it the matrix stays in the device's memory, and products are taken there ([`Place`]). How far `Â` is from the truth, two independent halves of the samples tell ([`Noise`]).
 
+mod abreast;
 mod assemble;
 mod choice;
 mod combine;

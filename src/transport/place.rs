@@ -135,7 +135,7 @@ mod tests {
         let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
         let product = |matrix: &dyn Products| {
             let mut y = vec![f64::NAN; pixels];
-            let taken = MatrixOperator { matrix, part: Part::Global, channel: 1 }.apply(&x, &mut y);
+            let taken = MatrixOperator::new(matrix, Part::Global, 1).apply(&x, &mut y);
             taken.unwrap_or_else(|error| unreachable!("{error}"));
             y
         };

@@ -21,6 +21,10 @@ pub trait Products: Debug + Sync {
     /// # Errors
     /// As [`Products::product`].
     fn transposed_product(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) -> Result<()>;
+
+    /// The matrix, where it is the processor that multiplies: several products take less together there
+    /// ([`TransportMatrix::apply_block`]).
+    fn on_processor(&self) -> Option<&TransportMatrix>;
 }
 
 impl Products for TransportMatrix {
@@ -36,6 +40,10 @@ impl Products for TransportMatrix {
     fn transposed_product(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.apply_transpose(part, channel, y, x);
         Ok(())
+    }
+
+    fn on_processor(&self) -> Option<&TransportMatrix> {
+        Some(self)
     }
 }
 
@@ -56,5 +64,9 @@ impl Products for Assembled {
             Some(resident) => resident.apply_transpose(&self.matrix, part, channel, y, x),
             None => self.matrix.transposed_product(part, channel, y, x),
         }
+    }
+
+    fn on_processor(&self) -> Option<&TransportMatrix> {
+        self.resident.is_none().then_some(&self.matrix)
     }
 }

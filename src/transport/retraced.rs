@@ -2,11 +2,14 @@
 
 use std::ops::ControlFlow;
 
-use super::contributions::{Contributions, Direction, Tally, Way};
+use super::abreast::{apart, side_by_side};
+use super::contributions::{Contributions, Tally, Way};
+use super::matrix::Direction;
+use super::tiles::{ABREAST, Abreast};
 use super::{Channels, Part, Transport, from_planes, luminance, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{Adjoint, Ahead, Operator, Symmetry};
 use crate::render::{Progress, TraceSettings, Tracer};
 
 /// A scene that is traced once per photo, always with the same light paths.
@@ -58,6 +61,20 @@ impl Retraced<'_> {
         }
     }
 
+    /// What arrives of `K` patterns in one channel by the same paths, pixel by pixel.
+    fn products<const K: usize>(
+        &mut self,
+        way: Way,
+        channel: usize,
+        lit: &[[f64; K]],
+        pixels: usize,
+    ) -> Result<Vec<[f64; K]>> {
+        match self.channels {
+            Channels::Luma => self.trace(way, lit, |rgb| [luminance(rgb); K], pixels),
+            Channels::Rgb => self.trace(way, lit, |rgb| [rgb[channel]; K], pixels),
+        }
+    }
+
     /// Traces, and returns what arrives of `lit`, pixel by pixel. `project` makes channels of a connection's colours.
     fn trace<const C: usize, T: Tally>(
         &mut self,
@@ -103,7 +120,8 @@ impl Transport for Retraced<'_> {
     }
 }
 
-/// `y = P x` for one part and channel, traced anew for each product. The same matrix as the replayed one, to rounding.
+/// `y = P x` for one part and channel, traced anew for each product, or for up to four that were announced. The same matrix as
+/// the replayed one, to rounding.
 pub struct RetracedOperator<'a> {
     /// The scene.
     pub retraced: Retraced<'a>,
@@ -111,19 +129,29 @@ pub struct RetracedOperator<'a> {
     pub part: Part,
     /// Which channel, below [`Channels::count`].
     pub channel: usize,
+    /// What was announced, and taken since; of products with the transpose, second.
+    pub ahead: [Ahead; 2],
 }
 
 impl RetracedOperator<'_> {
     fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
-        let (channels, channel) = (self.retraced.channels, self.channel);
-        let lit: Vec<[f64; 1]> = from.iter().map(|&light| [light]).collect();
         let way = Way { direction, part: self.part, with_ambient: false };
-        let seen: Vec<[f64; 1]> = match channels {
-            Channels::Luma => self.retraced.trace(way, &lit, |rgb| [luminance(rgb)], to.len())?,
-            Channels::Rgb => self.retraced.trace(way, &lit, |rgb| [rgb[channel]], to.len())?,
-        };
-        to.copy_from_slice(seen.as_flattened());
-        Ok(())
+        let (retraced, channel) = (&mut self.retraced, self.channel);
+        self.ahead[direction as usize].product(from, to, ABREAST, |from, to| {
+            let pixels = to[0].len();
+            match (from, &mut *to) {
+                ([from], [to]) => {
+                    let seen = retraced.products(way, channel, from.as_chunks::<1>().0, pixels)?;
+                    to.copy_from_slice(seen.as_flattened());
+                }
+                _ => {
+                    let lit: Vec<_> = side_by_side(from).into_iter().map(|Abreast(lit)| lit).collect();
+                    let seen = retraced.products(way, channel, &lit, pixels)?;
+                    apart(&seen.into_iter().map(Abreast).collect::<Vec<_>>(), to);
+                }
+            }
+            Ok(())
+        })
     }
 }
 
@@ -144,10 +172,18 @@ impl Operator for RetracedOperator<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.product(Direction::Forward, x, y)
     }
+
+    fn announce(&mut self, xs: &[Vec<f64>]) {
+        self.ahead[Direction::Forward as usize].announce(xs);
+    }
 }
 
 impl Adjoint for RetracedOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.product(Direction::Backward, y, x)
+    }
+
+    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
+        self.ahead[Direction::Backward as usize].announce(ys);
     }
 }

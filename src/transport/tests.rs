@@ -126,7 +126,7 @@ fn the_transpose_is_the_dual_rig() {
     for split in [false, true] {
         let matrix = matrix(rig, &paths, split);
         for part in [Part::Full, Part::Direct, Part::Global] {
-            let mut operator = MatrixOperator { matrix: &matrix, part, channel: 0 };
+            let mut operator = MatrixOperator::new(&matrix, part, 0);
             assert_eq!((operator.rows(), operator.cols()), (15, 28));
             let (u, v) = (random_vector(15, 1), random_vector(28, 2));
             let (mut av, mut atu) = (vec![f64::NAN; 15], vec![f64::NAN; 28]);

@@ -20,7 +20,7 @@ pub fn corner() -> &'static Assembled {
 }
 
 pub fn part(part: Part) -> MatrixOperator<'static> {
-    MatrixOperator { matrix: &corner().matrix, part, channel: 0 }
+    MatrixOperator::new(&corner().matrix, part, 0)
 }
 
 pub fn gray(values: &[f64]) -> Image {

@@ -61,8 +61,7 @@ fn mixed_colours_are_solved_as_one_system_inside_the_box() {
     let wish = Wish::new(&target, &traced.ambient).unwrap();
     let options = CompensateOptions { photos: 30, rtol: 0.0, ..CompensateOptions::default() };
     let solve = |crosstalk: Option<Crosstalk>| {
-        let mut channels =
-            [0, 1, 2].map(|channel| MatrixOperator { matrix: &traced.matrix, part: Part::Full, channel });
+        let mut channels = [0, 1, 2].map(|channel| MatrixOperator::new(&traced.matrix, Part::Full, channel));
         let prior = Prior { crosstalk, ..Prior::default() };
         compensate_with(&mut channels, &wish, &options, &prior, &mut keep_solving).unwrap()
     };

@@ -18,7 +18,7 @@ fn figure_2_the_principal_eigenvector_is_the_dense_one_and_not_negative() {
         let decomposition = dense.self_adjoint_eigen(Side::Lower).unwrap();
         let values = decomposition.S();
         let last = (0..n).map(|i| decomposition.U()[(i, n - 1)]).collect::<Vec<f64>>();
-        let mut operator = MatrixOperator { matrix: &traced.matrix, part: Part::Full, channel: 0 };
+        let mut operator = MatrixOperator::new(&traced.matrix, Part::Full, 0);
         for method in [EigsMethod::Lanczos, EigsMethod::Arnoldi] {
             let options = EigsOptions {
                 count: 1,

@@ -28,7 +28,7 @@ impl Traced {
     }
 
     fn part(&self, part: Part) -> MatrixOperator<'_> {
-        MatrixOperator { matrix: &self.traced.matrix, part, channel: 0 }
+        MatrixOperator::new(&self.traced.matrix, part, 0)
     }
 
     fn segmentation(&self, photos: usize, eigenvectors: usize, groups: &[usize]) -> Segmentation {

@@ -33,7 +33,7 @@ impl Twin {
     /// None that a well-formed matrix can cause.
     pub fn operator(&self, part: Part, channel: usize) -> Result<TwinOperator<'_>> {
         Ok(match self {
-            Self::Traced(traced) => TwinOperator::Traced(MatrixOperator { matrix: &**traced, part, channel }),
+            Self::Traced(traced) => TwinOperator::Traced(MatrixOperator::new(&**traced, part, channel)),
             Self::Given(given) => TwinOperator::Given(SparseOperator::new(part_of(given.matrix(), part)?)),
         })
     }

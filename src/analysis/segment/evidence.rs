@@ -5,7 +5,7 @@
 
 use super::segmentation::MASKED;
 use crate::error::{Error, Result};
-use crate::operator::Operator;
+use crate::operator::{Operator, each_product};
 
 /// The photos of one segmentation's groups, each lit alone.
 #[derive(Clone, Debug)]
@@ -46,17 +46,19 @@ pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> 
     let groups = last.map_or(0, |last| usize::from(last) + 1);
     let mut photos = Vec::with_capacity(groups);
     let mut exchange = vec![vec![0.0; groups]; groups];
-    for group in 0..groups {
+    let pattern = |group| {
         let lit = |&label: &u8| f64::from(u8::from(usize::from(label) == group));
-        let pattern: Vec<f64> = labels.iter().map(lit).collect();
-        let mut photo = vec![0.0; labels.len()];
-        operator.apply(&pattern, &mut photo)?;
+        labels.iter().map(lit).collect()
+    };
+    each_product(operator, (0..groups).map(pattern), |_, photo| {
+        let group = photos.len();
         for (&label, value) in labels.iter().zip(&photo).filter(|(label, _)| **label != MASKED) {
             exchange[usize::from(label)][group] += value;
         }
         photos.push(photo);
         let all: f64 = exchange.iter().map(|row| row[group]).sum();
         exchange.iter_mut().for_each(|row| row[group] /= if all == 0.0 { 1.0 } else { all });
-    }
+        Ok(())
+    })?;
     Ok(Evidence { groups, photos, exchange })
 }

@@ -7,7 +7,7 @@
 use super::Separation;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::operator::Operator;
+use crate::operator::{Operator, each_product};
 
 /// Separates by checkerboards with squares of `square` pixels, shifted in both directions by `square·2/shifts` pixels each
 /// time; `shifts²` photos with `operator` (`n × n`, all of its light). Nayar et al. take 5² of squares of 3 pixels and more.
@@ -29,15 +29,14 @@ pub fn checkerboards(
     }
     let offset = |shift: usize| shift * 2 * square / shifts;
     let mut fit = Fit::new(operator, resolution)?;
-    for row in 0..shifts {
-        for column in 0..shifts {
-            let lit = |x: usize, y: usize| {
-                let squares = (x + offset(column)) / square + (y + offset(row)) / square;
-                f64::from(u8::from(squares.is_multiple_of(2)))
-            };
-            fit.take(operator, &pattern(resolution, lit))?;
-        }
-    }
+    let patterns = (0..shifts * shifts).map(|shift| {
+        let (row, column) = (shift / shifts, shift % shifts);
+        pattern(resolution, |x, y| {
+            let squares = (x + offset(column)) / square + (y + offset(row)) / square;
+            f64::from(u8::from(squares.is_multiple_of(2)))
+        })
+    });
+    fit.take(operator, patterns)?;
     Ok(fit.separation())
 }
 
@@ -68,16 +67,14 @@ pub fn sinusoids(
         });
     }
     let mut fit = Fit::new(operator, resolution)?;
-    for along_rows in [true, false] {
-        for phase in 0..phases {
-            let shift = phase as f64 / phases as f64;
-            let wave = |x: usize, y: usize| {
-                let at = if along_rows { x } else { y } as f64 + 0.5;
-                0.5 + 0.5 * (std::f64::consts::TAU * (at / period + shift)).cos()
-            };
-            fit.take(operator, &pattern(resolution, wave))?;
-        }
-    }
+    let patterns = (0..2 * phases).map(|photo| {
+        let (along_rows, shift) = (photo < phases, (photo % phases) as f64 / phases as f64);
+        pattern(resolution, |x, y| {
+            let at = if along_rows { x } else { y } as f64 + 0.5;
+            0.5 + 0.5 * (std::f64::consts::TAU * (at / period + shift)).cos()
+        })
+    });
+    fit.take(operator, patterns)?;
     Ok(fit.separation())
 }
 
@@ -113,17 +110,17 @@ impl Fit {
         Ok(Self { photos: 0, sums: vec![Sums::default(); n] })
     }
 
-    fn take(&mut self, operator: &mut dyn Operator, pattern: &[f64]) -> Result<()> {
-        let mut photo = vec![0.0; pattern.len()];
-        operator.apply(pattern, &mut photo)?;
-        self.photos += 1;
-        for ((sums, p), y) in self.sums.iter_mut().zip(pattern).zip(photo) {
-            sums.p += p;
-            sums.y += y;
-            sums.pp += p * p;
-            sums.py += p * y;
-        }
-        Ok(())
+    fn take(&mut self, operator: &mut dyn Operator, patterns: impl Iterator<Item = Vec<f64>>) -> Result<()> {
+        each_product(operator, patterns, |pattern, photo| {
+            self.photos += 1;
+            for ((sums, p), y) in self.sums.iter_mut().zip(pattern).zip(photo) {
+                sums.p += p;
+                sums.y += y;
+                sums.pp += p * p;
+                sums.py += p * y;
+            }
+            Ok(())
+        })
     }
 
     fn separation(self) -> Separation {

@@ -120,14 +120,15 @@ impl<'a> Light<'a> {
             Self::Replayed(rig) => {
                 let traced = &rig.traced;
                 let operator =
-                    |channel| ChannelOperator::Replayed(MatrixOperator { matrix: traced, part, channel });
+                    |channel| ChannelOperator::Replayed(MatrixOperator::new(traced, part, channel));
                 work(&mut (0..traced.matrix.channels().count()).map(operator).collect::<Vec<_>>())
             }
             Self::Retraced { tracer, settings, channels } => {
                 let tracer = RefCell::new(&mut **tracer);
                 let operator = |channel| {
                     let (settings, channels) = (*settings, *channels);
-                    ChannelOperator::Retraced { tracer: &tracer, settings, channels, part, channel, console }
+                    let (tracer, ahead) = (&tracer, Default::default());
+                    ChannelOperator::Retraced { tracer, settings, channels, part, channel, console, ahead }
                 };
                 work(&mut (0..channels.count()).map(operator).collect::<Vec<_>>())
             }

@@ -27,11 +27,19 @@ impl<O: Adjoint + ?Sized> Operator for Watched<'_, O> {
         self.operator.apply(x, y)?;
         self.live.seen(self.channel, x, y, false)
     }
+
+    fn announce(&mut self, xs: &[Vec<f64>]) {
+        self.operator.announce(xs);
+    }
 }
 
 impl<O: Adjoint + ?Sized> Adjoint for Watched<'_, O> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> crate::Result<()> {
         self.operator.apply_adjoint(y, x)?;
         self.live.seen(self.channel, y, x, true)
+    }
+
+    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
+        self.operator.announce_adjoint(ys);
     }
 }

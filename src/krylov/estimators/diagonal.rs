@@ -1,6 +1,6 @@
 //! The diagonal from a few products: for a coaxial rig, the direct image.
 
-use super::probe::{at_least, product, signs, square};
+use super::probe::{at_least, each_product, signs, square};
 use crate::error::Result;
 use crate::operator::Operator;
 
@@ -30,16 +30,17 @@ pub fn diagonal(operator: &mut dyn Operator, products: usize, seed: u64) -> Resu
     let n = square(operator)?;
     at_least(products, 2, "--photos")?;
     let (mut mean, mut squares) = (vec![0.0; n], vec![0.0; n]);
-    for (index, probe) in signs(n, products, seed).iter().enumerate() {
-        let photo = product(operator, probe)?;
+    let mut taken = 0.0;
+    each_product(operator, &signs(n, products, seed), |probe, photo| {
+        taken += 1.0;
         // Welford's update, doi:10.1080/00401706.1962.10490022: no cancellation where the diagonal is large.
         for (i, (sign, value)) in probe.iter().zip(&photo).enumerate() {
             let sample = sign * value;
             let before = sample - mean[i];
-            mean[i] += before / (index + 1) as f64;
+            mean[i] += before / taken;
             squares[i] += before * (sample - mean[i]);
         }
-    }
+    })?;
     let degrees = (products * (products - 1)) as f64;
     let standard_errors = squares.iter().map(|square| (square / degrees).sqrt()).collect();
     Ok(DiagonalEstimate { values: mean, standard_errors, products })

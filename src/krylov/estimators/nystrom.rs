@@ -3,7 +3,9 @@
 use faer::{Mat, Side};
 
 use super::super::basis::{dot, norm};
-use super::probe::{Estimate, LowRankOptions, combine, orthonormal, product, signs, symmetric};
+use super::probe::{
+    Estimate, LowRankOptions, combine, each_product, orthonormal, products, signs, symmetric,
+};
 use crate::error::{Error, Result};
 use crate::operator::Operator;
 
@@ -52,10 +54,7 @@ pub fn nystrom(operator: &mut dyn Operator, options: &LowRankOptions) -> Result<
     let mut probes = signs(n, width + options.probes, options.seed);
     let tests = probes.split_off(width);
     let (omega, _) = orthonormal(&probes, n);
-    let mut sketch = Vec::with_capacity(omega.len());
-    for column in omega.columns() {
-        sketch.push(product(operator, column)?);
-    }
+    let sketch = products(operator, omega.columns())?;
     let core: Vec<Vec<f64>> = sketch.iter().map(|y| omega.dots(0, y)).collect();
     let l = omega.len();
     let failed =
@@ -89,14 +88,13 @@ pub fn nystrom(operator: &mut dyn Operator, options: &LowRankOptions) -> Result<
         }
     }
     let mut missed = Vec::with_capacity(tests.len());
-    for test in &tests {
-        let mut rest = product(operator, test)?;
+    each_product(operator, &tests, |test, mut rest| {
         for (value, vector) in values.iter().zip(&vectors) {
             let share = value * dot(vector, test);
             rest.iter_mut().zip(vector).for_each(|(rest, entry)| *rest -= share * entry);
         }
         missed.push(norm(&rest).powi(2));
-    }
+    })?;
     Ok(Nystrom {
         values,
         vectors,

@@ -4,7 +4,7 @@ use super::super::basis::{Basis, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::start::Start;
 use crate::error::{Error, Result};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::operator::{self, Adjoint, Operator, Symmetry};
 
 /// A mean of independent random estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,11 +84,17 @@ impl Operator for SelfAdjoint<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.operator.apply(x, y)
     }
+    fn announce(&mut self, xs: &[Vec<f64>]) {
+        self.operator.announce(xs);
+    }
 }
 
 impl Adjoint for SelfAdjoint<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.operator.apply(y, x)
+    }
+    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
+        self.operator.announce(ys);
     }
 }
 
@@ -127,18 +133,34 @@ pub(super) fn signs(n: usize, count: usize, seed: u64) -> Vec<Vec<f64>> {
     Start::Rademacher { seed }.block(n, count)
 }
 
-/// `A x`, checked for NaN.
-pub(super) fn product(operator: &mut dyn Operator, x: &[f64]) -> Result<Vec<f64>> {
-    let mut y = vec![0.0; operator.rows()];
-    operator.apply(x, &mut y)?;
-    finite(y)
+/// `A x` for each of `xs` in turn, checked for NaN.
+pub(super) fn each_product(
+    operator: &mut dyn Operator,
+    xs: &[Vec<f64>],
+    mut with: impl FnMut(&[f64], Vec<f64>),
+) -> Result<()> {
+    operator::each_product(operator, xs.iter().cloned(), |x, y| {
+        with(x, finite(y)?);
+        Ok(())
+    })
 }
 
-/// `Aᵀ y`, checked for NaN.
-pub(super) fn adjoint_product(operator: &mut dyn Adjoint, y: &[f64]) -> Result<Vec<f64>> {
-    let mut x = vec![0.0; operator.cols()];
-    operator.apply_adjoint(y, &mut x)?;
-    finite(x)
+/// `A x` for each of `xs`, checked for NaN.
+pub(super) fn products(operator: &mut dyn Operator, xs: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
+    let mut ys = Vec::with_capacity(xs.len());
+    each_product(operator, xs, |_, y| ys.push(y))?;
+    Ok(ys)
+}
+
+/// `Aᵀ y` for each of `ys`, checked for NaN.
+pub(super) fn adjoint_products(operator: &mut dyn Adjoint, ys: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
+    operator.announce_adjoint(ys);
+    let product = |y: &Vec<f64>| {
+        let mut x = vec![0.0; operator.cols()];
+        operator.apply_adjoint(y, &mut x)?;
+        finite(x)
+    };
+    ys.iter().map(product).collect()
 }
 
 fn finite(y: Vec<f64>) -> Result<Vec<f64>> {

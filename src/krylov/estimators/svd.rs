@@ -3,7 +3,9 @@
 use faer::Mat;
 
 use super::super::basis::norm;
-use super::probe::{Estimate, LowRankOptions, adjoint_product, combine, orthonormal, product, signs};
+use super::probe::{
+    Estimate, LowRankOptions, adjoint_products, combine, each_product, orthonormal, products, signs,
+};
 use crate::error::{Error, Result};
 use crate::operator::Adjoint;
 
@@ -41,32 +43,19 @@ pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> R
     let width = options.width(rows.min(cols))?;
     let mut probes = signs(cols, width + options.probes, options.seed);
     let tests = probes.split_off(width);
-    let mut products = 0;
-    let mut sketch = Vec::with_capacity(width);
-    for probe in &probes {
-        sketch.push(product(operator, probe)?);
-    }
-    products += sketch.len();
+    let mut sketch = products(operator, &probes)?;
+    let mut taken = sketch.len();
     let (mut basis, _) = orthonormal(&sketch, rows);
     for _ in 0..options.power {
-        let mut back = Vec::with_capacity(basis.len());
-        for column in basis.columns() {
-            back.push(adjoint_product(operator, column)?);
-        }
+        let back = adjoint_products(operator, basis.columns())?;
         let (co, _) = orthonormal(&back, cols);
-        sketch.clear();
-        for column in co.columns() {
-            sketch.push(product(operator, column)?);
-        }
-        products += back.len() + sketch.len();
+        sketch = products(operator, co.columns())?;
+        taken += back.len() + sketch.len();
         basis = orthonormal(&sketch, rows).0;
     }
     // B = QᵀA, its rows as vectors; B = Rᵀ Pᵀ with AᵀQ = P R.
-    let mut rows_of_b = Vec::with_capacity(basis.len());
-    for column in basis.columns() {
-        rows_of_b.push(adjoint_product(operator, column)?);
-    }
-    products += rows_of_b.len();
+    let rows_of_b = adjoint_products(operator, basis.columns())?;
+    taken += rows_of_b.len();
     let (co, factor) = orthonormal(&rows_of_b, cols);
     let small = Mat::from_fn(basis.len(), co.len(), |i, j| factor[i].get(j).copied().unwrap_or(0.0));
     let rank = options.rank.min(co.len());
@@ -82,13 +71,12 @@ pub fn randomized_svd(operator: &mut dyn Adjoint, options: &LowRankOptions) -> R
         }
     }
     let mut missed = Vec::with_capacity(tests.len());
-    for test in &tests {
-        let mut rest = product(operator, test)?;
+    each_product(operator, &tests, |_, mut rest| {
         let shares = basis.dots(0, &rest);
         basis.accumulate(0, &shares, -1.0, &mut rest);
         missed.push(norm(&rest).powi(2));
-    }
+    })?;
     let missed_square = Estimate::of(&missed, missed.len());
-    products += missed.len();
-    Ok(RandomizedSvd { values, left, right, missed_square, products })
+    taken += missed.len();
+    Ok(RandomizedSvd { values, left, right, missed_square, products: taken })
 }

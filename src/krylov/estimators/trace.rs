@@ -1,7 +1,7 @@
 //! The trace from a few products.
 
 use super::super::basis::dot;
-use super::probe::{Estimate, at_least, orthonormal, product, signs, square};
+use super::probe::{self, Estimate, at_least, each_product, orthonormal, signs, square};
 use crate::error::Result;
 use crate::operator::Operator;
 
@@ -20,9 +20,7 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
     let n = square(operator)?;
     at_least(products, 2, "--photos")?;
     let mut samples = Vec::with_capacity(products);
-    for probe in signs(n, products, seed) {
-        samples.push(dot(&probe, &product(operator, &probe)?));
-    }
+    each_product(operator, &signs(n, products, seed), |probe, photo| samples.push(dot(probe, &photo)))?;
     Ok(Estimate::of(&samples, products))
 }
 
@@ -43,24 +41,19 @@ pub fn hutch_plus_plus(operator: &mut dyn Operator, products: usize, seed: u64) 
     at_least(products, 6, "--photos")?;
     let third = (products / 3).min(n);
     let mut probes = signs(n, products, seed);
-    let rest = probes.split_off(third);
-    let mut sketch = Vec::with_capacity(third);
-    for probe in &probes {
-        sketch.push(product(operator, probe)?);
-    }
-    let (basis, _) = orthonormal(&sketch, n);
+    let mut rest = probes.split_off(third);
+    let (basis, _) = orthonormal(&probe::products(operator, &probes)?, n);
     let mut exact = 0.0;
-    for column in basis.columns() {
-        exact += dot(column, &product(operator, column)?);
-    }
+    each_product(operator, basis.columns(), |column, photo| exact += dot(column, &photo))?;
     // A sketch of lower rank leaves products over: they go to the rest.
     let budget = products - third - basis.len();
-    let mut samples = Vec::with_capacity(budget);
-    for mut probe in rest.into_iter().take(budget) {
-        let shares = basis.dots(0, &probe);
-        basis.accumulate(0, &shares, -1.0, &mut probe);
-        samples.push(dot(&probe, &product(operator, &probe)?));
+    rest.truncate(budget);
+    for probe in &mut rest {
+        let shares = basis.dots(0, probe);
+        basis.accumulate(0, &shares, -1.0, probe);
     }
+    let mut samples = Vec::with_capacity(budget);
+    each_product(operator, &rest, |probe, photo| samples.push(dot(probe, &photo)))?;
     let mut estimate = Estimate::of(&samples, products);
     estimate.value += exact;
     Ok(estimate)

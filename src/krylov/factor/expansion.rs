@@ -115,9 +115,11 @@ impl Expansion {
                 found: format!("{}x{}", operator.rows(), operator.cols()),
             });
         }
-        let Some(next) = self.basis.columns().get(self.known + self.steps()) else {
-            return Ok(Step::Exhausted);
-        };
+        let waiting = &self.basis.columns()[self.known + self.steps()..];
+        let Some(next) = waiting.first() else { return Ok(Step::Exhausted) };
+        if waiting.len() > 1 {
+            operator.announce(waiting);
+        }
         operator.apply(next, &mut self.work)?;
         let length = norm(&self.work);
         if !length.is_finite() {

@@ -8,15 +8,24 @@
 use std::arch::x86_64::*;
 
 use super::sums::{Kernel, LANES, Slice};
+use super::value::Abreast;
 
 /// Steps ahead of its use that an entry is asked for: what memory takes to answer, since no processor guesses a stream's next page.
 const AHEAD: usize = 20;
 
 /// `None` where the processor does not have the instructions.
-pub(super) fn kernel() -> Option<Kernel> {
+pub(super) fn of_one() -> Option<Kernel<f64>> {
     // SAFETY: the processor has them.
     is_x86_feature_detected!("avx2").then_some(|slices, columns, weights, from, to| unsafe {
         by_four(slices, columns, weights, from, to);
+    })
+}
+
+/// As [`of_one`], for several vectors at once: their numbers lie side by side, and are one register.
+pub(super) fn of_four() -> Option<Kernel<Abreast>> {
+    // SAFETY: the processor has them.
+    is_x86_feature_detected!("avx2").then_some(|slices, columns, weights, from, to| unsafe {
+        side_by_side(slices, columns, weights, from, to);
     })
 }
 
@@ -39,12 +48,7 @@ fn by_four(
         let (mut low, mut high) =
             unsafe { (_mm256_loadu_pd(sums.as_ptr()), _mm256_loadu_pd(sums.as_ptr().add(4))) };
         for (columns, weights) in columns[first..end].iter().zip(&weights[first..end]) {
-            // SAFETY: asking ahead reads nothing, wherever it points.
-            #[allow(unused_unsafe, reason = "newer compilers know that")]
-            unsafe {
-                _mm_prefetch::<_MM_HINT_T0>(columns.as_ptr().wrapping_add(AHEAD * LANES).cast());
-                _mm_prefetch::<_MM_HINT_T0>(weights.as_ptr().wrapping_add(AHEAD * LANES).cast());
-            }
+            ask_ahead(columns, weights);
             // SAFETY: these read the eight values of `columns` and of `weights`.
             let (places, weights) =
                 unsafe { (_mm_loadu_si128(columns.as_ptr().cast()), _mm256_loadu_ps(weights.as_ptr())) };
@@ -69,5 +73,60 @@ fn by_four(
         }
         slice.rows.iter().zip(sums).for_each(|(&row, sum)| to[usize::from(row)] = sum);
         first = end;
+    }
+}
+
+/// Panics where a step, a row or a column does not exist.
+#[target_feature(enable = "avx2")]
+fn side_by_side(
+    slices: &[Slice],
+    columns: &[[u16; LANES]],
+    weights: &[[f32; LANES]],
+    from: &[Abreast],
+    to: &mut [Abreast],
+) {
+    // SAFETY: a value is four numbers.
+    let load = |value: &Abreast| unsafe { _mm256_load_pd(value.0.as_ptr()) };
+    let mut first = 0;
+    for slice in slices {
+        let end = first + slice.steps as usize;
+        let mut sums = slice.rows.map(|row| load(&to[usize::from(row)]));
+        for (columns, weights) in columns[first..end].iter().zip(&weights[first..end]) {
+            ask_ahead(columns, weights);
+            // SAFETY: these read the eight values of `weights`.
+            let (low, high) =
+                unsafe { (_mm_loadu_ps(weights.as_ptr()), _mm_loadu_ps(weights.as_ptr().add(4))) };
+            let (low, high) = (_mm256_cvtps_pd(low), _mm256_cvtps_pd(high));
+            let weights = [
+                _mm256_permute4x64_pd::<0b00_00_00_00>(low),
+                _mm256_permute4x64_pd::<0b01_01_01_01>(low),
+                _mm256_permute4x64_pd::<0b10_10_10_10>(low),
+                _mm256_permute4x64_pd::<0b11_11_11_11>(low),
+                _mm256_permute4x64_pd::<0b00_00_00_00>(high),
+                _mm256_permute4x64_pd::<0b01_01_01_01>(high),
+                _mm256_permute4x64_pd::<0b10_10_10_10>(high),
+                _mm256_permute4x64_pd::<0b11_11_11_11>(high),
+            ];
+            for ((sum, &column), weight) in sums.iter_mut().zip(columns).zip(weights) {
+                // Rounded each, as everywhere else.
+                *sum = _mm256_add_pd(*sum, _mm256_mul_pd(weight, load(&from[usize::from(column)])));
+            }
+        }
+        for (&row, sum) in slice.rows.iter().zip(sums) {
+            // SAFETY: a value is four numbers.
+            unsafe { _mm256_store_pd(to[usize::from(row)].0.as_mut_ptr(), sum) };
+        }
+        first = end;
+    }
+}
+
+/// Asks for the entries of a later step.
+#[inline(always)]
+fn ask_ahead(columns: &[u16; LANES], weights: &[f32; LANES]) {
+    // SAFETY: this reads nothing, wherever it points.
+    #[allow(unused_unsafe, reason = "newer compilers know that")]
+    unsafe {
+        _mm_prefetch::<_MM_HINT_T0>(columns.as_ptr().wrapping_add(AHEAD * LANES).cast());
+        _mm_prefetch::<_MM_HINT_T0>(weights.as_ptr().wrapping_add(AHEAD * LANES).cast());
     }
 }

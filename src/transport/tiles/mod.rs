@@ -13,11 +13,13 @@ mod shape;
 mod sums;
 #[cfg(test)]
 mod tests;
+mod value;
 
 use pages::Pages;
 pub(crate) use rows::CompressedRows;
 use shape::Shape;
-use sums::{LANES, Slice, Sums};
+use sums::{LANES, Slice};
+pub(super) use value::{ABREAST, Abreast, Value};
 
 /// A sparse matrix of one set of `f32` weights per channel on a common pattern, by tiles.
 #[derive(Clone, Debug)]
@@ -65,13 +67,13 @@ impl Tiles {
     }
 
     /// Adds the product with `from` of one band's rows to `to`, which begins with the band's first row.
-    pub(super) fn add_product(&self, channel: usize, band: usize, from: &[f64], to: &mut [f64]) {
+    pub(super) fn add_product<V: Value>(&self, channel: usize, band: usize, from: &[V], to: &mut [V]) {
         let across = self.cols.div_ceil(self.shape.columns);
         let starts = &self.tiles[band * across..=(band + 1) * across];
         let weights = &self.weights[channel];
-        let sums = Sums::fastest();
+        let sums = V::sums();
         // One more, for lanes without a row.
-        let mut product = vec![0.0; to.len() + 1];
+        let mut product = vec![V::default(); to.len() + 1];
         for (ends, from) in starts.windows(2).zip(from.chunks(self.shape.columns)) {
             let [start, end] = [ends[0], ends[1]];
             sums.add(
@@ -82,7 +84,7 @@ impl Tiles {
                 &mut product,
             );
         }
-        to.iter_mut().zip(product).for_each(|(to, product)| *to += product);
+        to.iter_mut().zip(product).for_each(|(to, product)| *to = to.plus(product));
     }
 }
 

@@ -1,14 +1,15 @@
 //! The inner loop of a product, by the instructions that this processor is quickest with.
 
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
+
+use super::value::Value;
 
 /// Rows of a slice, whose sums grow side by side.
 pub(super) const LANES: usize = 8;
 
 /// Eight rows of a tile with about as many entries each.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Slice {
+pub(in crate::transport) struct Slice {
     /// Within the tile, or one past its last for a lane without a row.
     pub(super) rows: [u16; LANES],
     /// Entries of the longest of them.
@@ -18,28 +19,24 @@ pub(super) struct Slice {
 /// Adds a tile's products to the sums of its rows: `to[row] += Σ weight · from[column]`, the entries of a row in their order.
 ///
 /// Slices take their steps one after the other. Every row must be below `to.len()`, and every column below `from.len()`.
-pub(super) type Kernel = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[f64], &mut [f64]);
+pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);
 
 /// A way to do it. All give the same bits.
 #[derive(Clone, Copy)]
-pub(super) struct Sums(Kernel);
+pub(in crate::transport) struct Sums<V>(Kernel<V>);
 
-impl Sums {
-    /// The way that took the least time when it was first asked for: whether looking up several entries by one instruction pays depends on the
-    /// processor's maker and generation.
+impl<V: Value> Sums<V> {
+    /// The way that takes the least time now: whether special instructions pay depends on the processor's maker and
+    /// generation.
     pub(super) fn fastest() -> Self {
-        static FASTEST: OnceLock<Sums> = OnceLock::new();
-        *FASTEST.get_or_init(|| {
-            let timed = Self::all().into_iter().map(|sums| (sums.time(), sums));
-            timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)
-        })
+        let timed = Self::all().into_iter().map(|sums| (sums.time(), sums));
+        timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)
     }
 
     /// All that this processor can do.
     pub(super) fn all() -> Vec<Self> {
         let mut all = vec![Self(portable)];
-        #[cfg(target_arch = "x86_64")]
-        all.extend(super::gather::kernel().map(Self));
+        all.extend(V::special().map(Self));
         all
     }
 
@@ -48,8 +45,8 @@ impl Sums {
         slices: &[Slice],
         columns: &[[u16; LANES]],
         weights: &[[f32; LANES]],
-        from: &[f64],
-        to: &mut [f64],
+        from: &[V],
+        to: &mut [V],
     ) {
         (self.0)(slices, columns, weights, from, to);
     }
@@ -62,7 +59,8 @@ impl Sums {
         let column = |entry: usize| (entry * 1597 % COLUMNS) as u16;
         let columns: Vec<_> =
             (0..STEPS).map(|step| std::array::from_fn(|lane| column(LANES * step + lane))).collect();
-        let (weights, from, mut to) = (vec![[0.5; LANES]; STEPS], vec![1.0; COLUMNS], [0.0; LANES]);
+        let (weights, from, mut to) =
+            (vec![[0.5; LANES]; STEPS], vec![V::default(); COLUMNS], [V::default(); LANES]);
         let once = || {
             let start = Instant::now();
             self.add(&slices, &columns, &weights, &from, &mut to);
@@ -73,12 +71,12 @@ impl Sums {
     }
 }
 
-fn portable(
+fn portable<V: Value>(
     slices: &[Slice],
     mut columns: &[[u16; LANES]],
     mut weights: &[[f32; LANES]],
-    from: &[f64],
-    to: &mut [f64],
+    from: &[V],
+    to: &mut [V],
 ) {
     for slice in slices {
         let (steps, columns_left) = columns.split_at(slice.steps as usize);
@@ -86,7 +84,8 @@ fn portable(
         let mut sums = slice.rows.map(|row| to[usize::from(row)]);
         for (columns, weights) in steps.iter().zip(step_weights) {
             for lane in 0..LANES {
-                sums[lane] += f64::from(weights[lane]) * from[usize::from(columns[lane])];
+                sums[lane] =
+                    sums[lane].plus(from[usize::from(columns[lane])].times(f64::from(weights[lane])));
             }
         }
         slice.rows.iter().zip(sums).for_each(|(&row, sum)| to[usize::from(row)] = sum);

@@ -1,3 +1,4 @@
+use super::sums::Sums;
 use super::*;
 use proptest::prelude::*;
 
@@ -41,6 +42,11 @@ fn pattern(cols: usize) -> Vec<f64> {
     (0..cols).map(|column| (column * 7919 % 1013) as f64 / 1013.0 - 0.5).collect()
 }
 
+/// The vector, and multiples of it by powers of two, whose products are those multiples to the bit.
+fn four(x: &[f64]) -> Vec<Abreast> {
+    x.iter().map(|x| Abreast([*x, -2.0 * x, 0.0, 0.5 * x])).collect()
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
@@ -67,7 +73,13 @@ proptest! {
                 tiles.add_product(channel, band, &x, y);
             }
             // The same additions from left to right: the same to the last bit.
-            prop_assert_eq!(y, product(&from, channel, &x));
+            prop_assert_eq!(&y, &product(&from, channel, &x));
+            let mut of_four = vec![Abreast::default(); rows];
+            let xs = four(&x);
+            for (band, y) in of_four.chunks_mut(tiles.band_rows()).enumerate() {
+                tiles.add_product(channel, band, &xs, y);
+            }
+            prop_assert_eq!(of_four, four(&y));
         }
     }
 }
@@ -77,13 +89,25 @@ fn every_way_to_add_gives_the_same_bits() {
     let from = matrix(700, 4000, 40, 7);
     let tiles = Tiles::of_shape(Shape { rows: 1024, columns: 4096 }, 4000, &from);
     let x = pattern(4000);
-    for sums in Sums::all() {
-        for channel in 0..2 {
-            let mut y = vec![0.0; 701];
-            sums.add(&tiles.slices, &tiles.columns, &tiles.weights[channel], &x, &mut y);
-            assert_eq!(y.pop(), Some(0.0), "lanes without a row add nothing");
-            assert_eq!(y, product(&from, channel, &x));
-        }
+    for channel in 0..2 {
+        let expected = product(&from, channel, &x);
+        check(Sums::all(), &tiles, channel, &x, &expected);
+        check(Sums::all(), &tiles, channel, &four(&x), &four(&expected));
+    }
+}
+
+fn check<V: Value + PartialEq + std::fmt::Debug>(
+    ways: Vec<Sums<V>>,
+    tiles: &Tiles,
+    channel: usize,
+    x: &[V],
+    expected: &[V],
+) {
+    for sums in ways {
+        let mut y = vec![V::default(); 701];
+        sums.add(&tiles.slices, &tiles.columns, &tiles.weights[channel], x, &mut y);
+        assert_eq!(y.pop(), Some(V::default()), "lanes without a row add nothing");
+        assert_eq!(y, expected);
     }
 }
 
