@@ -7,7 +7,7 @@
 #import parameters
 
 @group(0) @binding(1) var bvh_nodes: texture_storage_2d<rgba32uint, read>;
-// Three texels a triangle, in leaf order: corner and material; first edge and region; second edge.
+// Three texels a triangle, in leaf order: corner and material; first edge and region; second edge and corners' attributes.
 @group(0) @binding(2) var bvh_triangles: texture_storage_2d<rgba32uint, read>;
 
 struct Hit {
@@ -18,17 +18,44 @@ struct Hit {
     barycentric: vec2f,
 }
 
-fn bvh_node_texel(index: u32) -> vec4u {
-    return textureLoad(bvh_nodes, vec2u(index & 4095u, index >> 12u));
+// Where they lie. A small tree's are in one row, and begin at multiples of 8 and 4: software Vulkan multiplies slowly, and a row more.
+fn bvh_place(index: u32, texels: u32, texels_in_row: u32, texel: u32) -> vec2u {
+    if (SMALL_TREE) {
+        return vec2u(index * texels_in_row + texel, 0u);
+    }
+    let place = index * texels + texel;
+    return vec2u(place & 4095u, place >> 12u);
 }
 
-fn bvh_triangle_texel(index: u32) -> vec4u {
-    return textureLoad(bvh_triangles, vec2u(index & 4095u, index >> 12u));
+fn bvh_node_texel(node: u32, texel: u32) -> vec4u {
+    return textureLoad(bvh_nodes, bvh_place(node, 5u, 8u, texel));
+}
+
+fn bvh_triangle_texel(triangle: u32, texel: u32) -> vec4u {
+    return textureLoad(bvh_triangles, bvh_place(triangle, 3u, 4u, texel));
 }
 
 // Deeper than any tree that the builder makes (the host refuses others). Private: a function's own array would be
 // zeroed at each call.
 var<private> bvh_stack: array<vec2u, 32>;
+// The same for a small tree, a word each: on software Vulkan every word is put down and taken up lane by lane.
+var<private> bvh_small_stack: array<u32, 32>;
+
+fn bvh_put(depth: u32, group: vec2u) {
+    if (SMALL_TREE) {
+        bvh_small_stack[depth] = (group.x << 16u) | (group.y >> 16u & 0xff00u) | (group.y & 0xffu);
+    } else {
+        bvh_stack[depth] = group;
+    }
+}
+
+fn bvh_take(depth: u32) -> vec2u {
+    if (SMALL_TREE) {
+        let word = bvh_small_stack[depth];
+        return vec2u(word >> 16u, (word << 16u & 0xff000000u) | (word & 0xffu));
+    }
+    return bvh_stack[depth];
+}
 
 // Which of four children the ray meets, as bits for the traversal: inner children in the top byte by octant order,
 // triangles in the lower 24. `meta4` is the children's meta bytes.
@@ -46,9 +73,9 @@ fn bvh_intersect_node(
 ) -> u32 {
     let scale = bitcast<vec3f>(vec3u(texel0.w & 0xffu, (texel0.w >> 8u) & 0xffu, (texel0.w >> 16u) & 0xffu) << vec3u(23u)) * inverse;
     let offset = (bitcast<vec3f>(texel0.xyz) - origin) * inverse;
-    let x = bvh_node_texel(node + 2u);
-    let y = bvh_node_texel(node + 3u);
-    let z = bvh_node_texel(node + 4u);
+    let x = bvh_node_texel(node, 2u);
+    let y = bvh_node_texel(node, 3u);
+    let z = bvh_node_texel(node, 4u);
     // Planes come as (lo₀₋₃, lo₄₋₇, hi₀₋₃, hi₄₋₇); swap near and far where the ray runs backwards.
     let xs = select(x, x.zwxy, inverse.x < 0.0);
     let ys = select(y, y.zwxy, inverse.y < 0.0);
@@ -76,9 +103,9 @@ fn bvh_intersect_node(
 // Möller and Trumbore 1997, both sides. Shrinks `hit` if the triangle is nearer; of two at the same distance the one of lower index
 // counts, whichever is met first.
 fn bvh_intersect_triangle(triangle: u32, origin: vec3f, direction: vec3f, hit: ptr<function, Hit>) {
-    let corner = bitcast<vec3f>(bvh_triangle_texel(3u * triangle).xyz);
-    let edge1 = bitcast<vec3f>(bvh_triangle_texel(3u * triangle + 1u).xyz);
-    let edge2 = bitcast<vec3f>(bvh_triangle_texel(3u * triangle + 2u).xyz);
+    let corner = bitcast<vec3f>(bvh_triangle_texel(triangle, 0u).xyz);
+    let edge1 = bitcast<vec3f>(bvh_triangle_texel(triangle, 1u).xyz);
+    let edge2 = bitcast<vec3f>(bvh_triangle_texel(triangle, 2u).xyz);
     let p = cross(direction, edge2);
     let inverse = 1.0 / dot(edge1, p);
     let s = origin - corner;
@@ -117,13 +144,13 @@ fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
             let inner = group.y;
             group.y &= ~(1u << bit);
             if ((group.y & 0xff000000u) != 0u) {
-                bvh_stack[depth] = group;
+                bvh_put(depth, group);
                 depth += 1u;
             }
             let slot = (bit - 24u) ^ (octant4 & 0xffu);
-            let node = 5u * (base + countOneBits(inner & ~(0xffffffffu << slot)));
-            let texel0 = bvh_node_texel(node);
-            let texel1 = bvh_node_texel(node + 1u);
+            let node = base + countOneBits(inner & ~(0xffffffffu << slot));
+            let texel0 = bvh_node_texel(node, 0u);
+            let texel1 = bvh_node_texel(node, 1u);
             let mask = bvh_intersect_node(texel0, texel1, node, origin, inverse, octant4, hit.distance);
             group = vec2u(texel1.x, (mask & 0xff000000u) | (texel0.w >> 24u));
             triangles = vec2u(texel1.y, mask & 0x00ffffffu);
@@ -141,7 +168,7 @@ fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
                 break;
             }
             depth -= 1u;
-            group = bvh_stack[depth];
+            group = bvh_take(depth);
         }
     }
     return hit;

@@ -156,9 +156,9 @@ fn surface_shading(normal: vec3f, shading: vec3f) -> vec3f {
 }
 
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
-    let texel0 = bvh_triangle_texel(3u * hit.triangle);
-    let texel1 = bvh_triangle_texel(3u * hit.triangle + 1u);
-    let texel2 = bvh_triangle_texel(3u * hit.triangle + 2u);
+    let texel0 = bvh_triangle_texel(hit.triangle, 0u);
+    let texel1 = bvh_triangle_texel(hit.triangle, 1u);
+    let texel2 = bvh_triangle_texel(hit.triangle, 2u);
     let edge1 = bitcast<vec3f>(texel1.xyz);
     let edge2 = bitcast<vec3f>(texel2.xyz);
     let outward = normalize(cross(edge1, edge2));

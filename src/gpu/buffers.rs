@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 const PIECE: usize = 32 << 20;
 
 /// Texels in a row of a data texture; the shaders split an index into column and row by it.
-const TEXTURE_WIDTH: u32 = 4096;
+pub(crate) const TEXTURE_WIDTH: u32 = 4096;
 
 impl Gpu {
     /// A read-only storage buffer holding `data`, which goes there piece by piece: little memory is taken for what is on the way, and too
@@ -46,19 +46,29 @@ impl Gpu {
 
     /// A read-only storage texture of 16-byte texels, `TEXTURE_WIDTH` to a row, padded with zeros.
     pub(crate) fn texel_array(&self, label: &str, texels: &[[u32; 4]]) -> Result<wgpu::TextureView> {
-        let rows = texels.len().div_ceil(TEXTURE_WIDTH as usize).max(1);
+        self.texel_rows(label, texels, TEXTURE_WIDTH)
+    }
+
+    /// The same in rows of `width`.
+    pub(crate) fn texel_rows(
+        &self,
+        label: &str,
+        texels: &[[u32; 4]],
+        width: u32,
+    ) -> Result<wgpu::TextureView> {
+        let rows = texels.len().div_ceil(width as usize).max(1);
         let limit = self.device.limits().max_texture_dimension_2d as usize;
         if rows > limit {
             return Err(self.too_large(
                 label,
                 texels.len() as u64 * 16,
-                (limit * TEXTURE_WIDTH as usize) as u64 * 16,
+                (limit * width as usize) as u64 * 16,
             ));
         }
         let mut padded = texels.to_vec();
-        padded.resize(rows * TEXTURE_WIDTH as usize, [0; 4]);
+        padded.resize(rows * width as usize, [0; 4]);
         self.guarded(label, || {
-            let size = wgpu::Extent3d { width: TEXTURE_WIDTH, height: rows as u32, depth_or_array_layers: 1 };
+            let size = wgpu::Extent3d { width, height: rows as u32, depth_or_array_layers: 1 };
             let descriptor = wgpu::TextureDescriptor {
                 label: Some(label),
                 size,

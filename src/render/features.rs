@@ -26,14 +26,16 @@ pub(super) struct SceneFeatures {
     pub(super) passable: bool,
     /// Some surfaces border on a medium.
     pub(super) media: bool,
+    /// Nodes and triangles of the search tree lie in one row of a texture each, and 16 bits tell nodes apart.
+    pub(super) small_tree: bool,
     /// The number of triangles, where rays test each of them; 0 where they go by the search tree.
     pub(super) few_triangles: u32,
 }
 
 impl Features {
     /// By the shader's names.
-    pub(super) fn constants(&self) -> [(&'static str, f64); 11] {
-        let SceneFeatures { matte, corners, chains, passable, media, few_triangles } = self.scene;
+    pub(super) fn constants(&self) -> [(&'static str, f64); 12] {
+        let SceneFeatures { matte, corners, chains, passable, media, small_tree, few_triangles } = self.scene;
         let flag = |set: bool| f64::from(u8::from(set));
         [
             ("MATTE", flag(matte)),
@@ -46,6 +48,7 @@ impl Features {
             ("COAXIAL_PINHOLE", flag(self.coaxial_pinhole)),
             ("ROULETTE", flag(self.roulette)),
             ("SIGHT_SIDE", f64::from(self.sight_side)),
+            ("SMALL_TREE", flag(small_tree)),
             ("FEW_TRIANGLES", f64::from(few_triangles)),
         ]
     }
@@ -63,6 +66,7 @@ mod tests {
             chains: true,
             passable: true,
             media: true,
+            small_tree: true,
             few_triangles: 4,
         };
         let features = Features {

@@ -7,6 +7,7 @@ use super::materials::{MIN_ALPHA, NONE, pack_materials};
 use super::textures::{pack_normal, pack_texels, srgb_table};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
+use crate::gpu::buffers::TEXTURE_WIDTH;
 use crate::scene::bvh::Bvh;
 use crate::scene::{AlphaMode, Camera, Material, Scene, Triangle};
 
@@ -63,10 +64,19 @@ impl GpuScene {
             ]);
         }
         let (materials, textures) = pack_materials(scene);
+        let mut features = features(scene, !corners.is_empty());
+        let (mut nodes, mut row) = (bvh.nodes, TEXTURE_WIDTH);
+        let spread_out = (8 * nodes.len() / 5).max(4 * triangles.len() / 3);
+        if spread_out <= gpu.summary.max_texture_side as usize {
+            features.small_tree = true;
+            (nodes, triangles) = (spread::<5, 8>(&nodes), spread::<3, 4>(&triangles));
+            // Not more than the device's limit, which has 32 bits.
+            row = spread_out as u32;
+        }
 
         Ok(Self {
-            nodes: gpu.texel_array("search tree's nodes", &bvh.nodes)?,
-            triangles: gpu.texel_array("triangles", &triangles)?,
+            nodes: gpu.texel_rows("search tree's nodes", &nodes, row)?,
+            triangles: gpu.texel_rows("triangles", &triangles, row)?,
             materials: gpu.texel_array("materials", &materials)?,
             corners: gpu.texel_array("normals, texture coordinates and colours", &corners)?,
             textures: gpu.storage("texture descriptions", &textures)?,
@@ -74,9 +84,15 @@ impl GpuScene {
             srgb_table: gpu.storage("sRGB table", &srgb_table())?,
             corners_in_order: bvh.order.iter().map(|&index| positions[index as usize]).collect(),
             ambient: scene.materials.iter().any(|m| m.emission != Vec3::ZERO),
-            features: features(scene, !corners.is_empty()),
+            features,
         })
     }
+}
+
+/// Each `FROM` texels, and zeros after them up to `TO`: where things of a power of two texels begin, a shift tells.
+fn spread<const FROM: usize, const TO: usize>(texels: &[[u32; 4]]) -> Vec<[u32; 4]> {
+    let things = texels.as_chunks::<FROM>().0.iter();
+    things.flat_map(|thing| (0..TO).map(|at| thing.get(at).copied().unwrap_or_default())).collect()
 }
 
 fn features(scene: &Scene, corners: bool) -> SceneFeatures {
@@ -93,6 +109,7 @@ fn features(scene: &Scene, corners: bool) -> SceneFeatures {
         chains: scene.materials.iter().any(mirrors),
         passable: scene.materials.iter().any(Material::lets_light_straight_through),
         media: scene.materials.iter().any(|m| m.lets_light_through() && m.volume.is_some()),
+        small_tree: false,
         few_triangles: if scene.triangles.len() <= FEW_TRIANGLES { scene.triangles.len() as u32 } else { 0 },
     }
 }

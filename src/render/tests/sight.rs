@@ -2,9 +2,11 @@
 
 use std::ops::ControlFlow;
 
+use glam::Vec3;
+
 use crate::image::Resolution;
 use crate::render::{Batch, TraceSettings, TraceSummary, Tracer};
-use crate::scene::{Scene, builtin};
+use crate::scene::{Scene, Triangle, builtin};
 
 /// What a path left: rays, direct light and connections, as bits.
 type Left = (u64, [u32; 3], Vec<(u32, u32, [u32; 3])>);
@@ -88,5 +90,26 @@ fn lists_find_what_the_tree_finds() {
         assert_eq!(with.len(), 56 * 40 * 16);
         let different = with.iter().zip(&without).filter(|(a, b)| a != b).count();
         assert_eq!(different, 0, "{}, of {} paths", scene.path.display(), with.len());
+    }
+}
+
+#[test]
+fn a_small_trees_layout_finds_what_a_large_ones_does() {
+    for small in [shipped("cornell"), shipped("carton")] {
+        let mut large = small.clone();
+        // Without an area, so that no ray meets them; and apart, so that the tree is not too deep.
+        large.triangles.extend((0..20_000).map(|at| {
+            let corner = Vec3::new(10.0 + at as f32, 10.0, 10.0);
+            Triangle::flat([corner, corner + 0.1, corner + 0.2], 0, 0)
+        }));
+        let settings = TraceSettings::new(Resolution::new(40, 56), 16);
+        let layout = |scene: &Scene| {
+            let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a driver");
+            tracer.stage().strategies(&settings).expect("sound settings")[0].features.scene.small_tree
+        };
+        assert!(layout(&small) && !layout(&large), "{}", small.path.display());
+        let [of_small, of_large] = [&small, &large].map(|scene| paths(scene, &settings, TREE));
+        let different = of_small.iter().zip(&of_large).filter(|(a, b)| a != b).count();
+        assert_eq!((of_small.len(), different), (40 * 56 * 16, 0), "{}", small.path.display());
     }
 }
