@@ -22,7 +22,8 @@ use crate::operator::Operator;
 /// eigenspace; `b` of them see `b`, so that an eigenvalue repeated up to `b` times comes with all its copies. A full
 /// round over the block costs `b` products and adds as much to the polynomial degree as one Lanczos step.
 ///
-/// It is taken one product at a time (Ruhe's band form): it stops and resumes within a block as anywhere else. A product that
+/// It is taken one product at a time (Ruhe's band form): it stops and resumes within a block as anywhere else. The vectors that
+/// wait are announced ([`Operator::announce`]), for operators that take several products for little more than one. A product that
 /// holds nothing new makes the block narrower; so do dependent start vectors. When the block is used up, the subspace
 /// is invariant, and the process goes on from `b` random vectors.
 ///

@@ -1,4 +1,5 @@
-//! The inner loop of a product by instructions that look up four entries at once, and ask for the next ones ahead.
+//! The inner loop of a product by wide instructions, which look up four entries of a vector at once, or one of four vectors, and ask for
+//! the next ones ahead.
 
 #![allow(
     unsafe_code,
@@ -85,7 +86,7 @@ fn side_by_side(
     from: &[Abreast],
     to: &mut [Abreast],
 ) {
-    // SAFETY: a value is four numbers.
+    // SAFETY: a value is four numbers, as well aligned as the instruction wants.
     let load = |value: &Abreast| unsafe { _mm256_load_pd(value.0.as_ptr()) };
     let mut first = 0;
     for slice in slices {
@@ -113,7 +114,7 @@ fn side_by_side(
             }
         }
         for (&row, sum) in slice.rows.iter().zip(sums) {
-            // SAFETY: a value is four numbers.
+            // SAFETY: as above.
             unsafe { _mm256_store_pd(to[usize::from(row)].0.as_mut_ptr(), sum) };
         }
         first = end;
