@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::layer::{Bounces, Layer};
-use super::tiles::{CompressedRows, Value};
+use super::tiles::{CompressedRows, Summable};
 use super::{Channels, RigShape};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -116,7 +116,7 @@ impl TransportMatrix {
     }
 
     /// Either of them, for a number at each pixel, or for those of several vectors.
-    pub(super) fn multiply<V: Value>(
+    pub(super) fn multiply<V: Summable>(
         &self,
         direction: Direction,
         part: Part,

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 
 use rayon::prelude::*;
 
-use super::sums::{LANES, Slice};
+use super::slice::{LANES, Slice};
 use super::{CompressedRows, Pages, Shape, Start, Tiles};
 
 /// Rows among which those of about as many entries make a slice.

@@ -8,7 +8,7 @@
 
 use std::arch::x86_64::*;
 
-use super::sums::{Kernel, LANES, Slice};
+use super::slice::{Kernel, LANES, Slice};
 use super::value::Abreast;
 
 /// Steps ahead of its use that an entry is asked for: what memory takes to answer, since no processor guesses a stream's next page.

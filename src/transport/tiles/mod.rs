@@ -10,6 +10,7 @@ mod gather;
 mod pages;
 mod rows;
 mod shape;
+mod slice;
 mod sums;
 #[cfg(test)]
 mod tests;
@@ -18,8 +19,9 @@ mod value;
 use pages::Pages;
 pub(crate) use rows::CompressedRows;
 use shape::Shape;
-use sums::{LANES, Slice};
-pub(super) use value::{ABREAST, Abreast, Value};
+use slice::{LANES, Slice};
+pub(super) use sums::Summable;
+pub(super) use value::{ABREAST, Abreast};
 
 /// A sparse matrix of one set of `f32` weights per channel on a common pattern, by tiles.
 #[derive(Clone, Debug)]
@@ -67,7 +69,7 @@ impl Tiles {
     }
 
     /// Adds the product with `from` of one band's rows to `to`, which begins with the band's first row.
-    pub(super) fn add_product<V: Value>(&self, channel: usize, band: usize, from: &[V], to: &mut [V]) {
+    pub(super) fn add_product<V: Summable>(&self, channel: usize, band: usize, from: &[V], to: &mut [V]) {
         let across = self.cols.div_ceil(self.shape.columns);
         let starts = &self.tiles[band * across..=(band + 1) * across];
         let weights = &self.weights[channel];

@@ -1,34 +1,56 @@
 //! The inner loop of a product, by the instructions that this processor is quickest with.
 
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use super::value::Value;
+use super::slice::{Kernel, LANES, Slice};
+use super::value::{Abreast, Value};
 
-/// Rows of a slice, whose sums grow side by side.
-pub(super) const LANES: usize = 8;
+/// Values that have ways to be added up.
+pub(in crate::transport) trait Summable: Value {
+    /// By instructions that not every processor has.
+    fn special() -> Option<Kernel<Self>>;
 
-/// Eight rows of a tile with about as many entries each.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::transport) struct Slice {
-    /// Within the tile, or one past its last for a lane without a row.
-    pub(super) rows: [u16; LANES],
-    /// Entries of the longest of them.
-    pub(super) steps: u32,
+    /// The quickest way, found out once.
+    fn sums() -> Sums<Self>;
 }
 
-/// Adds a tile's products to the sums of its rows: `to[row] += Σ weight · from[column]`, the entries of a row in their order.
-///
-/// Slices take their steps one after the other. Every row must be below `to.len()`, and every column below `from.len()`.
-pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);
+impl Summable for f64 {
+    fn special() -> Option<Kernel<Self>> {
+        #[cfg(target_arch = "x86_64")]
+        return super::gather::of_one();
+        #[cfg(not(target_arch = "x86_64"))]
+        None
+    }
+
+    fn sums() -> Sums<Self> {
+        static FASTEST: OnceLock<Sums<f64>> = OnceLock::new();
+        *FASTEST.get_or_init(Sums::fastest)
+    }
+}
+
+impl Summable for Abreast {
+    fn special() -> Option<Kernel<Self>> {
+        #[cfg(target_arch = "x86_64")]
+        return super::gather::of_four();
+        #[cfg(not(target_arch = "x86_64"))]
+        None
+    }
+
+    fn sums() -> Sums<Self> {
+        static FASTEST: OnceLock<Sums<Abreast>> = OnceLock::new();
+        *FASTEST.get_or_init(Sums::fastest)
+    }
+}
 
 /// A way to do it. All give the same bits.
 #[derive(Clone, Copy)]
 pub(in crate::transport) struct Sums<V>(Kernel<V>);
 
-impl<V: Value> Sums<V> {
+impl<V: Summable> Sums<V> {
     /// The way that takes the least time now: whether special instructions pay depends on the processor's maker and
     /// generation.
-    pub(super) fn fastest() -> Self {
+    fn fastest() -> Self {
         let timed = Self::all().into_iter().map(|sums| (sums.time(), sums));
         timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)
     }

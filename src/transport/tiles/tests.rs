@@ -96,7 +96,7 @@ fn every_way_to_add_gives_the_same_bits() {
     }
 }
 
-fn check<V: Value + PartialEq + std::fmt::Debug>(
+fn check<V: Summable + PartialEq + std::fmt::Debug>(
     ways: Vec<Sums<V>>,
     tiles: &Tiles,
     channel: usize,
