@@ -60,12 +60,13 @@ fn measure(name: &str, scene: &Scene, side: usize, memory: &mut Triad) -> Outcom
     let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
     let mut y = vec![0.0; pixels];
     let mut triad = Triad::of_bytes(bytes);
-    let (xs, mut ys) = (vec![x.clone(); 4], vec![y.clone(); 4]);
+    let mut others = vec![y.clone(); 4];
+    let mut ys: Vec<&mut [f64]> = others.iter_mut().map(Vec::as_mut_slice).collect();
     let (mut products, mut of_triad, mut of_memory, mut of_four) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for _ in 0..TURNS {
         let product = rate(bytes, || multiply(&matrix, &x, &mut y));
-        let together = rate(bytes, || matrix.apply_block(Part::Full, 0, &xs, &mut ys));
+        let together = rate(bytes, || matrix.apply_block(Part::Full, 0, &[x.as_slice(); 4], &mut ys));
         products.push(product);
         of_four.push(product / together / 4.0);
         of_triad.push(product / rate(triad.bytes(), || triad.run()));

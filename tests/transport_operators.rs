@@ -22,7 +22,7 @@ fn retraced_products_are_the_replayed_ones_and_coaxial_rigs_their_own_duals() {
     for (part, channel) in [(Part::Full, 0), (Part::Direct, 1), (Part::Global, 2)] {
         let mut replayed = MatrixOperator::new(&matrix, part, channel);
         let retraced = Retraced { tracer: &mut tracer, settings, channels, progress: &mut keep_going };
-        let mut retraced = RetracedOperator { retraced, part, channel, ahead: Default::default() };
+        let mut retraced = RetracedOperator { retraced, part, channel, ahead: &mut Default::default() };
         assert_eq!((retraced.rows(), retraced.cols(), retraced.symmetry()), (400, 400, replayed.symmetry()));
         let magnitudes = magnitudes(&csr(&matrix, part, channel), &x);
         let [mut y, mut yt, mut z, mut zt] = [const { Vec::new() }; 4];
@@ -63,7 +63,7 @@ fn products_that_were_announced_are_taken_together_and_have_the_same_bits() {
     let retraced = Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress };
     let (part, channel) = (Part::Global, 1);
     let mut replayed = MatrixOperator::new(&matrix, part, channel);
-    let mut retraced = RetracedOperator { retraced, part, channel, ahead: Default::default() };
+    let mut retraced = RetracedOperator { retraced, part, channel, ahead: &mut Default::default() };
     for operator in [&mut replayed as &mut dyn Adjoint, &mut retraced] {
         let both = |operator: &mut dyn Adjoint| {
             let (mut products, mut adjoint) = (vec![vec![f64::NAN; 256]; 6], vec![vec![f64::NAN; 117]; 6]);
@@ -138,7 +138,7 @@ fn a_projector_of_its_own_size_makes_a_rectangular_matrix_with_the_dual_rig_for_
         assert_eq!((csr.rows(), csr.cols()), (256, 117));
         let mut replayed = MatrixOperator::new(&matrix, part, 0);
         let retraced = Retraced { tracer: &mut tracer, settings, channels, progress: &mut keep_going };
-        let mut retraced = RetracedOperator { retraced, part, channel: 0, ahead: Default::default() };
+        let mut retraced = RetracedOperator { retraced, part, channel: 0, ahead: &mut Default::default() };
         let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
         let mut products = Vec::new();
         for operator in [&mut replayed as &mut dyn Adjoint, &mut retraced] {

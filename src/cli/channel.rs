@@ -41,11 +41,7 @@ impl ChannelOperator<'_> {
                     channels: *channels,
                     progress: &mut |_| console.check(),
                 };
-                let (part, channel, announced) = (*part, *channel, std::mem::take(ahead));
-                let mut operator = RetracedOperator { retraced, part, channel, ahead: announced };
-                let done = work(&mut operator);
-                *ahead = operator.ahead;
-                done
+                work(&mut RetracedOperator { retraced, part: *part, channel: *channel, ahead })
             }
             Self::Measured { measurement, part, channel } => {
                 work(&mut measurement.borrow_mut().operator(*part, *channel))

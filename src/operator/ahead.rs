@@ -18,7 +18,7 @@ impl Ahead {
     }
 
     /// `y ← A x`: what is ready is handed out, once. Else `x` is multiplied, with up to `at_once − 1` of those announced after it, by
-    /// `block`, which is given a vector to fill for each, as long as `y`.
+    /// `block`, which is given a vector to fill for each: `y` itself, and others as long.
     ///
     /// # Errors
     /// Whatever `block` fails with.
@@ -27,21 +27,22 @@ impl Ahead {
         x: &[f64],
         y: &mut [f64],
         at_once: usize,
-        block: impl FnOnce(&[Vec<f64>], &mut [Vec<f64>]) -> Result<()>,
+        block: impl FnOnce(&[&[f64]], &mut [&mut [f64]]) -> Result<()>,
     ) -> Result<()> {
         if let Some(place) = self.ready.iter().position(|product| product.from == x) {
             y.copy_from_slice(&self.ready.swap_remove(place).to);
             return Ok(());
         }
-        let place = self.next.iter().position(|next| next == x);
-        let mut xs = vec![x.to_vec()];
-        let after = place.map_or(&[][..], |place| &self.next[place + 1..]);
-        let news = after.iter().filter(|next| self.ready.iter().all(|product| product.from != **next));
-        xs.extend(news.take(at_once.saturating_sub(1)).cloned());
-        let mut ys = vec![vec![0.0; y.len()]; xs.len()];
+        let after = self.next.iter().skip_while(|next| *next != x).skip(1);
+        let news = after.filter(|next| self.ready.iter().all(|product| product.from != **next));
+        let along: Vec<&Vec<f64>> = news.take(at_once.saturating_sub(1)).collect();
+        let mut products = vec![vec![0.0; y.len()]; along.len()];
+        let xs: Vec<&[f64]> = std::iter::once(x).chain(along.iter().map(|x| x.as_slice())).collect();
+        let mut ys: Vec<&mut [f64]> =
+            std::iter::once(y).chain(products.iter_mut().map(Vec::as_mut_slice)).collect();
         block(&xs, &mut ys)?;
-        y.copy_from_slice(&ys[0]);
-        self.ready.extend(xs.into_iter().zip(ys).skip(1).map(|(from, to)| Product { from, to }));
+        let taken = along.into_iter().zip(products).map(|(from, to)| Product { from: from.clone(), to });
+        self.ready.extend(taken);
         Ok(())
     }
 }

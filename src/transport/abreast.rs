@@ -9,8 +9,8 @@ use super::tiles::{ABREAST, Abreast};
 const TASK: usize = 4096;
 
 /// The vectors side by side, with zeros where there are fewer: one entry for each of theirs, which are equally many.
-pub(super) fn side_by_side(vectors: &[Vec<f64>]) -> Vec<Abreast> {
-    let mut values = vec![Abreast::default(); vectors.first().map_or(0, Vec::len)];
+pub(super) fn side_by_side(vectors: &[&[f64]]) -> Vec<Abreast> {
+    let mut values = vec![Abreast::default(); vectors.first().map_or(0, |vector| vector.len())];
     values.par_chunks_mut(TASK).enumerate().for_each(|(task, values)| {
         for (place, vector) in vectors.iter().enumerate() {
             let vector = &vector[task * TASK..];
@@ -21,7 +21,7 @@ pub(super) fn side_by_side(vectors: &[Vec<f64>]) -> Vec<Abreast> {
 }
 
 /// And back to one after the other.
-pub(super) fn apart(values: &[Abreast], to: &mut [Vec<f64>]) {
+pub(super) fn apart(values: &[Abreast], to: &mut [&mut [f64]]) {
     to.par_iter_mut().enumerate().for_each(|(place, vector)| {
         vector.iter_mut().zip(values).for_each(|(entry, value)| *entry = value.0[place]);
     });
@@ -30,22 +30,18 @@ pub(super) fn apart(values: &[Abreast], to: &mut [Vec<f64>]) {
 impl TransportMatrix {
     /// `y_k ← P x_k` for each of `xs`, to the bits of [`TransportMatrix::apply`]: the entries are read once for four of them. There
     /// are as many `ys`, of an entry for each camera pixel.
-    pub fn apply_block(&self, part: Part, channel: usize, xs: &[Vec<f64>], ys: &mut [Vec<f64>]) {
+    pub fn apply_block(&self, part: Part, channel: usize, xs: &[&[f64]], ys: &mut [&mut [f64]]) {
         self.multiply_block(Direction::Forward, part, channel, xs, ys);
     }
 
-    /// `x_k ← Pᵀ y_k` for each of `ys`, as [`TransportMatrix::apply_block`].
-    pub fn apply_transpose_block(&self, part: Part, channel: usize, ys: &[Vec<f64>], xs: &mut [Vec<f64>]) {
-        self.multiply_block(Direction::Backward, part, channel, ys, xs);
-    }
-
-    fn multiply_block(
+    /// The same in either direction.
+    pub(super) fn multiply_block(
         &self,
         direction: Direction,
         part: Part,
         channel: usize,
-        from: &[Vec<f64>],
-        to: &mut [Vec<f64>],
+        from: &[&[f64]],
+        to: &mut [&mut [f64]],
     ) {
         assert_eq!(from.len(), to.len(), "a product for each vector");
         for (from, to) in from.chunks(ABREAST).zip(to.chunks_mut(ABREAST)) {

@@ -1,5 +1,6 @@
 //! A part of the transport matrix as the Krylov methods see it.
 
+use super::matrix::Direction;
 use super::tiles::ABREAST;
 use super::{Part, Products};
 use crate::error::Result;
@@ -12,15 +13,27 @@ pub struct MatrixOperator<'a> {
     matrix: &'a dyn Products,
     part: Part,
     channel: usize,
-    ahead: Ahead,
-    ahead_adjoint: Ahead,
+    /// By direction.
+    ahead: [Ahead; 2],
 }
 
 impl<'a> MatrixOperator<'a> {
     /// Of a frozen matrix: itself on the processor, or as part of an [`super::Assembled`] wherever that placed it. The channel is
     /// below [`super::Channels::count`].
     pub fn new(matrix: &'a dyn Products, part: Part, channel: usize) -> Self {
-        Self { matrix, part, channel, ahead: Ahead::default(), ahead_adjoint: Ahead::default() }
+        Self { matrix, part, channel, ahead: Default::default() }
+    }
+
+    fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
+        let (part, channel) = (self.part, self.channel);
+        match (self.matrix.on_processor(), direction) {
+            (Some(matrix), _) => self.ahead[direction as usize].product(from, to, ABREAST, |from, to| {
+                matrix.multiply_block(direction, part, channel, from, to);
+                Ok(())
+            }),
+            (None, Direction::Forward) => self.matrix.product(part, channel, from, to),
+            (None, Direction::Backward) => self.matrix.transposed_product(part, channel, from, to),
+        }
     }
 }
 
@@ -38,32 +51,20 @@ impl Operator for MatrixOperator<'_> {
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        let Some(matrix) = self.matrix.on_processor() else {
-            return self.matrix.product(self.part, self.channel, x, y);
-        };
-        self.ahead.product(x, y, ABREAST, |xs, ys| {
-            matrix.apply_block(self.part, self.channel, xs, ys);
-            Ok(())
-        })
+        self.product(Direction::Forward, x, y)
     }
 
     fn announce(&mut self, xs: &[Vec<f64>]) {
-        self.ahead.announce(xs);
+        self.ahead[Direction::Forward as usize].announce(xs);
     }
 }
 
 impl Adjoint for MatrixOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        let Some(matrix) = self.matrix.on_processor() else {
-            return self.matrix.transposed_product(self.part, self.channel, y, x);
-        };
-        self.ahead_adjoint.product(y, x, ABREAST, |ys, xs| {
-            matrix.apply_transpose_block(self.part, self.channel, ys, xs);
-            Ok(())
-        })
+        self.product(Direction::Backward, y, x)
     }
 
     fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
-        self.ahead_adjoint.announce(ys);
+        self.ahead[Direction::Backward as usize].announce(ys);
     }
 }

@@ -130,7 +130,7 @@ pub struct RetracedOperator<'a> {
     /// Which channel, below [`Channels::count`].
     pub channel: usize,
     /// What was announced, and taken since; of products with the transpose, second.
-    pub ahead: [Ahead; 2],
+    pub ahead: &'a mut [Ahead; 2],
 }
 
 impl RetracedOperator<'_> {
