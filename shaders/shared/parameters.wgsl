@@ -46,7 +46,9 @@ struct Parameters {
     stride: u32,
     // SOBOL or INDEPENDENT.
     sampling: u32,
-    padding: vec2u,
+    // Paths that one invocation takes, one after the other.
+    paths_each: u32,
+    padding: u32,
 }
 
 const SOBOL = 0u;

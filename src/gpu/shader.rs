@@ -33,6 +33,7 @@ shaders! {
     "shared" / "medium",
     "shared" / "microfacet",
     "shared" / "parameters",
+    "shared" / "path",
     "shared" / "photons",
     "shared" / "rng",
     "shared" / "sampler",

@@ -1,5 +1,6 @@
 //! How much of the work one dispatch takes: sized by measured time, and marked so that none goes missing.
 
+use std::num::NonZero;
 use std::time::Duration;
 
 use super::parameters::Parameters;
@@ -17,6 +18,24 @@ const RECORD_BYTES_IN_CACHE: u64 = 8 << 20;
 
 /// Paths in one dispatch at most: 65,535 workgroups of 64.
 pub(super) const MAX_PATHS: u32 = 65_535 * 64;
+
+/// Surfaces that the paths of one invocation meet at most, all together: software Vulkan gives up an invocation after 65,535 turns of
+/// its loops. With a million triangles, a thousand surfaces were still met.
+const SURFACES_OF_INVOCATION: u32 = 384;
+
+/// Paths of one invocation at most, as `shaders/trace_paths.wgsl` has it.
+const MOST_PATHS: u32 = 64;
+
+/// Paths that one invocation may take, one after the other. On a processor eight of them take every step together, and each path would
+/// have to wait for the longest of eight. Not where chains are gathered from: lanes of one pixel had better do that together. A GPU has other
+/// invocations to turn to, and the more of them, the better.
+pub(super) fn most_paths(gpu: &Gpu, max_bounces: u32, gathers: bool) -> u32 {
+    if gpu.summary.is_processor() && !gathers {
+        (SURFACES_OF_INVOCATION / max_bounces).clamp(1, MOST_PATHS)
+    } else {
+        1
+    }
+}
 
 /// The dispatches of one tracer.
 #[derive(Default)]
@@ -62,6 +81,8 @@ pub(super) struct Pace {
     /// `None` as long as nothing is known: the first dispatch of a pipeline compiles it, so that its time says nothing either.
     wish: Option<u32>,
     work: Option<Work>,
+    /// Invocations did not come to the end of several paths.
+    one_each: bool,
 }
 
 impl Pace {
@@ -75,6 +96,7 @@ impl Pace {
     /// A trace of such paths begins. What others took says nothing of them.
     pub(super) fn begin(&mut self, work: Work) {
         if self.work.replace(work) != Some(work) {
+            self.one_each = false;
             self.wish = self.wish.map(|_| Self::FIRST);
         }
     }
@@ -82,6 +104,18 @@ impl Pace {
     /// Paths that the next dispatch takes, at most `most`.
     pub(super) fn paths(&self, most: u32) -> u32 {
         self.wish.unwrap_or(Self::COLD).min(most)
+    }
+
+    /// How many of a dispatch's `paths` each invocation takes, at most `most`: so many that each core has four workgroups, which end
+    /// at about the same time.
+    pub(super) fn paths_each(&self, paths: u32, most: u32) -> u32 {
+        let cores = std::thread::available_parallelism().map_or(1, NonZero::get) as u32;
+        paths.div_ceil(64 * 4 * cores).clamp(1, if self.one_each { 1 } else { most })
+    }
+
+    /// Learns that the driver gave up invocations with several paths.
+    pub(super) fn one_each(&mut self) {
+        self.one_each = true;
     }
 
     /// How many dispatches the device should have at a time: a second one, so that it need not wait for the host, as soon as
@@ -131,6 +165,26 @@ mod tests {
         assert_eq!(paced(&[900, 1, 1, 1, 1]).paths(u32::MAX), MAX_PATHS);
         assert_eq!(paced(&[900, 400]).paths(u32::MAX), 1024, "too long");
         assert_eq!(paced(&[900, 1]).paths(100), 100, "no more than there is room for");
+    }
+
+    #[test]
+    fn the_shader_has_room_for_the_paths_of_an_invocation() {
+        let text = crate::gpu::shader::compose("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));
+        assert!(text.contains(&format!("const MOST_PATHS = {MOST_PATHS}u;")));
+    }
+
+    #[test]
+    fn an_invocation_takes_several_paths_where_there_are_enough_for_all_cores() {
+        let cores = std::thread::available_parallelism().map_or(1, NonZero::get) as u32;
+        let mut pace = Pace::default();
+        assert_eq!([64, 256 * cores, 10 * 256 * cores].map(|paths| pace.paths_each(paths, 64)), [1, 1, 10]);
+        assert_eq!(pace.paths_each(1000 * 256 * cores, 64), 64);
+        pace.begin(WORK);
+        pace.one_each();
+        pace.begin(WORK);
+        assert_eq!(pace.paths_each(1000 * 256 * cores, 64), 1, "the driver gave several up");
+        pace.begin(Work { max_bounces: 2, ..WORK });
+        assert_eq!(pace.paths_each(1000 * 256 * cores, 64), 64);
     }
 
     #[test]

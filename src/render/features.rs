@@ -11,6 +11,8 @@ pub(super) struct Features {
     pub(super) roulette: bool,
     /// Texels in a row of the lists by which rays from and to the one pinhole go ([`super::sight`]); 0 where they do not.
     pub(super) sight_side: u32,
+    /// One invocation traces several paths, one after the other.
+    pub(super) several_paths: bool,
 }
 
 /// What of it the surfaces decide.
@@ -34,7 +36,7 @@ pub(super) struct SceneFeatures {
 
 impl Features {
     /// By the shader's names.
-    pub(super) fn constants(&self) -> [(&'static str, f64); 12] {
+    pub(super) fn constants(&self) -> [(&'static str, f64); 13] {
         let SceneFeatures { matte, corners, chains, passable, media, small_tree, few_triangles } = self.scene;
         let flag = |set: bool| f64::from(u8::from(set));
         [
@@ -48,6 +50,7 @@ impl Features {
             ("COAXIAL_PINHOLE", flag(self.coaxial_pinhole)),
             ("ROULETTE", flag(self.roulette)),
             ("SIGHT_SIDE", f64::from(self.sight_side)),
+            ("SEVERAL_PATHS", flag(self.several_paths)),
             ("SMALL_TREE", flag(small_tree)),
             ("FEW_TRIANGLES", f64::from(few_triangles)),
         ]
@@ -76,6 +79,7 @@ mod tests {
             coaxial_pinhole: true,
             roulette: true,
             sight_side: 128,
+            several_paths: true,
         };
         let module = crate::gpu::shader::module("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));
         let mut declared: Vec<_> =

@@ -79,7 +79,7 @@ impl Output {
         })
     }
 
-    /// Hands the device one dispatch of `parameters.paths` invocations, of whose results the first `bytes` are wanted.
+    /// Hands the device one dispatch of `parameters.paths`, `parameters.paths_each` to an invocation, of whose results the first `bytes` are wanted.
     pub(super) fn launch(
         &self,
         gpu: &Gpu,
@@ -94,7 +94,7 @@ impl Output {
             pass.set_pipeline(&kernel.pipeline);
             pass.set_bind_group(0, &self.scene_group, &[]);
             pass.set_bind_group(1, &self.output_group, &[]);
-            pass.dispatch_workgroups(parameters.paths.div_ceil(64), 1, 1);
+            pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_each), 1, 1);
             drop(pass);
             self.landing.results.submit(gpu, encoder, bytes)
         })?;

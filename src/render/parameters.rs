@@ -38,7 +38,8 @@ pub(super) struct Parameters {
     pub(super) bucket_mask: u32,
     pub(super) stride: u32,
     pub(super) sampling: u32,
-    pub(super) padding: [u32; 2],
+    pub(super) paths_each: u32,
+    pub(super) padding: u32,
 }
 
 #[cfg(test)]
@@ -51,7 +52,7 @@ mod tests {
     fn parameters_lie_as_the_shader_reads_them() {
         let members = offsets!(
             Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
-            scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, padding
+            scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_each, padding
         );
         assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
         let members = offsets!(

@@ -1,7 +1,7 @@
 //! Which paths are traced: from the camera, and from the projector too where that stands apart.
 
 use super::chains::Chains;
-use super::dispatch::Dispatches;
+use super::dispatch::{Dispatches, most_paths};
 use super::features::Features;
 use super::geometry::GpuScene;
 use super::parameters::{GpuEye, Parameters};
@@ -18,6 +18,8 @@ pub(super) struct Strategy {
     /// Of each dispatch, but for which paths are its own.
     pub(super) parameters: Parameters,
     pub(super) features: Features,
+    /// Of one invocation.
+    pub(super) most_paths: u32,
     pub(super) chains: PhotonMap,
     /// What can be seen from the pinhole that both ends share, if they do and it is of use.
     pub(super) sight: wgpu::TextureView,
@@ -73,12 +75,13 @@ impl Stage<'_> {
         } else {
             sight::none(self.gpu)?
         };
-        let features = Features {
+        let mut features = Features {
             scene: self.scene.features,
             ambient,
             lenses: start.radius > 0.0 || end.radius > 0.0,
             coaxial_pinhole,
             roulette: settings.russian_roulette,
+            several_paths: false,
             sight_side: if has_sight { sight::side(self.scene.corners_in_order.len()) } else { 0 },
         };
         let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
@@ -103,7 +106,8 @@ impl Stage<'_> {
             bucket_mask: 0,
             stride: 0,
             sampling: settings.sampler.word(),
-            padding: [0; 2],
+            paths_each: 1,
+            padding: 0,
         };
         let chains = if self.scene.features.chains {
             let asked = ChainsOf { features, eye: end, gather: settings.gather, base: parameters };
@@ -111,11 +115,14 @@ impl Stage<'_> {
         } else {
             PhotonMap::empty(self.gpu)?
         };
+        let gathers = chains.bucket_mask != 0;
+        let most_paths = most_paths(self.gpu, settings.max_bounces, gathers);
+        features.several_paths = most_paths > 1;
         let layout = Layout {
             samples,
             max_bounces: settings.max_bounces,
             direct: coaxial_pinhole,
-            gathers: chains.bucket_mask != 0,
+            gathers,
             ambient,
             symmetric: coaxial,
             from_camera,
@@ -124,6 +131,6 @@ impl Stage<'_> {
         parameters.bucket_mask = chains.bucket_mask;
         parameters.gather_radius = chains.radius;
         parameters.inverse_cell = chains.inverse_cell();
-        Ok(Strategy { parameters, features, chains, sight, layout })
+        Ok(Strategy { parameters, features, most_paths, chains, sight, layout })
     }
 }

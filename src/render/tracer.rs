@@ -200,6 +200,7 @@ impl Tracer {
                     first_sample: (launched % samples) as u32,
                     paths: count,
                     mark: self.dispatches.mark(),
+                    paths_each: pace.paths_each(count, strategy.most_paths),
                     ..strategy.parameters
                 };
                 let output = &outputs[summary.dispatches as usize % outputs.len()];
@@ -211,13 +212,26 @@ impl Tracer {
                 summary.dispatches += 1;
             }
             let Some(next) = flights.pop_front() else { break };
-            let Launched { output, flight, start, first_path, parameters } = next;
-            let view = output.land(&self.gpu, flight)?;
+            let Launched { output, flight, start, first_path, mut parameters } = next;
+            let mut view = output.land(&self.gpu, flight)?;
+            let census = |view: &[u8], mark| {
+                Batch::new(first_path, strategy.layout, bytemuck::cast_slice(view)).census(mark)
+            };
+            let (mut unfinished, mut rays) = census(&view, parameters.mark);
+            if unfinished > 0 && parameters.paths_each > 1 {
+                // Too long a way for one invocation: each path gets its own.
+                pace.one_each();
+                parameters = Parameters { paths_each: 1, mark: self.dispatches.mark(), ..parameters };
+                drop(view);
+                output.release();
+                let bytes = u64::from(parameters.paths) * stride * 16;
+                view = output.run(&self.gpu, pipeline, &parameters, bytes)?;
+                (unfinished, rays) = census(&view, parameters.mark);
+            }
             // One behind another began when that was done.
             let elapsed = start.max(idle_since).elapsed();
             idle_since = Instant::now();
             let batch = Batch::new(first_path, strategy.layout, bytemuck::cast_slice(&view));
-            let (unfinished, rays) = batch.census(parameters.mark);
             if unfinished > 0 {
                 return Err(Error::UnfinishedPaths { unfinished, total: batch.len() as u64 });
             }

@@ -4,6 +4,7 @@ mod chi_square;
 mod directions;
 mod fresnel;
 mod furnace;
+mod invocations;
 mod kernel;
 mod material;
 mod random;
