@@ -14,10 +14,24 @@ struct Start {
     direction: vec3f,
 }
 
-fn path_start(invocation: u32) -> Start {
-    let path = parameters.first_sample + invocation;
-    let pixel = parameters.first_pixel + path / parameters.samples;
-    let sample = path % parameters.samples;
+// Of the dispatch's path `index`.
+fn path_start(index: u32) -> Start {
+    let path = parameters.first_sample + index;
+    return path_start_at(parameters.first_pixel + path / parameters.samples, path % parameters.samples);
+}
+
+// Of the path so many behind that one, without the division for its pixel: that is slow.
+fn path_start_after(start: Start, paths: u32) -> Start {
+    var pixel = start.pixel;
+    var sample = start.sample + paths;
+    while (sample >= parameters.samples) {
+        sample -= parameters.samples;
+        pixel += 1u;
+    }
+    return path_start_at(pixel, sample);
+}
+
+fn path_start_at(pixel: u32, sample: u32) -> Start {
     let corner = vec2u(pixel % parameters.start.resolution.x, pixel / parameters.start.resolution.x);
     let u = sample4(pixel, sample, 0u);
     let lens = eye_lens_point(parameters.start, u.zw);

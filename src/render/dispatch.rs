@@ -3,6 +3,7 @@
 use std::num::NonZero;
 use std::time::Duration;
 
+use super::features::SceneFeatures;
 use super::parameters::Parameters;
 use crate::gpu::Gpu;
 
@@ -23,14 +24,15 @@ pub(super) const MAX_PATHS: u32 = 65_535 * 64;
 /// its loops. With a million triangles, a thousand surfaces were still met.
 const SURFACES_OF_INVOCATION: u32 = 384;
 
-/// Paths of one invocation at most, as `shaders/trace_paths.wgsl` has it.
+/// Paths of one invocation at most.
 const MOST_PATHS: u32 = 64;
 
 /// Paths that one invocation may take, one after the other. On a processor eight of them take every step together, and each path would
-/// have to wait for the longest of eight. Not where chains are gathered from: lanes of one pixel had better do that together. A GPU has other
-/// invocations to turn to, and the more of them, the better.
-pub(super) fn most_paths(gpu: &Gpu, max_bounces: u32, gathers: bool) -> u32 {
-    if gpu.summary.is_processor() && !gathers {
+/// have to wait for the longest of eight. Not where chains are gathered from: lanes of one pixel had better do that together; nor where
+/// rays test each of a few triangles: it takes longer to compile than it saves. A GPU has other invocations to turn to, and the more of
+/// them, the better. Measured: see benches/README.md.
+pub(super) fn most_paths(gpu: &Gpu, scene: &SceneFeatures, gathers: bool, max_bounces: u32) -> u32 {
+    if gpu.summary.is_processor() && scene.few_triangles == 0 && !gathers {
         (SURFACES_OF_INVOCATION / max_bounces).clamp(1, MOST_PATHS)
     } else {
         1
@@ -165,12 +167,6 @@ mod tests {
         assert_eq!(paced(&[900, 1, 1, 1, 1]).paths(u32::MAX), MAX_PATHS);
         assert_eq!(paced(&[900, 400]).paths(u32::MAX), 1024, "too long");
         assert_eq!(paced(&[900, 1]).paths(100), 100, "no more than there is room for");
-    }
-
-    #[test]
-    fn the_shader_has_room_for_the_paths_of_an_invocation() {
-        let text = crate::gpu::shader::compose("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));
-        assert!(text.contains(&format!("const MOST_PATHS = {MOST_PATHS}u;")));
     }
 
     #[test]

@@ -116,7 +116,7 @@ impl Stage<'_> {
             PhotonMap::empty(self.gpu)?
         };
         let gathers = chains.bucket_mask != 0;
-        let most_paths = most_paths(self.gpu, settings.max_bounces, gathers);
+        let most_paths = most_paths(self.gpu, &self.scene.features, gathers, settings.max_bounces);
         features.several_paths = most_paths > 1;
         let layout = Layout {
             samples,
