@@ -14,7 +14,7 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= parameters.paths) {
         return;
     }
-    let start = path_start(id.x);
+    let start = path_start(path_place(id.x));
     let first_slot = id.x * (4u * parameters.stride + 1u);
     for (var index = 0u; index < parameters.stride; index += 1u) {
         records[first_slot + 4u * index + 1u] = vec4u(NONE);
