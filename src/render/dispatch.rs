@@ -39,6 +39,11 @@ pub(super) fn most_paths(gpu: &Gpu, scene: &SceneFeatures, gathers: bool, max_bo
     }
 }
 
+/// What the driver of a processor shares a dispatch out to.
+fn cores() -> u32 {
+    std::thread::available_parallelism().map_or(1, NonZero::get) as u32
+}
+
 /// The dispatches of one tracer.
 #[derive(Default)]
 pub(super) struct Dispatches {
@@ -52,11 +57,14 @@ impl Dispatches {
         self.count << 16
     }
 
-    /// Paths that one dispatch may take, of `total`, when each leaves `stride` records of 16 bytes.
-    pub(super) fn capacity(&self, gpu: &Gpu, stride: u64, total: u64) -> u32 {
+    /// Paths that one dispatch may take, of `total`, when each leaves `stride` records of 16 bytes and an invocation takes up to `each`:
+    /// as many workgroups for one core as for another, if there is room for one each.
+    pub(super) fn capacity(&self, gpu: &Gpu, stride: u64, each: u32, total: u64) -> u32 {
         let wish = if gpu.shares_memory { RECORD_BYTES_IN_CACHE } else { RECORD_BYTES };
         let room = wish.min(gpu.summary.max_storage_binding).min(gpu.summary.max_buffer);
-        (room / (16 * stride)).min(u64::from(MAX_PATHS)).min(total.max(64)) as u32
+        let paths = (room / (16 * stride)).min(u64::from(MAX_PATHS)).min(total.max(64)) as u32;
+        let even = 64 * each * cores();
+        if paths < even { paths } else { paths / even * even }
     }
 }
 
@@ -111,8 +119,7 @@ impl Pace {
     /// How many of a dispatch's `paths` each invocation takes, at most `most`: so many that each core has four workgroups, which end
     /// at about the same time.
     pub(super) fn paths_each(&self, paths: u32, most: u32) -> u32 {
-        let cores = std::thread::available_parallelism().map_or(1, NonZero::get) as u32;
-        paths.div_ceil(64 * 4 * cores).clamp(1, if self.one_each { 1 } else { most })
+        paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_each { 1 } else { most })
     }
 
     /// Learns that the driver gave up invocations with several paths.
@@ -171,7 +178,7 @@ mod tests {
 
     #[test]
     fn an_invocation_takes_several_paths_where_there_are_enough_for_all_cores() {
-        let cores = std::thread::available_parallelism().map_or(1, NonZero::get) as u32;
+        let cores = cores();
         let mut pace = Pace::default();
         assert_eq!([64, 256 * cores, 10 * 256 * cores].map(|paths| pace.paths_each(paths, 64)), [1, 1, 10]);
         assert_eq!(pace.paths_each(1000 * 256 * cores, 64), 64);

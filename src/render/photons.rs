@@ -97,7 +97,7 @@ impl PhotonMap {
         let kernel = Pipeline::new(gpu, "trace_photons", &features)?;
         let none = Self::empty(gpu)?;
         let words = 4 * u64::from(chain) + 1;
-        let capacity = dispatches.capacity(gpu, words, total);
+        let capacity = dispatches.capacity(gpu, words, 1, total);
         let bytes = u64::from(capacity) * words * 16;
         let landing = Landing::new(gpu, bytes)?;
         let output = Output::new(gpu, &kernel, scene, &none.buffers, &sight::none(gpu)?, landing)?;

@@ -166,7 +166,7 @@ impl Tracer {
         let stride = u64::from(strategy.parameters.stride);
         let samples = u64::from(strategy.parameters.samples);
         let paths = strategy.paths();
-        let capacity = self.dispatches.capacity(&self.gpu, stride, paths);
+        let capacity = self.dispatches.capacity(&self.gpu, stride, strategy.most_paths, paths);
         let bytes = u64::from(capacity) * stride * 16;
         let Kernel { pipeline, pace } = kernel(&self.gpu, &mut self.kernels, &strategy.features)?;
         pace.begin(Work::of(&strategy.parameters));
