@@ -23,19 +23,19 @@ fn trace_paths(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     if (next >= end) {
         return;
     }
+    var place = path_place(next);
     // Of several paths, where rays from the pinhole go by lists, the triangles that their first rays meet are found out beforehand: a step
     // that might do it for a new path would cost all lanes as if each did. They wait where the paths will leave their heads, without a mark.
     if (SEVERAL_PATHS && SIGHT_SIDE > 0u) {
-        var place = path_place(next);
+        var ahead = place;
         for (var index = next; index < end; index += SIDE_BY_SIDE) {
-            let start = path_start(place);
-            place = path_place_after(place, SIDE_BY_SIDE);
+            let start = path_start(ahead);
+            ahead = path_place_after(ahead, SIDE_BY_SIDE);
             let hit = sight_trace(start.image, start.origin, start.direction, FAR, NONE, false);
             records[index] = vec4u(0u, hit.triangle, 0u, 0u);
         }
     }
 
-    var place = path_place(next);
     var path = path_begin(next, path_start(place));
     var hit = first_hit(path);
     // The path's first ray is yet to be traced.

@@ -1,6 +1,7 @@
 //! How much of the work one dispatch takes: sized by measured time, and marked so that none goes missing.
 
 use std::num::NonZero;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use super::features::SceneFeatures;
@@ -39,9 +40,10 @@ pub(super) fn most_paths(gpu: &Gpu, scene: &SceneFeatures, gathers: bool, max_bo
     }
 }
 
-/// What the driver of a processor shares a dispatch out to.
+/// What the driver of a processor shares a dispatch out to. Asked once: the answer is read from files.
 fn cores() -> u32 {
-    std::thread::available_parallelism().map_or(1, NonZero::get) as u32
+    static CORES: OnceLock<u32> = OnceLock::new();
+    *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, NonZero::get) as u32)
 }
 
 /// The dispatches of one tracer.
@@ -57,13 +59,13 @@ impl Dispatches {
         self.count << 16
     }
 
-    /// Paths that one dispatch may take, of `total`, when each leaves `stride` records of 16 bytes and an invocation takes up to `each`:
-    /// as many workgroups for one core as for another, if there is room for one each.
+    /// Paths that one dispatch may take, of `total`, when each leaves `stride` records of 16 bytes and an invocation takes up to `each`.
+    /// On a processor as many workgroups for one core as for another, if there is room for one each.
     pub(super) fn capacity(&self, gpu: &Gpu, stride: u64, each: u32, total: u64) -> u32 {
         let wish = if gpu.shares_memory { RECORD_BYTES_IN_CACHE } else { RECORD_BYTES };
         let room = wish.min(gpu.summary.max_storage_binding).min(gpu.summary.max_buffer);
         let paths = (room / (16 * stride)).min(u64::from(MAX_PATHS)).min(total.max(64)) as u32;
-        let even = 64 * each * cores();
+        let even = if gpu.summary.is_processor() { 64 * each * cores() } else { 1 };
         if paths < even { paths } else { paths / even * even }
     }
 }

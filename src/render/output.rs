@@ -79,7 +79,8 @@ impl Output {
         })
     }
 
-    /// Hands the device one dispatch of `parameters.paths`, `parameters.paths_each` to an invocation, of whose results the first `bytes` are wanted.
+    /// Hands the device one dispatch of `parameters.paths`, `parameters.paths_each` to an invocation, of whose results the first
+    /// `bytes` are wanted.
     pub(super) fn launch(
         &self,
         gpu: &Gpu,

@@ -167,7 +167,8 @@ impl Tracer {
         let samples = u64::from(strategy.parameters.samples);
         let paths = strategy.paths();
         let capacity = self.dispatches.capacity(&self.gpu, stride, strategy.most_paths, paths);
-        let bytes = u64::from(capacity) * stride * 16;
+        let bytes = |paths: u32| u64::from(paths) * stride * 16;
+        let room = bytes(capacity);
         let Kernel { pipeline, pace } = kernel(&self.gpu, &mut self.kernels, &strategy.features)?;
         pace.begin(Work::of(&strategy.parameters));
         // While the host takes in the paths of one, the device writes to the other; but not where both are the same cores, which
@@ -176,10 +177,10 @@ impl Tracer {
         let places = if self.gpu.shares_memory { 1 } else { 2 };
         // Those of the last trace may serve again, unless it was broken off: then they are not here.
         let mut landings = std::mem::take(&mut self.landings);
-        landings.retain(|landing| landing.bytes() >= bytes);
+        landings.retain(|landing| landing.bytes() >= room);
         landings.truncate(places);
         while landings.len() < places {
-            landings.push(Landing::new(&self.gpu, bytes)?);
+            landings.push(Landing::new(&self.gpu, room)?);
         }
         let outputs = landings.iter().map(|landing| {
             let (chains, sight) = (&strategy.chains.buffers, &strategy.sight);
@@ -205,8 +206,7 @@ impl Tracer {
                 };
                 let output = &outputs[summary.dispatches as usize % outputs.len()];
                 let start = Instant::now();
-                let flight =
-                    output.launch(&self.gpu, pipeline, &parameters, u64::from(count) * stride * 16)?;
+                let flight = output.launch(&self.gpu, pipeline, &parameters, bytes(count))?;
                 flights.push_back(Launched { output, flight, start, first_path: launched, parameters });
                 launched += u64::from(count);
                 summary.dispatches += 1;
@@ -224,8 +224,7 @@ impl Tracer {
                 parameters = Parameters { paths_each: 1, mark: self.dispatches.mark(), ..parameters };
                 drop(view);
                 output.release();
-                let bytes = u64::from(parameters.paths) * stride * 16;
-                view = output.run(&self.gpu, pipeline, &parameters, bytes)?;
+                view = output.run(&self.gpu, pipeline, &parameters, bytes(parameters.paths))?;
                 (unfinished, rays) = census(&view, parameters.mark);
             }
             // One behind another began when that was done.

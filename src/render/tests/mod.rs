@@ -6,6 +6,7 @@ mod fresnel;
 mod furnace;
 mod invocations;
 mod kernel;
+mod left;
 mod material;
 mod random;
 mod reciprocity;

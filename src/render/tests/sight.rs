@@ -1,15 +1,11 @@
 //! Lists of what the pinhole sees, and rays that test every triangle, against the search tree: the same paths, to the last bit.
 
-use std::ops::ControlFlow;
-
 use glam::Vec3;
 
+use super::left::{Left, left};
 use crate::image::Resolution;
-use crate::render::{Batch, TraceSettings, TraceSummary, Tracer};
+use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, Triangle, builtin};
-
-/// What a path left: rays, direct light and connections, as bits.
-type Left = (u64, [u32; 3], Vec<(u32, u32, [u32; 3])>);
 
 /// How rays find what they hit.
 #[derive(Clone, Copy)]
@@ -37,22 +33,7 @@ fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<Left> {
         strategy.features.sight_side = 0;
     }
     strategy.features.scene.few_triangles = if by.each { scene.triangles.len() as u32 } else { 0 };
-    let mut left = Vec::new();
-    let mut visit = |batch: &Batch<'_>| {
-        left.extend((0..batch.len()).map(|path| {
-            let connections = batch.connections(path).map(|connection| {
-                (connection.camera, connection.projector, connection.value.map(f32::to_bits))
-            });
-            (batch.rays(path), batch.direct(path).map(f32::to_bits), connections.collect())
-        }));
-        Ok(())
-    };
-    let mut go_on = |_| ControlFlow::Continue(());
-    let total = strategy.paths();
-    tracer
-        .run(strategy, total, &mut TraceSummary::default(), &mut go_on, &mut visit)
-        .expect("shipped scenes can be traced");
-    left
+    left(&mut tracer, strategy)
 }
 
 fn shipped(name: &str) -> Scene {
