@@ -138,10 +138,21 @@ impl TransportMatrix {
         // Of equally many rows, layers have equal bands.
         let rows = layers.first().map_or(BAND, |layer| layer.tiles().band_rows());
         to.par_chunks_mut(rows).enumerate().for_each(|(band, to)| {
-            for (row, value) in (band * rows..).zip(&mut *to) {
-                *value = direct.get(row).map_or(V::default(), |&direct| from[row].times(f64::from(direct)));
+            let of_band = band * rows..band * rows + to.len();
+            let mut products = layers.iter().map(|layer| layer.tiles().product(channel, band, from));
+            let first = products.next().unwrap_or_else(|| vec![V::default(); to.len()]);
+            match direct.get(of_band.clone()) {
+                Some(direct) => {
+                    let direct = direct.iter().zip(&from[of_band]);
+                    to.iter_mut().zip(first).zip(direct).for_each(|((to, product), (&direct, from))| {
+                        *to = from.times(f64::from(direct)).plus(product);
+                    });
+                }
+                None => to.copy_from_slice(&first),
             }
-            layers.iter().for_each(|layer| layer.tiles().add_product(channel, band, from, to));
+            for product in products {
+                to.iter_mut().zip(product).for_each(|(to, product)| *to = to.plus(product));
+            }
         });
     }
 

@@ -12,7 +12,7 @@ use super::slice::{Kernel, LANES, Slice};
 use super::value::Abreast;
 
 /// Steps ahead of its use that an entry is asked for: what memory takes to answer, since no processor guesses a stream's next page.
-const AHEAD: usize = 20;
+const AHEAD: usize = 80;
 
 /// `None` where the processor does not have the instructions.
 pub(super) fn of_one() -> Option<Kernel<f64>> {

@@ -68,14 +68,15 @@ impl Tiles {
         self.shape.rows
     }
 
-    /// Adds the product with `from` of one band's rows to `to`, which begins with the band's first row.
-    pub(super) fn add_product<V: Summable>(&self, channel: usize, band: usize, from: &[V], to: &mut [V]) {
+    /// The product with `from` of one band's rows.
+    pub(super) fn product<V: Summable>(&self, channel: usize, band: usize, from: &[V]) -> Vec<V> {
         let across = self.cols.div_ceil(self.shape.columns);
         let starts = &self.tiles[band * across..=(band + 1) * across];
         let weights = &self.weights[channel];
+        let rows = self.shape.rows.min(self.rows - band * self.shape.rows);
         let sums = V::sums();
         // One more, for lanes without a row.
-        let mut product = vec![V::default(); to.len() + 1];
+        let mut product = vec![V::default(); rows + 1];
         for (ends, from) in starts.windows(2).zip(from.chunks(self.shape.columns)) {
             let [start, end] = [ends[0], ends[1]];
             sums.add(
@@ -86,7 +87,8 @@ impl Tiles {
                 &mut product,
             );
         }
-        to.iter_mut().zip(product).for_each(|(to, product)| *to = to.plus(product));
+        product.truncate(rows);
+        product
     }
 }
 

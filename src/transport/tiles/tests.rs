@@ -68,17 +68,12 @@ proptest! {
         let tiles = Tiles::of_shape(shape, cols, &from);
         let x = pattern(cols);
         for channel in 0..2 {
-            let mut y = vec![0.0; rows];
-            for (band, y) in y.chunks_mut(tiles.band_rows()).enumerate() {
-                tiles.add_product(channel, band, &x, y);
-            }
+            let bands = 0..rows.div_ceil(tiles.band_rows());
+            let y: Vec<f64> = bands.clone().flat_map(|band| tiles.product(channel, band, &x)).collect();
             // The same additions from left to right: the same to the last bit.
             prop_assert_eq!(&y, &product(&from, channel, &x));
-            let mut of_four = vec![Abreast::default(); rows];
             let xs = four(&x);
-            for (band, y) in of_four.chunks_mut(tiles.band_rows()).enumerate() {
-                tiles.add_product(channel, band, &xs, y);
-            }
+            let of_four: Vec<Abreast> = bands.flat_map(|band| tiles.product(channel, band, &xs)).collect();
             prop_assert_eq!(of_four, four(&y));
         }
     }
