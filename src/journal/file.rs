@@ -4,11 +4,15 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use super::record::{Entry, Kind, LONGEST_METADATA, encode};
 use super::scan::{Damage, Torn, name, read_at};
 use super::{Identity, Key};
 use crate::error::{Error, Result};
+
+/// How long a record of what can be computed again waits at most for its way to the disk, as long as more come.
+const SOON: Duration = Duration::from_millis(250);
 
 /// A journal, open to read and, unless it is [`Journal::read_only`], to append.
 #[derive(Debug)]
@@ -27,6 +31,22 @@ pub struct Journal {
     pub(super) end: u64,
     /// Bytes that could not be written could not be taken back either.
     pub(super) stuck: bool,
+    pub(super) settled: Settled,
+}
+
+/// What is on disk for certain, not only with the system.
+#[derive(Debug)]
+pub(super) struct Settled {
+    /// The first so many entries.
+    entries: usize,
+    at: Instant,
+}
+
+impl Settled {
+    /// So many entries, now.
+    pub(super) fn now(entries: usize) -> Self {
+        Self { entries, at: Instant::now() }
+    }
 }
 
 /// What a record holds.
@@ -141,28 +161,51 @@ impl Journal {
         Ok(key)
     }
 
-    /// Appends a record, and returns when it is on disk.
+    /// Appends a record, and returns when it is on disk, and all before it.
     ///
     /// # Errors
     /// [`Error::Journal`] naming the file when it cannot be written, is open to read only, or holds such a record already. Nothing that
     /// was there before is lost: a record written in part is cut off again.
     pub fn append(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
+        self.write_new(kind, key, metadata, payload)?;
+        self.settle()
+    }
+
+    /// Appends a record of what can be computed again, and returns when the system has it: it outlives the end of this process,
+    /// whatever that may be, and a quarter of a second later, when more is appended or the journal is closed, that of the system.
+    /// The way to the disk takes longer than a product.
+    ///
+    /// # Errors
+    /// As [`Journal::append`]; where the disk refuses, it is the records since it last took any that are taken back.
+    pub fn append_soon(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
+        self.write_new(kind, key, metadata, payload)?;
+        if self.settled.at.elapsed() < SOON { Ok(()) } else { self.settle() }
+    }
+
+    fn write_new(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         if self.holds(key) {
             return Err(self.refusal(
                 format!("a {} of this key is there already", kind.name()),
                 "this is a fault of the program: please report it",
             ));
         }
-        self.write(kind, key, metadata, payload)?;
+        self.write(kind, key, metadata, payload)
+    }
+
+    /// Returns when all that was written is on disk.
+    fn settle(&mut self) -> Result<()> {
         // Lengths are among what `sync_data` brings to the disk; times are not, and nobody asks for them.
-        let Err(source) = self.file.sync_data() else { return Ok(()) };
-        // What is on disk now, nobody knows: the record is taken back, and this process writes no other.
+        let Err(source) = self.file.sync_data() else {
+            self.settled = Settled::now(self.entries.len());
+            return Ok(());
+        };
+        // What of it is on disk now, nobody knows: all of it is taken back, and this process writes no more.
         self.stuck = true;
-        self.index.remove(&key);
-        if let Some(entry) = self.entries.pop() {
+        for entry in self.entries.split_off(self.settled.entries).iter().rev() {
+            self.index.remove(&entry.key);
             self.end = entry.offset;
-            let _ = self.file.set_len(self.end);
         }
+        let _ = self.file.set_len(self.end);
         Err(self.unwritable(&source))
     }
 
@@ -231,5 +274,14 @@ impl Journal {
             format!("cannot write: {source}; all {kept} photos so far are safe"),
             "make room (or repair what is wrong), and go on with the same command and --resume",
         )
+    }
+}
+
+impl Drop for Journal {
+    fn drop(&mut self) {
+        if self.settled.entries < self.entries.len() {
+            // Nobody is left to hear of it; what did not get there is found by its checksum, and taken again.
+            let _ = self.settle();
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! A journal: an append-only file of photos, each on disk before it is used.
+//! A journal: an append-only file of photos, each written down before it is used.
 //!
 //! What a run photographs is dear, so it is written down before anything is made of it. A run that is killed at any moment goes
 //! on from its journal without taking one photo twice; a finished one is repeated from it, or asked something else, with

@@ -5,7 +5,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::file::Journal;
+use super::file::{Journal, Settled};
 use super::scan::{Damage, scan};
 use super::{Identity, header, lock};
 use crate::error::{Error, Result};
@@ -144,6 +144,7 @@ fn begin(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
         damages: Vec::new(),
         torn: None,
         stuck: false,
+        settled: Settled::now(0),
     })
 }
 
@@ -183,6 +184,7 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     }
     let index = found.entries.iter().enumerate().map(|(index, entry)| (entry.key, index)).collect();
     let end = found.torn.as_ref().map_or(length, |torn| torn.offset);
+    let settled = Settled::now(found.entries.len());
     Ok(Journal {
         path,
         file,
@@ -195,5 +197,6 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
         torn: found.torn,
         end,
         stuck: false,
+        settled,
     })
 }

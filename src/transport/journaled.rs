@@ -1,4 +1,4 @@
-//! Products that are on disk before they are used, and that are never taken twice.
+//! Products that are written down before they are used, and that are never taken twice.
 
 use std::cell::RefCell;
 
@@ -109,7 +109,7 @@ impl<'a> JournaledOperator<'a> {
         let note = Note { operator: self.name.clone(), direction, pattern };
         let photo: Vec<u8> = to.iter().flat_map(|value| value.to_le_bytes()).collect();
         // Texts always have a JSON form.
-        journal.append(Kind::Photo, key, &serde_json::to_vec(&note).unwrap_or_default(), &photo)
+        journal.append_soon(Kind::Photo, key, &serde_json::to_vec(&note).unwrap_or_default(), &photo)
     }
 }
 

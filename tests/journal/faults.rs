@@ -76,6 +76,24 @@ fn a_folder_that_cannot_be_written_is_named() {
     }
 }
 
+/// What ends a process leaves what the system has; here nothing closes the journal, as when a process is killed.
+#[test]
+fn what_can_be_computed_again_outlives_its_process_too() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut journal = Journal::create(folder.path(), &identity()).expect("there is room");
+    for index in 0..3_u8 {
+        let key = journal.key(&[&[index]]);
+        journal.append_soon(Kind::Photo, key, b"{}", &PAYLOAD).expect("there is room");
+        let mut seen = Journal::read_only(folder.path()).expect("it is whole");
+        assert_eq!(seen.photos(), usize::from(index) + 1);
+        assert_eq!(seen.get(key).expect("it can be read").expect("it is there").payload, PAYLOAD);
+        let twice = journal.append_soon(Kind::Photo, key, b"{}", &PAYLOAD);
+        assert!(twice.expect_err("it is there already").to_string().contains("already"));
+    }
+    std::mem::forget(journal);
+    assert_eq!(Journal::read_only(folder.path()).expect("it is whole").photos(), 3);
+}
+
 #[test]
 fn a_second_writer_is_refused_by_name_until_the_first_has_ended() {
     let folder = tempfile::tempdir().expect("a temporary folder");
