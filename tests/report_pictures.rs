@@ -84,3 +84,20 @@ fn enlarging_repeats_pixels() -> Outcome {
     assert!(Raster::from_pixels(Resolution::new(0, 4), []).encode_png().is_err());
     Ok(())
 }
+
+#[test]
+fn a_picture_is_pasted_as_far_as_it_is_inside() {
+    let small = Raster::from_pixels(Resolution::new(2, 2), [[1; 3], [2; 3], [3; 3], [4; 3]]);
+    for (x, y, expected) in [
+        (0, 1, [[0, 0, 0], [1, 2, 0], [3, 4, 0]]),
+        (2, 2, [[0, 0, 0], [0, 0, 0], [0, 0, 1]]),
+        (1, 0, [[0, 1, 2], [0, 3, 4], [0, 0, 0]]),
+        (3, 0, [[0; 3]; 3]),
+        (0, 7, [[0; 3]; 3]),
+    ] {
+        let mut large = Raster::black(Resolution::new(3, 3));
+        large.paste(&small, x, y);
+        let levels = [0, 1, 2].map(|y| [0, 1, 2].map(|x| large.pixel(x, y)[0]));
+        assert_eq!(levels, expected, "at {x}, {y}");
+    }
+}

@@ -24,9 +24,21 @@ const SIGNED_STOPS: [[u8; 3]; 7] = [
     [0x6b, 0x1b, 0x0b],
 ];
 
-/// The same in Oklab, made once: that takes several times as long as a pixel's own colour.
-static SIGNED_IN_OKLAB: LazyLock<[[f32; 3]; 7]> = LazyLock::new(|| {
-    SIGNED_STOPS.map(|stop| oklab_from_linear(stop.map(|byte| decode_srgb(f32::from(byte) / 255.0))))
+/// Steps from one stop to the next: each changes a colour by less than a level.
+const STEPS: usize = 512;
+
+/// The map's colours from end to end, mixed once: that takes longer than all else that a pixel needs.
+static SIGNED: LazyLock<Vec<[u8; 3]>> = LazyLock::new(|| {
+    let stops =
+        SIGNED_STOPS.map(|stop| oklab_from_linear(stop.map(|byte| decode_srgb(f32::from(byte) / 255.0))));
+    let color = |step: usize| {
+        let below = (step / STEPS).min(stops.len() - 2);
+        let fraction = (step - below * STEPS) as f32 / STEPS as f32;
+        let [from, to] = [stops[below], stops[below + 1]];
+        let mixed = [0, 1, 2].map(|axis| from[axis] + fraction * (to[axis] - from[axis]));
+        linear_from_oklab(mixed).map(encode_srgb)
+    };
+    (0..=(stops.len() - 1) * STEPS).map(color).collect()
 });
 
 /// The colour of `value` in \[−1, 1\], clipped beyond: 0 is near white, negative blue, positive vermilion.
@@ -34,12 +46,8 @@ pub fn signed_color(value: f64) -> [u8; 3] {
     if value.is_nan() {
         return NOT_A_NUMBER;
     }
-    let position = (value.clamp(-1.0, 1.0) + 1.0) / 2.0 * (SIGNED_STOPS.len() - 1) as f64;
-    let below = (position as usize).min(SIGNED_STOPS.len() - 2);
-    let fraction = (position - below as f64) as f32;
-    let [from, to] = [SIGNED_IN_OKLAB[below], SIGNED_IN_OKLAB[below + 1]];
-    let mixed = [0, 1, 2].map(|axis| from[axis] + fraction * (to[axis] - from[axis]));
-    linear_from_oklab(mixed).map(encode_srgb)
+    let middle = (SIGNED.len() / 2) as f64;
+    SIGNED[(middle * (1.0 + value.clamp(-1.0, 1.0))).round() as usize]
 }
 
 /// The colour of `value` in \[0, 1\], clipped beyond: viridis, dark violet through green to yellow, even in lightness.
@@ -140,6 +148,9 @@ mod tests {
         assert_eq!(signed_color(0.0), SIGNED_STOPS[3]);
         assert_eq!(signed_color(-7.0), SIGNED_STOPS[0]);
         assert_eq!(signed_color(f64::INFINITY), SIGNED_STOPS[6]);
+        // No step is seen.
+        let near = |pair: &[[u8; 3]]| (0..3).all(|channel| pair[0][channel].abs_diff(pair[1][channel]) <= 1);
+        assert!(SIGNED.windows(2).all(near));
         let lightness = |value: f64| {
             oklab_from_linear(signed_color(value).map(|byte| decode_srgb(f32::from(byte) / 255.0)))[0]
         };

@@ -23,6 +23,11 @@ impl Raster {
         Self { resolution, bytes }
     }
 
+    /// All black.
+    pub fn black(resolution: Resolution) -> Self {
+        Self { resolution, bytes: vec![0; 3 * resolution.pixels()] }
+    }
+
     /// Size in pixels.
     pub fn resolution(&self) -> Resolution {
         self.resolution
@@ -39,6 +44,18 @@ impl Raster {
         match self.bytes.get(at..at + 3) {
             Some(&[red, green, blue]) if x < self.resolution.width => [red, green, blue],
             _ => [0; 3],
+        }
+    }
+
+    /// Copies `other` to where its top left corner is at column `x`, row `y`; what would hang over the edges is left out.
+    pub fn paste(&mut self, other: &Self, x: usize, y: usize) {
+        let columns = other.resolution.width.min(self.resolution.width.saturating_sub(x));
+        if columns == 0 {
+            return;
+        }
+        let rows = self.bytes.chunks_exact_mut(3 * self.resolution.width).skip(y);
+        for (to, from) in rows.zip(other.bytes.chunks_exact(3 * other.resolution.width)) {
+            to[3 * x..3 * (x + columns)].copy_from_slice(&from[..3 * columns]);
         }
     }
 

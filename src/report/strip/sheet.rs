@@ -42,13 +42,11 @@ pub(super) fn sheet(shots: &[[Thumb; 2]]) -> Result<Sheet> {
         width * painted.len().min(ROW),
         (heights[0] + heights[1]) * painted.len().div_ceil(ROW),
     );
-    let pixel = |at: usize| {
-        let (x, y) = (at % size.width, at / size.width);
-        let (column, row) = (x / width, y / (heights[0] + heights[1]));
-        let inside = y % (heights[0] + heights[1]);
-        let (which, down) = if inside < heights[0] { (0, inside) } else { (1, inside - heights[0]) };
-        painted.get(row * ROW + column).map_or([0; 3], |(pair, _)| pair[which].pixel(x % width, down))
-    };
-    let raster = Raster::from_pixels(size, (0..size.pixels()).map(pixel));
+    let mut raster = Raster::black(size);
+    for ((pair, _), frame) in painted.iter().zip(&frames) {
+        for (picture, ([left, top, ..], _)) in pair.iter().zip(&frame.pictures) {
+            raster.paste(picture, *left, *top);
+        }
+    }
     Ok(Sheet { png: raster.encode_png()?, width: size.width, height: size.height, frames })
 }

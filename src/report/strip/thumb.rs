@@ -70,15 +70,24 @@ fn reduced(size: Resolution, factor: usize) -> Resolution {
 
 /// Means of squares of `factor` pixels a side, of what there is of them at the right and lower edge.
 fn averaged(size: Resolution, factor: usize, values: &[f64]) -> Vec<f64> {
-    let small = reduced(size, factor);
-    let (mut sums, mut counts) = (vec![0.0; small.pixels()], vec![0_u32; small.pixels()]);
-    for (pixel, value) in values.iter().enumerate() {
-        let (x, y) = (pixel % size.width, pixel / size.width);
-        let at = y / factor * small.width + x / factor;
-        sums[at] += value;
-        counts[at] += 1;
+    if factor == 1 {
+        return values.to_vec();
     }
-    sums.iter().zip(counts).map(|(sum, count)| sum / f64::from(count.max(1))).collect()
+    let small = reduced(size, factor);
+    let mut means = vec![0.0; small.pixels()];
+    for (y, row) in values.chunks(size.width.max(1)).enumerate() {
+        let means = &mut means[y / factor * small.width..][..small.width];
+        for (sum, values) in means.iter_mut().zip(row.chunks(factor)) {
+            values.iter().for_each(|value| *sum += value);
+        }
+    }
+    let there = |at: usize, side: usize| factor.min(side - at * factor);
+    for (y, row) in means.chunks_mut(small.width.max(1)).enumerate() {
+        for (x, sum) in row.iter_mut().enumerate() {
+            *sum /= (there(x, size.width) * there(y, size.height)) as f64;
+        }
+    }
+    means
 }
 
 #[cfg(test)]
