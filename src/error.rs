@@ -40,20 +40,20 @@ pub enum Error {
         help: String,
     },
     /// A file cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("cannot read {}: {reason}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// The system's reason.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// A file cannot be written.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}: {reason}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
         /// The system's reason.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// No Vulkan adapter: neither a GPU's driver nor the software one is installed.
     #[error("no Vulkan adapter found{detail}\n  help: {help}")]
@@ -133,12 +133,12 @@ impl Error {
     /// A function for `map_err` that names the file which could not be read.
     pub fn reading(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
-        move |source| Self::Read { path, source }
+        move |reason| Self::Read { path, reason }
     }
 
     /// A function for `map_err` that names the file which could not be written.
     pub fn writing(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
-        move |source| Self::Write { path, source }
+        move |reason| Self::Write { path, reason }
     }
 }

@@ -398,6 +398,8 @@ fn errors_name_the_file_or_the_option() {
     let z = zigzag();
 
     assert_error(&["photo", "missing.glb"], &["cannot read missing.glb"]);
+    let said = text(&run(&["photo", "missing.glb"]).stderr);
+    assert_eq!(said.matches("os error").count(), 1, "the reason stands there once: {said}");
     assert_error(&["photo", &text_file], &["scene.glb"]);
     assert_error(&["photo", &z, "--camera", "nobody"], &["nobody", "camera"]);
     assert_error(&["photo", &z, "--pattern", "wihte"], &["--pattern", "checker:N"]);
