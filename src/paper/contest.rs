@@ -1,8 +1,10 @@
 //! Compensation as the paper's figures show it: the recipe that clamps, the methods inside the box, and the optimum, at
 //! equal numbers of photos.
 
+use std::rc::Rc;
 use std::sync::Arc;
 
+use super::bench::Bench;
 use super::figure::{Curve, Shot};
 use super::stage::Stage;
 use crate::analysis::compensate::Mixture;
@@ -115,6 +117,51 @@ pub(super) fn enter(
     entry.pattern = found.x;
     entry.shots = recorded.products.into_iter().map(Shot::from).collect();
     Ok(entry)
+}
+
+/// What the figures of compensation hold against each other: methods at equal photos, doing nothing, and the best there is.
+pub(super) struct Contest {
+    pub(super) wish: Wish,
+    /// A Krylov method, whose answer is clamped in the end: the paper's way.
+    pub(super) recipe: Entry,
+    /// The same scaled by the white photo.
+    pub(super) scaled: Entry,
+    pub(super) boxed: Entry,
+    pub(super) jacobi: Entry,
+    /// See [`optimum`].
+    pub(super) bound: f64,
+    pub(super) optimum: f64,
+    /// The picture itself as a pattern, and its residual.
+    pub(super) plain: Vec<f64>,
+    pub(super) uncompensated: f64,
+}
+
+impl Contest {
+    /// Each method takes `photos` photos beside the white one; the optimum, which no rig has to take, `products`.
+    pub(super) fn hold(
+        bench: &mut Bench<'_>,
+        stage: &Rc<Stage>,
+        target: &[f64],
+        recipe: Method,
+        photos: usize,
+        products: usize,
+    ) -> Result<Self> {
+        let (wish, [recipe, scaled, boxed, jacobi]) = bench.with_rig(stage, Part::Full, |operator| {
+            let wish = Wish::new(stage, operator, target)?;
+            let mut enter = |method| enter(stage, operator, &wish, method, photos);
+            let entries = [
+                enter((recipe, false))?,
+                enter((recipe, true))?,
+                enter((Method::KrylovBox, false))?,
+                enter((Method::Jacobi, false))?,
+            ];
+            Ok((wish, entries))
+        })?;
+        let (bound, optimum) = optimum(stage, &wish, products)?;
+        let plain = clamped(&target.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
+        let uncompensated = wish.residual(stage, &plain);
+        Ok(Self { wish, recipe, scaled, boxed, jacobi, bound, optimum, plain, uncompensated })
+    }
 }
 
 /// What a projector makes of a pattern.

@@ -3,7 +3,7 @@
 use super::bench::Bench;
 use super::check::Check;
 use super::compensated::{panels, percent, residuals};
-use super::contest::{self, Wish, clamped, enter, line};
+use super::contest::{Contest, enter, line};
 use super::figure::{Figure, Reproduced};
 use super::stage::Set;
 use super::target::picture;
@@ -22,22 +22,8 @@ const OPTIMUM: usize = 600;
 pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
-    let target = picture(side);
-    let (wish, entries) = bench.with_rig(&stage, Part::Full, |operator| {
-        let wish = Wish::new(&stage, operator, &target)?;
-        let mut enter = |method| enter(&stage, operator, &wish, method, MORE);
-        let entries = [
-            enter((Method::Minres, false))?,
-            enter((Method::Minres, true))?,
-            enter((Method::KrylovBox, false))?,
-            enter((Method::Jacobi, false))?,
-        ];
-        Ok((wish, entries))
-    })?;
-    let [recipe, scaled, boxed, jacobi] = &entries;
-    let (bound, optimum) = contest::optimum(&stage, &wish, OPTIMUM)?;
-    let plain = clamped(&target.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
-    let uncompensated = wish.residual(&stage, &plain);
+    let contest = Contest::hold(bench, &stage, &picture(side), Method::Minres, MORE, OPTIMUM)?;
+    let Contest { wish, recipe, scaled, boxed, jacobi, .. } = &contest;
     let checks = vec![
         Check::at_most(
             "residual without a box, 5 photos of MINRES, %",
@@ -47,7 +33,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         Check::stated("the same scaled by the white photo, %", percent(scaled.answered_at(PHOTOS))),
         Check::at_most(
             "residual displayed, 5 photos inside the box, over the optimum",
-            boxed.displayed_at(PHOTOS) / bound,
+            boxed.displayed_at(PHOTOS) / contest.bound,
             1.02,
         ),
         Check::stated("residual displayed, 5 photos inside the box, %", percent(boxed.displayed_at(PHOTOS))),
@@ -59,8 +45,8 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
             "residual displayed by projected Jacobi, 5 photos, %",
             percent(jacobi.displayed_at(PHOTOS)),
         ),
-        Check::stated("optimum inside the box, % (proven from below)", percent(bound)),
-        Check::stated("uncompensated, %", percent(uncompensated)),
+        Check::stated("optimum inside the box, % (proven from below)", percent(contest.bound)),
+        Check::stated("uncompensated, %", percent(contest.uncompensated)),
     ];
     let lines = vec![
         line("MINRES, not clamped", &recipe.answered),
@@ -69,15 +55,15 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         line("projected Jacobi", &jacobi.displayed),
     ];
     let short = bench.with_rig(&stage, Part::Full, |operator| {
-        enter(&stage, operator, &wish, (Method::KrylovBox, false), PHOTOS)
+        enter(&stage, operator, wish, (Method::KrylovBox, false), PHOTOS)
     })?;
     Ok(Reproduced {
         figure: Figure::Fig11,
         rig: bench.rig(),
         setting: format!("corner, {}, 5 photos beside the white one", stage.resolution),
         checks,
-        panels: panels(&stage, &wish, &plain, &short),
-        plots: vec![residuals(lines, uncompensated, optimum)],
+        panels: panels(&stage, wish, &contest.plain, &short),
+        plots: vec![residuals(lines, contest.uncompensated, contest.optimum)],
         strips: Vec::new(),
         photos: 1 + PHOTOS,
         seconds: 0.0,

@@ -3,7 +3,7 @@
 use super::bench::Bench;
 use super::check::Check;
 use super::compensated::{panels, percent, residuals};
-use super::contest::{self, Entry, Wish, clamped, enter, line};
+use super::contest::{Contest, Entry, Wish, clamped, enter, line, optimum};
 use super::figure::{Figure, Reproduced};
 use super::stage::Set;
 use super::target::picture;
@@ -22,32 +22,19 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Defocused, side)?;
     let target = picture(side);
-    let (wish, entries) = bench.with_rig(&stage, Part::Full, |operator| {
-        let wish = Wish::new(&stage, operator, &target)?;
-        let mut enter = |method| enter(&stage, operator, &wish, method, PHOTOS);
-        let entries = [
-            enter((Method::Gmres, false))?,
-            enter((Method::Gmres, true))?,
-            enter((Method::KrylovBox, false))?,
-            enter((Method::Jacobi, false))?,
-        ];
-        Ok((wish, entries))
-    })?;
-    let [recipe, scaled, boxed, jacobi] = &entries;
-    let (bound, optimum) = contest::optimum(&stage, &wish, OPTIMUM)?;
-    let plain = clamped(&target.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
-    let uncompensated = wish.residual(&stage, &plain);
+    let contest = Contest::hold(bench, &stage, &target, Method::Gmres, PHOTOS, OPTIMUM)?;
+    let Contest { wish, recipe, scaled, boxed, jacobi, .. } = &contest;
     let worst = |clamped: &Entry| {
         (1..=PHOTOS)
             .map(|k| boxed.displayed_at(k) / clamped.displayed_at(k))
             .fold(f64::NEG_INFINITY, f64::max)
     };
     let pattern = clamped(&boxed.pattern);
-    let sharper = edges(&pattern, stage.resolution) / edges(&plain, stage.resolution);
+    let sharper = edges(&pattern, stage.resolution) / edges(&contest.plain, stage.resolution);
     let mut checks = vec![
         Check::at_most(
             "residual displayed, 12 photos inside the box, over the optimum",
-            boxed.displayed_at(PHOTOS) / bound,
+            boxed.displayed_at(PHOTOS) / contest.bound,
             1.05,
         ),
         Check::at_most(
@@ -72,8 +59,8 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
         ));
     }
     checks.extend([
-        Check::stated("optimum inside the box, % (proven from below)", percent(bound)),
-        Check::stated("uncompensated, %", percent(uncompensated)),
+        Check::stated("optimum inside the box, % (proven from below)", percent(contest.bound)),
+        Check::stated("uncompensated, %", percent(contest.uncompensated)),
     ]);
     checks.push(Check::at_most(
         "with the camera out of focus, too: residual displayed, 12 photos inside the box, over the optimum",
@@ -95,8 +82,8 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
             stage.resolution
         ),
         checks,
-        panels: panels(&stage, &wish, &plain, boxed),
-        plots: vec![residuals(lines, uncompensated, optimum)],
+        panels: panels(&stage, wish, &contest.plain, boxed),
+        plots: vec![residuals(lines, contest.uncompensated, contest.optimum)],
         strips: Vec::new(),
         photos: 2 * (1 + PHOTOS),
         seconds: 0.0,
@@ -111,7 +98,7 @@ fn both_lenses(bench: &mut Bench<'_>, target: &[f64]) -> Result<f64> {
         let boxed = enter(&stage, operator, &wish, (Method::KrylovBox, false), PHOTOS)?;
         Ok((wish, boxed))
     })?;
-    let (bound, _) = contest::optimum(&stage, &wish, OPTIMUM)?;
+    let (bound, _) = optimum(&stage, &wish, OPTIMUM)?;
     Ok(boxed.displayed_at(PHOTOS) / bound)
 }
 
