@@ -18,7 +18,7 @@ fn primary_regions(@builtin(global_invocation_id) id: vec3u) {
     let hit = bvh_trace(eye.position, direction, 3.0e38, false);
     var region = NONE;
     if (hit.triangle != NONE) {
-        region = bvh_triangle_texel(hit.triangle, 1u).w;
+        region = bvh_pair_texel(hit.triangle >> 1u, 3u).y;
     }
     regions[id.x] = region;
 }

@@ -76,7 +76,7 @@ fn first_hit(path: Path) -> Hit {
     }
     let triangle = records[path.index].y;
     if (triangle != NONE) {
-        bvh_intersect_triangle(triangle, path.origin, path.direction, &hit);
+        bvh_intersect_pair(triangle >> 1u, path.origin, path.direction, &hit);
     }
     return hit;
 }

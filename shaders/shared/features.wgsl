@@ -26,5 +26,5 @@ override SIGHT_SIDE: u32 = 0u;
 override SEVERAL_PATHS: bool = false;
 // The search tree is small: its nodes and triangles lie in one row of a texture each, and 16 bits tell nodes apart.
 override SMALL_TREE: bool = false;
-// Number of triangles, where they are so few that testing each is cheaper than a search tree; else 0.
-override FEW_TRIANGLES: u32 = 0u;
+// Number of pairs of triangles, where they are so few that testing each is cheaper than a search tree; else 0.
+override FEW_PAIRS: u32 = 0u;

@@ -144,7 +144,7 @@ fn path_meets(path: ptr<function, Path>, hit: Hit) -> bool {
         let value = path.throughput * bsdf_eval(surface.bsdf, wo, wi) * (density * parameters.scale);
         if (lit != NONE && any(value > vec3f(0.0))) {
             var rays = 0u;
-            let light = connection_light(hit.triangle, select(before, behind, wi.z < 0.0), end, &rays);
+            let light = connection_light(hit.triangle >> 1u, select(before, behind, wi.z < 0.0), end, &rays);
             path.rays += rays;
             // Density of the reverse path over that of this one.
             var reverse = density * light.probability * parameters.end_to_start;

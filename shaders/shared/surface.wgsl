@@ -156,14 +156,14 @@ fn surface_shading(normal: vec3f, shading: vec3f) -> vec3f {
 }
 
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
-    let texel0 = bvh_triangle_texel(hit.triangle, 0u);
-    let texel1 = bvh_triangle_texel(hit.triangle, 1u);
-    let texel2 = bvh_triangle_texel(hit.triangle, 2u);
-    let edge1 = bitcast<vec3f>(texel1.xyz);
-    let edge2 = bitcast<vec3f>(texel2.xyz);
+    let pair = bvh_pair(hit.triangle >> 1u);
+    let texel = bvh_pair_texel(hit.triangle >> 1u, 3u);
+    let is_second = (hit.triangle & 1u) != 0u;
+    let edge1 = select(pair.edge1, pair.edge2, is_second);
+    let edge2 = select(pair.edge2, pair.edge3, is_second);
     let outward = normalize(cross(edge1, edge2));
     let back = dot(outward, direction) > 0.0;
-    let index = texel0.w;
+    let index = texel.x;
     let head = material_words(index, MATERIAL_FLAGS);
     let flags = head.x;
 
@@ -194,13 +194,13 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
         surface.ior = material_texel(index, MATERIAL_NUMBERS).y;
     }
     // From the barycentric coordinates: nearer to the plane than origin + t · direction.
-    surface.position = bitcast<vec3f>(texel0.xyz) + hit.barycentric.x * edge1 + hit.barycentric.y * edge2;
+    surface.position = pair.corner + hit.barycentric.x * edge1 + hit.barycentric.y * edge2;
     surface.normal = select(outward, -outward, back);
     surface.front = !back;
     surface.bsdf.shading = vec3f(0.0, 0.0, 1.0);
-    if (CORNERS && texel2.w != NONE) {
+    if (CORNERS && texel.z != NONE) {
         let weights = vec3f(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
-        surface_texture(&look, index, head.yz, texel2.w, weights, edge1, edge2);
+        surface_texture(&look, index, head.yz, texel.z + select(0u, 6u, is_second), weights, edge1, edge2);
         surface.bsdf.shading = surface_shading(surface.normal, select(look.shading, -look.shading, back));
     }
     var opacity = 1.0;

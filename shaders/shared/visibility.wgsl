@@ -4,7 +4,7 @@
 #import medium
 #import sight
 
-// From a point just off triangle `own`. `value` is what gets through; `probability` that a sampled path had passed all that it passes.
+// From a point just off a triangle of pair `own`. `value` is what gets through; `probability` that a sampled path had passed all that it passes.
 fn connection_light(own: u32, origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
     let direction = normalize(target_point - origin);
     var light = Pass(vec3f(1.0), 1.0);

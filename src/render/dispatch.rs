@@ -33,7 +33,7 @@ const MOST_PATHS: u32 = 64;
 /// rays test each of a few triangles: it takes longer to compile than it saves. A GPU has other invocations to turn to, and the more of
 /// them, the better. Measured: see benches/README.md.
 pub(super) fn most_paths(gpu: &Gpu, scene: &SceneFeatures, gathers: bool, max_bounces: u32) -> u32 {
-    if gpu.summary.is_processor() && scene.few_triangles == 0 && !gathers {
+    if gpu.summary.is_processor() && scene.few_pairs == 0 && !gathers {
         (SURFACES_OF_INVOCATION / max_bounces).clamp(1, MOST_PATHS)
     } else {
         1

@@ -30,14 +30,14 @@ pub(super) struct SceneFeatures {
     pub(super) media: bool,
     /// Nodes and triangles of the search tree lie in one row of a texture each, and 16 bits tell nodes apart.
     pub(super) small_tree: bool,
-    /// The number of triangles, where rays test each of them; 0 where they go by the search tree.
-    pub(super) few_triangles: u32,
+    /// The number of pairs of triangles, where rays test each of them; 0 where they go by the search tree.
+    pub(super) few_pairs: u32,
 }
 
 impl Features {
     /// By the shader's names.
     pub(super) fn constants(&self) -> [(&'static str, f64); 13] {
-        let SceneFeatures { matte, corners, chains, passable, media, small_tree, few_triangles } = self.scene;
+        let SceneFeatures { matte, corners, chains, passable, media, small_tree, few_pairs } = self.scene;
         let flag = |set: bool| f64::from(u8::from(set));
         [
             ("MATTE", flag(matte)),
@@ -52,7 +52,7 @@ impl Features {
             ("SIGHT_SIDE", f64::from(self.sight_side)),
             ("SEVERAL_PATHS", flag(self.several_paths)),
             ("SMALL_TREE", flag(small_tree)),
-            ("FEW_TRIANGLES", f64::from(few_triangles)),
+            ("FEW_PAIRS", f64::from(few_pairs)),
         ]
     }
 }
@@ -70,7 +70,7 @@ mod tests {
             passable: true,
             media: true,
             small_tree: true,
-            few_triangles: 4,
+            few_pairs: 4,
         };
         let features = Features {
             scene,

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 use super::features::SceneFeatures;
 use super::materials::{MIN_ALPHA, NONE, pack_materials};
+use super::pairs::{Pair, pair_up};
 use super::textures::{pack_normal, pack_texels, srgb_table};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -17,14 +18,14 @@ const FEW_TRIANGLES: usize = 8;
 /// Bindings 1 to 7 of group 0, in that order.
 pub(super) struct GpuScene {
     pub(super) nodes: wgpu::TextureView,
-    pub(super) triangles: wgpu::TextureView,
+    pub(super) pairs: wgpu::TextureView,
     pub(super) materials: wgpu::TextureView,
     pub(super) corners: wgpu::TextureView,
     pub(super) textures: wgpu::Buffer,
     pub(super) texels: wgpu::TextureView,
     pub(super) srgb_table: wgpu::Buffer,
-    /// The triangles' corners in the pinhole's frame, in leaf order.
-    pub(super) corners_in_order: Vec<[Vec3; 3]>,
+    /// The triangles in the pinhole's frame, in leaf order.
+    pub(super) pairs_in_order: Vec<Pair>,
     /// Whether any surface emits light of its own.
     pub(super) ambient: bool,
     /// What the surfaces need of a kernel.
@@ -36,53 +37,36 @@ impl GpuScene {
         let frame = PinholeFrame::of(&scene.camera);
         let positions: Vec<[Vec3; 3]> =
             scene.triangles.iter().map(|t| t.positions.map(|p| frame.point(p))).collect();
-        let bvh = Bvh::build(&positions).ok_or_else(|| Error::Scene {
+        let pairs = pair_up(&scene.triangles, &positions);
+        let bvh = Bvh::build(pairs.iter().map(Pair::extent)).ok_or_else(|| Error::Scene {
             path: scene.path.clone(),
             fault: "its triangles lie so close together that no search tree of bounded depth holds them"
                 .into(),
             help: "remove duplicate geometry (merge by distance) and export again".into(),
         })?;
+        let pairs: Vec<Pair> = bvh.order.iter().map(|&index| pairs[index as usize].clone()).collect();
 
-        let textured: Vec<bool> =
-            scene.materials.iter().map(|material| material.textures().next().is_some()).collect();
-        let mut triangles = Vec::with_capacity(3 * bvh.order.len());
-        let mut corners = Vec::new();
-        for &index in &bvh.order {
-            let triangle = &scene.triangles[index as usize];
-            let [a, b, c] = positions[index as usize];
-            let needs_corners = textured[triangle.material as usize] || !is_plain(triangle);
-            // Six texels a triangle; the array's size limit is far below u32::MAX, and is checked when it is made.
-            let first_corner = if needs_corners { corners.len() as u32 } else { NONE };
-            if needs_corners {
-                corners.extend(pack_corners(triangle, &frame).as_flattened());
-            }
-            let texel = |v: Vec3, word: u32| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), word];
-            triangles.extend([
-                texel(a, triangle.material),
-                texel(b - a, triangle.region),
-                texel(c - a, first_corner),
-            ]);
-        }
+        let (texels, corners) = pack_pairs(scene, &frame, &pairs);
         let (materials, textures) = pack_materials(scene);
-        let mut features = features(scene, !corners.is_empty());
+        let mut features = features(scene, pairs.len(), !corners.is_empty());
         let (mut nodes, mut row) = (bvh.nodes, TEXTURE_WIDTH);
-        let spread_out = (8 * nodes.len() / 5).max(4 * triangles.len() / 3);
+        let spread_out = (8 * nodes.len() / 5).max(texels.len());
         if spread_out <= gpu.summary.max_texture_side as usize {
             features.small_tree = true;
-            (nodes, triangles) = (spread::<5, 8>(&nodes), spread::<3, 4>(&triangles));
+            nodes = spread::<5, 8>(&nodes);
             // Not more than the device's limit, which has 32 bits.
             row = spread_out as u32;
         }
 
         Ok(Self {
             nodes: gpu.texel_rows("search tree's nodes", &nodes, row)?,
-            triangles: gpu.texel_rows("triangles", &triangles, row)?,
+            pairs: gpu.texel_rows("triangles", &texels, row)?,
             materials: gpu.texel_array("materials", &materials)?,
             corners: gpu.texel_array("normals, texture coordinates and colours", &corners)?,
             textures: gpu.storage("texture descriptions", &textures)?,
             texels: gpu.texel_array("textures", &pack_texels(scene))?,
             srgb_table: gpu.storage("sRGB table", &srgb_table())?,
-            corners_in_order: bvh.order.iter().map(|&index| positions[index as usize]).collect(),
+            pairs_in_order: pairs,
             ambient: scene.materials.iter().any(|m| m.emission != Vec3::ZERO),
             features,
         })
@@ -95,7 +79,7 @@ fn spread<const FROM: usize, const TO: usize>(texels: &[[u32; 4]]) -> Vec<[u32; 
     things.flat_map(|thing| (0..TO).map(|at| thing.get(at).copied().unwrap_or_default())).collect()
 }
 
-fn features(scene: &Scene, corners: bool) -> SceneFeatures {
+fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     let mirrors = |m: &Material| {
         (m.metallic > 0.0 || m.specular > 0.0 || m.transmission > 0.0) && m.may_be_smoother_than(MIN_ALPHA)
     };
@@ -110,7 +94,7 @@ fn features(scene: &Scene, corners: bool) -> SceneFeatures {
         passable: scene.materials.iter().any(Material::lets_light_straight_through),
         media: scene.materials.iter().any(|m| m.lets_light_through() && m.volume.is_some()),
         small_tree: false,
-        few_triangles: if scene.triangles.len() <= FEW_TRIANGLES { scene.triangles.len() as u32 } else { 0 },
+        few_pairs: if scene.triangles.len() <= FEW_TRIANGLES { pairs as u32 } else { 0 },
     }
 }
 
@@ -144,6 +128,31 @@ fn is_plain(triangle: &Triangle) -> bool {
     let normal = (b - a).cross(c - a).normalize_or_zero();
     let flat = |n: &Vec3| *n == Vec3::ZERO || n.distance_squared(normal) < 1e-9;
     triangle.colors == [Triangle::WHITE; 3] && triangle.normals.iter().all(flat)
+}
+
+/// As `shaders/shared/bvh.wgsl` reads them, and what their corners carry, where that is more than material and plane say.
+fn pack_pairs(scene: &Scene, frame: &PinholeFrame, pairs: &[Pair]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
+    let textured: Vec<bool> =
+        scene.materials.iter().map(|material| material.textures().next().is_some()).collect();
+    let mut texels = Vec::with_capacity(4 * pairs.len());
+    let mut corners = Vec::new();
+    for pair in pairs {
+        let triangles: Vec<Triangle> =
+            pair.triangles().map(|(turned, _)| turned.of(&scene.triangles)).collect();
+        // Both have the same.
+        let Triangle { material, region, .. } = triangles[0];
+        let needs_corners = textured[material as usize] || !triangles.iter().all(is_plain);
+        // Six texels a triangle; the array's size limit is far below u32::MAX, and is checked when it is made.
+        let first_corner = if needs_corners { corners.len() as u32 } else { NONE };
+        if needs_corners {
+            corners.extend(triangles.iter().flat_map(|triangle| pack_corners(triangle, frame)).flatten());
+        }
+        let [a, b, c, d] = pair.corners;
+        let words = [a, b - a, c - a, d - a].map(|v| v.to_array().map(f32::to_bits));
+        texels.extend_from_slice(words.as_flattened().as_chunks::<4>().0);
+        texels.push([material, region, first_corner, 0]);
+    }
+    (texels, corners)
 }
 
 /// Two texels a corner: both sets of texture coordinates; normal and colour.

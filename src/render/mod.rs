@@ -9,6 +9,7 @@ mod features;
 mod geometry;
 mod materials;
 mod output;
+mod pairs;
 mod parameters;
 mod photons;
 mod pipeline;

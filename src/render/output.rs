@@ -57,7 +57,7 @@ impl Output {
                 [
                     landing.parameters.as_entire_binding(),
                     view(&scene.nodes),
-                    view(&scene.triangles),
+                    view(&scene.pairs),
                     view(&scene.materials),
                     view(&scene.corners),
                     scene.textures.as_entire_binding(),

@@ -82,7 +82,7 @@ impl Stage<'_> {
             coaxial_pinhole,
             roulette: settings.russian_roulette,
             several_paths: false,
-            sight_side: if has_sight { sight::side(self.scene.corners_in_order.len()) } else { 0 },
+            sight_side: if has_sight { sight::side(self.scene.pairs_in_order.len()) } else { 0 },
         };
         let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
         let end_to_start =

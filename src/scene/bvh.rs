@@ -1,38 +1,34 @@
-//! The acceleration structure: an eight-wide compressed BVH over a scene's triangles.
+//! The acceleration structure: an eight-wide compressed BVH over boxes.
 
 use glam::Vec3;
-use obvhs::{BvhBuildParams, cwbvh::CwBvh, cwbvh::builder::build_cwbvh_from_tris};
+use obvhs::{BvhBuildParams, aabb::Aabb, cwbvh::CwBvh, cwbvh::builder::build_cwbvh};
 
-/// Triangles up to which the tree is built with all care: some 50 ms for so many, and up to a seventh less work for each ray. For a hundred
+/// Boxes up to which the tree is built with all care: some 50 ms for so many, and up to a seventh less work for each ray. For a hundred
 /// thousand it takes another 0.13 s, for a million 2.7 s, and bumpy boxes of so many gain nothing.
 const CAREFULLY: usize = 1 << 15;
 
 /// Levels that the shaders' traversal stack holds.
 const MAX_DEPTH: usize = 32;
 
-/// Nodes in the shaders' layout, and the triangles in the order of the leaves.
+/// Nodes in the shaders' layout, and what the boxes stand for in the order of the leaves.
 #[derive(Debug)]
 pub struct Bvh {
     /// Five 16-byte texels a node, as the crate obvhs lays it out.
     pub nodes: Vec<[u32; 4]>,
-    /// Index of the scene's triangle at each leaf position.
+    /// Index of the box at each leaf position.
     pub order: Vec<u32>,
 }
 
 impl Bvh {
-    /// Builds over triangles given by their corners. `None` if the tree is deeper than the traversal can follow, which
-    /// takes geometry with thousands of triangles in one spot.
-    pub fn build(corners: &[[Vec3; 3]]) -> Option<Self> {
-        let triangles: Vec<_> = corners
-            .iter()
-            .map(|c| obvhs::triangle::Triangle { v0: c[0].into(), v1: c[1].into(), v2: c[2].into() })
-            .collect();
-        let params = match triangles.len() {
-            // Triangles are not split: that makes more leaves, and no quicker rays.
-            ..=CAREFULLY => BvhBuildParams { pre_split: false, ..BvhBuildParams::very_slow_build() },
+    /// Builds over boxes given by their least and greatest coordinates. `None` if the tree is deeper than the traversal can follow,
+    /// which takes thousands of boxes in one spot.
+    pub fn build(boxes: impl Iterator<Item = [Vec3; 2]>) -> Option<Self> {
+        let boxes: Vec<_> = boxes.map(|[low, high]| Aabb::new(low.into(), high.into())).collect();
+        let params = match boxes.len() {
+            ..=CAREFULLY => BvhBuildParams::very_slow_build(),
             _ => BvhBuildParams::medium_build(),
         };
-        let bvh = build_cwbvh_from_tris(&triangles, params, &mut Default::default());
+        let bvh = build_cwbvh(&boxes, params, &mut Default::default());
         if depth(&bvh) > MAX_DEPTH {
             return None;
         }

@@ -1,6 +1,6 @@
-//! What can be seen from the pinhole that camera and projector share: lists of triangles over a raster of the image plane.
+//! What can be seen from the pinhole that camera and projector share: lists of pairs of triangles over a raster of the image plane.
 //!
-//! For each texel of the raster, all triangles that a ray between the pinhole and a point behind that texel could meet, up to
+//! For each texel of the raster, the pairs of all triangles that a ray between the pinhole and a point behind that texel could meet, up to
 //! the nearest one that covers the texel whole: behind that, nothing is seen and no light arrives. Conservative throughout, by
 //! margins far above rounding, so that a list finds exactly what the search tree would find.
 //!
@@ -10,9 +10,10 @@ mod polygon;
 
 use std::collections::HashMap;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3};
 
 use super::geometry::GpuScene;
+use super::pairs::Pair;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use polygon::{Corner, InverseDepth, clip, covers, extent_in_band};
@@ -25,11 +26,11 @@ const MARGIN: f64 = 1.0 / 32.0;
 /// Relative: a triangle that is behind another one by less is not hidden.
 const DEPTH_MARGIN: f64 = 1e-4;
 
-/// Texels in a row of the raster for a scene of so many triangles, one on each side beyond the field of view. Lists are the shorter the
+/// Texels in a row of the raster for a scene of so many pairs of triangles, one on each side beyond the field of view. Lists are the shorter the
 /// finer the raster, and the likelier in the cache the coarser it is.
-pub(super) fn side(triangles: usize) -> u32 {
+pub(super) fn side(pairs: usize) -> u32 {
     // Measured on software Vulkan: see benches/README.md.
-    (16 * triangles.isqrt()).next_power_of_two().clamp(128, 512) as u32
+    (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
 }
 
 /// The lists on the device, by the field of view that they were made for.
@@ -51,7 +52,7 @@ impl Sights {
             return Ok(made.clone());
         }
         let made =
-            gpu.texel_array("lists of what the pinhole sees", &lists(&scene.corners_in_order, tangent))?;
+            gpu.texel_array("lists of what the pinhole sees", &lists(&scene.pairs_in_order, tangent))?;
         self.made.insert(key, made.clone());
         Ok(made)
     }
@@ -62,20 +63,22 @@ pub(super) fn none(gpu: &Gpu) -> Result<wgpu::TextureView> {
     gpu.texel_array("no lists of what the pinhole sees", &[])
 }
 
-/// Makes the lists, as `shaders/shared/sight.wgsl` reads them. `triangles` are given by their corners in the pinhole's frame (looking
-/// along −z) in the order of the search tree's leaves, `tangent` is half the extent of the image plane at distance 1.
-fn lists(triangles: &[[Vec3; 3]], tangent: [f32; 2]) -> Vec<[u32; 4]> {
-    let mut raster = Raster::new(triangles, tangent);
-    for (index, corners) in (0..).zip(triangles) {
-        raster.add(index, &corners.map(Vec3::as_dvec3));
+/// Makes the lists, as `shaders/shared/sight.wgsl` reads them. `pairs` are in the pinhole's frame (looking along −z) and in the order of
+/// the search tree's leaves, `tangent` is half the extent of the image plane at distance 1.
+fn lists(pairs: &[Pair], tangent: [f32; 2]) -> Vec<[u32; 4]> {
+    let mut raster = Raster::new(pairs, tangent);
+    for (index, pair) in (0..).zip(pairs) {
+        for (_, corners) in pair.triangles() {
+            raster.add(index, &corners.map(|corner| corner.as_dvec3()));
+        }
     }
-    raster.pack()
+    raster.pack(pairs.len())
 }
 
 /// A triangle in a texel.
 struct Entry {
     texel: u32,
-    triangle: u32,
+    pair: u32,
     /// At most this near: 1 over its least depth there.
     nearest: f32,
 }
@@ -94,11 +97,12 @@ struct Raster {
 }
 
 impl Raster {
-    fn new(triangles: &[[Vec3; 3]], tangent: [f32; 2]) -> Self {
-        let extent = triangles.iter().flatten().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
+    fn new(pairs: &[Pair], tangent: [f32; 2]) -> Self {
+        let corners = pairs.iter().flat_map(|pair| pair.corners);
+        let extent = corners.map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
         let near = 1e-5 * f64::from(extent);
         let tangent = DVec2::new(tangent[0].into(), tangent[1].into());
-        let side = side(triangles.len()) as usize;
+        let side = side(pairs.len()) as usize;
         Self {
             side,
             scale: 0.5 * (side - 2) as f64 / tangent,
@@ -110,20 +114,20 @@ impl Raster {
         }
     }
 
-    fn add(&mut self, triangle: u32, corners: &[DVec3; 3]) {
+    fn add(&mut self, pair: u32, corners: &[DVec3; 3]) {
         if corners.iter().all(|corner| corner.z > -self.near) {
             if self.touches_the_pinhole(corners) {
-                self.everywhere.push(triangle);
+                self.everywhere.push(pair);
             }
             return;
         }
         let is_cut = corners.iter().any(|corner| corner.z > -self.near);
         if is_cut && self.touches_the_pinhole(corners) {
-            self.everywhere.push(triangle);
+            self.everywhere.push(pair);
             return;
         }
         let seen: Vec<Corner> = clip(corners, self.near).iter().map(|corner| self.project(*corner)).collect();
-        self.cover(triangle, &seen);
+        self.cover(pair, &seen);
     }
 
     /// Whether a triangle may come nearer to the pinhole than the near plane's corners: by its plane and its box.
@@ -142,7 +146,7 @@ impl Raster {
     }
 
     /// Enters a convex polygon into every texel that it touches.
-    fn cover(&mut self, triangle: u32, polygon: &[Corner]) {
+    fn cover(&mut self, pair: u32, polygon: &[Corner]) {
         let Some(plane) = InverseDepth::through(polygon) else { return };
         let vertices = || polygon.iter().map(|corner| corner.inverse);
         let (deepest, nearest) = (vertices().fold(f64::INFINITY, f64::min), vertices().fold(0.0, f64::max));
@@ -167,18 +171,18 @@ impl Raster {
                 }
                 let nearest = (high.min(nearest) * (1.0 + DEPTH_MARGIN)) as f32;
                 if nearest >= self.covers[texel] {
-                    self.entries.push(Entry { texel: texel as u32, triangle, nearest });
+                    self.entries.push(Entry { texel: texel as u32, pair, nearest });
                 }
             }
         }
     }
 
-    /// The lists without what is hidden, nearest first.
-    fn pack(mut self) -> Vec<[u32; 4]> {
+    /// The lists without what is hidden, nearest first, each of `pairs` pairs once.
+    fn pack(mut self, pairs: usize) -> Vec<[u32; 4]> {
         self.entries.retain(|entry| entry.nearest >= self.covers[entry.texel as usize]);
         self.entries.sort_unstable_by(|a, b| {
-            (a.texel, b.nearest, a.triangle)
-                .partial_cmp(&(b.texel, a.nearest, b.triangle))
+            (a.texel, b.nearest, a.pair)
+                .partial_cmp(&(b.texel, a.nearest, b.pair))
                 // Depths are finite: vertices lie behind the near plane.
                 .unwrap_or(std::cmp::Ordering::Equal)
         });
@@ -186,19 +190,22 @@ impl Raster {
         let mut words = vec![0_u32; raster];
         let mut entries = self.entries.iter().peekable();
         let mut list = Vec::new();
+        // By pair: the last texel, counted from 1, whose list has it.
+        let mut listed_in = vec![0; pairs];
         for texel in 0..raster {
             list.clear();
             while let Some(entry) = entries.next_if(|entry| entry.texel as usize == texel) {
-                list.push(entry.triangle);
+                list.push(entry.pair);
             }
             list.extend(&self.everywhere);
+            list.retain(|&pair| std::mem::replace(&mut listed_in[pair as usize], texel + 1) <= texel);
             words[texel] = match list[..] {
                 [] => GOES_ON,
                 [only] => only,
                 [ref others @ .., last] => {
                     // The texture's limit is far below 2³¹ words, and is checked when it is made.
                     let begin = words.len() as u32;
-                    words.extend(others.iter().map(|triangle| triangle | GOES_ON));
+                    words.extend(others.iter().map(|pair| pair | GOES_ON));
                     words.push(last);
                     begin | GOES_ON
                 }

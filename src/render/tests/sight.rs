@@ -1,4 +1,4 @@
-//! Lists of what the pinhole sees, and rays that test every triangle, against the search tree: the same paths, to the last bit.
+//! Lists of what the pinhole sees, and rays that test every pair of triangles, against the search tree: the same paths, to the last bit.
 
 use glam::Vec3;
 
@@ -12,15 +12,16 @@ use crate::scene::{Scene, Triangle, builtin};
 struct By {
     /// Those from and to the pinhole by its lists.
     sight: bool,
-    /// The others by testing every triangle.
+    /// The others by testing every pair of triangles.
     each: bool,
 }
 
 const TREE: By = By { sight: false, each: false };
 
-/// All paths of a scene, by the lists, by every triangle or by the tree.
+/// All paths of a scene, by the lists, by every pair or by the tree.
 fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<Left> {
     let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
+    let pairs = tracer.stage().scene.pairs_in_order.len() as u32;
     let mut strategies = tracer.stage().strategies(settings).expect("the settings are sound");
     assert_eq!(strategies.len(), 1, "{}: a coaxial pinhole", scene.path.display());
     let strategy = &mut strategies[0];
@@ -32,7 +33,7 @@ fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<Left> {
     if !by.sight {
         strategy.features.sight_side = 0;
     }
-    strategy.features.scene.few_triangles = if by.each { scene.triangles.len() as u32 } else { 0 };
+    strategy.features.scene.few_pairs = if by.each { pairs } else { 0 };
     left(&mut tracer, strategy)
 }
 

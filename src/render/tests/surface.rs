@@ -56,7 +56,7 @@ fn look(gpu: &Gpu, scene: &Scene, rays: &[(Vec3, [f32; 2])]) -> Vec<Found> {
     let uploaded = GpuScene::upload(gpu, scene).expect("one triangle fits");
     let view = wgpu::BindingResource::TextureView;
     let shared = [
-        (2, view(&uploaded.triangles)),
+        (2, view(&uploaded.pairs)),
         (3, view(&uploaded.materials)),
         (4, view(&uploaded.corners)),
         (5, uploaded.textures.as_entire_binding()),
