@@ -7,8 +7,8 @@ use crate::render::TraceSettings;
 use crate::scene::Scene;
 use crate::transport::Channels;
 
-/// To be raised whenever equal paths come to make another matrix, or its file another format. What changes in the shaders is
-/// told by themselves.
+/// To be raised whenever equal paths come to make another matrix, or its file another format, or the host makes something else of a scene
+/// (how triangles are paired decides last bits). What changes in the shaders is told by themselves.
 const OPERATOR_VERSION: u32 = 1;
 
 /// Hexadecimal digits of a key: 128 bits.
