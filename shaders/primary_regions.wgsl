@@ -2,6 +2,7 @@
 #import parameters
 #import eye
 #import bvh
+#import pairs
 
 @group(1) @binding(0) var<storage, read_write> regions: array<u32>;
 
@@ -18,7 +19,7 @@ fn primary_regions(@builtin(global_invocation_id) id: vec3u) {
     let hit = bvh_trace(eye.position, direction, 3.0e38, false);
     var region = NONE;
     if (hit.triangle != NONE) {
-        region = bvh_pair_texel(hit.triangle >> 1u, 3u).y;
+        region = pair_texel(hit.triangle >> 1u, 3u).y;
     }
     regions[id.x] = region;
 }

@@ -8,6 +8,7 @@
 #import start
 #import path
 #import bvh
+#import pairs
 #import sight
 
 const FAR = 3.0e38;
@@ -76,7 +77,7 @@ fn first_hit(path: Path) -> Hit {
     }
     let triangle = records[path.index].y;
     if (triangle != NONE) {
-        bvh_intersect_pair(triangle >> 1u, path.origin, path.direction, &hit);
+        pair_intersect(triangle >> 1u, path.origin, path.direction, &hit);
     }
     return hit;
 }

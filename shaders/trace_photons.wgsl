@@ -1,6 +1,7 @@
 // The specular chains of one eye: rays from it through mirrors and glass, to the surfaces behind them that scatter. One
 // path per invocation; each chain that it finds goes to a slot of its own.
 #import parameters
+#import bvh
 #import sampler
 #import start
 #import photons

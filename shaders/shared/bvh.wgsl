@@ -1,52 +1,12 @@
 // Ray traversal of a compressed wide BVH: Ylitie, Karras and Laine, "Efficient Incoherent Ray Traversal on GPUs Through
-// Compressed Wide BVHs", HPG 2017, in the node layout of the crate obvhs (80 bytes, five texels).
-//
-// Nodes and triangles lie in read-only storage textures: on software Vulkan their loads are far cheaper than those of
-// storage buffers.
+// Compressed Wide BVHs", HPG 2017, in the node layout of the crate obvhs (80 bytes, five texels). Leaves are pairs of triangles.
 #import features
-#import parameters
+#import pairs
 
 @group(0) @binding(1) var bvh_nodes: texture_storage_2d<rgba32uint, read>;
-// Four texels a pair of triangles, in leaf order: a corner, and from there the edges to the other three; then material, region and
-// where its corners' attributes are.
-@group(0) @binding(2) var bvh_pairs: texture_storage_2d<rgba32uint, read>;
-
-struct Hit {
-    // That of its pair in leaf order, doubled, and 1 more for the second one; or NONE.
-    triangle: u32,
-    distance: f32,
-    // Weights of its second and third corner.
-    barycentric: vec2f,
-}
-
-// Those of a small tree are in one row, and nodes begin at multiples of 8: software Vulkan multiplies slowly, and a row more.
-fn bvh_place(texel: u32) -> vec2u {
-    if (SMALL_TREE) {
-        return vec2u(texel, 0u);
-    }
-    return vec2u(texel & 4095u, texel >> 12u);
-}
 
 fn bvh_node_texel(node: u32, texel: u32) -> vec4u {
-    return textureLoad(bvh_nodes, bvh_place(node * select(5u, 8u, SMALL_TREE) + texel));
-}
-
-fn bvh_pair_texel(pair: u32, texel: u32) -> vec4u {
-    return textureLoad(bvh_pairs, bvh_place(4u * pair + texel));
-}
-
-struct Pair {
-    corner: vec3f,
-    edge1: vec3f,
-    edge2: vec3f,
-    edge3: vec3f,
-}
-
-fn bvh_pair(pair: u32) -> Pair {
-    let a = bitcast<vec4f>(bvh_pair_texel(pair, 0u));
-    let b = bitcast<vec4f>(bvh_pair_texel(pair, 1u));
-    let c = bitcast<vec4f>(bvh_pair_texel(pair, 2u));
-    return Pair(a.xyz, vec3f(a.w, b.xy), vec3f(b.zw, c.x), c.yzw);
+    return textureLoad(bvh_nodes, tree_place(node * select(5u, 8u, SMALL_TREE) + texel));
 }
 
 // Deeper than any tree that the builder makes (the host refuses others). Private: a function's own array would be
@@ -114,39 +74,12 @@ fn bvh_intersect_node(
     return mask;
 }
 
-// Möller and Trumbore 1997, both sides, for the triangles with edges 1 and 2 and with edges 2 and 3. Shrinks `hit` if one of them is
-// nearer; of two at the same distance the one of lower index counts, whichever is met first.
-fn bvh_intersect_pair(index: u32, origin: vec3f, direction: vec3f, hit: ptr<function, Hit>) {
-    let pair = bvh_pair(index);
-    let s = origin - pair.corner;
-    let across = cross(direction, pair.edge2);
-    let first = cross(s, pair.edge1);
-    let second = cross(s, pair.edge3);
-    // By which side of the common edge the ray passes, for both alike: it cannot slip through between them.
-    let side = dot(s, across);
-    let inverse = 1.0 / vec2f(dot(pair.edge1, across), dot(pair.edge3, across));
-    // Of either triangle: the weight of the corner that is its own, that of the common edge's end, and the distance.
-    let own = side * inverse;
-    let end = vec2f(dot(direction, first), dot(direction, second)) * inverse;
-    let t = vec2f(dot(pair.edge2, first), dot(pair.edge2, second)) * inverse;
-    // A ray in a triangle's plane gives NaN or infinity here, and no hit; so does a pair's second triangle that is none.
-    let met = own >= vec2f(0.0) & end >= vec2f(0.0) & own + end <= vec2f(1.0) & t > vec2f(0.0);
-    let is_second = met.y && !(met.x && t.x <= t.y);
-    let triangle = 2u * index + u32(is_second);
-    let distance = select(t.x, t.y, is_second);
-    let nearer = distance < (*hit).distance
-        || (distance == (*hit).distance && (*hit).triangle != NONE && triangle < (*hit).triangle);
-    if ((met.x || met.y) && nearer) {
-        *hit = Hit(triangle, distance, select(vec2f(own.x, end.x), vec2f(end.y, own.y), is_second));
-    }
-}
-
 // The closest hit before `limit`, or any one if `any` is set. Which triangle is hit does not depend on how it is found.
 fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
     var hit = Hit(NONE, limit, vec2f(0.0));
     if (FEW_PAIRS > 0u) {
         for (var pair = 0u; pair < FEW_PAIRS; pair += 1u) {
-            bvh_intersect_pair(pair, origin, direction, &hit);
+            pair_intersect(pair, origin, direction, &hit);
         }
         return hit;
     }
@@ -160,9 +93,10 @@ fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
     var left = true;
     loop {
         // Nodes until four have leaves that the ray may meet, or none is left, and only then the leaves: of lanes that take every step
-        // together, few have leaves in the same one (speculative traversal: Aila and Laine 2009). First pairs, and which from there.
-        var leaves = vec4u(0u);
-        var pairs = vec4u(0u);
+        // together, few have leaves in the same one (speculative traversal: Aila and Laine 2009). Their first pairs, and which
+        // of the 24 from there.
+        var bases = vec4u(0u);
+        var masks = vec4u(0u);
         loop {
             let bit = firstLeadingBit(group.y);
             let base = group.x;
@@ -179,8 +113,8 @@ fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
             let mask = bvh_intersect_node(texel0, texel1, node, origin, inverse, octant4, hit.distance);
             group = vec2u(texel1.x, (mask & 0xff000000u) | (texel0.w >> 24u));
             if ((mask & 0x00ffffffu) != 0u) {
-                leaves = vec4u(texel1.y, leaves.xyz);
-                pairs = vec4u(mask & 0x00ffffffu, pairs.xyz);
+                bases = vec4u(texel1.y, bases.xyz);
+                masks = vec4u(mask & 0x00ffffffu, masks.xyz);
             }
             if ((group.y & 0xff000000u) == 0u) {
                 left = depth > 0u;
@@ -189,19 +123,19 @@ fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
                     group = bvh_take(depth);
                 }
             }
-            if (!left || pairs.w != 0u) {
+            if (!left || masks.w != 0u) {
                 break;
             }
         }
-        while (pairs.x != 0u) {
-            let bit = firstLeadingBit(pairs.x);
-            let pair = leaves.x + bit;
-            pairs.x &= ~(1u << bit);
-            if (pairs.x == 0u) {
-                leaves = vec4u(leaves.yzw, 0u);
-                pairs = vec4u(pairs.yzw, 0u);
+        while (masks.x != 0u) {
+            let bit = firstLeadingBit(masks.x);
+            let pair = bases.x + bit;
+            masks.x &= ~(1u << bit);
+            if (masks.x == 0u) {
+                bases = vec4u(bases.yzw, 0u);
+                masks = vec4u(masks.yzw, 0u);
             }
-            bvh_intersect_pair(pair, origin, direction, &hit);
+            pair_intersect(pair, origin, direction, &hit);
         }
         if (!left || (any && hit.triangle != NONE)) {
             break;

@@ -4,7 +4,7 @@
 // the lists (`render::sight`); rays that begin or end in the pinhole need no search tree then, and find exactly the same.
 #import features
 #import parameters
-#import bvh
+#import pairs
 
 // Words, four to a texel of the texture. First one for each of the raster's texels: the only pair, or, told apart by `SIGHT_GOES_ON`, at
 // which word its list begins; no word where nothing is in sight. A list is pairs, all but the last with that mark.
@@ -43,7 +43,7 @@ fn sight_trace(image: vec2f, origin: vec3f, direction: vec3f, limit: f32, own: u
             if (!is_listed && rest == own) {
                 break;
             }
-            bvh_intersect_pair(rest, origin, direction, &hit);
+            pair_intersect(rest, origin, direction, &hit);
             if (!goes_on || (any && hit.triangle != NONE)) {
                 break;
             }

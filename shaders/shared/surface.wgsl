@@ -1,7 +1,7 @@
 // What a ray finds where it hits: position, normal, medium and BSDF.
 #import features
 #import parameters
-#import bvh
+#import pairs
 #import bsdf
 #import corners
 #import texture
@@ -156,8 +156,8 @@ fn surface_shading(normal: vec3f, shading: vec3f) -> vec3f {
 }
 
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
-    let pair = bvh_pair(hit.triangle >> 1u);
-    let texel = bvh_pair_texel(hit.triangle >> 1u, 3u);
+    let pair = pair_at(hit.triangle >> 1u);
+    let texel = pair_texel(hit.triangle >> 1u, 3u);
     let is_second = (hit.triangle & 1u) != 0u;
     let edge1 = select(pair.edge1, pair.edge2, is_second);
     let edge2 = select(pair.edge2, pair.edge3, is_second);

@@ -32,6 +32,7 @@ shaders! {
     "shared" / "lobes",
     "shared" / "medium",
     "shared" / "microfacet",
+    "shared" / "pairs",
     "shared" / "parameters",
     "shared" / "path",
     "shared" / "photons",

@@ -130,7 +130,7 @@ fn is_plain(triangle: &Triangle) -> bool {
     triangle.colors == [Triangle::WHITE; 3] && triangle.normals.iter().all(flat)
 }
 
-/// As `shaders/shared/bvh.wgsl` reads them, and what their corners carry, where that is more than material and plane say.
+/// As `shaders/shared/pairs.wgsl` reads them, and what their corners carry, where that is more than material and plane say.
 fn pack_pairs(scene: &Scene, frame: &PinholeFrame, pairs: &[Pair]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
     let textured: Vec<bool> =
         scene.materials.iter().map(|material| material.textures().next().is_some()).collect();
