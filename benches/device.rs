@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use krylux::image::Resolution;
 use krylux::render::{AdapterSummary, TraceSettings, Tracer};
 use krylux::scene::{Scene, builtin};
-use krylux::transport::{Channels, Part, Resident, TransportMatrix, assemble};
+use krylux::transport::{Channels, GpuMatrix, Part, TransportMatrix, assemble};
 
 /// Repetitions of each measurement; products and copies take turns.
 const TURNS: usize = 9;
@@ -82,7 +82,7 @@ fn trace(scene: &Scene, side: usize) -> Outcome<(Tracer, TransportMatrix)> {
 
 fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
     let start = Instant::now();
-    let resident = Resident::new(tracer, matrix)?;
+    let resident = GpuMatrix::new(tracer, matrix)?;
     let moved = start.elapsed();
     let bytes = resident.bytes_of_product();
     let [rows, cols] = [matrix.resolution(), matrix.projector_resolution()].map(Resolution::pixels);

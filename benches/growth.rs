@@ -6,8 +6,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use krylux::image::Resolution;
+use krylux::io::atomic;
 use krylux::render::{TraceSettings, Tracer};
-use krylux::report::atomic;
 use krylux::report::plot::{LinePlot, Series};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Channels, assemble};

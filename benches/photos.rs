@@ -13,7 +13,7 @@ use std::sync::Arc;
 use gige_camera::{GigeCamera, Scene, own_address};
 use krylux::image::Resolution;
 use krylux::journal::{Identity, Journal};
-use krylux::measure::{Journaled, Live, Shot, Shots, Times};
+use krylux::measure::{CaptureRequest, FrameSource, JournaledFrames, LiveFrames, Times};
 use krylux::rig::{Frame, GigeSpec, HardwareRig, Helper, PixelFormat, VirtualRig, VirtualScene, X11Spec};
 use krylux::sparse::Csr;
 use rand::{RngExt, SeedableRng};
@@ -86,17 +86,17 @@ impl Row {
         let journal = Journal::create(folder.path(), &Identity::new())?;
         let open = Box::new(|after| {
             let bench = rig.open(&Helper::of(env!("CARGO_BIN_EXE_krylux")), after)?;
-            let live: Box<dyn Shots> = Box::new(Live::new(bench, 0.0, 3));
+            let live: Box<dyn FrameSource> = Box::new(LiveFrames::new(bench, 0.0, 3));
             Ok(live)
         });
-        let mut shots = Journaled::new(journal, open)?;
+        let mut shots = JournaledFrames::new(journal, open)?;
         let mut random = Pcg64::seed_from_u64(1);
         let (mut beyond, mut first, mut computing) = (Vec::new(), Times::default(), 0.0);
         let mut last = 0.0;
         for photo in 0..BEFORE + PHOTOS {
             let levels = (0..SIZE.pixels()).map(|_| random.random_range(0..256)).collect();
-            let shot = Shot { frame: Arc::new(Frame::new(SIZE, 1, levels)?), exposure, take: 0 };
-            shots.shoot(&shot)?;
+            let shot = CaptureRequest { frame: Arc::new(Frame::new(SIZE, 1, levels)?), exposure, take: 0 };
+            shots.capture(&shot)?;
             let effort = shots.effort();
             if photo + 1 == BEFORE {
                 (first, computing) = (effort.times, camera.computing());

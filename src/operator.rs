@@ -7,6 +7,7 @@ pub use ahead::Ahead;
 pub use each::each_product;
 
 use crate::error::Result;
+use crate::observer::Observer;
 
 /// What is known about an operator's symmetry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +36,12 @@ pub trait Operator {
     /// several products for little more than one ([`Ahead`]) does so when the first is asked for. Nothing else changes: no product
     /// counts before it is asked for, and each has the same bits. One whose products are photos has no use for it.
     fn announce(&mut self, _xs: &[Vec<f64>]) {}
+
+    /// Who watches the computations with this operator, and may stop them; by default nobody. An operator around another one has the
+    /// observer of that one.
+    fn observer(&self) -> &dyn Observer {
+        &()
+    }
 }
 
 /// An operator whose transpose can be applied too.

@@ -8,7 +8,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use common::scene_path;
-use krylux::report::{npy, picture};
+use krylux::io::{npy, picture};
 use program::{command, folder, inside, text};
 use tempfile::TempDir;
 

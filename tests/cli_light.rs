@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use common::{root, scene_path};
 use krylux::image::{Image, Resolution};
-use krylux::report::{npy, picture};
+use krylux::io::{npy, picture};
 use tempfile::TempDir;
 
 /// A folder, and the program at work in it.

@@ -8,7 +8,7 @@ use std::io::Read;
 use std::net::TcpListener;
 use std::path::Path;
 
-use krylux::report::npy;
+use krylux::io::npy;
 use program::{answer, folder, inside, krylux, text};
 use serde_json::Value;
 use tempfile::TempDir;

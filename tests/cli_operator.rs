@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use common::scene_path;
-use krylux::report::{npy, sparse};
+use krylux::io::{npy, sparse};
 use krylux::sparse::Csr;
 use tempfile::TempDir;
 

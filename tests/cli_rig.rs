@@ -6,7 +6,7 @@ mod program;
 use std::path::{Path, PathBuf};
 
 use common::{root, scene_path};
-use krylux::report::{npy, sparse};
+use krylux::io::{npy, sparse};
 use krylux::sparse::Csr;
 use program::{folder, inside, krylux, labels_of_rooms, summary, text};
 use serde_json::Value;

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use common::{load, reference, settings, trace, tracer};
 use krylux::Result;
 use krylux::analysis::compensate::compensate;
-use krylux::analysis::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
+use krylux::analysis::{CompensateOptions, Compensation, CompensationRow, Precondition, Target};
 use krylux::image::{Image, Resolution};
 use krylux::krylov::{METHODS, Method, SolveOptions, Status, dot, keep_solving, norm, solve_adjoint};
 use krylux::operator::{Adjoint, Operator, Symmetry};
@@ -29,8 +29,8 @@ fn gray(values: &[f64], side: usize) -> Image {
 }
 
 /// `b = ½ target / π`, as the reference figures have it; there is no ambient light.
-fn wish() -> Wish {
-    Wish::new(&gray(&reference("target_64.npy"), SIDE), &Image::filled(Resolution::new(SIDE, SIDE), 1, 0.0))
+fn wish() -> Target {
+    Target::new(&gray(&reference("target_64.npy"), SIDE), &Image::filled(Resolution::new(SIDE, SIDE), 1, 0.0))
         .unwrap()
 }
 
@@ -262,7 +262,7 @@ fn three_colours_are_three_systems_seen_in_one_photo() {
         [0.4 + 0.4 * x, 0.5, 0.8 - 0.4 * x]
     });
     let target = Image::new(resolution, 3, samples.collect()).unwrap();
-    let wish = Wish::new(&target, &simulated.traced.ambient).unwrap();
+    let wish = Target::new(&target, &simulated.traced.ambient).unwrap();
     let options = CompensateOptions { photos: 10, ..CompensateOptions::default() };
     let operator = |channel| MatrixOperator::new(&simulated.traced.matrix, Part::Full, channel);
     let found = compensate(&mut [0, 1, 2].map(operator), &wish, &options, &mut keep_solving).unwrap();
@@ -300,7 +300,7 @@ fn ambient_light_is_taken_out_of_the_wish_and_its_excess_is_not_hidden() {
     let options =
         CompensateOptions { peak: Some(peak), rtol: 1e-6, photos: 60, ..CompensateOptions::default() };
     // A tenth of the wish is there already: together they are the target.
-    let dim = Wish::new(&target, &Image::filled(resolution, 1, 0.01)).unwrap();
+    let dim = Target::new(&target, &Image::filled(resolution, 1, 0.01)).unwrap();
     let found = compensate(&mut channels, &dim, &options, &mut keep_solving).unwrap();
     assert!(found.good, "{:?} {}", found.status, found.residual);
     for value in found.observed.plane(0) {
@@ -308,7 +308,7 @@ fn ambient_light_is_taken_out_of_the_wish_and_its_excess_is_not_hidden() {
         assert!((value - peak).abs() < 1e-6 * 0.09 * (n as f64).sqrt() + 2e-8, "{value}");
     }
     // Twice as much is there: the best is darkness, and 1 is what remains.
-    let bright = Wish::new(&target, &Image::filled(resolution, 1, 0.2)).unwrap();
+    let bright = Target::new(&target, &Image::filled(resolution, 1, 0.2)).unwrap();
     let found = compensate(&mut channels, &bright, &options, &mut keep_solving).unwrap();
     assert!(found.pattern.samples().iter().all(|&value| value == 0.0), "{:?}", found.status);
     assert!((found.residual - 1.0).abs() < 1e-6, "no light can be taken away: {}", found.residual);
@@ -329,11 +329,11 @@ fn wishes_that_make_no_sense_are_refused() {
     refused(CompensateOptions { peak: Some(-1.0), ..default() }, "--peak");
     refused(CompensateOptions { precondition: Some(Precondition::Diagonal), ..default() }, "--precondition");
     let small = Image::filled(Resolution::new(8, 8), 1, 0.0);
-    assert!(Wish::new(&small, &Image::filled(Resolution::new(9, 8), 1, 0.0)).is_err());
-    assert!(Wish::new(&Image::filled(Resolution::new(8, 8), 3, 0.0), &small).is_err());
-    let other = Wish::new(&small, &small).unwrap();
+    assert!(Target::new(&small, &Image::filled(Resolution::new(9, 8), 1, 0.0)).is_err());
+    assert!(Target::new(&Image::filled(Resolution::new(8, 8), 3, 0.0), &small).is_err());
+    let other = Target::new(&small, &small).unwrap();
     assert!(compensate(&mut channels, &other, &default(), &mut keep_solving).is_err(), "8×8 on 64×64");
-    let black = Wish::new(
+    let black = Target::new(
         &Image::filled(Resolution::new(SIDE, SIDE), 1, 0.0),
         &Image::filled(Resolution::new(SIDE, SIDE), 1, 0.0),
     );

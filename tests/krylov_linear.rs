@@ -10,8 +10,8 @@ use std::sync::Arc;
 use comb::Comb;
 use krylov_gallery::{Dense, Named, diagonal, gallery, light_like, misfit, named, random, turned};
 use krylux::krylov::{
-    Constraint, Diagonal, Given, METHODS, Method, Multiscale, Preconditioner, Side, Solution, SolveOptions,
-    Status, dot, keep_solving, norm, solve, solve_adjoint, solve_from,
+    Constraint, Diagonal, METHODS, Method, Multiscale, Preconditioner, Side, Solution, SolveOptions, Status,
+    UserPreconditioner, dot, keep_solving, norm, solve, solve_adjoint, solve_from,
 };
 use krylux::operator::{Operator, Symmetry};
 use krylux::{Error, Result};
@@ -411,10 +411,10 @@ fn preconditioners(n: usize, matrix: &Dense) -> Vec<(&'static str, Arc<dyn Preco
             "multiscale",
             Arc::new(Multiscale::new(side, side, vec![1.0, 0.8, 0.6]).unwrap().scaled_by(main).unwrap()),
         ),
-        ("operator", Arc::new(Given::operator(true, rough).unwrap())),
+        ("operator", Arc::new(UserPreconditioner::operator(true, rough).unwrap())),
         (
             "closure",
-            Arc::new(Given::closure(true, |r, z| {
+            Arc::new(UserPreconditioner::closure(true, |r, z| {
                 z.iter_mut().zip(r).for_each(|(z, r)| *z = 3.0 * r);
                 Ok(())
             })),
@@ -533,7 +533,7 @@ fn minres_with_preconditioner_is_minres_on_the_split_operator() {
 fn flexible_gmres_bears_a_preconditioner_that_changes() {
     let system = named("light_like");
     let calls = std::sync::atomic::AtomicUsize::new(0);
-    let changing = Given::closure(false, move |r: &[f64], z: &mut [f64]| {
+    let changing = UserPreconditioner::closure(false, move |r: &[f64], z: &mut [f64]| {
         let factor = 1.0 + (calls.fetch_add(1, std::sync::atomic::Ordering::Relaxed) % 3) as f64;
         for (i, (z, r)) in z.iter_mut().zip(r).enumerate() {
             *z = factor * r * (1.0 + 0.1 * factor * (i % 2) as f64);
@@ -628,10 +628,11 @@ fn monitor_sees_every_product_with_its_iterate_and_can_stop() {
 #[test]
 fn impossible_requests_are_refused_without_a_product() {
     let system = named("spd_well");
-    let indefinite: Option<Arc<dyn Preconditioner>> = Some(Arc::new(Given::closure(false, |r, z| {
-        z.copy_from_slice(r);
-        Ok(())
-    })));
+    let indefinite: Option<Arc<dyn Preconditioner>> =
+        Some(Arc::new(UserPreconditioner::closure(false, |r, z| {
+            z.copy_from_slice(r);
+            Ok(())
+        })));
     let small: Option<Arc<dyn Preconditioner>> = Some(Arc::new(Diagonal::new(vec![1.0; 3]).unwrap()));
     let default = SolveOptions::default;
     for (method, options, named) in [
@@ -661,7 +662,7 @@ fn impossible_requests_are_refused_without_a_product() {
     }
     assert!(Diagonal::new(vec![1.0, -1.0]).is_err() && Diagonal::new(vec![0.0; 4]).is_err());
     assert!(Multiscale::new(4, 4, vec![1.0, 0.0]).is_err() && Multiscale::new(0, 4, vec![1.0]).is_err());
-    assert!(Given::operator(true, named_rectangle()).is_err());
+    assert!(UserPreconditioner::operator(true, named_rectangle()).is_err());
     assert!(diagonal(&[1.0]).symmetry() == Symmetry::Symmetric);
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use krylux::Error;
 use krylux::image::{Image, Resolution};
-use krylux::report::{exr, npy, picture};
+use krylux::io::{exr, npy, picture};
 use tempfile::TempDir;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;

@@ -4,10 +4,12 @@ use std::time::Duration;
 
 use krylux::Error;
 use krylux::image::Resolution;
+use krylux::io::atomic;
+use krylux::io::manifest::{Adapter, Scene, Status};
+use krylux::measure::RunManifest;
 use krylux::report::html::{Block, Figure, Legend, Outcome as Result_, Report, Section, Verdict};
-use krylux::report::manifest::{Adapter, Manifest, Scene, Status};
+use krylux::report::palette;
 use krylux::report::plot::{LinePlot, Series, StemPlot};
-use krylux::report::{atomic, palette};
 use tempfile::TempDir;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -136,9 +138,9 @@ fn plots_leave_out_what_has_no_place() {
 fn a_record_is_rewritten_whole_and_reads_back() -> Outcome {
     let folder = TempDir::new()?;
     let path = folder.path().join("run.json");
-    let mut record = Manifest::new(["krylux", "segment", "scene.glb"]);
+    let mut record = RunManifest::new(["krylux", "segment", "scene.glb"]);
     record.write(&path)?;
-    let running = Manifest::read(&path)?;
+    let running = RunManifest::read(&path)?;
     assert_eq!((running.status, running.krylux_format), (Status::Running, 1));
     assert!(running.started.ends_with('Z') && running.started.len() == 20);
 
@@ -152,7 +154,7 @@ fn a_record_is_rewritten_whole_and_reads_back() -> Outcome {
     record.outputs.push("labels-2.npy".into());
     record.finish(Status::Done, "reached rtol");
     record.write(&path)?;
-    assert_eq!(Manifest::read(&path)?, record);
+    assert_eq!(RunManifest::read(&path)?, record);
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path)?)?;
     assert_eq!(json["status"], "done");
     assert_eq!(json["message"], "reached rtol");
@@ -161,7 +163,7 @@ fn a_record_is_rewritten_whole_and_reads_back() -> Outcome {
     assert_eq!(std::fs::read_dir(folder.path())?.count(), 1, "no temporary file is left");
 
     std::fs::write(&path, "{\"krylux_format\": 1}")?;
-    assert!(matches!(Manifest::read(&path), Err(Error::Data { .. })));
+    assert!(matches!(RunManifest::read(&path), Err(Error::Data { .. })));
     Ok(())
 }
 

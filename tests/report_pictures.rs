@@ -3,8 +3,8 @@
 use image::ExtendedColorType;
 use krylux::Error;
 use krylux::image::{Image, Resolution};
-use krylux::report::png::{Raster, read_png};
-use krylux::report::{picture, tone};
+use krylux::io::png::{Raster, read_png};
+use krylux::io::{picture, tone};
 use tempfile::TempDir;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;

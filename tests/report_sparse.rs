@@ -4,8 +4,8 @@ use std::io::Read;
 use std::path::Path;
 
 use krylux::Error;
-use krylux::report::npy;
-use krylux::report::sparse::{self, write_mtx, write_npz};
+use krylux::io::npy;
+use krylux::io::sparse::{self, write_mtx, write_npz};
 use krylux::sparse::Csr;
 use tempfile::TempDir;
 

@@ -1,8 +1,8 @@
 //! Photos in order on a page: where each lies on the sheet, how large that becomes, and what stands beside it.
 
 use krylux::image::Resolution;
+use krylux::report::contact_sheet::{ContactSheet, LONGEST};
 use krylux::report::html::{Block, Report};
-use krylux::report::strip::{LONGEST, Strip};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -15,7 +15,7 @@ fn noise(size: Resolution, random: &mut Pcg64) -> Vec<f64> {
 #[test]
 fn each_pattern_lies_above_its_photo_and_keeps_its_pixels() -> Outcome {
     let sizes = [Resolution::new(3, 2), Resolution::new(4, 3)];
-    let mut strip = Strip::new(sizes, 1);
+    let mut strip = ContactSheet::new(sizes, 1);
     for photo in 0..20_usize {
         // One pixel of each is lit, another one each time.
         let lit = |size: Resolution| -> Vec<f64> {
@@ -48,7 +48,7 @@ fn each_pattern_lies_above_its_photo_and_keeps_its_pixels() -> Outcome {
 #[test]
 fn the_channels_of_a_colour_photo_are_one_picture() -> Outcome {
     let size = Resolution::new(2, 1);
-    let mut strip = Strip::new([size; 2], 3);
+    let mut strip = ContactSheet::new([size; 2], 3);
     for channel in 0..3 {
         let mut photo = [0.0; 2];
         photo[0] = if channel == 0 { 1.0 } else { 0.0 };
@@ -68,7 +68,7 @@ fn the_channels_of_a_colour_photo_are_one_picture() -> Outcome {
 fn a_hundred_photos_of_128_pixels_make_a_page_of_a_few_megabytes() -> Outcome {
     let size = Resolution::new(128, 128);
     let mut random = Pcg64::seed_from_u64(1);
-    let mut strip = Strip::new([size; 2], 1);
+    let mut strip = ContactSheet::new([size; 2], 1);
     for _ in 0..100 {
         // Noise: nothing is harder to compress.
         let (pattern, photo) = (noise(size, &mut random), noise(size, &mut random));
@@ -87,14 +87,16 @@ fn a_hundred_photos_of_128_pixels_make_a_page_of_a_few_megabytes() -> Outcome {
 #[test]
 fn the_page_names_every_picture_its_number_and_its_unit() -> Outcome {
     let size = Resolution::new(4, 4);
-    let mut strip = Strip::new([size; 2], 1);
+    let mut strip = ContactSheet::new([size; 2], 1);
     for photo in 1..=12 {
         strip.push(0, &[1.0; 16], &[f64::from(photo) / 100.0; 16], false)?;
     }
     let section = strip.section("DN/s", "White comes first.")?.ok_or("there are photos")?;
     assert!(section.text.starts_with("All 12 photos") && section.text.contains("DN/s"), "{}", section.text);
     assert!(section.text.ends_with("White comes first."));
-    assert!(matches!(section.blocks.as_slice(), [Block::Strip { sheet, .. }] if sheet.frames.len() == 12));
+    assert!(
+        matches!(section.blocks.as_slice(), [Block::ContactSheet { sheet, .. }] if sheet.frames.len() == 12)
+    );
     let page = Report { sections: vec![section], ..Report::default() }.render()?;
     for expected in ["aria-label=\"pattern 12\"", "aria-label=\"photo 12\"", "<b>12</b> 0.120"] {
         assert!(page.contains(expected), "{expected}");
@@ -102,14 +104,14 @@ fn the_page_names_every_picture_its_number_and_its_unit() -> Outcome {
     assert_eq!(page.matches("href=\"#sheet-").count(), 24);
     assert!(page.contains("id=\"sheet-1-1\""));
     assert!(!page.contains("http"), "nothing is fetched");
-    assert!(Strip::new([size; 2], 1).section("DN/s", "")?.is_none(), "no photo, no strip");
+    assert!(ContactSheet::new([size; 2], 1).section("DN/s", "")?.is_none(), "no photo, no strip");
     Ok(())
 }
 
 #[test]
 fn long_runs_show_their_first_photos_and_say_so() -> Outcome {
     let size = Resolution::new(2, 2);
-    let mut strip = Strip::new([size; 2], 1);
+    let mut strip = ContactSheet::new([size; 2], 1);
     for _ in 0..LONGEST + 5 {
         strip.push(0, &[1.0; 4], &[1.0; 4], false)?;
     }
@@ -117,6 +119,6 @@ fn long_runs_show_their_first_photos_and_say_so() -> Outcome {
     assert!(section.text.starts_with(&format!("The first {LONGEST} of {} photos", LONGEST + 5)));
     assert_eq!(strip.sheet()?.frames.len(), LONGEST);
     assert!(strip.push(0, &[1.0; 3], &[1.0; 4], false).is_ok(), "what is not kept is not looked at");
-    assert!(Strip::new([size; 2], 1).push(0, &[1.0; 3], &[1.0; 4], false).is_err());
+    assert!(ContactSheet::new([size; 2], 1).push(0, &[1.0; 3], &[1.0; 4], false).is_err());
     Ok(())
 }

@@ -14,7 +14,7 @@ use krylux::measure::MeasureOptions;
 use krylux::operator::Operator;
 use krylux::rig::{VirtualRig, VirtualScene};
 use krylux::sparse::Csr;
-use krylux::transport::{Given, Part};
+use krylux::transport::{ExplicitMatrix, Part};
 use rig_support::{Stage, known, labels, realistic, target};
 
 /// Noise of other seeds than that of calibration.
@@ -223,7 +223,7 @@ fn bracketed_exposures_see_dark_pixels_of_a_scene_of_high_range() {
         (0..PIXELS).map(light).collect(),
     );
     let size = Resolution::new(16, 16);
-    let twin = Twin::Given(Given::new(matrix.expect("well formed"), size).expect("of its size"));
+    let twin = Twin::Explicit(ExplicitMatrix::new(matrix.expect("well formed"), size).expect("of its size"));
     let mut rig = VirtualRig::ideal(VirtualScene::Matrix { path: "range.npz".into(), size });
     (rig.camera.bits, rig.camera.shot_noise, rig.camera.read_noise) = (14, true, 5.0);
     let calibration = known(&rig);

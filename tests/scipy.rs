@@ -7,11 +7,11 @@ use common::root;
 use krylux::Result;
 use krylux::analysis::SegmentOptions;
 use krylux::analysis::segment::segment;
+use krylux::io::sparse;
 use krylux::krylov::{
-    EigsOptions, Method, SolveOptions, Start, Status, Verdict, eigs, keep_going, keep_solving, norm, solve,
+    EigsOptions, Method, PairStatus, SolveOptions, Start, Status, eigs, keep_going, keep_solving, norm, solve,
 };
 use krylux::operator::{Operator, Symmetry};
-use krylux::report::sparse;
 use krylux::sparse::SparseOperator;
 use serde_json::Value;
 
@@ -118,7 +118,7 @@ fn eigenvalues_are_lapacks_from_fewer_products_than_arpack_takes() {
         assert_eq!(found.stats.products, matrix.products);
         assert!(found.stats.products < arpack, "{scene}: {} and {arpack}", found.stats.products);
         for ((value, expected), verdict) in found.values.iter().zip(&values).zip(&found.verdicts) {
-            assert_eq!(*verdict, Verdict::Converged);
+            assert_eq!(*verdict, PairStatus::Converged);
             assert!((value - expected).abs() <= 1e-8 * values[0], "{scene}: {value} {expected}");
         }
     }

@@ -5,8 +5,8 @@ mod common;
 use common::{csr, keep_going, reference, root};
 use glam::vec3;
 use krylux::image::{Image, Resolution};
+use krylux::io::sparse::read as read_npz;
 use krylux::render::{Gather, TraceSettings};
-use krylux::report::sparse::read as read_npz;
 
 use krylux::scene::{Scene, Triangle, builtin};
 use krylux::transport::{Channels, Part, Simulated, Transport, assemble};

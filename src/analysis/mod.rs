@@ -4,7 +4,7 @@
 //! |---|---|
 //! | which pixels exchange light? | [`mod@segment`]; the photos it takes: [`Capture`] |
 //! | on which matrix | [`Graph`], [`NormalizedAdjacency`], [`NegativeLaplacian`] |
-//! | what is to be projected, so that the scene looks as wanted? | [`mod@compensate`], for a [`Wish`] |
+//! | what is to be projected, so that the scene looks as wanted? | [`mod@compensate`], for a [`Target`] |
 //! | which part of the light is asked about: [`mod@direct`]; its blurring | [`WithoutDirect`], [`Blurred`] |
 //! | which light came straight from the projector? | [`mod@separate`] |
 //! | how does it look under another pattern? | [`mod@low_rank`] |
@@ -14,27 +14,26 @@
 //! | do camera and projector look from one point? | [`mod@align`] |
 //! | how good are they? | [`adjusted_rand_index`] |
 //! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
-//! | how alike are two images? | [`mod@likeness`] |
+//! | how alike are two images? | [`mod@similarity`] |
 
 pub mod align;
 pub mod audit;
 pub mod compensate;
 pub mod direct;
 pub mod kmeans;
-pub mod likeness;
 pub mod low_rank;
 pub mod plan;
 pub mod probe;
 mod rand_index;
 pub mod segment;
 pub mod separate;
+pub mod similarity;
 
 pub use compensate::{
     Clamping, CompensateOptions, Compensation, CompensationRow, Crosstalk, MethodRun, Precondition, Prior,
-    Wish,
+    Target,
 };
 pub use direct::{Blurred, DirectMethod, WithoutDirect, measure_direct};
-pub use likeness::Likeness;
 pub use low_rank::LowRank;
 pub use probe::{Probed, Probing};
 pub use rand_index::adjusted_rand_index;
@@ -43,3 +42,4 @@ pub use segment::{
     SegmentOptions, Segmentation,
 };
 pub use separate::Separation;
+pub use similarity::Similarity;

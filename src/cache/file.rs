@@ -15,8 +15,8 @@ use super::Key;
 use super::record::{Arrays, Record, member};
 use crate::error::Result;
 use crate::image::Image;
+use crate::io::{atomic, sparse};
 use crate::render::TraceSummary;
-use crate::report::{atomic, sparse};
 use crate::transport::{Assembled, CompressedRows, Layer, Noise, TransportMatrix};
 
 const RECORD: &str = "krylux.json";
@@ -243,6 +243,6 @@ fn put_together(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
         ambient,
         noise,
         summary,
-        resident: None,
+        gpu_matrix: None,
     })
 }

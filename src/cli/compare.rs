@@ -8,11 +8,11 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::options::OutputArgs;
-use crate::analysis::likeness::{Likeness, data_range, likeness};
+use crate::analysis::similarity::{Similarity, data_range, similarity};
 use crate::error::Error;
 use crate::image::Image;
+use crate::io::{npy, picture};
 use crate::report::colormap::{paint_signed, robust_range};
-use crate::report::{npy, picture};
 
 /// Compare two images: RMSE, relative RMSE, PSNR and SSIM; exit status 1 past a threshold
 #[derive(clap::Args)]
@@ -72,7 +72,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     Ok(if misses.is_empty() { Outcome::Done } else { Outcome::NotGoodEnough })
 }
 
-fn compared(args: &Args, image: &Image, reference: &Image) -> Result<Likeness> {
+fn compared(args: &Args, image: &Image, reference: &Image) -> Result<Similarity> {
     let shape = |image: &Image| (image.resolution(), image.channels());
     if shape(image) != shape(reference) {
         let in_words = |image: &Image| format!("{} pixels of {}", image.resolution(), channels(image));
@@ -88,7 +88,7 @@ fn compared(args: &Args, image: &Image, reference: &Image) -> Result<Likeness> {
         }
         .into());
     }
-    Ok(likeness(image, reference, args.range.unwrap_or_else(|| data_range(reference)))?)
+    Ok(similarity(image, reference, args.range.unwrap_or_else(|| data_range(reference)))?)
 }
 
 fn channels(image: &Image) -> &'static str {
@@ -96,7 +96,7 @@ fn channels(image: &Image) -> &'static str {
 }
 
 /// What is worse than asked for.
-fn misses(args: &Args, found: &Likeness) -> Result<Vec<String>> {
+fn misses(args: &Args, found: &Similarity) -> Result<Vec<String>> {
     if args.min_ssim.is_some() && found.ssim.is_none() {
         return Err(Error::Option {
             option: "--min-ssim".into(),
@@ -126,7 +126,7 @@ fn misses(args: &Args, found: &Likeness) -> Result<Vec<String>> {
     Ok(above.chain(below).collect())
 }
 
-fn say(found: &Likeness, console: &Console) -> Result<()> {
+fn say(found: &Similarity, console: &Console) -> Result<()> {
     console.say(format_args!(
         "rmse      {:.5e}, {} % of B's root mean square; {:.5e} at most",
         found.rmse,

@@ -16,10 +16,10 @@ use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
 use crate::image::Resolution;
-use crate::krylov::{Eigs, EigsMethod, EigsOptions, Progress, Start, Verdict, Which, eigs};
+use crate::io::sparse;
+use crate::krylov::{Eigs, EigsMethod, EigsOptions, PairStatus, Progress, Start, Which, eigs};
+use crate::report::contact_sheet::ContactSheet;
 use crate::report::eigenpairs::EigenpairsRun;
-use crate::report::sparse;
-use crate::report::strip::Strip;
 use crate::sparse::SparseOperator;
 use crate::transport::{Channels, Part};
 
@@ -208,12 +208,12 @@ fn report(
     console: &Console,
     found: &Eigs,
     name: &str,
-    pictures: Option<(Resolution, Strip, &str)>,
+    pictures: Option<(Resolution, ContactSheet, &str)>,
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     folder.manifest.photos = found.stats.products as u64;
     let verdicts: Vec<String> = found.verdicts.iter().map(|verdict| word(*verdict).to_owned()).collect();
-    let good = found.verdicts.iter().all(|&verdict| verdict == Verdict::Converged)
+    let good = found.verdicts.iter().all(|&verdict| verdict == PairStatus::Converged)
         && found.values.len() == args.question.count;
     say(found, &verdicts, console)?;
     let title = format!("{name} · eigenpairs");
@@ -265,10 +265,10 @@ fn say(found: &Eigs, verdicts: &[String], console: &Console) -> Result<()> {
     Ok(())
 }
 
-fn word(verdict: Verdict) -> &'static str {
+fn word(verdict: PairStatus) -> &'static str {
     match verdict {
-        Verdict::Converged => "converged",
-        Verdict::LimitedByNoise => "limited by noise",
-        Verdict::NotResolved => "not resolved",
+        PairStatus::Converged => "converged",
+        PairStatus::LimitedByNoise => "limited by noise",
+        PairStatus::NotResolved => "not resolved",
     }
 }

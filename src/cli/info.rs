@@ -10,8 +10,8 @@ use super::console::Console;
 use super::options::{OutputArgs, ViewArgs};
 use super::source::is_rig;
 use super::{Outcome, rig_info, simulation};
+use crate::measure::RigFile;
 use crate::render;
-use crate::rig::RigFile;
 use crate::scene::Scene;
 
 /// Show the graphics adapters and their limits, and what is in a scene or a rig file

@@ -12,7 +12,8 @@ use super::source::Source;
 use super::trace::{SizeArgs, TraceArgs};
 use super::truth::true_labels;
 use crate::image::Resolution;
-use crate::report::{npy, palette, picture};
+use crate::io::{npy, picture};
+use crate::report::palette;
 
 /// Write which region of the scene each pixel sees: the truth that a segmentation is measured against
 #[derive(clap::Args)]

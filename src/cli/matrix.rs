@@ -17,7 +17,7 @@ use super::trace::TraceArgs;
 use super::{Outcome, brute_force};
 use crate::error::Error;
 use crate::image::Resolution;
-use crate::report::{manifest, sparse};
+use crate::io::{manifest, sparse};
 use crate::sparse::Csr;
 use crate::transport::{Bounces, Channels, Part, TransportMatrix};
 

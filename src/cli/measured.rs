@@ -3,8 +3,7 @@
 use anyhow::Result;
 
 use super::console::Console;
-use crate::measure::Measurement;
-use crate::report::manifest;
+use crate::measure::{Measurement, RigRecord};
 
 /// Photos of a rig.
 pub(super) struct Measured {
@@ -16,7 +15,7 @@ pub(super) struct Measured {
 impl Measured {
     /// What it has cost so far, for a run's record; if `whole`, with what the photos say of noise and drift. Where some product
     /// has been taken that takes no photo more.
-    pub(super) fn record(&mut self, whole: bool) -> Result<manifest::Rig> {
+    pub(super) fn record(&mut self, whole: bool) -> Result<RigRecord> {
         let effort = self.measurement.effort();
         let (noise, drift) = match whole {
             false => (None, None),
@@ -31,7 +30,7 @@ impl Measured {
                 (Some((error / light).sqrt()), (drift.sentinels.len() > 1).then_some(drift.largest))
             }
         };
-        Ok(manifest::Rig {
+        Ok(RigRecord {
             calibration: self.calibration.clone(),
             measurement: self.measurement.options().clone(),
             patterns: self.measurement.patterns() as u64,
@@ -43,7 +42,7 @@ impl Measured {
 }
 
 /// The lines about it.
-pub(super) fn say(rig: &manifest::Rig, console: &Console) -> Result<()> {
+pub(super) fn say(rig: &RigRecord, console: &Console) -> Result<()> {
     let effort = &rig.effort;
     console.say(format_args!(
         "rig       {} patterns, {} frames shown, {} taken, {} from the journal, in {:.1} s of the rig's time",

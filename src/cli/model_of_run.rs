@@ -5,10 +5,10 @@ use anyhow::Result;
 use super::about::Kind;
 use super::console::Console;
 use super::replay::{Replay, Taken};
+use crate::analysis::low_rank::SavedModel;
 use crate::analysis::low_rank::{estimated_direct, from_products};
 use crate::error::Error;
 use crate::operator::Product;
-use crate::report::model::SavedModel;
 
 /// The model of each channel from all that the run's journal holds.
 pub(super) fn model_of_run(run: &Replay, console: &Console) -> Result<SavedModel> {

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 
 use crate::cache::{self, Cache};
-use crate::transport::Place;
+use crate::transport::Backend;
 
 /// `--operator`, `--products` and `--memory`.
 #[derive(Args)]
@@ -45,12 +45,12 @@ pub(super) enum ProductsArg {
     Device,
 }
 
-impl From<ProductsArg> for Place {
+impl From<ProductsArg> for Backend {
     fn from(argument: ProductsArg) -> Self {
         match argument {
             ProductsArg::Auto => Self::Auto,
-            ProductsArg::Cpu => Self::Processor,
-            ProductsArg::Device => Self::Device,
+            ProductsArg::Cpu => Self::Cpu,
+            ProductsArg::Device => Self::Gpu,
         }
     }
 }

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
-use crate::report::picture;
+use crate::io::picture;
 
 /// A pattern by name, or an image file.
 #[derive(Clone, Debug, PartialEq)]

@@ -19,7 +19,8 @@ use super::simulation::Simulation;
 use super::source::{self, Source};
 use super::trace::TraceArgs;
 use crate::image::Image;
-use crate::report::{manifest, picture};
+use crate::io::picture;
+use crate::measure::RigRecord;
 use crate::transport::{Channels, Retraced, Simulated, Transport};
 
 /// Take one photo of a scene under a pattern
@@ -109,7 +110,7 @@ struct Taken {
     /// What the summary has about how it was taken, by name.
     facts: (&'static str, serde_json::Value),
     /// What it has cost on a rig.
-    rig: Option<manifest::Rig>,
+    rig: Option<RigRecord>,
 }
 
 fn of_scene(args: &Args, simulation: &mut Simulation, pattern: &Image, console: &Console) -> Result<Taken> {

@@ -14,12 +14,14 @@ use super::run_folder::RECORD;
 use super::{journal, rig_source};
 use crate::error::Error;
 use crate::image::Image;
+use crate::io::manifest::{self, Status};
 use crate::journal::Journal;
-use crate::measure::{Calibration, Journaled};
+use crate::measure::RigFile;
+use crate::measure::RunManifest;
+use crate::measure::{Calibration, JournaledFrames};
 use crate::operator::Product;
-use crate::report::manifest::{self, Manifest, Status};
 use crate::report::segmentation::Truth;
-use crate::rig::{Frame, RigFile};
+use crate::rig::Frame;
 use crate::transport::{Channels, JournaledOperator, Part};
 
 /// A run that can be asked anew.
@@ -57,7 +59,7 @@ impl Replay {
         let mut journal = Journal::read_only(&folder)?;
         let about = read(&mut journal, ABOUT)?.ok_or_else(|| unfinished(&journal, "what they are of"))?;
         let truth = read(&mut journal, TRUTH)?;
-        let record = Manifest::read(&run.join(RECORD)).ok().filter(|record| record.status == Status::Done);
+        let record = RunManifest::read(&run.join(RECORD)).ok().filter(|record| record.status == Status::Done);
         let photos = record.and_then(|record| record.photos_allowed);
         Ok(Self { folder: run.to_path_buf(), about, truth, photos })
     }
@@ -78,7 +80,7 @@ impl Replay {
         let file = RigFile::from_bytes(&self.about.path, &bytes)?;
         let calibration = Calibration::load(&calibration(&self.folder))?;
         let warn = journal::warning(&journal, console);
-        let shots = Box::new(Journaled::replay(journal)?.reporting(warn));
+        let shots = Box::new(JournaledFrames::replay(journal)?.reporting(warn));
         Ok(Light::Measured(Box::new(rig_source::measured(
             shots,
             &calibration,
@@ -125,7 +127,7 @@ impl Replay {
         let channels = Channels::of(self.about.channels);
         let mut seen: HashSet<Arc<Frame>> = HashSet::new();
         let mut frames = Vec::new();
-        for pair in Journaled::replay(journal)?.pairs() {
+        for pair in JournaledFrames::replay(journal)?.pairs() {
             let frame = pair?.shot.frame;
             if frame.levels().iter().any(|level| *level > 0) && seen.insert(Arc::clone(&frame)) {
                 frames.push(frame);
@@ -164,7 +166,7 @@ impl Replay {
     }
 
     /// Notes what the run depends on.
-    pub(super) fn describe(&self, manifest: &mut Manifest) {
+    pub(super) fn describe(&self, manifest: &mut RunManifest) {
         let About { path, hash, .. } = &self.about;
         manifest.scene = Some(manifest::Scene { path: path.display().to_string(), hash: hash.clone() });
     }

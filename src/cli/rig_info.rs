@@ -4,8 +4,9 @@ use anyhow::Result;
 use serde_json::{Value, json};
 
 use super::console::Console;
+use crate::measure::{RigFile, RigKind};
 use crate::report::stages;
-use crate::rig::{RigFile, RigKind, VirtualRig, VirtualScene};
+use crate::rig::{VirtualRig, VirtualScene};
 
 /// A few lines.
 pub(super) fn say(file: &RigFile, console: &Console) -> Result<()> {

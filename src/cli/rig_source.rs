@@ -18,12 +18,14 @@ use super::truth;
 use crate::analysis::plan::Twin;
 use crate::error::Error;
 use crate::image::Resolution;
+use crate::io::manifest;
 use crate::journal::{Identity, Journal};
-use crate::measure::{Calibration, Journaled, Live, Measurement, Opener, Shots};
+use crate::measure::RunManifest;
+use crate::measure::{Calibration, FrameSource, JournaledFrames, LiveFrames, Measurement, Opener};
+use crate::measure::{RigFile, RigKind};
 use crate::operator::Symmetry;
-use crate::report::manifest::{self, Manifest};
 use crate::report::segmentation::Truth;
-use crate::rig::{Helper, RigFile, RigKind, VirtualRig, VirtualScene};
+use crate::rig::{Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
 
 /// A rig that can be opened.
@@ -151,7 +153,7 @@ impl RigSource {
             RigKind::Hardware(rig) => {
                 return Box::new(move |after| {
                     let bench = rig.open(&Helper::this_program()?, after)?;
-                    Ok(Box::new(Live::new(bench, settle, tries)))
+                    Ok(Box::new(LiveFrames::new(bench, settle, tries)))
                 });
             }
         };
@@ -166,7 +168,7 @@ impl RigSource {
                     known.insert(found).transport()
                 }
             };
-            Ok(Box::new(Live::new(rig.open(light, after)?, settle, tries)))
+            Ok(Box::new(LiveFrames::new(rig.open(light, after)?, settle, tries)))
         })
     }
 
@@ -178,10 +180,10 @@ impl RigSource {
         console: &Console,
     ) -> Result<Measured> {
         let mut opener = self.opener(console);
-        let shots: Box<dyn Shots> = match journal {
+        let shots: Box<dyn FrameSource> = match journal {
             Some(journal) => {
                 let warn = journal::warning(&journal, console);
-                Box::new(Journaled::new(journal, opener)?.reporting(warn))
+                Box::new(JournaledFrames::new(journal, opener)?.reporting(warn))
             }
             None => opener(None)?,
         };
@@ -230,7 +232,7 @@ impl RigSource {
     }
 
     /// Notes what a run depends on.
-    pub(super) fn describe(&self, manifest: &mut Manifest) {
+    pub(super) fn describe(&self, manifest: &mut RunManifest) {
         let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
         if let Some(simulation) = &self.simulation {
             simulation.describe(manifest);
@@ -241,7 +243,7 @@ impl RigSource {
 
 /// The stages behind raw frames.
 pub(super) fn measured(
-    shots: Box<dyn Shots>,
+    shots: Box<dyn FrameSource>,
     calibration: &Calibration,
     file: &RigFile,
     (channels, symmetry): (Option<Channels>, Symmetry),

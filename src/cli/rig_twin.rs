@@ -9,9 +9,9 @@ use super::console::Console;
 use super::simulation::Simulation;
 use crate::analysis::plan::Twin;
 use crate::error::Error;
-use crate::report::sparse;
+use crate::io::sparse;
 use crate::rig::{VirtualRig, VirtualScene};
-use crate::transport::{Given, Place};
+use crate::transport::{Backend, ExplicitMatrix};
 
 /// Its photos are those of the simulation, traced when this is asked for, or of a matrix in a file.
 pub(super) fn twin(
@@ -23,10 +23,12 @@ pub(super) fn twin(
     Ok(match (simulation, &devices.scene) {
         (Some(simulation), _) => {
             let mut traced = simulation.assemble(devices.channels(), console)?;
-            simulation.place(&mut traced, Place::Auto, console)?;
+            simulation.place(&mut traced, Backend::Auto, console)?;
             Twin::Traced(Arc::new(traced))
         }
-        (None, VirtualScene::Matrix { path, size }) => Twin::Given(Given::new(sparse::read(path)?, *size)?),
+        (None, VirtualScene::Matrix { path, size }) => {
+            Twin::Explicit(ExplicitMatrix::new(sparse::read(path)?, *size)?)
+        }
         (None, VirtualScene::File { .. }) => return Err(no_scene(rig).into()),
     })
 }

@@ -10,8 +10,9 @@ use super::measured;
 use super::opener;
 use super::options::RunArgs;
 use crate::error::{Error, Result};
+use crate::io::manifest::{self, Status};
 use crate::journal::{Identity, Journal};
-use crate::report::manifest::{self, Manifest, Status};
+use crate::measure::RunManifest;
 
 /// What a run says of itself.
 pub(super) const RECORD: &str = "run.json";
@@ -19,7 +20,7 @@ pub(super) const RECORD: &str = "run.json";
 /// An open run: the folder is there and writable before any work starts, and its record says `running` until the end.
 pub(super) struct RunFolder {
     pub(super) path: PathBuf,
-    pub(super) manifest: Manifest,
+    pub(super) manifest: RunManifest,
     started: Instant,
     /// Show the report in the end.
     open: bool,
@@ -57,7 +58,7 @@ impl RunFolder {
                 ));
             }
         }
-        let manifest = Manifest::new(std::env::args());
+        let manifest = RunManifest::new(std::env::args());
         manifest.write(&path.join(RECORD))?;
         Ok(Self { path, manifest, started: Instant::now(), resume, notes: Vec::new(), open: wanted.open })
     }

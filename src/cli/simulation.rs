@@ -10,11 +10,12 @@ use super::noise;
 use super::options::ViewArgs;
 use super::trace::TraceArgs;
 use crate::cache::{Cache, Found, Key};
+use crate::io::manifest;
 use crate::journal::Identity;
+use crate::measure::RunManifest;
 use crate::render::{TraceSettings, TraceSummary, Tracer};
-use crate::report::manifest::{self, Manifest};
 use crate::scene::{self, LoadOptions, Scene};
-use crate::transport::{self, Assembled, Channels, Place};
+use crate::transport::{self, Assembled, Backend, Channels};
 
 /// A scene, with the device that traces it and the matrices that are there already.
 pub(super) struct Simulation {
@@ -71,7 +72,7 @@ impl Simulation {
     }
 
     /// Notes what a trace depends on.
-    pub(super) fn describe(&self, manifest: &mut Manifest) {
+    pub(super) fn describe(&self, manifest: &mut RunManifest) {
         let (scene, settings) = (&self.scene, &self.settings);
         let adapter = self.tracer.adapter();
         manifest.seed = Some(u64::from(settings.seed));
@@ -89,11 +90,11 @@ impl Simulation {
     }
 
     /// Moves the matrix to where products are to be taken, and says where that is.
-    pub(super) fn place(&self, traced: &mut Assembled, place: Place, console: &Console) -> Result<()> {
+    pub(super) fn place(&self, traced: &mut Assembled, place: Backend, console: &Console) -> Result<()> {
         if let Some(why) = traced.place(&self.tracer, place)? {
             console.note(format_args!("note: products are taken on the processor: {why}"));
         }
-        let whom = if traced.is_resident() { &self.tracer.adapter().name } else { "the processor" };
+        let whom = if traced.is_on_gpu() { &self.tracer.adapter().name } else { "the processor" };
         console.detail(format_args!("products  on {whom}"));
         Ok(())
     }

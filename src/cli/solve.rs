@@ -10,9 +10,9 @@ use super::console::Console;
 use super::options::{OutputArgs, RunArgs, method};
 use super::run_folder::RunFolder;
 use crate::error::Error;
+use crate::io::{npy, sparse};
 use crate::krylov::{Method, SolveOptions, Status, solve_adjoint};
 use crate::report::solution::SolutionRun;
-use crate::report::{npy, sparse};
 use crate::sparse::SparseOperator;
 
 /// Solve A x = b for a matrix and a right-hand side from files

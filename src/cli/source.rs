@@ -18,7 +18,7 @@ use super::truth;
 use crate::error::Error;
 use crate::image::Resolution;
 use crate::journal::Identity;
-use crate::report::manifest::Manifest;
+use crate::measure::RunManifest;
 use crate::report::segmentation::Truth;
 use crate::transport::Channels;
 
@@ -195,7 +195,7 @@ impl Source {
     }
 
     /// Notes what a run depends on.
-    pub(super) fn describe(&self, manifest: &mut Manifest, channels: Channels) {
+    pub(super) fn describe(&self, manifest: &mut RunManifest, channels: Channels) {
         match self {
             Self::Scene(simulation) => simulation.describe(manifest),
             Self::Rig(rig) => rig.describe(manifest),

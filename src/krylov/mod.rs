@@ -43,7 +43,9 @@ pub use estimators::{
     DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,
     diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
 };
-pub use factor::{Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, RitzPair, Step, Verdict, Which};
+pub use factor::{
+    Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, PairStatus, RitzPair, Step, Which,
+};
 pub use inexact::Relaxation;
 pub use linear::{
     Advance, BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Side, Solution, SolveMonitor,
@@ -51,6 +53,6 @@ pub use linear::{
 };
 pub use methods::{Constraint, METHODS, Method, MethodFacts, solve, solve_adjoint};
 pub use monitor::{HistoryRow, Monitor, Progress, keep_going};
-pub use precondition::{Diagonal, Given, Multiscale, Preconditioner};
+pub use precondition::{Diagonal, Multiscale, Preconditioner, UserPreconditioner};
 pub use start::Start;
 pub use stats::{Stats, Status};

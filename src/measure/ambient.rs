@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use super::averaging::{Exposed, average};
+use super::frame_source::FrameSource;
 use super::response::CameraCurve;
-use super::shots::Shots;
 use crate::error::Result;
 use crate::rig::Frame;
 
@@ -22,7 +22,7 @@ pub(super) struct Blacks {
 impl Blacks {
     /// Takes `black` `takes` times at each exposure.
     pub(super) fn take(
-        shots: &mut dyn Shots,
+        shots: &mut dyn FrameSource,
         curve: &CameraCurve,
         black: &Arc<Frame>,
         exposures: &[f64],

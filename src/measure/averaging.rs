@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::frame_source::{CaptureRequest, FrameSource};
 use super::response::CameraCurve;
-use super::shots::{Shot, Shots};
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
@@ -27,7 +27,7 @@ pub(super) struct Exposed {
 
 /// Takes `frame` at `exposure` once for each of `takes`, and averages.
 pub(super) fn average(
-    shots: &mut dyn Shots,
+    shots: &mut dyn FrameSource,
     curve: &CameraCurve,
     frame: &Arc<Frame>,
     exposure: f64,
@@ -44,7 +44,7 @@ pub(super) fn average(
         saturated: vec![false; samples],
     };
     for take in takes.clone() {
-        let raw = shots.shoot(&Shot { frame: Arc::clone(frame), exposure, take })?;
+        let raw = shots.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take })?;
         raw.check()?;
         if raw.counts.len() != samples {
             return Err(Error::Dimension {

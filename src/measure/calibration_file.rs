@@ -17,7 +17,7 @@ use serde::Deserialize;
 use super::{Calibration, CameraResponse, Registration, Stability};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::report::{atomic, npy};
+use crate::io::{atomic, npy};
 use crate::rig::{CameraInfo, ProjectorInfo};
 
 /// The version of the folder's format.

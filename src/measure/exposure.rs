@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use super::averaging::{Exposed, average};
+use super::frame_source::FrameSource;
 use super::response::CameraCurve;
-use super::shots::Shots;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
@@ -33,7 +33,7 @@ const SHOTS: usize = 24;
 
 /// Chooses up to `brackets` exposures, shortest first. `used` are the camera pixels that matter.
 pub(super) fn choose(
-    shots: &mut dyn Shots,
+    shots: &mut dyn FrameSource,
     curve: &CameraCurve,
     white: &Arc<Frame>,
     used: &[bool],

@@ -133,7 +133,7 @@ fn merge_sample(
                 continue;
             }
         }
-        // Shot noise alone would weigh by time: where the passes below begin.
+        // CaptureRequest noise alone would weigh by time: where the passes below begin.
         weights[e] = exposed[e].exposure;
         precision += weights[e];
         value += (rate(e) - value) * weights[e] / precision;

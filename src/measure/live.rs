@@ -6,16 +6,16 @@
 
 use std::sync::Arc;
 
-use super::{Effort, Shot, Shots, Times};
+use super::{CaptureRequest, Effort, FrameSource, Times};
 use crate::error::{Error, Result};
-use crate::rig::{Bench, CameraInfo, Frame, ProjectorInfo, RawFrame};
+use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, RawFrame};
 
 /// Exposures differ from what was set by less, relatively: some cameras hand them out as 32-bit numbers.
 const EXPOSURE_TOLERANCE: f64 = 1e-6;
 
 /// Takes frames from a bench.
-pub struct Live {
-    bench: Bench,
+pub struct LiveFrames {
+    bench: Devices,
     settle: f64,
     tries: u32,
     /// What is on screen, and when that was confirmed.
@@ -37,9 +37,9 @@ enum Refused {
     Late,
 }
 
-impl Live {
+impl LiveFrames {
     /// Takes frames from `bench`, `settle` seconds after a pattern is confirmed at the earliest, with `tries` tries for each.
-    pub fn new(bench: Bench, settle: f64, tries: u32) -> Self {
+    pub fn new(bench: Devices, settle: f64, tries: u32) -> Self {
         let opened = bench.clock.now();
         Self {
             bench,
@@ -54,7 +54,7 @@ impl Live {
     }
 
     /// Does something that takes time, and counts it as `part` of it.
-    fn spend<T>(&mut self, part: fn(&mut Times) -> &mut f64, doing: impl FnOnce(&mut Bench) -> T) -> T {
+    fn spend<T>(&mut self, part: fn(&mut Times) -> &mut f64, doing: impl FnOnce(&mut Devices) -> T) -> T {
         let began = self.bench.clock.now();
         let done = doing(&mut self.bench);
         *part(&mut self.effort.times) += self.bench.clock.now() - began;
@@ -184,7 +184,7 @@ impl Live {
     }
 }
 
-impl Shots for Live {
+impl FrameSource for LiveFrames {
     fn projector(&self) -> &ProjectorInfo {
         self.bench.projector.info()
     }
@@ -193,13 +193,13 @@ impl Shots for Live {
         self.bench.camera.info()
     }
 
-    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame> {
+    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
         let exposure = self.configure(shot.exposure)?;
         let ready = self.show(&shot.frame)?;
         let mut refused = Vec::new();
         let mut restarted = false;
         loop {
-            let wait = |bench: &mut Bench| {
+            let wait = |bench: &mut Devices| {
                 // A real clock may wake a little early.
                 while bench.clock.now() < ready {
                     bench.clock.sleep(ready - bench.clock.now());
@@ -226,7 +226,7 @@ impl Shots for Live {
         }
     }
 
-    fn follow(&mut self, shot: &Shot, frame: &RawFrame) -> Result<()> {
+    fn follow(&mut self, shot: &CaptureRequest, frame: &RawFrame) -> Result<()> {
         let shown = self.bench.projector.restore(&shot.frame)?;
         self.shown = Some((Arc::clone(&shot.frame), shown.at));
         self.last = (Some(frame.id), frame.started);

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use super::calibration::{Calibration, Registration};
 use super::display::Display;
 use super::drift::DriftReport;
+use super::frame_source::{Effort, FrameSource};
 use super::hdr::Sighting;
 use super::options::MeasureOptions;
 use super::photo::{Photo, Plane};
 use super::photographer::{Exposer, Photographer};
 use super::registration::{choose, combine};
 use super::response::CameraCurve;
-use super::shots::{Effort, Shots};
 use crate::error::{Error, Result};
 use crate::image::{Blur, Image, Resolution};
 use crate::operator::Symmetry;
@@ -50,7 +50,11 @@ impl Measurement {
     /// # Errors
     /// [`Error::Option`] where an option is out of range; [`Error::Dimension`] and [`Error::Numerical`] where the calibration
     /// is not of these devices or makes no sense.
-    pub fn new(shots: Box<dyn Shots>, calibration: Calibration, options: MeasureOptions) -> Result<Self> {
+    pub fn new(
+        shots: Box<dyn FrameSource>,
+        calibration: Calibration,
+        options: MeasureOptions,
+    ) -> Result<Self> {
         options.check()?;
         let (projector, camera) = (shots.projector().clone(), shots.camera().clone());
         if calibration.projector.len() != projector.channels {
@@ -242,7 +246,7 @@ impl Measurement {
         let wish: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.masked(&pattern.plane(channel))).collect();
         let mut terms = Vec::new();
-        self.shoot(1.0, &wish, Part::Full, &mut terms)?;
+        self.capture(1.0, &wish, Part::Full, &mut terms)?;
         let planes = (0..self.camera_channels())
             .map(|channel| self.sum(&terms, 0.0, channel))
             .collect::<Result<Vec<Plane>>>()?;

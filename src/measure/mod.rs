@@ -1,7 +1,7 @@
 //! From photons to a linear operator: what stands between a rig's integers and `A x` for a signed, real `x`.
 //!
 //! Each correction is a stage in a file of its own (O'Toole and Kutulakos, sections 7 and 8), and can be switched off
-//! ([`MeasureOptions`]). Raw frames come from [`Shots`]; what is known of the devices is a [`Calibration`]; all together is a
+//! ([`MeasureOptions`]). Raw frames come from [`FrameSource`]; what is known of the devices is a [`Calibration`]; all together is a
 //! [`Measurement`], whose [`MeasuredOperator`] the Krylov methods see.
 //!
 //! | file | stage |
@@ -33,6 +33,7 @@ mod display;
 mod drift;
 mod exposure;
 mod focus;
+mod frame_source;
 mod hdr;
 mod journaled;
 mod live;
@@ -43,22 +44,25 @@ mod options;
 mod photo;
 mod photographer;
 mod product;
+mod record;
 mod registration;
 mod repeat;
 mod response;
-mod shots;
+mod rig_file;
 mod signed;
 mod times;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
 pub use drift::DriftReport;
 pub use focus::focus;
-pub use journaled::{Journaled, Opener, Pair};
-pub use live::Live;
+pub use frame_source::{CaptureRequest, Effort, FrameSource};
+pub use journaled::{JournaledFrames, Opener, Pair};
+pub use live::LiveFrames;
 pub use measurement::Measurement;
 pub use operator::MeasuredOperator;
 pub use options::{DirectBy, DitherBy, MeasureOptions, SignedBy};
 pub use photo::{Photo, Plane};
+pub use record::{RigRecord, RunManifest};
 pub use repeat::{Repeat, repeat};
-pub use shots::{Effort, Shot, Shots};
+pub use rig_file::{RigFile, RigKind};
 pub use times::Times;

@@ -8,10 +8,10 @@ use super::ambient::Blacks;
 use super::averaging::{Exposed, average};
 use super::drift::Drift;
 use super::exposure;
+use super::frame_source::FrameSource;
 use super::hdr::{Sighting, merge};
 use super::options::{MOST_TAKES, MeasureOptions};
 use super::response::CameraCurve;
-use super::shots::Shots;
 use crate::error::Result;
 use crate::rig::Frame;
 
@@ -42,7 +42,7 @@ pub(super) struct Basics {
 
 /// Shoots frames at several exposures, and merges.
 pub(super) struct Exposer {
-    pub(super) shots: Box<dyn Shots>,
+    pub(super) shots: Box<dyn FrameSource>,
     pub(super) curve: CameraCurve,
     /// Which camera pixels matter.
     pub(super) used: Vec<bool>,

@@ -84,7 +84,7 @@ impl Measurement {
             let plane = |channel| self.masked(&vec![f64::from(u8::from(channel == primary)); pixels]);
             let wish: Vec<Vec<f64>> = (0..3).map(plane).collect();
             let mut terms = Vec::new();
-            self.shoot(1.0, &wish, Part::Full, &mut terms)?;
+            self.capture(1.0, &wish, Part::Full, &mut terms)?;
             for (channel, plane) in photo.iter_mut().enumerate() {
                 *plane = self.sum(&terms, 0.0, channel)?.values;
             }
@@ -100,7 +100,7 @@ impl Measurement {
             let signed = self.signed(channel, wish)?;
             white = signed.white;
             for (coefficient, pattern) in signed.parts {
-                self.shoot(coefficient, &[pattern], part, &mut terms)?;
+                self.capture(coefficient, &[pattern], part, &mut terms)?;
             }
         }
         let mut product = Plane::zero(wish.len());
@@ -147,7 +147,7 @@ impl Measurement {
     }
 
     /// Shows a pattern, in bit planes, and adds the photos to `terms`.
-    pub(super) fn shoot(
+    pub(super) fn capture(
         &mut self,
         coefficient: f64,
         wish: &[Vec<f64>],

@@ -8,7 +8,7 @@ pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// Wish, photos with and without compensation, what is projected, and errors; photos are shown alike.
+/// Target, photos with and without compensation, what is projected, and errors; photos are shown alike.
 pub(super) fn panels(stage: &Stage, wish: &Wish, plain: &[f64], best: &Entry) -> Vec<Panel> {
     let panel = |name: &str, caption: String, content: Content| Panel {
         name: name.into(),

@@ -9,9 +9,10 @@ use super::stage::Stage;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::measure::calibrate::{CalibrateOptions, calibrate};
-use crate::measure::{Calibration, Live, MeasureOptions, Measurement, Shots};
+use crate::measure::{Calibration, FrameSource, LiveFrames, MeasureOptions, Measurement};
+use crate::measure::{RigFile, RigKind};
 use crate::operator::Operator;
-use crate::rig::{RigFile, RigKind, VirtualRig};
+use crate::rig::VirtualRig;
 use crate::transport::{Channels, Part, Transport};
 
 const REALISTIC: &[u8] = include_bytes!("../../assets/rigs/realistic.toml");
@@ -94,9 +95,9 @@ fn resize(rig: &mut VirtualRig, resolution: Resolution, finer: f64) {
     rig.camera.size = Some([side(resolution.width), side(resolution.height)]);
 }
 
-fn open(rig: &VirtualRig, stage: &Rc<Stage>, options: &MeasureOptions) -> Result<Box<dyn Shots>> {
+fn open(rig: &VirtualRig, stage: &Rc<Stage>, options: &MeasureOptions) -> Result<Box<dyn FrameSource>> {
     let bench = rig.open(Box::new(Seen(Rc::clone(stage))), None)?;
-    Ok(Box::new(Live::new(bench, options.settle.unwrap_or(0.0), options.tries)))
+    Ok(Box::new(LiveFrames::new(bench, options.settle.unwrap_or(0.0), options.tries)))
 }
 
 /// A stage as the devices see it.

@@ -1,10 +1,10 @@
 //! The picture of a round of alignment: the photo, its shadows, and arrows where something is displaced.
 
-use super::raster::Raster;
-use super::srgb::encode_srgb;
-use super::tone::percentile;
 use crate::analysis::align::{Alignment, Sight};
 use crate::image::Resolution;
+use crate::io::raster::Raster;
+use crate::io::srgb::encode_srgb;
+use crate::io::tone::percentile;
 
 /// What the camera sees and the projector does not light.
 pub const SHADOW: [u8; 3] = [0xe0, 0x20, 0x18];

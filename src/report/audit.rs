@@ -4,11 +4,11 @@ use std::path::Path;
 
 use super::colormap::{paint_sequential, paint_signed, robust_range, sequential_color};
 use super::html::{Block, Figure, Legend, Outcome, Report, Section, Swatch, Verdict};
-use super::manifest::Manifest;
 use super::run::{self, Files};
-use super::{atomic, npy};
 use crate::analysis::audit::{self, Audit};
 use crate::error::{Error, Result};
+use crate::io::{atomic, npy};
+use crate::measure::RunManifest;
 
 /// A finished audit with what belongs beside it.
 #[derive(Clone, Debug)]
@@ -27,7 +27,7 @@ impl AuditRun<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let path = files.path("audit.json");
         let text = serde_json::to_string_pretty(&self.found.checks)
@@ -91,7 +91,7 @@ impl AuditRun<'_> {
         Ok(pictures)
     }
 
-    fn page(&self, figures: Vec<Figure>, manifest: &Manifest, seconds: f64) -> Report {
+    fn page(&self, figures: Vec<Figure>, manifest: &RunManifest, seconds: f64) -> Report {
         let found = self.found;
         let percent =
             |share: f64| if share.is_finite() { format!("{:.3} %", 100.0 * share) } else { "–".into() };

@@ -3,14 +3,15 @@
 
 use std::path::Path;
 
+use super::colormap;
 use super::figure;
 use super::html::{Block, Outcome, Report, Section, Verdict};
-use super::manifest::Manifest;
 use super::plot::{LinePlot, Series};
 use super::run;
-use super::{atomic, colormap};
 use crate::error::{Error, Result};
+use crate::io::atomic;
 use crate::measure::Calibration;
+use crate::measure::RunManifest;
 use crate::measure::calibrate::CalibrationReport;
 
 /// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` (camera pixels for each projector
@@ -41,7 +42,7 @@ pub fn write_page(
     folder: &Path,
     (title, figures): (String, &[[String; 2]]),
     (calibration, report): (&Calibration, &CalibrationReport),
-    manifest: &Manifest,
+    manifest: &RunManifest,
     seconds: f64,
 ) -> Result<()> {
     let table = Block::Table {

@@ -3,12 +3,13 @@
 use std::sync::LazyLock;
 
 use super::oklab::{linear_from_oklab, oklab_from_linear};
-pub use super::palette::{MASKED, NOT_A_NUMBER};
-use super::raster::Raster;
-use super::srgb::{decode_srgb, encode_srgb};
-use super::tone;
+pub use super::palette::MASKED;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+pub use crate::io::raster::NOT_A_NUMBER;
+use crate::io::raster::Raster;
+use crate::io::srgb::{decode_srgb, encode_srgb};
+use crate::io::tone;
 
 /// Half a per cent of the values may saturate, so that single bright pixels do not drown the rest.
 const RANGE_PERCENTILE: f64 = 0.995;

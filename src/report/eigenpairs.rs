@@ -2,14 +2,15 @@
 
 use std::path::Path;
 
+use super::contact_sheet::ContactSheet;
 use super::html::{Block, Outcome, Report, Section, Verdict};
-use super::manifest::Manifest;
 use super::run::{self, Files};
-use super::strip::Strip;
-use super::{exr, npy, spectrum};
+use super::spectrum;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::io::{exr, npy};
 use crate::krylov::Eigs;
+use crate::measure::RunManifest;
 
 /// Eigenpairs found, with what belongs beside them.
 #[derive(Clone, Debug)]
@@ -25,7 +26,7 @@ pub struct EigenpairsRun<'a> {
     /// Whether all is as good as was asked for.
     pub good: bool,
     /// Every photo in order, and what photos are in; none where the matrix is not of images.
-    pub strip: Option<(&'a Strip, &'a str)>,
+    pub strip: Option<(&'a ContactSheet, &'a str)>,
 }
 
 impl EigenpairsRun<'_> {
@@ -33,7 +34,7 @@ impl EigenpairsRun<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let found = self.found;
         let count = found.values.len();
@@ -55,7 +56,7 @@ impl EigenpairsRun<'_> {
             self.write_layers(&mut files, resolution)?;
             pictures = spectrum::pictures(resolution, &found.vectors, &found.values, None)?;
             for (name, figure) in &pictures {
-                super::atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+                crate::io::atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
             }
         }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
@@ -78,7 +79,7 @@ impl EigenpairsRun<'_> {
         exr::write_exr(&files.path("eigenvectors.exr"), &layers)
     }
 
-    fn page(&self, figures: Block, manifest: &Manifest, seconds: f64) -> Result<Report> {
+    fn page(&self, figures: Block, manifest: &RunManifest, seconds: f64) -> Result<Report> {
         let found = self.found;
         let sentence = format!("{} photos: {}.", found.stats.products, found.stats.status);
         let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();

@@ -2,9 +2,9 @@
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Legend};
-use super::tone::develop;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::io::tone::develop;
 
 /// Light in `unit`, developed by `scale`; in colour, the bar is that of its grays.
 pub(super) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Result<Figure> {

@@ -1,15 +1,12 @@
 //! Colours for groups: any number of pixels may carry one of 255 labels, and 255 is a masked pixel.
 
 use super::oklab::linear_from_oklab;
-use super::raster::Raster;
-use super::srgb::encode_srgb;
 use crate::image::Resolution;
+use crate::io::raster::Raster;
+use crate::io::srgb::encode_srgb;
 
 /// Masked pixels: a gray that no map of colours passes through.
 pub const MASKED: [u8; 3] = [0x3c, 0x3c, 0x40];
-
-/// NaN: the magenta that nobody overlooks.
-pub const NOT_A_NUMBER: [u8; 3] = [0xff, 0x00, 0xff];
 
 /// The label of a pixel that belongs to no group.
 pub const MASKED_LABEL: u8 = 255;
@@ -60,8 +57,8 @@ pub fn paint_labels(resolution: Resolution, labels: &[u8]) -> Raster {
 #[cfg(test)]
 mod tests {
     use super::super::oklab::oklab_from_linear;
-    use super::super::srgb::decode_srgb;
     use super::*;
+    use crate::io::srgb::decode_srgb;
 
     #[test]
     fn no_two_of_the_255_colors_are_equal() {

@@ -1,7 +1,7 @@
 //! A camera's frame as a picture for the one who sets it up: what counts no further is red, what counts nothing blue.
 
-use super::raster::Raster;
-use super::srgb::encode_srgb;
+use crate::io::raster::Raster;
+use crate::io::srgb::encode_srgb;
 use crate::rig::RawFrame;
 
 /// A sample that counts no further.

@@ -3,17 +3,18 @@
 use std::path::Path;
 
 use super::colormap::robust_range;
+use super::contact_sheet::ContactSheet;
+use super::figure;
 use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
-use super::manifest::Manifest;
 use super::planes::{difference, mean, percent};
 use super::run::{self, Files};
 use super::separation::{Planes, relative_error};
-use super::strip::Strip;
-use super::tone::exposure;
-use super::{atomic, figure, picture};
 use crate::analysis::Probing;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::io::tone::exposure;
+use crate::io::{atomic, picture};
+use crate::measure::RunManifest;
 
 /// A probed photo with what belongs beside it.
 #[derive(Clone, Debug)]
@@ -35,7 +36,7 @@ pub struct ProbingRun<'a> {
     /// The same from the matrix itself, where there is one.
     pub truth: Option<&'a Planes>,
     /// Every photo in order.
-    pub strip: &'a Strip,
+    pub strip: &'a ContactSheet,
 }
 
 impl ProbingRun<'_> {
@@ -44,7 +45,7 @@ impl ProbingRun<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let mut images = vec![("probed", self.values, format!("Let through: {}", self.probing.in_words()))];
         images.extend(self.truth.map(|truth| ("exact", truth, "The same from the matrix itself".to_owned())));

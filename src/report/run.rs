@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::manifest::{Manifest, ProductsOn, Rig};
-use crate::measure::{DirectBy, MeasureOptions};
+use crate::io::manifest::ProductsOn;
+use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
 
 /// The files of a run's folder, noted by name as they are asked for.
 pub(super) struct Files<'a> {
@@ -24,7 +24,7 @@ impl<'a> Files<'a> {
 
 /// The facts of a run, as far as its record has them, with `more` of its own after those of the scene.
 pub(super) fn facts(
-    manifest: &Manifest,
+    manifest: &RunManifest,
     photos: usize,
     more: impl IntoIterator<Item = (&'static str, String)>,
     seconds: f64,
@@ -56,7 +56,7 @@ pub(super) fn facts(
 }
 
 /// What a run on a rig cost, and how its photos were made.
-fn rig_facts(rig: &Rig) -> Vec<(&'static str, String)> {
+fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     let effort = &rig.effort;
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let mut facts = vec![

@@ -4,16 +4,17 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::colormap::robust_range;
+use super::contact_sheet::ContactSheet;
+use super::figure;
 use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
-use super::manifest::Manifest;
 use super::planes::{difference, mean, percent};
 use super::plot::{LinePlot, Series};
 use super::run::{self, Files};
-use super::strip::Strip;
-use super::tone::exposure;
-use super::{atomic, figure, picture};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::io::tone::exposure;
+use crate::io::{atomic, picture};
+use crate::measure::RunManifest;
 
 /// A plane of values for each channel.
 pub type Planes = Vec<Vec<f64>>;
@@ -48,7 +49,7 @@ pub struct SeparationRun<'a> {
     /// Whether it is as good as was asked for.
     pub good: bool,
     /// Every photo in order.
-    pub strip: &'a Strip,
+    pub strip: &'a ContactSheet,
 }
 
 /// Global light by how far from its own pixel it comes back.
@@ -89,7 +90,7 @@ impl SeparationRun<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let images = self.images()?;
         for (name, image, _) in &images {
@@ -176,7 +177,7 @@ impl SeparationRun<'_> {
         text
     }
 
-    fn page(&self, figures: Vec<Figure>, manifest: &Manifest, seconds: f64) -> Result<Report> {
+    fn page(&self, figures: Vec<Figure>, manifest: &RunManifest, seconds: f64) -> Result<Report> {
         let mut sections = vec![Section {
             title: "Where the light comes from".into(),
             text: format!("Under an all-ones pattern, in {}; all developed alike.", self.unit),

@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use super::html::{Outcome, Report, Section, Verdict};
-use super::manifest::Manifest;
+use super::residuals;
 use super::run::{self, Files};
-use super::{atomic, npy, residuals};
 use crate::error::Result;
+use crate::io::{atomic, npy};
 use crate::krylov::Solution;
+use crate::measure::RunManifest;
 
 /// A solution with what belongs beside it.
 #[derive(Clone, Debug)]
@@ -28,7 +29,7 @@ impl SolutionRun<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let found = self.found;
         npy::write_npy(&files.path("solution.npy"), &[found.x.len()], &found.x)?;

@@ -195,7 +195,7 @@ pub trait Clock {
 }
 
 /// An open rig.
-pub struct Bench {
+pub struct Devices {
     /// What shows.
     pub projector: Box<dyn Projector>,
     /// What sees.

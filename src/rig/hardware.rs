@@ -1,7 +1,7 @@
 //! A rig of real devices: a monitor of an X server that is projected, and a camera.
 
 use super::x11::{Helper, X11Projector, X11Spec};
-use super::{Bench, Camera, CameraInfo, CameraSpec, Gphoto2, ProjectorInfo, Stamp, WallClock};
+use super::{Camera, CameraInfo, CameraSpec, Devices, Gphoto2, ProjectorInfo, Stamp, WallClock};
 use crate::error::Result;
 
 /// What is written about real devices.
@@ -29,11 +29,11 @@ impl HardwareRig {
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when a device is not there, is in use, or cannot do what is written about it.
-    pub fn open(&self, helper: &Helper, after: Option<Stamp>) -> Result<Bench> {
+    pub fn open(&self, helper: &Helper, after: Option<Stamp>) -> Result<Devices> {
         let clock = WallClock::starting_at(after.map_or(0.0, |stamp| stamp.time));
         let camera = camera(&self.camera, clock, after.map_or(0, |stamp| stamp.id))?;
         let projector = X11Projector::open(&self.projector, helper, clock)?;
-        Ok(Bench { projector: Box::new(projector), camera, clock: Box::new(clock) })
+        Ok(Devices { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
 
     /// Opens the camera alone.

@@ -2,7 +2,7 @@
 //!
 //! Nothing here is linear or calibrated: a [`Frame`] is what a projector is told to show, a [`RawFrame`] what a camera
 //! counted, and what both mean as light is for [`crate::measure`] to say. Hardware and virtual devices stand behind the
-//! same three traits, [`Projector`], [`Camera`] and [`Clock`]; together they are a [`Bench`].
+//! same three traits, [`Projector`], [`Camera`] and [`Clock`]; together they are a [`Devices`].
 //!
 //! | kind of rig | projector | camera |
 //! |---|---|---|
@@ -19,14 +19,13 @@
 mod cameras;
 mod clock;
 mod devices;
-mod file;
 mod frame;
-mod genicam;
+pub(crate) mod genicam;
 mod gige;
 mod gphoto2;
 mod hardware;
-mod nearest;
-mod pixels;
+pub(crate) mod nearest;
+pub(crate) mod pixels;
 mod usb3;
 mod v4l;
 mod virtual_bench;
@@ -36,8 +35,7 @@ mod x11;
 pub(crate) use cameras::left_out;
 pub use cameras::{CameraKind, CameraSpec};
 pub use clock::WallClock;
-pub use devices::{Bench, Camera, CameraInfo, Clock, Projector, ProjectorInfo, Shown, Stamp, Waited};
-pub use file::{RigFile, RigKind};
+pub use devices::{Camera, CameraInfo, Clock, Devices, Projector, ProjectorInfo, Shown, Stamp, Waited};
 pub use frame::{Frame, RawFrame};
 #[cfg(any(feature = "gige", feature = "usb3"))]
 pub use genicam::Abilities;

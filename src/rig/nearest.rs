@@ -1,7 +1,7 @@
 //! The known name that a mistyped one is nearest to.
 
 /// The name of `known` with the fewest edits from `name`; `None` where all are as far as being another word.
-pub(in crate::rig) fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let distances = known.iter().map(|known| (distance(name, known), *known));
     let (edits, known) = distances.min_by_key(|(edits, _)| *edits)?;
     (2 * edits <= name.chars().count().max(known.chars().count()) + 1).then_some(known)

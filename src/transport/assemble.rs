@@ -7,7 +7,7 @@ use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
 use super::pixel_sums::PixelSums;
 use super::rows::Rows;
-use super::{Channels, Resident, RigShape, TransportMatrix, from_planes, luminance};
+use super::{Channels, GpuMatrix, RigShape, TransportMatrix, from_planes, luminance};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::render::{Progress, TraceSettings, TraceSummary, Tracer};
@@ -24,7 +24,7 @@ pub struct Assembled {
     /// What the tracing took.
     pub summary: TraceSummary,
     /// The matrix on a device, if products are taken there: see [`Assembled::place`].
-    pub(crate) resident: Option<Resident>,
+    pub(crate) gpu_matrix: Option<GpuMatrix>,
 }
 
 /// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal bits.
@@ -106,7 +106,7 @@ fn run<const C: usize>(
     let matrix = TransportMatrix { rig, channels, direct: (0..C).map(plane).collect(), layers };
     let ambient = image::<C>(camera, |pixel, channel| ambient.estimates[pixel][channel][0])?;
     let noise = are_two.then(|| noise(camera, &sums)).transpose()?;
-    Ok(Assembled { matrix, ambient, noise, summary, resident: None })
+    Ok(Assembled { matrix, ambient, noise, summary, gpu_matrix: None })
 }
 
 fn noise<const C: usize>(camera: Resolution, rows: &[super::combine::RowSums<C>]) -> Result<Noise> {

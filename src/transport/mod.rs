@@ -8,23 +8,23 @@
 //! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with what the matrix
 //! will hold, not with the number of samples; then rows meet columns, block by block (`combine`), and are cut into `tiles` for fast products. A coaxial rig's matrix is
 //! symmetric to the last bit; that of any other rig has a row for each camera pixel, a column for each projector pixel, and its
-//! transpose is the dual rig. On a GPU with room for it the matrix stays in the device's memory, and products are taken there ([`Place`]). How far `Â` is from the truth, two independent halves of the samples tell ([`Noise`]).
+//! transpose is the dual rig. On a GPU with room for it the matrix stays in the device's memory, and products are taken there ([`Backend`]). How far `Â` is from the truth, two independent halves of the samples tell ([`Noise`]).
 
 mod abreast;
 mod assemble;
+mod backend;
 mod choice;
 mod combine;
 mod contributions;
-mod given;
+mod explicit;
+mod gpu_matrix;
 mod journaled;
 mod layer;
 mod matrix;
 mod noise;
 mod operator;
 mod pixel_sums;
-mod place;
 mod products;
-mod resident;
 mod retraced;
 mod rows;
 mod simulated;
@@ -33,16 +33,16 @@ mod tests;
 mod tiles;
 
 pub use assemble::{Assembled, assemble, assemble_layers};
+pub use backend::Backend;
 pub use choice::{Prediction, predict};
-pub use given::Given;
+pub use explicit::ExplicitMatrix;
+pub use gpu_matrix::GpuMatrix;
 pub use journaled::JournaledOperator;
 pub use layer::{Bounces, Layer};
 pub use matrix::{Part, TransportMatrix};
 pub use noise::Noise;
 pub use operator::MatrixOperator;
-pub use place::Place;
 pub use products::Products;
-pub use resident::Resident;
 pub use retraced::{Retraced, RetracedOperator};
 pub use simulated::Simulated;
 pub(crate) use tiles::CompressedRows;

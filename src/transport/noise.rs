@@ -19,6 +19,12 @@ pub struct Noise {
     pub global: f64,
 }
 
+impl From<&Noise> for crate::io::manifest::Noise {
+    fn from(noise: &Noise) -> Self {
+        Self { operator: noise.operator, global: noise.global, white: noise.white_relative }
+    }
+}
+
 /// How samples of either half add up to a mean and its error.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halves {

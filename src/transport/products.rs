@@ -53,20 +53,20 @@ impl Products for Assembled {
     }
 
     fn product(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) -> Result<()> {
-        match &self.resident {
-            Some(resident) => resident.apply(part, channel, x, y),
+        match &self.gpu_matrix {
+            Some(gpu_matrix) => gpu_matrix.apply(part, channel, x, y),
             None => self.matrix.product(part, channel, x, y),
         }
     }
 
     fn transposed_product(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) -> Result<()> {
-        match &self.resident {
-            Some(resident) => resident.apply_transpose(&self.matrix, part, channel, y, x),
+        match &self.gpu_matrix {
+            Some(gpu_matrix) => gpu_matrix.apply_transpose(&self.matrix, part, channel, y, x),
             None => self.matrix.transposed_product(part, channel, y, x),
         }
     }
 
     fn on_processor(&self) -> Option<&TransportMatrix> {
-        self.resident.is_none().then_some(&self.matrix)
+        self.gpu_matrix.is_none().then_some(&self.matrix)
     }
 }

@@ -3,7 +3,7 @@
 use krylux::analysis::audit::{Audit, AuditOptions, Exact, Verdict, audit};
 use krylux::image::Resolution;
 use krylux::measure::calibrate::CalibrateOptions;
-use krylux::measure::{Calibration, Live, MeasureOptions, Measurement};
+use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use krylux::operator::{Operator, Symmetry};
 use krylux::rig::VirtualRig;
 
@@ -15,7 +15,7 @@ const SIZE: Resolution = Resolution { width: 32, height: 32 };
 fn audited(rig: &VirtualRig, scene: &Folded, calibration: Calibration, options: MeasureOptions) -> Audit {
     let bench = rig.open(Box::new(scene.clone()), None).expect("the scene fits its rig");
     let settle = calibration.stability.settle;
-    let shots = Box::new(Live::new(bench, settle, 5));
+    let shots = Box::new(LiveFrames::new(bench, settle, 5));
     let mut rig = Measurement::new(shots, calibration, options).expect("options that make sense");
     audit(&mut rig, &AuditOptions::default()).expect("the bench can be audited")
 }

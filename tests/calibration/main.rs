@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use krylux::image::Resolution;
 use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
-use krylux::measure::{Calibration, Live};
+use krylux::measure::{Calibration, LiveFrames};
 use krylux::rig::VirtualRig;
 use scene::Folded;
 
@@ -43,7 +43,7 @@ fn calibrated(
     options: &CalibrateOptions,
 ) -> (Calibration, CalibrationReport) {
     let bench = rig.open(Box::new(scene.clone()), None).expect("the scene fits its rig");
-    let mut shots = Live::new(bench, 0.0, 5);
+    let mut shots = LiveFrames::new(bench, 0.0, 5);
     calibrate(&mut shots, options, &mut |_| ControlFlow::Continue(())).expect("the bench can be calibrated")
 }
 

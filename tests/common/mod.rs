@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use krylux::image::{Image, Resolution};
+use krylux::io::npy;
 use krylux::render::{Progress, TraceSettings, Tracer};
-use krylux::report::npy;
 use krylux::scene::{self, Scene};
 use krylux::sparse::Csr;
 use krylux::transport::{Assembled, Channels, Part, TransportMatrix, assemble};

@@ -4,8 +4,8 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use krylux::rig::{Bench, Frame};
-use krylux::transport::Given;
+use krylux::rig::{Devices, Frame};
+use krylux::transport::ExplicitMatrix;
 
 use super::registers::{
     EXPOSURE, GAIN, GAMMA, HEIGHT, OFFSET_X, OFFSET_Y, PACKET_SIZE, PIXEL_FORMAT, Registers, Sent, WIDTH,
@@ -28,7 +28,7 @@ pub fn serve(
     mut look: impl FnMut() -> Option<Frame>,
 ) {
     let size = scene.rig.scene.size();
-    let light = Given::new(scene.matrix.clone(), size).expect("the matrix fits the scene");
+    let light = ExplicitMatrix::new(scene.matrix.clone(), size).expect("the matrix fits the scene");
     let mut bench = scene.rig.open(Box::new(light), None).expect("the scene can be seen");
     let black = Frame::filled(size, scene.rig.projector.channels, 0);
     // What was seen last, and when.
@@ -97,7 +97,7 @@ fn watch(open: Duration, mut look: impl FnMut() -> Frame) -> Seen {
 
 /// Counts of the whole sensor: of one pattern as they are, of several in proportion to how often each was seen. Its time is
 /// simulated: nothing but the exposure passes.
-fn see(bench: &mut Bench, seen: &Seen, exposure: f64) -> Vec<u16> {
+fn see(bench: &mut Devices, seen: &Seen, exposure: f64) -> Vec<u16> {
     bench.camera.configure(exposure).expect("the sensor does what the registers do");
     let mut photo = |frame: &Frame| {
         bench.projector.restore(frame).expect("it fits the screen");

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use krylux::Result;
 use krylux::image::Resolution;
 use krylux::journal::{Journal, Kind};
-use krylux::measure::{Effort, Journaled, Opener, Shot, Shots};
+use krylux::measure::{CaptureRequest, Effort, FrameSource, JournaledFrames, Opener};
 use krylux::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -52,7 +52,7 @@ impl Rig {
     }
 }
 
-impl Shots for Rig {
+impl FrameSource for Rig {
     fn projector(&self) -> &ProjectorInfo {
         &self.projector
     }
@@ -61,7 +61,7 @@ impl Shots for Rig {
         &self.camera
     }
 
-    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame> {
+    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
         self.shots.set(self.shots.get() + 1);
         self.effort.taken += 1;
         self.stands.id += 1;
@@ -80,7 +80,7 @@ impl Shots for Rig {
         Ok(frame)
     }
 
-    fn follow(&mut self, shot: &Shot, frame: &RawFrame) -> Result<()> {
+    fn follow(&mut self, shot: &CaptureRequest, frame: &RawFrame) -> Result<()> {
         assert_eq!(self.stands, Stamp::of(frame));
         self.shown = shot.frame.levels().to_vec();
         Ok(())
@@ -110,22 +110,22 @@ impl Log {
     }
 }
 
-fn shot(index: u16) -> Shot {
+fn shot(index: u16) -> CaptureRequest {
     // Two takes of each frame, and frames that come again.
     let levels = (0..8).map(|pixel| (index / 2 % 5 * 8 + pixel) % 256).collect();
     let frame = Arc::new(Frame::new(SIZE, 1, levels).expect("eight levels"));
-    Shot { frame, exposure: 0.1 / 3.0, take: u32::from(index % 2 + index / 10 * 2) }
+    CaptureRequest { frame, exposure: 0.1 / 3.0, take: u32::from(index % 2 + index / 10 * 2) }
 }
 
-fn resume(folder: &Path, log: &Log) -> Journaled<'static> {
+fn resume(folder: &Path, log: &Log) -> JournaledFrames<'static> {
     let journal = Journal::resume(folder, &identity()).expect("it can be opened");
-    Journaled::new(journal, log.opener()).expect("it is of this rig")
+    JournaledFrames::new(journal, log.opener()).expect("it is of this rig")
 }
 
 /// The frames of the run, whatever it takes.
 fn run(folder: &Path, log: &Log, count: u16) -> Vec<RawFrame> {
     let mut shots = resume(folder, log);
-    (0..count).map(|index| shots.shoot(&shot(index)).expect("the rig works")).collect()
+    (0..count).map(|index| shots.capture(&shot(index)).expect("the rig works")).collect()
 }
 
 const COUNT: u16 = 12;
@@ -138,19 +138,19 @@ fn a_run_is_repeated_without_the_rig() {
     assert_eq!((log.shots.get(), log.opened.borrow().as_slice()), (12, &[None][..]));
 
     let journal = Journal::read_only(folder.path()).expect("it is whole");
-    let mut replay = Journaled::replay(journal).expect("it knows its devices");
+    let mut replay = JournaledFrames::replay(journal).expect("it knows its devices");
     let rig = Rig::open(None, &log.shots);
     assert_eq!((replay.projector(), replay.camera()), (rig.projector(), rig.camera()));
     for (index, frame) in (0..COUNT).zip(&first) {
-        assert_eq!(&replay.shoot(&shot(index)).expect("it is there"), frame);
+        assert_eq!(&replay.capture(&shot(index)).expect("it is there"), frame);
     }
     assert_eq!(replay.effort(), Effort { replayed: 12, ..Effort::default() });
     assert_eq!((replay.past().taken, replay.past().dropped), (12, 2));
 
-    let error = replay.shoot(&shot(COUNT)).expect_err("nobody took it").to_string();
+    let error = replay.capture(&shot(COUNT)).expect_err("nobody took it").to_string();
     assert!(error.contains("take 2") && error.contains("krylux VERB rig.toml --resume -o"), "{error}");
-    let other = Shot { exposure: 0.2, ..shot(0) };
-    assert!(replay.shoot(&other).expect_err("nobody took it").to_string().contains("at 0.2 s"));
+    let other = CaptureRequest { exposure: 0.2, ..shot(0) };
+    assert!(replay.capture(&other).expect_err("nobody took it").to_string().contains("at 0.2 s"));
 
     let pairs: Vec<_> = replay.pairs().collect::<Result<_>>().expect("it can be read");
     let taken: Vec<_> = pairs.into_iter().map(|pair| (pair.shot, pair.seen)).collect();
@@ -241,12 +241,12 @@ fn another_question_takes_its_photos_after_all_others() {
 
     let log = Log::default();
     let mut shots = resume(folder.path(), &log);
-    shots.shoot(&shot(7)).expect("it is there");
-    shots.shoot(&shot(0)).expect("it is there");
-    let new = shots.shoot(&shot(40)).expect("the rig works");
+    shots.capture(&shot(7)).expect("it is there");
+    shots.capture(&shot(0)).expect("it is there");
+    let new = shots.capture(&shot(40)).expect("the rig works");
     drop(shots);
     let journal = Journal::read_only(folder.path()).expect("it is whole");
-    let mut replay = Journaled::replay(journal).expect("it knows its devices");
+    let mut replay = JournaledFrames::replay(journal).expect("it knows its devices");
     let ids: Vec<u64> = replay.pairs().map(|pair| pair.expect("it can be read").seen.id).collect();
     assert_eq!(ids.len(), 12);
     assert!(ids.windows(2).all(|pair| pair[0] < pair[1]) && ids[11] == new.id, "no number twice: {ids:?}");
@@ -263,8 +263,8 @@ fn another_rig_is_refused() {
         Ok(Box::new(rig))
     });
     let journal = Journal::resume(folder.path(), &identity()).expect("it can be opened");
-    let mut shots = Journaled::new(journal, opener).expect("the rig is not needed yet");
-    shots.shoot(&shot(0)).expect("it is there");
-    let error = shots.shoot(&shot(2)).expect_err("another camera is attached").to_string();
+    let mut shots = JournaledFrames::new(journal, opener).expect("the rig is not needed yet");
+    shots.capture(&shot(0)).expect("it is there");
+    let error = shots.capture(&shot(2)).expect_err("another camera is attached").to_string();
     assert!(error.contains("another camera") && error.contains("test camera"), "{error}");
 }

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use krylux::Result;
 use krylux::image::Resolution;
-use krylux::measure::{DirectBy, Effort, MeasureOptions, Measurement, Shot, Shots};
+use krylux::measure::{CaptureRequest, DirectBy, Effort, FrameSource, MeasureOptions, Measurement};
 use krylux::rig::{CameraInfo, ProjectorInfo, RawFrame};
 use krylux::transport::Part;
 
@@ -14,12 +14,12 @@ use super::support::{Dense, Rig, product, vector};
 /// A journal in memory: no photo is taken twice.
 struct Memory {
     rig: Rig,
-    journal: Rc<RefCell<Vec<(Shot, RawFrame)>>>,
+    journal: Rc<RefCell<Vec<(CaptureRequest, RawFrame)>>>,
     /// Whether a photo may be taken at all.
     live: bool,
 }
 
-impl Shots for Memory {
+impl FrameSource for Memory {
     fn projector(&self) -> &ProjectorInfo {
         &self.rig.projector
     }
@@ -28,14 +28,14 @@ impl Shots for Memory {
         &self.rig.camera
     }
 
-    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame> {
+    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
         let known =
             self.journal.borrow().iter().find(|(known, _)| known == shot).map(|(_, frame)| frame.clone());
         if let Some(frame) = known {
             return Ok(frame);
         }
         assert!(self.live, "take {} at {} s was never shot", shot.take, shot.exposure);
-        let frame = self.rig.shoot(shot)?;
+        let frame = self.rig.capture(shot)?;
         self.journal.borrow_mut().push((shot.clone(), frame.clone()));
         Ok(frame)
     }

@@ -2,7 +2,8 @@
 use krylux::Result;
 use krylux::image::Resolution;
 use krylux::measure::{
-    Calibration, CameraResponse, DirectBy, Effort, MeasureOptions, Measurement, Registration, Shot, Shots,
+    Calibration, CameraResponse, CaptureRequest, DirectBy, Effort, FrameSource, MeasureOptions, Measurement,
+    Registration,
 };
 use krylux::operator::Operator;
 use krylux::rig::{CameraInfo, ProjectorInfo, RawFrame};
@@ -180,7 +181,7 @@ impl Rig {
     }
 }
 
-impl Shots for Rig {
+impl FrameSource for Rig {
     fn projector(&self) -> &ProjectorInfo {
         &self.projector
     }
@@ -189,7 +190,7 @@ impl Shots for Rig {
         &self.camera
     }
 
-    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame> {
+    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
         self.effort.shown += 1;
         self.effort.taken += 1;
         self.effort.seconds += shot.exposure;

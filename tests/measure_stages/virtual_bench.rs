@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use krylux::image::Resolution;
-use krylux::measure::{Calibration, CameraResponse, Live, MeasureOptions, Measurement, Registration};
+use krylux::measure::{Calibration, CameraResponse, LiveFrames, MeasureOptions, Measurement, Registration};
 use krylux::rig::{Ambient, VirtualRig, VirtualScene};
 use krylux::sparse::Csr;
-use krylux::transport::{Given, Part};
+use krylux::transport::{ExplicitMatrix, Part};
 
 use super::support::{Dense, error, product, vector};
 
-fn given(dense: &Dense) -> Box<Given> {
+fn given(dense: &Dense) -> Box<ExplicitMatrix> {
     let n = dense.resolution.pixels();
     let weights = (0..n * n).map(|at| {
         let (row, column) = (at / n, at % n);
@@ -22,7 +22,7 @@ fn given(dense: &Dense) -> Box<Given> {
         (0..n * n).map(|at| (at % n) as u32).collect(),
         weights.collect(),
     );
-    Box::new(Given::new(matrix.expect("all entries are there"), dense.resolution).expect("square"))
+    Box::new(ExplicitMatrix::new(matrix.expect("all entries are there"), dense.resolution).expect("square"))
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn a_virtual_rig_with_many_faults_is_its_matrix() {
         weights: vec![1.0; seen.len()],
     };
     let options = MeasureOptions { takes: 4, ..MeasureOptions::default() };
-    let shots = Box::new(Live::new(bench, 0.0, 5));
+    let shots = Box::new(LiveFrames::new(bench, 0.0, 5));
     let mut measurement =
         Measurement::new(shots, calibration, options).expect("the calibration is the rig's");
     let only_seen = |x: &[f64]| -> Vec<f64> {

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use krylux::Result;
-use krylux::analysis::{CompensateOptions, CompensationRow, Wish};
+use krylux::analysis::{CompensateOptions, CompensationRow, Target};
 use krylux::image::{Blur, Image, Resolution};
 use krylux::krylov::{Method, SolveOptions, dot, keep_solving, norm, solve_adjoint};
 use krylux::operator::{Adjoint, Operator, Symmetry};
@@ -27,8 +27,8 @@ pub fn gray(values: &[f64]) -> Image {
     Image::new(SIZE, 1, values.iter().map(|&value| value as f32).collect()).unwrap()
 }
 
-pub fn wish_for(target: &[f64]) -> Wish {
-    Wish::new(&gray(target), &Image::filled(SIZE, 1, 0.0)).unwrap()
+pub fn wish_for(target: &[f64]) -> Target {
+    Target::new(&gray(target), &Image::filled(SIZE, 1, 0.0)).unwrap()
 }
 
 pub fn options(method: Method, photos: usize) -> CompensateOptions {

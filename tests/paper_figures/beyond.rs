@@ -1,7 +1,7 @@
 //! Beyond the paper: a model of the lens, all methods at once, mixed colours, and another target for a scene that is known.
 
 use krylux::analysis::compensate::{compare_methods, compensate, compensate_with};
-use krylux::analysis::{CompensateOptions, Crosstalk, Precondition, Prior, Wish};
+use krylux::analysis::{CompensateOptions, Crosstalk, Precondition, Prior, Target};
 use krylux::image::{Image, Resolution};
 use krylux::krylov::{Method, keep_solving};
 use krylux::transport::{Channels, MatrixOperator, Part};
@@ -58,7 +58,7 @@ fn mixed_colours_are_solved_as_one_system_inside_the_box() {
         [0.3 + 0.3 * x, 0.4, 0.6 - 0.3 * x]
     });
     let target = Image::new(size, 3, samples.collect()).unwrap();
-    let wish = Wish::new(&target, &traced.ambient).unwrap();
+    let wish = Target::new(&target, &traced.ambient).unwrap();
     let options = CompensateOptions { photos: 30, rtol: 0.0, ..CompensateOptions::default() };
     let solve = |crosstalk: Option<Crosstalk>| {
         let mut channels = [0, 1, 2].map(|channel| MatrixOperator::new(&traced.matrix, Part::Full, channel));

@@ -54,10 +54,10 @@ fn figure_11_five_photos_are_enough_with_and_without_a_box() {
     )
     .unwrap();
     let ratio = boxed.residual / bound;
-    println!("fig11: inside the box {ratio:.4} of the optimum {bound:.5}; likeness {:?}", boxed.likeness);
+    println!("fig11: inside the box {ratio:.4} of the optimum {bound:.5}; likeness {:?}", boxed.similarity);
     assert!(ratio <= 1.02, "{ratio}");
-    assert!(boxed.clamping.is_none() && boxed.likeness.psnr > boxed.uncompensated_likeness.psnr + 10.0);
-    assert!(boxed.likeness.ssim > boxed.uncompensated_likeness.ssim);
+    assert!(boxed.clamping.is_none() && boxed.similarity.psnr > boxed.uncompensated_similarity.psnr + 10.0);
+    assert!(boxed.similarity.ssim > boxed.uncompensated_similarity.ssim);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 use std::process::{Command, Output};
 
-use krylux::report::sparse;
+use krylux::io::sparse;
 use krylux::sparse::Csr;
 use serde_json::Value;
 use tempfile::TempDir;

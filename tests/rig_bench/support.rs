@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use krylux::report::sparse;
+use krylux::io::sparse;
 use krylux::sparse::Csr;
 use tempfile::TempDir;
 

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use krylux::Error;
-use krylux::rig::{CameraSpec, Colour, PixelFormat, RigFile, RigKind, Tiles, V4lFormat};
+use krylux::measure::{RigFile, RigKind};
+use krylux::rig::{CameraSpec, Colour, PixelFormat, Tiles, V4lFormat};
 
 fn from(camera: &str) -> krylux::Result<RigFile> {
     let text =

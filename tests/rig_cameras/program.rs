@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use krylux::report::npy;
+use krylux::io::npy;
 
 use crate::studio::{SENSOR, Studio, counts};
 use crate::x_server::XServer;

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use krylux::Error;
 use krylux::image::Resolution;
-use krylux::rig::{RigFile, RigKind, VirtualRig, VirtualScene};
+use krylux::measure::{RigFile, RigKind};
+use krylux::rig::{VirtualRig, VirtualScene};
 use proptest::prelude::*;
 
 const WHOLE: &str = "kind = \"virtual\"\n[scene]\nmatrix = \"a.npz\"\nsize = [4, 3]\n";

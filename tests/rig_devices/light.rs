@@ -2,7 +2,7 @@
 
 use krylux::Error;
 use krylux::image::Resolution;
-use krylux::measure::Shots;
+use krylux::measure::FrameSource;
 use krylux::rig::{Ambient, Drift, Frame, VirtualRig};
 
 use super::support::{Sheet, counts, diagonal, flat, live, open, rig, shot, show};
@@ -26,7 +26,7 @@ fn an_ideal_rig_counts_the_light_of_each_level() {
     let rig = rig(5, 4);
     let mut live = live(&rig, 0.0, 1);
     for level in [0, 1, 100, 255] {
-        let frame = live.shoot(&shot(&rig, level, 0.1, 0)).expect("nothing goes wrong");
+        let frame = live.capture(&shot(&rig, level, 0.1, 0)).expect("nothing goes wrong");
         for count in &frame.counts {
             assert_close(f64::from(*count) / WHITE, f64::from(level) / 255.0);
         }

@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use krylux::Error;
 use krylux::image::Resolution;
-use krylux::measure::{Effort, Live, Shots};
-use krylux::rig::{Bench, Camera, CameraInfo, RawFrame};
+use krylux::measure::{Effort, FrameSource, LiveFrames};
+use krylux::rig::{Camera, CameraInfo, Devices, RawFrame};
 
 use super::support::{open, rig, shot};
 
@@ -52,21 +52,24 @@ fn frame(id: u64, started: f64) -> RawFrame {
 }
 
 /// The policy with 0.5 s to settle and four tries, and what the camera was told.
-fn scripted(frames: Vec<Option<RawFrame>>) -> (Live, Rc<RefCell<Vec<&'static str>>>) {
+fn scripted(frames: Vec<Option<RawFrame>>) -> (LiveFrames, Rc<RefCell<Vec<&'static str>>>) {
     with_exposure(frames, 0.1)
 }
 
-fn with_exposure(frames: Vec<Option<RawFrame>>, set: f64) -> (Live, Rc<RefCell<Vec<&'static str>>>) {
+fn with_exposure(frames: Vec<Option<RawFrame>>, set: f64) -> (LiveFrames, Rc<RefCell<Vec<&'static str>>>) {
     let log = Rc::new(RefCell::new(Vec::new()));
-    let Bench { projector, clock, .. } = open(&rig(2, 2));
+    let Devices { projector, clock, .. } = open(&rig(2, 2));
     let info = CameraInfo { name: "the camera".into(), ..rig(2, 2).camera_info() };
     let camera = Box::new(Scripted { info, frames: frames.into(), set, log: Rc::clone(&log) });
-    (Live::new(Bench { projector, camera, clock }, 0.5, 4), log)
+    (LiveFrames::new(Devices { projector, camera, clock }, 0.5, 4), log)
 }
 
 /// Numbers of the frames that were taken for three photos of one pattern.
-fn taken(live: &mut Live) -> Vec<u64> {
-    (0..3).map_while(|take| live.shoot(&shot(&rig(2, 2), 7, 0.1, take)).ok()).map(|frame| frame.id).collect()
+fn taken(live: &mut LiveFrames) -> Vec<u64> {
+    (0..3)
+        .map_while(|take| live.capture(&shot(&rig(2, 2), 7, 0.1, take)).ok())
+        .map(|frame| frame.id)
+        .collect()
 }
 
 #[test]
@@ -128,12 +131,12 @@ fn frames_that_make_no_sense_are_errors_at_once() {
     let timeless = RawFrame { started: f64::NAN, ..frame(1, 1.0) };
     for wrong in [short, wide, timeless] {
         let (mut live, log) = scripted(vec![Some(wrong), Some(frame(2, 2.0))]);
-        let fault = live.shoot(&shot(&rig(2, 2), 7, 0.1, 0));
+        let fault = live.capture(&shot(&rig(2, 2), 7, 0.1, 0));
         assert!(matches!(fault, Err(Error::Rig { .. } | Error::Dimension { .. })), "{fault:?}");
         assert_eq!(*log.borrow(), ["configure", "capture"], "it would come again");
     }
     for set in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let (mut live, _) = with_exposure(vec![Some(frame(1, 1.0))], set);
-        assert!(matches!(live.shoot(&shot(&rig(2, 2), 7, 0.1, 0)), Err(Error::Rig { .. })), "{set}");
+        assert!(matches!(live.capture(&shot(&rig(2, 2), 7, 0.1, 0)), Err(Error::Rig { .. })), "{set}");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use krylux::measure::{Live, Shot, Shots};
+use krylux::measure::{CaptureRequest, FrameSource, LiveFrames};
 use krylux::rig::{Ambient, Drift, Faults, Frame, RawFrame, Stamp, VirtualRig};
 
 use super::support::{open_after, rig};
@@ -29,7 +29,7 @@ fn restless() -> VirtualRig {
 }
 
 /// Photos of several patterns at several exposures, with takes; the same pattern returns.
-fn shots(rig: &VirtualRig) -> Vec<Shot> {
+fn shots(rig: &VirtualRig) -> Vec<CaptureRequest> {
     let size = rig.scene.size();
     let frame = |index: usize| {
         let levels = (0..size.pixels()).map(|pixel| (pixel * (index + 3) * 29 % 256) as u16);
@@ -37,7 +37,7 @@ fn shots(rig: &VirtualRig) -> Vec<Shot> {
     };
     let exposures = [0.05, 0.2, 0.0123];
     (0..36_usize)
-        .map(|index| Shot {
+        .map(|index| CaptureRequest {
             frame: frame(index / 3 % 5),
             exposure: exposures[index / 2 % 3],
             take: index as u32,
@@ -45,16 +45,16 @@ fn shots(rig: &VirtualRig) -> Vec<Shot> {
         .collect()
 }
 
-fn shoot(live: &mut Live, shots: &[Shot]) -> Vec<RawFrame> {
-    shots.iter().map(|shot| live.shoot(shot).expect("within the tries")).collect()
+fn capture(live: &mut LiveFrames, shots: &[CaptureRequest]) -> Vec<RawFrame> {
+    shots.iter().map(|shot| live.capture(shot).expect("within the tries")).collect()
 }
 
 #[test]
 fn wherever_it_stops_it_goes_on_to_the_last_bit() {
     let rig = restless();
     let shots = shots(&rig);
-    let mut live = Live::new(open_after(&rig, None), 0.04, 12);
-    let whole = shoot(&mut live, &shots);
+    let mut live = LiveFrames::new(open_after(&rig, None), 0.04, 12);
+    let whole = capture(&mut live, &shots);
     let effort = live.effort();
     assert!(
         effort.dropped > 0 && effort.repeated > 0 && effort.late > 0 && effort.restarts == 2,
@@ -62,9 +62,9 @@ fn wherever_it_stops_it_goes_on_to_the_last_bit() {
     );
     for stop in 1..shots.len() {
         let last = &whole[stop - 1];
-        let mut live = Live::new(open_after(&rig, Some(Stamp::of(last))), 0.04, 12);
+        let mut live = LiveFrames::new(open_after(&rig, Some(Stamp::of(last))), 0.04, 12);
         live.follow(&shots[stop - 1], last).expect("it fits");
-        assert_eq!(shoot(&mut live, &shots[stop..]), whole[stop..], "stopped after {stop}");
+        assert_eq!(capture(&mut live, &shots[stop..]), whole[stop..], "stopped after {stop}");
     }
 }
 
@@ -72,7 +72,7 @@ fn wherever_it_stops_it_goes_on_to_the_last_bit() {
 fn opened_without_the_stamp_it_would_not() {
     let rig = restless();
     let shots = shots(&rig);
-    let whole = shoot(&mut Live::new(open_after(&rig, None), 0.04, 12), &shots);
-    let anew = shoot(&mut Live::new(open_after(&rig, None), 0.04, 12), &shots[7..]);
+    let whole = capture(&mut LiveFrames::new(open_after(&rig, None), 0.04, 12), &shots);
+    let anew = capture(&mut LiveFrames::new(open_after(&rig, None), 0.04, 12), &shots[7..]);
     assert!(anew.iter().zip(&whole[7..]).all(|(anew, whole)| anew.counts != whole.counts));
 }

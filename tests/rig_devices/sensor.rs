@@ -2,12 +2,12 @@
 
 use krylux::Error;
 use krylux::image::Resolution;
-use krylux::rig::{Bench, VirtualRig};
+use krylux::rig::{Devices, VirtualRig};
 
 use super::support::{capture, counts, diagonal, moments, open, rig, show};
 
 /// A rig with a noisy camera, on a scene whose pixels run from dark to white.
-fn noisy() -> (VirtualRig, Bench) {
+fn noisy() -> (VirtualRig, Devices) {
     let mut rig = rig(40, 25);
     let camera = &mut rig.camera;
     (camera.bits, camera.black_level, camera.shot_noise, camera.read_noise) = (14, 200.0, true, 5.0);

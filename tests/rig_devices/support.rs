@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use krylux::image::{Image, Resolution};
-use krylux::measure::{Live, Shot};
-use krylux::rig::{Bench, Frame, RawFrame, Stamp, VirtualRig, VirtualScene};
+use krylux::measure::{CaptureRequest, LiveFrames};
+use krylux::rig::{Devices, Frame, RawFrame, Stamp, VirtualRig, VirtualScene};
 use krylux::sparse::Csr;
-use krylux::transport::{Channels, Given, Transport};
+use krylux::transport::{Channels, ExplicitMatrix, Transport};
 
 /// A rig without fault on a scene of so many pixels.
 pub fn rig(width: usize, height: usize) -> VirtualRig {
@@ -25,7 +25,7 @@ pub fn diagonal(size: Resolution, diagonal: impl Fn(usize) -> f64) -> Box<dyn Tr
         (0..pixels).map(diagonal).collect(),
     );
     let matrix = matrix.expect("a diagonal is well formed");
-    Box::new(Given::new(matrix, size).expect("one row and column for each pixel"))
+    Box::new(ExplicitMatrix::new(matrix, size).expect("one row and column for each pixel"))
 }
 
 /// A coloured sheet that glows by itself: each pixel reflects `colour` of its light, and adds `glow`.
@@ -60,12 +60,12 @@ impl Transport for Sheet {
 }
 
 /// The rig on a scene that is white all over.
-pub fn open(rig: &VirtualRig) -> Bench {
+pub fn open(rig: &VirtualRig) -> Devices {
     open_after(rig, None)
 }
 
 /// As [`open`], after an earlier session.
-pub fn open_after(rig: &VirtualRig, after: Option<Stamp>) -> Bench {
+pub fn open_after(rig: &VirtualRig, after: Option<Stamp>) -> Devices {
     rig.open(diagonal(rig.scene.size(), |_| 1.0), after).expect("the scene fits the rig")
 }
 
@@ -75,17 +75,17 @@ pub fn flat(rig: &VirtualRig, level: u16) -> Frame {
 }
 
 /// A photo of a frame of one level.
-pub fn shot(rig: &VirtualRig, level: u16, exposure: f64, take: u32) -> Shot {
-    Shot { frame: Arc::new(flat(rig, level)), exposure, take }
+pub fn shot(rig: &VirtualRig, level: u16, exposure: f64, take: u32) -> CaptureRequest {
+    CaptureRequest { frame: Arc::new(flat(rig, level)), exposure, take }
 }
 
 /// The bench with the policy.
-pub fn live(rig: &VirtualRig, settle: f64, tries: u32) -> Live {
-    Live::new(open(rig), settle, tries)
+pub fn live(rig: &VirtualRig, settle: f64, tries: u32) -> LiveFrames {
+    LiveFrames::new(open(rig), settle, tries)
 }
 
 /// This bench set to an exposure, showing a frame of one level, settled.
-pub fn show(mut bench: Bench, rig: &VirtualRig, level: u16, exposure: f64) -> Bench {
+pub fn show(mut bench: Devices, rig: &VirtualRig, level: u16, exposure: f64) -> Devices {
     bench.camera.configure(exposure).expect("within the range");
     bench.projector.show(&flat(rig, level)).expect("it fits");
     bench.clock.sleep(rig.projector.latency);
@@ -93,17 +93,17 @@ pub fn show(mut bench: Bench, rig: &VirtualRig, level: u16, exposure: f64) -> Be
 }
 
 /// The next frame, which must come.
-pub fn capture(bench: &mut Bench) -> RawFrame {
+pub fn capture(bench: &mut Devices) -> RawFrame {
     bench.camera.capture().expect("a virtual camera is never gone").expect("it comes")
 }
 
 /// The counts of one frame.
-pub fn counts(bench: &mut Bench) -> Vec<f64> {
+pub fn counts(bench: &mut Devices) -> Vec<f64> {
     capture(bench).counts.into_iter().map(f64::from).collect()
 }
 
 /// Mean and variance of each pixel over many frames.
-pub fn moments(bench: &mut Bench, frames: usize) -> Vec<[f64; 2]> {
+pub fn moments(bench: &mut Devices, frames: usize) -> Vec<[f64; 2]> {
     let taken: Vec<Vec<f64>> = (0..frames).map(|_| counts(bench)).collect();
     let count = frames as f64;
     (0..taken[0].len())

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use krylux::measure::Shots;
+use krylux::measure::FrameSource;
 use krylux::rig::WallClock;
 
 use crate::support::{Lamp, address, camera, expected, frame, live, refused, scene, shot, spec};
@@ -18,7 +18,7 @@ fn with_two_packets_lost_in_a_hundred_every_photo_is_right() {
     device.lose(0.02);
     let scene = scene(12);
     for number in 0..150 {
-        let found = shots.shoot(&shot(number, 0.001)).expect("it comes");
+        let found = shots.capture(&shot(number, 0.001)).expect("it comes");
         assert_eq!(found.counts, expected(&scene, &frame(number), 0.001), "pattern {number}");
     }
     let effort = shots.effort();
@@ -35,7 +35,7 @@ fn a_camera_that_dies_and_comes_back_goes_on() {
     let device = camera(21, &lamp);
     let mut shots = live(&spec(21), &lamp, clock).expect("it answers");
     let scene = scene(12);
-    let before = shots.shoot(&shot(1, 0.003)).expect("it comes");
+    let before = shots.capture(&shot(1, 0.003)).expect("it comes");
     drop(device);
     let again = std::thread::spawn({
         let lamp = lamp.clone();
@@ -44,7 +44,7 @@ fn a_camera_that_dies_and_comes_back_goes_on() {
             camera(21, &lamp)
         }
     });
-    let after = shots.shoot(&shot(2, 0.003)).expect("it came back");
+    let after = shots.capture(&shot(2, 0.003)).expect("it came back");
     let _device = again.join().expect("it was switched on");
     assert_eq!(after.counts, expected(&scene, &frame(2), 0.003));
     assert!(after.id > before.id && after.started > before.started);
@@ -60,7 +60,7 @@ fn a_camera_that_dies_for_good_is_named() {
     let device = camera(22, &lamp);
     let mut shots = live(&spec(22), &lamp, clock).expect("it answers");
     drop(device);
-    let message = refused(shots.shoot(&shot(1, 0.003)));
+    let message = refused(shots.capture(&shot(1, 0.003)));
     assert!(message.contains(&format!("no GigE Vision camera answers at {}", address(22))), "{message}");
 }
 
@@ -71,9 +71,9 @@ fn a_frame_exposed_before_the_pattern_was_shown_is_caught() {
     let device = camera(23, &lamp);
     let mut shots = live(&spec(23), &lamp, clock).expect("it answers");
     let scene = scene(12);
-    shots.shoot(&shot(1, 0.002)).expect("it comes");
+    shots.capture(&shot(1, 0.002)).expect("it comes");
     device.be_late(2);
-    let found = shots.shoot(&shot(2, 0.002)).expect("it comes in the end");
+    let found = shots.capture(&shot(2, 0.002)).expect("it comes in the end");
     assert_eq!(shots.effort().late, 2, "both were refused");
     assert_eq!(found.counts, expected(&scene, &frame(2), 0.002));
     // Without the check, this is what the photo would have been.

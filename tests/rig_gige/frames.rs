@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
-use krylux::measure::Shots;
+use krylux::measure::FrameSource;
 use krylux::rig::{Camera, Colour, Frame, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
 
 use crate::gige_camera::GigeCamera;
@@ -192,10 +192,10 @@ fn hundreds_of_patterns_each_have_their_photo_and_cost_little() {
     let _camera = camera(8, &lamp);
     let mut shots = live(&spec(8), &lamp, clock).expect("it answers");
     let scene = scene(12);
-    shots.shoot(&shot(0, 0.002)).expect("it comes");
+    shots.capture(&shot(0, 0.002)).expect("it comes");
     let (began, count) = (Instant::now(), 200);
     for number in 1..=count {
-        let found = shots.shoot(&shot(number, 0.002)).expect("it comes");
+        let found = shots.capture(&shot(number, 0.002)).expect("it comes");
         if number % 20 == 0 {
             assert_eq!(found.counts, expected(&scene, &frame(number), 0.002), "pattern {number}");
         }

@@ -1,9 +1,9 @@
 //! A colour camera behind all stages: products with the scene's matrix.
 
 use krylux::image::Resolution;
-use krylux::measure::{Calibration, Live, MeasureOptions, Measurement};
+use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use krylux::operator::Operator;
-use krylux::rig::{Bench, Camera, Colour, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
+use krylux::rig::{Camera, Colour, Devices, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
 use krylux::transport::Part;
 
 use crate::gige_camera::GigeCamera;
@@ -28,10 +28,10 @@ fn a_product_through_a_bayer_camera_is_that_of_the_scenes_matrix() {
         let info = camera.info().clone();
         assert_eq!(info.resolution, Resolution::new(SIZE.width, SIZE.height));
         let calibration = Calibration::ideal(lamp.info(), &info);
-        let bench = Bench { projector: Box::new(lamp), camera: Box::new(camera), clock: Box::new(clock) };
+        let bench = Devices { projector: Box::new(lamp), camera: Box::new(camera), clock: Box::new(clock) };
         // Direct light alone: nothing is told apart here.
         let options = MeasureOptions { direct_square: 1, ..MeasureOptions::default() };
-        let live = Box::new(Live::new(bench, 0.0, 5));
+        let live = Box::new(LiveFrames::new(bench, 0.0, 5));
         let mut measurement = Measurement::new(live, calibration, options).expect("they belong together");
         assert_eq!(measurement.channels(), info.channels);
         for channel in 0..info.channels {

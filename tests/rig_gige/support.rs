@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use krylux::image::Resolution;
-use krylux::measure::{Live, Shot};
+use krylux::measure::{CaptureRequest, LiveFrames};
 use krylux::rig::{
-    Bench, Frame, GigeSpec, GigeVision, Projector, ProjectorInfo, Shown, VirtualRig, VirtualScene, WallClock,
+    Devices, Frame, GigeSpec, GigeVision, Projector, ProjectorInfo, Shown, VirtualRig, VirtualScene,
+    WallClock,
 };
 use krylux::sparse::Csr;
 
@@ -27,7 +28,7 @@ pub fn scene(bits: u32) -> Scene {
 
 /// What a bench of the same scene counts whose time is simulated.
 pub fn expected(scene: &Scene, frame: &Frame, exposure: f64) -> Vec<u16> {
-    let light = krylux::transport::Given::new(scene.matrix.clone(), SIZE).expect("it fits");
+    let light = krylux::transport::ExplicitMatrix::new(scene.matrix.clone(), SIZE).expect("it fits");
     let mut bench = scene.rig.open(Box::new(light), None).expect("it can be seen");
     bench.camera.configure(exposure).expect("within range");
     bench.projector.show(frame).expect("it fits");
@@ -83,10 +84,11 @@ pub fn camera(last: u8, lamp: &Lamp) -> GigeCamera {
     GigeCamera::start(address(last), scene(12), lamp.look())
 }
 
-pub fn live(spec: &GigeSpec, lamp: &Lamp, clock: WallClock) -> krylux::Result<Live> {
+pub fn live(spec: &GigeSpec, lamp: &Lamp, clock: WallClock) -> krylux::Result<LiveFrames> {
     let camera = GigeVision::open(spec, clock, 0)?;
-    let bench = Bench { projector: Box::new(lamp.clone()), camera: Box::new(camera), clock: Box::new(clock) };
-    Ok(Live::new(bench, 0.0, 6))
+    let bench =
+        Devices { projector: Box::new(lamp.clone()), camera: Box::new(camera), clock: Box::new(clock) };
+    Ok(LiveFrames::new(bench, 0.0, 6))
 }
 
 /// A frame of its own for each number: no two are alike.
@@ -95,8 +97,8 @@ pub fn frame(number: usize) -> Frame {
     Frame::new(SIZE, 1, (0..SIZE.pixels()).map(level).collect()).expect("one level for each pixel")
 }
 
-pub fn shot(number: usize, exposure: f64) -> Shot {
-    Shot { frame: Arc::new(frame(number)), exposure, take: 0 }
+pub fn shot(number: usize, exposure: f64) -> CaptureRequest {
+    CaptureRequest { frame: Arc::new(frame(number)), exposure, take: 0 }
 }
 
 #[track_caller]

@@ -4,7 +4,7 @@ use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
 
 use krylux::image::Resolution;
-use krylux::report::npy;
+use krylux::io::npy;
 use krylux::rig::{GigeSpec, HardwareRig, PixelFormat, VirtualRig, VirtualScene, X11Monitor, X11Spec};
 use krylux::sparse::Csr;
 

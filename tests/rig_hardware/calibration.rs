@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use krylux::measure::calibrate::{CalibrateOptions, calibrate};
-use krylux::measure::{Live, MeasureOptions, Measurement};
+use krylux::measure::{LiveFrames, MeasureOptions, Measurement};
 use krylux::operator::Operator;
 use krylux::rig::Helper;
 use krylux::transport::Part;
@@ -18,7 +18,7 @@ fn calibrated_from_captures_alone_a_product_is_that_of_the_scenes_matrix() {
     rig.projector.gamma = Some(2.2);
     let stage = stage(4, &rig);
     let helper = Helper::of(env!("CARGO_BIN_EXE_krylux"));
-    let mut live = Live::new(stage.hardware.open(&helper, None).expect("both are there"), 0.0, 5);
+    let mut live = LiveFrames::new(stage.hardware.open(&helper, None).expect("both are there"), 0.0, 5);
     let mut go_on = |_| ControlFlow::Continue(());
     let (found, report) =
         calibrate(&mut live, &CalibrateOptions::default(), &mut go_on).expect("it can be calibrated");

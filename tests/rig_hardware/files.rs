@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use krylux::Error;
-use krylux::rig::{CameraSpec, PixelFormat, RigFile, RigKind, X11Monitor};
+use krylux::measure::{RigFile, RigKind};
+use krylux::rig::{CameraSpec, PixelFormat, X11Monitor};
 
 const WHOLE: &str = "kind = \"hardware\"\ncalibration = \"found\"\n\
     [projector]\nkind = \"x11\"\nmonitor = \"HDMI-1\"\nsize = [128, 96]\nmagnify = 10\n\

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use krylux::image::Resolution;
-use krylux::measure::{Live, Shot, Shots};
-use krylux::rig::{Bench, Frame, Helper, RawFrame, VirtualRig};
+use krylux::measure::{CaptureRequest, FrameSource, LiveFrames};
+use krylux::rig::{Devices, Frame, Helper, RawFrame, VirtualRig};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -39,26 +39,26 @@ fn truth(rig: &VirtualRig, frame: &Frame, exposure: f64) -> Vec<f64> {
     photo(&|pixel| f64::from(frame.levels()[pixel]) / 255.0).into_iter().map(|light| scale * light).collect()
 }
 
-fn open(stage: &Stage) -> Bench {
+fn open(stage: &Stage) -> Devices {
     let helper = Helper::of(env!("CARGO_BIN_EXE_krylux"));
     stage.hardware.open(&helper, None).expect("both devices are there")
 }
 
-fn shoot(live: &mut Live, frame: &Arc<Frame>, exposure: f64) -> RawFrame {
-    live.shoot(&Shot { frame: Arc::clone(frame), exposure, take: 0 }).expect("it comes")
+fn capture(live: &mut LiveFrames, frame: &Arc<Frame>, exposure: f64) -> RawFrame {
+    live.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take: 0 }).expect("it comes")
 }
 
 #[test]
 fn without_noise_every_photo_is_within_rounding_of_the_scenes_matrix() {
     let rig = devices(Path::new("rooms.npz"));
     let stage = stage(1, &rig);
-    let mut live = Live::new(open(&stage), 0.0, 3);
+    let mut live = LiveFrames::new(open(&stage), 0.0, 3);
     let mut worst = 0.0_f64;
     let began = std::time::Instant::now();
     let frames = frames(24);
     for (number, frame) in frames.iter().enumerate() {
         let exposure = if number % 2 == 0 { 0.004 } else { 0.007 };
-        let found = shoot(&mut live, frame, exposure);
+        let found = capture(&mut live, frame, exposure);
         for (count, expected) in found.counts.iter().zip(truth(&rig, frame, exposure)) {
             worst = worst.max((f64::from(*count) - expected).abs());
         }
@@ -77,11 +77,11 @@ fn noise_is_as_large_as_the_camera_says() {
     rig.camera.read_noise = 8.0;
     rig.camera.full_well = 20_000.0;
     let stage = stage(2, &rig);
-    let mut live = Live::new(open(&stage), 0.0, 3);
+    let mut live = LiveFrames::new(open(&stage), 0.0, 3);
     let gain = rig.camera.full_well / FULL;
     let (mut squares, mut samples) = (0.0, 0.0);
     for frame in &frames(40) {
-        let found = shoot(&mut live, frame, 0.004);
+        let found = capture(&mut live, frame, 0.004);
         for (count, expected) in found.counts.iter().zip(truth(&rig, frame, 0.004)) {
             let variance = expected / gain + (rig.camera.read_noise / gain).powi(2) + 1.0 / 12.0;
             squares += (f64::from(*count) - expected).powi(2) / variance;
@@ -98,9 +98,9 @@ fn noise_is_as_large_as_the_camera_says() {
 fn where_the_time_goes_is_told_and_adds_up() {
     let rig = devices(Path::new("rooms.npz"));
     let stage = stage(3, &rig);
-    let mut live = Live::new(open(&stage), 0.002, 3);
+    let mut live = LiveFrames::new(open(&stage), 0.002, 3);
     let frames = frames(20);
-    frames.iter().for_each(|frame| drop(shoot(&mut live, frame, 0.004)));
+    frames.iter().for_each(|frame| drop(capture(&mut live, frame, 0.004)));
     let effort = live.effort();
     let times = effort.times;
     println!("{} (each photo)", times.each(effort.taken));

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use krylux::report::{npy, sparse};
+use krylux::io::{npy, sparse};
 use serde_json::Value;
 use tempfile::TempDir;
 

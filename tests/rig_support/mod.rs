@@ -6,10 +6,11 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use krylux::analysis::plan::{Planner, Twin};
 use krylux::image::Image;
+use krylux::io::npy;
 use krylux::measure::calibrate::{CalibrateOptions, calibrate};
-use krylux::measure::{Calibration, Live, MeasureOptions};
-use krylux::report::npy;
-use krylux::rig::{RigFile, RigKind, VirtualRig};
+use krylux::measure::{Calibration, LiveFrames, MeasureOptions};
+use krylux::measure::{RigFile, RigKind};
+use krylux::rig::VirtualRig;
 use krylux::transport::{Assembled, Channels};
 
 use crate::common;
@@ -75,7 +76,7 @@ impl Stage {
 /// A calibration as `krylux rig calibrate` finds it, in front of this scene.
 fn captured(rig: &VirtualRig, twin: &Twin) -> Calibration {
     let bench = rig.open(twin.transport(), None).expect("it fits its scene");
-    let mut shots = Live::new(bench, 0.0, MeasureOptions::default().tries);
+    let mut shots = LiveFrames::new(bench, 0.0, MeasureOptions::default().tries);
     let mut go_on = |_| ControlFlow::Continue(());
     calibrate(&mut shots, &CalibrateOptions::default(), &mut go_on).expect("it can be calibrated").0
 }

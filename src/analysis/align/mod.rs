@@ -15,13 +15,13 @@
 //! its map for something before it: a small thing is hung there to align by. A flat scene tells nothing, and all of it is 0.
 
 mod disparity;
+mod offset;
 mod shadow;
-mod stand;
 mod symmetry;
 
 pub use disparity::{Cell, Disparity};
+pub use offset::CameraOffset;
 pub use shadow::Sight;
-pub use stand::Stand;
 
 use crate::analysis::audit::Check;
 use crate::error::{Error, Result};
@@ -61,7 +61,7 @@ pub struct Alignment {
     /// What a common map does not explain.
     pub disparity: Disparity,
     /// Where the camera stands; none where nothing stands out from the map.
-    pub stand: Option<Stand>,
+    pub stand: Option<CameraOffset>,
     /// The symmetry score; none where it is not judged.
     pub symmetry: Option<Check>,
 }
@@ -83,7 +83,7 @@ pub enum Round {
 impl Alignment {
     /// What a cell must be displaced by to stand out, in projector pixels.
     pub fn least(&self) -> f64 {
-        stand::least(&self.disparity)
+        offset::least(&self.disparity)
     }
 
     /// Whether nothing speaks against the two being at one point.
@@ -119,7 +119,7 @@ pub fn align(observer: &mut Observer<'_>, options: &AlignOptions) -> Result<Roun
         sights,
         shadow: shadow / (lit + shadow).max(1.0),
         dark: dark / (lit + shadow + dark).max(1.0),
-        stand: stand::stand(&disparity),
+        stand: offset::stand(&disparity),
         disparity,
         symmetry,
     })))

@@ -1,15 +1,15 @@
 //! An answer with all that is said of it.
 
 use super::run::{Planes, Solved};
-use super::wish::{norm_of, residual_norm};
-use super::{CompensateOptions, Compensation, Wish};
-use crate::analysis::likeness::likeness;
+use super::target::{norm_of, residual_norm};
+use super::{CompensateOptions, Compensation, Target};
+use crate::analysis::similarity::similarity;
 use crate::error::Result;
 use crate::krylov::{Constraint, Status};
 
 /// What is projected, and what is then seen, photographed or modelled; a plane for each channel, without ambient light.
 pub(super) struct Answer<'a> {
-    pub(super) wish: &'a Wish,
+    pub(super) wish: &'a Target,
     pub(super) options: &'a CompensateOptions,
     pub(super) peak: f64,
     /// The light wished from the projector.
@@ -38,8 +38,8 @@ impl Answer<'_> {
         Ok(Compensation {
             unclipped: if pattern == solved.patterns { None } else { Some(wish.image(&solved.patterns)?) },
             pattern: wish.image(&pattern)?,
-            likeness: likeness(&observed, &target, peak)?,
-            uncompensated_likeness: likeness(&uncompensated, &target, peak)?,
+            similarity: similarity(&observed, &target, peak)?,
+            uncompensated_similarity: similarity(&uncompensated, &target, peak)?,
             target,
             observed,
             uncompensated,

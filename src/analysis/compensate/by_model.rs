@@ -2,8 +2,8 @@
 
 use super::answer::Answer;
 use super::run::Run;
-use super::wish::{norm_of, residual_norm};
-use super::{CompensateOptions, Compensation, CompensationRow, Prior, Scene, Wish, clipped};
+use super::target::{norm_of, residual_norm};
+use super::{CompensateOptions, Compensation, CompensationRow, Prior, Scene, Target, clipped};
 use crate::analysis::LowRank;
 use crate::error::Result;
 use crate::krylov::{Constraint, keep_solving};
@@ -35,7 +35,7 @@ pub type Photograph<'a> = dyn FnMut(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + 'a;
 /// As [`compensate`](super::compensate()); whatever `photograph_it` fails with.
 pub fn compensate_by_model(
     model: &mut [LowRank],
-    wish: &Wish,
+    wish: &Target,
     options: &CompensateOptions,
     corrections: usize,
     photograph_it: &mut Photograph<'_>,

@@ -1,6 +1,6 @@
 //! Every method at equal photos.
 
-use super::{CompensateOptions, CompensationRow, Prior, Wish, compensate_with};
+use super::{CompensateOptions, CompensationRow, Prior, Target, compensate_with};
 use crate::error::Result;
 use crate::krylov::{Constraint, METHODS, Method, SolveMonitor};
 use crate::operator::{Adjoint, Symmetry};
@@ -31,7 +31,7 @@ pub struct MethodRun {
 /// As [`compensate_with`].
 pub fn compare_methods<O: Adjoint>(
     channels: &mut [O],
-    wish: &Wish,
+    wish: &Target,
     options: &CompensateOptions,
     prior: &Prior,
     monitor: &mut SolveMonitor<'_>,
@@ -59,7 +59,7 @@ pub fn compare_methods<O: Adjoint>(
             displayed,
             photos: found.photos,
             residual: found.residual,
-            ssim: found.likeness.ssim,
+            ssim: found.similarity.ssim,
         });
     }
     Ok(runs)

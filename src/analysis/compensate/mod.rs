@@ -2,7 +2,7 @@
 //!
 //! | idea | here |
 //! |---|---|
-//! | what is wished | [`Wish`] |
+//! | what is wished | [`Target`] |
 //! | what is known beside the photos: direct light, shape, crosstalk of colours, a first pattern | [`Prior`] |
 //! | what clamping does, and what a method inside the box does instead | [`Clamping`] |
 //! | every method at equal photos | [`compare_methods`] |
@@ -18,7 +18,7 @@ mod gaussian;
 mod mixture;
 mod options;
 mod run;
-mod wish;
+mod target;
 
 pub use by_model::{Photograph, compensate_by_model};
 pub use clamping::Clamping;
@@ -26,16 +26,16 @@ pub use compare::{MethodRun, compare_methods};
 pub use crosstalk::Crosstalk;
 pub(crate) use mixture::Mixture;
 pub use options::{CompensateOptions, Precondition};
-pub use wish::Wish;
+pub use target::Target;
 
-use super::likeness::Likeness;
+use super::similarity::Similarity;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::{Constraint, Method, SolveMonitor, Status, keep_solving};
 use crate::operator::Adjoint;
 use answer::Answer;
 use run::{Planes, Run};
-use wish::{norm_of, residual_norm};
+use target::{norm_of, residual_norm};
 
 /// A residual, relative to the wish, after so many photos of the method: the least until then.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,9 +78,9 @@ pub struct Compensation {
     /// Photos before them: the white one, and one to measure a multiscale preconditioner.
     pub preparation: usize,
     /// How alike `observed` and `target` are, the data range being the peak.
-    pub likeness: Likeness,
+    pub similarity: Similarity,
     /// The same of `uncompensated`.
-    pub uncompensated_likeness: Likeness,
+    pub uncompensated_similarity: Similarity,
     /// What clipping did, photo by photo; none for an answer inside the box, and where no baseline is asked for.
     pub clamping: Option<Clamping>,
     /// Why the method ended; of several channels, the one that went least well.
@@ -117,7 +117,7 @@ pub struct Prior {
 /// photo is black; [`Error::Dimension`] when sizes differ; [`Error::Numerical`] when there is nothing to wish for.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
-    wish: &Wish,
+    wish: &Target,
     options: &CompensateOptions,
     monitor: &mut SolveMonitor<'_>,
 ) -> Result<Compensation> {
@@ -131,7 +131,7 @@ pub fn compensate<O: Adjoint>(
 /// size; [`Error::Option`] naming `--precondition` when it lacks what that needs.
 pub fn compensate_with<O: Adjoint>(
     channels: &mut [O],
-    wish: &Wish,
+    wish: &Target,
     options: &CompensateOptions,
     prior: &Prior,
     monitor: &mut SolveMonitor<'_>,
@@ -177,7 +177,7 @@ pub fn compensate_with<O: Adjoint>(
 }
 
 impl Prior {
-    fn fits(&self, wish: &Wish, channels: usize) -> Result<()> {
+    fn fits(&self, wish: &Target, channels: usize) -> Result<()> {
         let mismatch = |what, expected: usize, found: usize| {
             Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
         };

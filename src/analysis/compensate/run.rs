@@ -6,7 +6,7 @@ use super::crosstalk::{Crosstalk, Mixed, planes};
 use super::defocus::Defocus;
 use super::mixture::Mixture;
 use super::options::{CompensateOptions, Precondition};
-use super::wish::{Wish, norm_of};
+use super::target::{Target, norm_of};
 use super::{CompensationRow, Prior};
 use crate::analysis::direct::{DirectMethod, measure_direct};
 use crate::error::{Error, Result};
@@ -37,7 +37,7 @@ pub(super) struct Solved {
 
 /// What all channels' systems share.
 pub(super) struct Run<'a> {
-    pub(super) wish: &'a Wish,
+    pub(super) wish: &'a Target,
     pub(super) white: &'a [Vec<f64>],
     pub(super) b: &'a [Vec<f64>],
     pub(super) options: &'a CompensateOptions,

@@ -20,9 +20,11 @@ mod error_curve;
 mod from_products;
 mod inverse;
 mod model;
+mod saved;
 
 pub use capture::{CaptureStep, LowRankCapture, capture, smooth_starts};
 pub use error_curve::{ErrorRow, error_curve, optimal_errors};
 pub use from_products::{estimated_direct, from_products};
 pub use inverse::{Cancelled, cancel_interreflections};
 pub use model::LowRank;
+pub use saved::SavedModel;

@@ -3,7 +3,7 @@
 use super::twin::{TwinOperator, range_of, shown};
 use super::{Cost, Planner};
 use crate::analysis::compensate::compensate;
-use crate::analysis::{CompensateOptions, Wish};
+use crate::analysis::{CompensateOptions, Target};
 use crate::error::Result;
 use crate::image::Image;
 use crate::krylov::{Method, SolveMonitor, keep_solving};
@@ -50,7 +50,7 @@ impl Planner<'_> {
         let resolution = self.rig.scene.size();
         let ambient: Vec<f32> = self.twin.ambient(self.rig, 0)?.iter().map(|&value| value as f32).collect();
         let ambient = Image::new(resolution, 1, ambient)?;
-        let wish = Wish::new(target, &ambient)?;
+        let wish = Target::new(target, &ambient)?;
         let optimum = CompensateOptions {
             method: Method::KrylovBox,
             photos: OPTIMUM_PHOTOS,
@@ -83,7 +83,7 @@ impl Planner<'_> {
     ) -> Result<CompensationTrial> {
         let mut measurement = self.measure(seed)?.in_luma();
         let ambient = measurement.ambient()?.to_image()?;
-        let wish = Wish::new(&ideal.target, &ambient)?;
+        let wish = Target::new(&ideal.target, &ambient)?;
         let options = CompensateOptions { peak: None, baseline: false, ..*options };
         let found = compensate(&mut [measurement.operator(Part::Full, 0)], &wish, &options, monitor)?;
         let residual = self.residual(ideal, &found.pattern)?;

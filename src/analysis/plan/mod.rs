@@ -16,7 +16,7 @@ pub use segmentation::SegmentationTrial;
 pub use twin::Twin;
 
 use crate::error::Result;
-use crate::measure::{Calibration, Live, MeasureOptions, Measurement};
+use crate::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
 use crate::operator::Operator;
 use crate::rig::VirtualRig;
 use crate::transport::Part;
@@ -56,7 +56,7 @@ impl Planner<'_> {
         let rig = VirtualRig { seed, ..self.rig.clone() };
         let bench = rig.open(self.twin.transport(), None)?;
         let settle = self.measurement.settle.unwrap_or(self.calibration.stability.settle);
-        let shots = Live::new(bench, settle, self.measurement.tries);
+        let shots = LiveFrames::new(bench, settle, self.measurement.tries);
         let measurement =
             Measurement::new(Box::new(shots), self.calibration.clone(), self.measurement.clone())?;
         Ok(measurement.declared(self.twin.operator(Part::Full, 0)?.symmetry()))

@@ -7,7 +7,7 @@ use crate::image::Image;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::rig::{VirtualProjector, VirtualRig};
 use crate::sparse::{Csr, SparseOperator};
-use crate::transport::{Assembled, Given, MatrixOperator, Part, Transport};
+use crate::transport::{Assembled, ExplicitMatrix, MatrixOperator, Part, Transport};
 
 /// Light transport that many rigs can look at, one after the other.
 #[derive(Clone, Debug)]
@@ -15,7 +15,7 @@ pub enum Twin {
     /// A traced scene.
     Traced(Arc<Assembled>),
     /// A given matrix.
-    Given(Given),
+    Explicit(ExplicitMatrix),
 }
 
 impl Twin {
@@ -23,7 +23,7 @@ impl Twin {
     pub fn transport(&self) -> Box<dyn Transport> {
         match self {
             Self::Traced(traced) => Box::new(Arc::clone(traced)),
-            Self::Given(given) => Box::new(given.clone()),
+            Self::Explicit(given) => Box::new(given.clone()),
         }
     }
 
@@ -34,7 +34,9 @@ impl Twin {
     pub fn operator(&self, part: Part, channel: usize) -> Result<TwinOperator<'_>> {
         Ok(match self {
             Self::Traced(traced) => TwinOperator::Traced(MatrixOperator::new(&**traced, part, channel)),
-            Self::Given(given) => TwinOperator::Given(SparseOperator::new(part_of(given.matrix(), part)?)),
+            Self::Explicit(given) => {
+                TwinOperator::Explicit(SparseOperator::new(part_of(given.matrix(), part)?))
+            }
         })
     }
 
@@ -50,7 +52,7 @@ impl Twin {
         let mean = white.iter().sum::<f64>() / white.len() as f64;
         let own = match self {
             Self::Traced(traced) => traced.ambient.plane(channel),
-            Self::Given(_) => vec![0.0; white.len()],
+            Self::Explicit(_) => vec![0.0; white.len()],
         };
         let black = rig.projector.black_level;
         Ok(white.iter().zip(own).map(|(white, own)| own + rig.ambient.level * mean + black * white).collect())
@@ -100,14 +102,14 @@ pub enum TwinOperator<'a> {
     /// Of a traced scene.
     Traced(MatrixOperator<'a>),
     /// Of a given matrix.
-    Given(SparseOperator),
+    Explicit(SparseOperator),
 }
 
 impl TwinOperator<'_> {
     fn inner(&mut self) -> &mut dyn Adjoint {
         match self {
             Self::Traced(operator) => operator,
-            Self::Given(operator) => operator,
+            Self::Explicit(operator) => operator,
         }
     }
 }
@@ -116,14 +118,14 @@ impl Operator for TwinOperator<'_> {
     fn rows(&self) -> usize {
         match self {
             Self::Traced(operator) => operator.rows(),
-            Self::Given(operator) => operator.rows(),
+            Self::Explicit(operator) => operator.rows(),
         }
     }
 
     fn cols(&self) -> usize {
         match self {
             Self::Traced(operator) => operator.cols(),
-            Self::Given(operator) => operator.cols(),
+            Self::Explicit(operator) => operator.cols(),
         }
     }
 
@@ -131,7 +133,7 @@ impl Operator for TwinOperator<'_> {
     fn symmetry(&self) -> Symmetry {
         match self {
             Self::Traced(operator) => operator.symmetry(),
-            Self::Given(_) => Symmetry::Symmetric,
+            Self::Explicit(_) => Symmetry::Symmetric,
         }
     }
 

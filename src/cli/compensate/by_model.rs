@@ -13,11 +13,12 @@ use super::super::run_folder::RunFolder;
 use super::super::source::Source;
 use super::{Args, finish};
 use crate::analysis::compensate::compensate_by_model;
-use crate::analysis::{CompensateOptions, Compensation, Wish};
+use crate::analysis::low_rank::SavedModel;
+use crate::analysis::{CompensateOptions, Compensation, Target};
 use crate::error::Error;
+use crate::io::model;
 use crate::journal::Journal;
 use crate::operator::Operator;
-use crate::report::model::SavedModel;
 use crate::transport::{Channels, Part};
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
@@ -25,7 +26,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let options = CompensateOptions { photos: 1, ..args.options(false, true, None) };
     options.check()?;
     let path = args.model.as_ref().unwrap_or(&args.source.source);
-    let mut model = if SavedModel::is_in(path) {
+    let mut model = if model::is_in(path) {
         SavedModel::read(path)?
     } else if Journal::is_in(&journal::folder(path)) {
         model_of_run(&Replay::open(path)?, console)?
@@ -39,11 +40,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     };
     let channels = Channels::of(model.channels.len());
     let target = args.question.target(model.resolution, channels)?;
-    let wish = Wish::new(&target, &model.ambient)?;
+    let wish = Target::new(&target, &model.ambient)?;
     if args.model.is_none() {
         refuse_trace(args)?;
         let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", model.source), console)?;
-        folder.describe_file(&SavedModel::record_path(path))?;
+        folder.describe_file(&model::record_path(path))?;
         folder.manifest.resolution = Some(model.resolution);
         let outcome = folder
             .timed("model", |_| {
@@ -107,7 +108,7 @@ fn corrected(
     source: &mut Source,
     channels: Channels,
     model: &mut SavedModel,
-    wish: &Wish,
+    wish: &Target,
     options: &CompensateOptions,
     folder: &mut RunFolder,
     live: &Live,

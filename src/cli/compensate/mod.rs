@@ -18,13 +18,13 @@ use super::run_folder::RunFolder;
 use super::source::Source;
 use super::trace::TraceArgs;
 use crate::analysis::compensate::{compare_methods, compensate_with};
-use crate::analysis::{CompensateOptions, Compensation, MethodRun, Prior, Wish};
+use crate::analysis::{CompensateOptions, Compensation, MethodRun, Prior, Target};
 use crate::error::Error;
 use crate::image::Image;
+use crate::io::model;
 use crate::krylov::SolveProgress;
 use crate::report::compensation::{CompensationExtras, CompensationRun};
-use crate::report::model::SavedModel;
-use crate::report::strip::Strip;
+use crate::report::contact_sheet::ContactSheet;
 use crate::transport::{Channels, Part};
 use prior::ColorArgs;
 pub(super) use question::Question;
@@ -75,7 +75,7 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    if args.model.is_some() || SavedModel::is_in(&args.source.source) {
+    if args.model.is_some() || model::is_in(&args.source.source) {
         return by_model::run(args, console);
     }
     // What is wrong with the options or the files should show before anything is written or traced.
@@ -105,7 +105,7 @@ fn answer(
         source.light(&args.operator, args.channels(), Some(folder), console)
     })?;
     folder.describe_light(&light);
-    let wish = Wish::new(target, &light.ambient(console)?)?;
+    let wish = Target::new(target, &light.ambient(console)?)?;
     let (crosstalk, learned) = args.colors.crosstalk(&mut light, console)?;
     let symmetric = crosstalk.is_none() && prior::is_symmetric(&mut light, console);
     let options = args.options(light.is_simulated(), symmetric, held);
@@ -140,7 +140,7 @@ fn finish(
     console: &Console,
     (found, methods): (&Compensation, &[MethodRun]),
     options: &CompensateOptions,
-    (name, unit, strip): (&str, &str, Option<&Strip>),
+    (name, unit, strip): (&str, &str, Option<&ContactSheet>),
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     let compared: usize = methods.iter().map(|run| run.photos).sum();

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use serde_json::{Value, json};
 
-use crate::analysis::{Clamping, Compensation, CompensationRow, Likeness, MethodRun};
+use crate::analysis::{Clamping, Compensation, CompensationRow, MethodRun, Similarity};
 use crate::cli::console::Console;
 use crate::cli::run_folder::RunFolder;
 
@@ -35,13 +35,13 @@ pub(super) fn say(
             found.unclipped_residual
         ))?;
     }
-    let ssim = |of: &Likeness| of.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));
+    let ssim = |of: &Similarity| of.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));
     console.say(format_args!(
         "likeness  PSNR {:.2} dB and SSIM {}; uncompensated {:.2} dB and {}",
-        found.likeness.psnr,
-        ssim(&found.likeness),
-        found.uncompensated_likeness.psnr,
-        ssim(&found.uncompensated_likeness)
+        found.similarity.psnr,
+        ssim(&found.similarity),
+        found.uncompensated_similarity.psnr,
+        ssim(&found.uncompensated_similarity)
     ))?;
     for run in methods {
         let own = run.history.last().map_or(f64::NAN, |row| row.residual);
@@ -85,8 +85,8 @@ pub(super) fn summary(
         "relative_residual_uncompensated": found.uncompensated_residual,
         "relative_residual_jacobi": found.baseline.last().map(|row| row.residual),
         "clipped": found.unclipped.is_some(),
-        "likeness": found.likeness,
-        "likeness_uncompensated": found.uncompensated_likeness,
+        "likeness": found.similarity,
+        "likeness_uncompensated": found.uncompensated_similarity,
         "clamping": found.clamping.as_ref().map(|clamping| json!({
             "relative_residual_displayed": residuals(&clamping.displayed),
             "relative_residual_krylov_box": residuals(&clamping.boxed),

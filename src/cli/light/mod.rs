@@ -14,10 +14,11 @@ use super::journal;
 use super::measured::Measured;
 use crate::error::Error;
 use crate::image::{Image, Resolution};
+use crate::io::manifest::ProductsOn;
 use crate::journal::Key;
+use crate::measure::RigRecord;
 use crate::operator::Adjoint;
 use crate::render::{TraceSettings, Tracer};
-use crate::report::manifest::{self, ProductsOn};
 use crate::transport::{
     Assembled, Bounces, Channels, JournaledOperator, MatrixOperator, Noise, Part, Retraced, Simulated,
     Transport,
@@ -53,12 +54,12 @@ impl<'a> Light<'a> {
 
     /// Where products with the matrix are taken.
     pub(super) fn products(&self) -> Option<ProductsOn> {
-        let is_resident = self.matrix()?.is_resident();
-        Some(if is_resident { ProductsOn::Device } else { ProductsOn::Cpu })
+        let is_on_gpu = self.matrix()?.is_on_gpu();
+        Some(if is_on_gpu { ProductsOn::Device } else { ProductsOn::Cpu })
     }
 
     /// What a run on a rig has cost so far; see [`Measured::record`].
-    pub(super) fn record(&mut self, whole: bool) -> Result<Option<manifest::Rig>> {
+    pub(super) fn record(&mut self, whole: bool) -> Result<Option<RigRecord>> {
         match self {
             Self::Replayed(_) | Self::Retraced { .. } | Self::Kept(_) => Ok(None),
             Self::Measured(rig) => rig.record(whole).map(Some),

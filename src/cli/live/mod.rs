@@ -13,7 +13,7 @@ use super::console::Console;
 use super::source::Source;
 use crate::image::Resolution;
 use crate::operator::Adjoint;
-use crate::report::strip::Strip;
+use crate::report::contact_sheet::ContactSheet;
 use crate::report::viewer::{Plane, Viewer};
 use crate::transport::Channels;
 use line::Line;
@@ -70,7 +70,7 @@ pub(super) struct Live {
 
 struct State {
     line: Option<Line>,
-    strip: Strip,
+    strip: ContactSheet,
     taken: u64,
     expected: u64,
 }
@@ -81,7 +81,7 @@ impl Live {
         let sizes = [source.projector_resolution(), source.resolution()];
         let viewer = args.viewer(console);
         let channels = channels.count();
-        let strip = Strip::new(sizes, channels);
+        let strip = ContactSheet::new(sizes, channels);
         let state = RefCell::new(State { line: None, strip, taken: 0, expected: 0 });
         Self { console: console.clone(), name: source.name(), sizes, channels, viewer, state }
     }
@@ -115,7 +115,7 @@ impl Live {
     }
 
     /// All photos so far.
-    pub(super) fn strip(self) -> Strip {
+    pub(super) fn strip(self) -> ContactSheet {
         self.state.into_inner().strip
     }
 

@@ -7,6 +7,7 @@ use super::super::light::{Light, direct_diagonal};
 use super::super::live::Live;
 use super::super::noise::percent;
 use crate::analysis::LowRank;
+use crate::analysis::low_rank::SavedModel;
 use crate::analysis::low_rank::{
     CaptureStep, ErrorRow, LowRankCapture, capture, error_curve as curve_of, optimal_errors, smooth_starts,
 };
@@ -14,7 +15,6 @@ use crate::error::Error;
 use crate::image::Resolution;
 use crate::krylov::{LowRankOptions, Start, randomized_svd};
 use crate::operator::{Operator, Symmetry};
-use crate::report::model::SavedModel;
 use crate::report::relighting::RankRow;
 use crate::sparse::Csr;
 use crate::transport::Part;

@@ -16,17 +16,18 @@ use super::noise::percent;
 use super::replay::Replay;
 use super::run_folder::RunFolder;
 use super::source::Source;
+use crate::analysis::low_rank::SavedModel;
 use crate::error::Error;
-use crate::report::manifest::Manifest;
-use crate::report::model::SavedModel;
+use crate::io::model;
+use crate::measure::RunManifest;
+use crate::report::contact_sheet::ContactSheet;
 use crate::report::relighting::{RankRow, RelightingRun};
-use crate::report::strip::Strip;
 pub(super) use args::Args;
 use args::BLOCK;
 use questions::Answers;
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    if SavedModel::is_in(&args.source.source) {
+    if model::is_in(&args.source.source) {
         return from_model(args, console);
     }
     let mut source = Source::open(&args.source, &args.trace, console)?;
@@ -68,7 +69,7 @@ fn from_model(args: &Args, console: &Console) -> Result<Outcome> {
     args.questions().patterns(model.projector, model.resolution, model.channels.len())?;
     args.questions().photographs(model.resolution, model.channels.len())?;
     let mut folder = RunFolder::create(&args.run, &format!("{}-relight", model.source), console)?;
-    folder.describe_file(&SavedModel::record_path(&args.source.source))?;
+    folder.describe_file(&model::record_path(&args.source.source))?;
     folder.manifest.resolution = Some(model.resolution);
     let outcome = folder
         .timed("relighting", |_| args.questions().answers(&model, None, console))
@@ -122,7 +123,7 @@ fn finish(
     model: &SavedModel,
     answers: &Answers,
     curve: &[RankRow],
-    strip: Option<&Strip>,
+    strip: Option<&ContactSheet>,
     mut files: Vec<String>,
     folder: &mut RunFolder,
     console: &Console,
@@ -147,7 +148,7 @@ fn finish(
         _ => true,
     };
     let seconds = folder.seconds();
-    let write = |manifest: &Manifest, folder: &std::path::Path| run.write(folder, manifest, seconds);
+    let write = |manifest: &RunManifest, folder: &std::path::Path| run.write(folder, manifest, seconds);
     files.extend(folder.timed("files", |folder| write(&folder.manifest, &folder.path))?);
     folder.manifest.outputs = files;
     let report = folder.path.join("report.html");

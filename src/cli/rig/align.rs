@@ -12,11 +12,12 @@ use super::super::options::OutputArgs;
 use super::bench::{Bench, RigArgs};
 use crate::analysis::align::{AlignOptions, Alignment, Round, align};
 use crate::error::Error;
-use crate::measure::Shots;
+use crate::io::atomic;
+use crate::io::png::Raster;
+use crate::measure::FrameSource;
 use crate::measure::calibrate::{Measured, Observer};
-use crate::report::png::Raster;
+use crate::report::alignment;
 use crate::report::viewer::{Plane, Viewer};
-use crate::report::{alignment, atomic};
 
 /// Bring camera and projector to one point: shadows, disparity, symmetry, and which way the camera must go; round by round, until
 /// Ctrl-C
@@ -87,7 +88,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn rounds(
     args: &Args,
     options: &AlignOptions,
-    (bench, shots): (&Bench, &mut dyn Shots),
+    (bench, shots): (&Bench, &mut dyn FrameSource),
     console: &Console,
     last: &mut Last,
 ) -> Result<()> {
@@ -194,7 +195,7 @@ fn show(viewer: &Viewer, name: &str, picture: &Raster) {
             size: picture.resolution(),
             channels: &["R", "G", "B"],
             channel,
-            values: bytes.map(|&byte| crate::report::tone::decode_srgb(f32::from(byte) / 255.0)).collect(),
+            values: bytes.map(|&byte| crate::io::tone::decode_srgb(f32::from(byte) / 255.0)).collect(),
         });
     }
 }

@@ -10,7 +10,7 @@ use super::super::rig_source::RigSource;
 use super::super::source::is_rig;
 use super::super::trace::{SizeArgs, TraceArgs};
 use crate::error::Error;
-use crate::measure::{Calibration, Effort, Shot, Shots};
+use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
 
 /// Seconds between a frame's confirmation and its photo where neither a calibration nor the file says: projectors that process their
@@ -57,7 +57,7 @@ impl RigArgs {
 
 impl Bench {
     /// Opens the devices. Frames come until the user asks to stop: then as [`Error::Interrupted`].
-    pub(super) fn open(&mut self, console: &Console) -> Result<Box<dyn Shots>> {
+    pub(super) fn open(&mut self, console: &Console) -> Result<Box<dyn FrameSource>> {
         let mut shots = self.source.opener(console)(None)?;
         shots.set_settle(self.settle());
         Ok(Box::new(Interruptible { shots, console: console.clone() }))
@@ -105,11 +105,11 @@ pub(super) fn require_rig(path: &Path, argument: &str) -> Result<()> {
 
 /// Frames until the user asks to stop.
 struct Interruptible {
-    shots: Box<dyn Shots>,
+    shots: Box<dyn FrameSource>,
     console: Console,
 }
 
-impl Shots for Interruptible {
+impl FrameSource for Interruptible {
     fn projector(&self) -> &ProjectorInfo {
         self.shots.projector()
     }
@@ -118,11 +118,11 @@ impl Shots for Interruptible {
         self.shots.camera()
     }
 
-    fn shoot(&mut self, shot: &Shot) -> crate::Result<RawFrame> {
+    fn capture(&mut self, shot: &CaptureRequest) -> crate::Result<RawFrame> {
         if self.console.check().is_break() {
             return Err(Error::Interrupted);
         }
-        self.shots.shoot(shot)
+        self.shots.capture(shot)
     }
 
     fn set_settle(&mut self, seconds: f64) {

@@ -15,7 +15,7 @@ use super::super::trace::TraceArgs;
 use super::super::{Outcome, simulation};
 use super::bench::require_rig;
 use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
-use crate::measure::{Journaled, Shots};
+use crate::measure::{FrameSource, JournaledFrames};
 use crate::report::calibration;
 
 /// Measure a rig's devices from captures alone: responses, noise, pixel map, latency, drift
@@ -78,7 +78,7 @@ fn measure(
 ) -> Result<(Outcome, String)> {
     let journal = folder.journal(&rig.identity()?, console)?;
     let warn = journal::warning(&journal, console);
-    let mut shots = Journaled::new(journal, rig.opener(console))?.reporting(warn);
+    let mut shots = JournaledFrames::new(journal, rig.opener(console))?.reporting(warn);
     let options = CalibrateOptions {
         takes: args.takes,
         map: args.map.map(|map| match map {

@@ -9,7 +9,8 @@ use super::super::Outcome;
 use super::super::console::Console;
 use super::super::options::OutputArgs;
 use super::cameras;
-use crate::rig::{self, MonitorInfo, RigFile, RigKind};
+use crate::measure::{RigFile, RigKind};
+use crate::rig::{self, MonitorInfo};
 
 /// List the monitors and cameras that a rig file may name, and what they can do
 #[derive(clap::Args)]

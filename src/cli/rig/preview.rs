@@ -16,10 +16,11 @@ use super::bench::{Bench, RigArgs};
 use super::figures::{Figures, Range};
 use crate::error::Error;
 use crate::image::Image;
+use crate::io::atomic;
 use crate::measure::calibrate::{Observer, Reach};
-use crate::measure::{Shot, Shots, focus};
+use crate::measure::{CaptureRequest, FrameSource, focus};
+use crate::report::preview;
 use crate::report::viewer::{Plane, Viewer};
-use crate::report::{atomic, preview};
 use crate::rig::{Frame, RawFrame};
 
 /// The file is written at most so often: whoever looks at it sees no more, and disks are slow.
@@ -73,7 +74,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn watch(
     args: &Args,
     bench: &Bench,
-    shots: &mut dyn Shots,
+    shots: &mut dyn FrameSource,
     console: &Console,
     last: &mut Option<Figures>,
 ) -> Result<()> {
@@ -93,8 +94,8 @@ fn watch(
         if args.frames > 0 && number == args.frames {
             break Ok(());
         }
-        let shot = Shot { frame: Arc::clone(&frame), exposure, take: number as u32 };
-        let raw = match shots.shoot(&shot) {
+        let shot = CaptureRequest { frame: Arc::clone(&frame), exposure, take: number as u32 };
+        let raw = match shots.capture(&shot) {
             Ok(raw) => raw,
             Err(error) => break Err(error),
         };
@@ -120,7 +121,7 @@ fn watch(
 }
 
 /// What is shown: values from 0 to 1 as levels, whatever light these make.
-fn frame(pattern: &Pattern, shots: &dyn Shots) -> Result<Arc<Frame>> {
+fn frame(pattern: &Pattern, shots: &dyn FrameSource) -> Result<Arc<Frame>> {
     let projector = shots.projector();
     let (size, channels, top) = (projector.resolution, projector.channels, f32::from(projector.highest()));
     let image: Image = pattern.image(size)?;
@@ -133,7 +134,7 @@ fn frame(pattern: &Pattern, shots: &dyn Shots) -> Result<Arc<Frame>> {
 }
 
 /// An exposure for white; one that does not suit it is named, as there is something to be seen all the same.
-fn chosen(shots: &mut dyn Shots, console: &Console) -> Result<f64> {
+fn chosen(shots: &mut dyn FrameSource, console: &Console) -> Result<f64> {
     let (exposure, reach) = Observer::white_exposure(shots)?;
     match reach {
         Reach::Filled => {}
@@ -148,7 +149,7 @@ fn chosen(shots: &mut dyn Shots, console: &Console) -> Result<f64> {
 }
 
 /// What calibration says of counts, or what a dark frame does.
-fn range(bench: &Bench, shots: &mut dyn Shots) -> Result<Range> {
+fn range(bench: &Bench, shots: &mut dyn FrameSource) -> Result<Range> {
     let camera = shots.camera();
     let full = f64::from((1_u32 << camera.bits) - 1);
     if let Some(known) = &bench.known {
@@ -156,7 +157,7 @@ fn range(bench: &Bench, shots: &mut dyn Shots) -> Result<Range> {
     }
     let (shortest, projector) = (camera.exposures[0], shots.projector());
     let dark = Frame::filled(projector.resolution, projector.channels, 0);
-    let raw = shots.shoot(&Shot { frame: Arc::new(dark), exposure: shortest, take: 0 })?;
+    let raw = shots.capture(&CaptureRequest { frame: Arc::new(dark), exposure: shortest, take: 0 })?;
     let mut counts = raw.counts;
     let middle = counts.len() / 2;
     let black = f64::from(*counts.select_nth_unstable(middle).1);

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::super::factor::{Factorization, RitzPair, Step, Verdict};
+use super::super::factor::{Factorization, PairStatus, RitzPair, Step};
 use super::super::monitor::{HistoryRow, Monitor, Progress};
 use super::super::stats::{Stats, Status};
 use super::options::{Eigs, EigsOptions};
@@ -72,9 +72,9 @@ pub(super) fn good_enough(pairs: &[RitzPair], options: &EigsOptions, scale: f64)
     }
     let wanted = options.tolerance * scale;
     let verdicts = || pairs.iter().map(|pair| pair.verdict(wanted, options.noise));
-    if verdicts().all(|verdict| verdict == Verdict::Converged) {
+    if verdicts().all(|verdict| verdict == PairStatus::Converged) {
         Some(Status::ReachedTolerance)
-    } else if verdicts().all(|verdict| verdict != Verdict::NotResolved) {
+    } else if verdicts().all(|verdict| verdict != PairStatus::NotResolved) {
         Some(Status::NoiseFloor)
     } else {
         None

@@ -1,6 +1,6 @@
 //! What is asked for, and what was found.
 
-use super::super::factor::{Verdict, Which};
+use super::super::factor::{PairStatus, Which};
 use super::super::monitor::HistoryRow;
 use super::super::start::Start;
 use super::super::stats::Stats;
@@ -86,7 +86,7 @@ pub struct Eigs {
     /// The same by Temple and Kato: [`RitzPair::gap_bound`](super::super::RitzPair::gap_bound), sharper, on a condition.
     pub gap_bounds: Vec<f64>,
     /// What can be said of each pair.
-    pub verdicts: Vec<Verdict>,
+    pub verdicts: Vec<PairStatus>,
     /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see
     /// [`Expansion::asymmetry`](super::super::Expansion::asymmetry). 0 for power iteration, which cannot tell.
     pub asymmetry: f64,

@@ -15,4 +15,4 @@ pub use expansion::{Expansion, Step};
 pub use factorization::Factorization;
 pub(super) use factorization::point_upwards;
 pub use lanczos::Lanczos;
-pub use ritz::{RitzPair, Verdict, Which};
+pub use ritz::{PairStatus, RitzPair, Which};

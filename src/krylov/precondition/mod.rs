@@ -4,15 +4,15 @@
 //! |---|---|---|
 //! | [`Diagonal`] | division by a vector: `D = A 1`, or the direct image | yes, for positive entries |
 //! | [`Multiscale`] | a gain for each scale of an image pyramid | yes, for positive gains |
-//! | [`Given`] | a closure, or another operator | as the caller says |
+//! | [`UserPreconditioner`] | a closure, or another operator | as the caller says |
 
 mod diagonal;
-mod given;
 mod multiscale;
+mod user;
 
 pub use diagonal::Diagonal;
-pub use given::Given;
 pub use multiscale::Multiscale;
+pub use user::UserPreconditioner;
 
 use crate::error::Result;
 

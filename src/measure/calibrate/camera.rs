@@ -8,7 +8,7 @@ use super::linear::Linear;
 use super::report::CameraFigures;
 use super::response::response;
 use super::saturation::{limit, plateau};
-use super::sitting::{Sitting, percentile};
+use super::session::{CalibrationSession, percentile};
 use super::transfer::transfer;
 use crate::error::{Error, Result};
 use crate::rig::{Frame, RawFrame};
@@ -37,18 +37,22 @@ pub(super) struct Camera {
 ///
 /// # Errors
 /// [`Error::Rig`] when frames cannot be taken; [`Error::Numerical`] when they do not tell.
-pub(super) fn camera(sitting: &mut Sitting<'_>, white: &Arc<Frame>, exposure: f64) -> Result<Camera> {
+pub(super) fn camera(
+    sitting: &mut CalibrationSession<'_>,
+    white: &Arc<Frame>,
+    exposure: f64,
+) -> Result<Camera> {
     let full = sitting.full();
     let shortest = sitting.camera().exposures[0];
     let black = sitting.filled(0);
     let dark: Vec<[RawFrame; 2]> = (0..DARK_PAIRS)
-        .map(|_| Ok([sitting.shoot(&black, shortest)?, sitting.shoot(&black, shortest)?]))
+        .map(|_| Ok([sitting.capture(&black, shortest)?, sitting.capture(&black, shortest)?]))
         .collect::<Result<_>>()?;
     let floor = percentile(dark[0][0].counts.iter().map(|&count| count.into()), 0.5);
     let plateau = plateau(sitting, white, exposure, floor)?;
     let (up, down) = series(sitting, white, exposure)?;
     let darks = dark_series(sitting, &black, exposure)?;
-    let sorting = sitting.shoot(white, exposure)?;
+    let sorting = sitting.capture(white, exposure)?;
     // Until the noise is known: far enough below for a camera of one electron per DN.
     let careful = limit(&plateau, (plateau.count - floor).sqrt(), MARGIN);
     let whites: Vec<RawFrame> = up.iter().chain(&down).cloned().collect();
@@ -93,7 +97,7 @@ pub(super) fn camera(sitting: &mut Sitting<'_>, white: &Arc<Frame>, exposure: f6
 
 /// White at exposures from the shortest of the series up, and down again, so that a drift of the light cancels.
 fn series(
-    sitting: &mut Sitting<'_>,
+    sitting: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
     exposure: f64,
 ) -> Result<(Vec<RawFrame>, Vec<RawFrame>)> {
@@ -101,8 +105,8 @@ fn series(
         (-1..SERIES).map(|step| sitting.allowed(exposure * 2_f64.powf(-0.5 * f64::from(step)))).collect();
     exposures.dedup();
     exposures.reverse();
-    let up = exposures.iter().map(|&e| sitting.shoot(white, e)).collect::<Result<Vec<_>>>()?;
-    let mut down = exposures.iter().rev().map(|&e| sitting.shoot(white, e)).collect::<Result<Vec<_>>>()?;
+    let up = exposures.iter().map(|&e| sitting.capture(white, e)).collect::<Result<Vec<_>>>()?;
+    let mut down = exposures.iter().rev().map(|&e| sitting.capture(white, e)).collect::<Result<Vec<_>>>()?;
     down.reverse();
     if up.len() < 3 {
         return Err(Error::Rig {
@@ -115,12 +119,16 @@ fn series(
 }
 
 /// Black at white's exposure, and shorter.
-fn dark_series(sitting: &mut Sitting<'_>, black: &Arc<Frame>, exposure: f64) -> Result<Vec<RawFrame>> {
+fn dark_series(
+    sitting: &mut CalibrationSession<'_>,
+    black: &Arc<Frame>,
+    exposure: f64,
+) -> Result<Vec<RawFrame>> {
     let mut frames = Vec::new();
     for step in 0..4 {
         let exposure = sitting.allowed(exposure * 2_f64.powi(-step));
         for _ in 0..2 {
-            frames.push(sitting.shoot(black, exposure)?);
+            frames.push(sitting.capture(black, exposure)?);
         }
     }
     Ok(frames)

@@ -6,7 +6,7 @@
 use super::gray_code::{Light, sum};
 use super::least_squares::Normal;
 use super::lens_map::{LensMap, Match};
-use super::sitting::Sitting;
+use super::session::CalibrationSession;
 use crate::error::Result;
 
 /// Camera pixels that a square should have.
@@ -17,7 +17,7 @@ const SQUARE: f64 = 6.0;
 /// # Errors
 /// Whatever keeps frames from being taken.
 pub(super) fn corners(
-    sitting: &mut Sitting<'_>,
+    sitting: &mut CalibrationSession<'_>,
     light: &Light<'_>,
     map: &LensMap,
     lit: &[bool],

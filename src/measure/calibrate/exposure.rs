@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::sitting::{Sitting, percentile};
+use super::session::{CalibrationSession, percentile};
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
@@ -27,7 +27,7 @@ pub enum Reach {
 ///
 /// # Errors
 /// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest shows nothing.
-pub(super) fn fill(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<f64> {
+pub(super) fn fill(sitting: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
     match search(sitting, frame)? {
         (exposure, Reach::Filled) => Ok(exposure),
         (exposure, Reach::TooBright) => Err(saturated(exposure)),
@@ -39,16 +39,16 @@ pub(super) fn fill(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<f64>
 ///
 /// # Errors
 /// Whatever keeps frames from being taken.
-pub(super) fn search(sitting: &mut Sitting<'_>, frame: &Arc<Frame>) -> Result<(f64, Reach)> {
+pub(super) fn search(sitting: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<(f64, Reach)> {
     let [shortest, longest] = sitting.camera().exposures;
     let full = sitting.full();
     let black = sitting.filled(0);
-    let dark = sitting.shoot(&black, shortest)?;
+    let dark = sitting.capture(&black, shortest)?;
     let floor = percentile(dark.counts.iter().map(|&count| count.into()), 0.5);
     let target = floor + FILL * (full - floor);
     let mut exposure = sitting.allowed((shortest * longest).sqrt());
     for _ in 0..24 {
-        let raw = sitting.shoot(frame, exposure)?;
+        let raw = sitting.capture(frame, exposure)?;
         let bright = percentile(raw.counts.iter().map(|&count| count.into()), BRIGHT);
         if (bright - target).abs() < 0.1 * (full - floor) {
             return Ok((raw.exposure, Reach::Filled));

@@ -6,7 +6,7 @@
 //! Aliaga 2007: a bit counts only if the difference is a good part of the direct light, which the finest stripes tell).
 
 use super::linear::Linear;
-use super::sitting::{Mean, Sitting};
+use super::session::{CalibrationSession, Mean};
 use crate::error::Result;
 use crate::image::Resolution;
 
@@ -94,7 +94,11 @@ impl Decoded {
 ///
 /// # Errors
 /// Whatever keeps frames from being taken.
-pub(super) fn gray_code(sitting: &mut Sitting<'_>, light: &Light<'_>, coarse: u32) -> Result<Decoded> {
+pub(super) fn gray_code(
+    sitting: &mut CalibrationSession<'_>,
+    light: &Light<'_>,
+    coarse: u32,
+) -> Result<Decoded> {
     let Resolution { width, height } = sitting.projector().resolution;
     let (white, saturated) = photo(sitting, light, |_, _| true)?;
     let black = sum(sitting, light, |_, _| false)?;
@@ -163,7 +167,7 @@ pub(super) fn gray_code(sitting: &mut Sitting<'_>, light: &Light<'_>, coarse: u3
 
 /// Linear DN of each camera pixel under a pattern, summed over its channels.
 pub(super) fn sum(
-    sitting: &mut Sitting<'_>,
+    sitting: &mut CalibrationSession<'_>,
     light: &Light<'_>,
     lit: impl Fn(usize, usize) -> bool,
 ) -> Result<Vec<f64>> {
@@ -172,7 +176,7 @@ pub(super) fn sum(
 
 /// The same, and where a channel is saturated.
 pub(super) fn photo(
-    sitting: &mut Sitting<'_>,
+    sitting: &mut CalibrationSession<'_>,
     light: &Light<'_>,
     lit: impl Fn(usize, usize) -> bool,
 ) -> Result<(Vec<f64>, Vec<bool>)> {
@@ -192,7 +196,7 @@ fn lit(difference: &[f64], noise: impl Fn(usize) -> f64) -> Vec<bool> {
         .filter(|&pixel| difference[pixel] > SIGMAS * noise(pixel))
         .map(|pixel| difference[pixel])
         .collect();
-    let median = super::sitting::percentile(above, 0.5);
+    let median = super::session::percentile(above, 0.5);
     (0..difference.len()).map(|pixel| difference[pixel] > (SIGMAS * noise(pixel)).max(LIT * median)).collect()
 }
 

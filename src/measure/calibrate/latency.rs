@@ -4,7 +4,7 @@
 //! is short of white's.
 
 use super::figure::Measured;
-use super::sitting::Sitting;
+use super::session::CalibrationSession;
 use crate::error::Result;
 
 /// Waits tried, in seconds, besides none.
@@ -26,13 +26,13 @@ pub(super) struct Latency {
 ///
 /// # Errors
 /// Whatever keeps frames from being taken.
-pub(super) fn latency(sitting: &mut Sitting<'_>, exposure: f64) -> Result<Latency> {
+pub(super) fn latency(sitting: &mut CalibrationSession<'_>, exposure: f64) -> Result<Latency> {
     let (black, white) = (sitting.filled(0), sitting.filled(sitting.top()));
-    let step = |sitting: &mut Sitting<'_>, wait: f64| -> Result<f64> {
+    let step = |sitting: &mut CalibrationSession<'_>, wait: f64| -> Result<f64> {
         sitting.set_settle(CAREFUL);
-        sitting.shoot(&black, exposure)?;
+        sitting.capture(&black, exposure)?;
         sitting.set_settle(wait);
-        let raw = sitting.shoot(&white, exposure)?;
+        let raw = sitting.capture(&white, exposure)?;
         Ok(raw.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / raw.counts.len() as f64)
     };
     sitting.set_settle(CAREFUL);
@@ -48,11 +48,12 @@ pub(super) fn latency(sitting: &mut Sitting<'_>, exposure: f64) -> Result<Latenc
     // Four values tell a spread badly; a thousandth is what drift and flicker may do besides.
     let tolerance = (5.0 * spread / light).max(2e-3);
     let mut sweep = Vec::new();
-    let missing = |sitting: &mut Sitting<'_>, wait: f64, sweep: &mut Vec<(f64, f64)>| -> Result<bool> {
-        let share = (step(sitting, wait)? - dark) / light;
-        sweep.push((wait, share));
-        Ok((share - 1.0).abs() > tolerance)
-    };
+    let missing =
+        |sitting: &mut CalibrationSession<'_>, wait: f64, sweep: &mut Vec<(f64, f64)>| -> Result<bool> {
+            let share = (step(sitting, wait)? - dark) / light;
+            sweep.push((wait, share));
+            Ok((share - 1.0).abs() > tolerance)
+        };
     let mut found = Measured::new(0.0, 0.0);
     if missing(sitting, 0.0, &mut sweep)? {
         let (mut low, mut high) = (0.0, SHORTEST);

@@ -9,10 +9,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::displacement::{Displacement, displacement};
-use super::sitting::{Sitting, percentile};
+use super::session::{CalibrationSession, percentile};
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::measure::{Calibration, Shots};
+use crate::measure::{Calibration, FrameSource};
 use crate::rig::Frame;
 
 /// Pixels of a square, on a side; half of that where the field is small.
@@ -32,8 +32,8 @@ const DARK: f64 = 0.1;
 ///
 /// # Errors
 /// Whatever keeps frames from being taken; [`crate::Error::Numerical`] where nothing is seen of the pattern.
-pub fn map_check(shots: &mut dyn Shots, known: &Calibration, exposure: f64) -> Result<Displacement> {
-    let mut sitting = Sitting::new(shots);
+pub fn map_check(shots: &mut dyn FrameSource, known: &Calibration, exposure: f64) -> Result<Displacement> {
+    let mut sitting = CalibrationSession::new(shots);
     let size = known.registration.projector;
     let [black, white] = [sitting.filled(0), sitting.filled(sitting.top())];
     let black = resampled(&mut sitting, known, &black, exposure)?;
@@ -70,13 +70,13 @@ fn squares(size: Resolution, seed: u64) -> Vec<f64> {
 
 /// Linear DN of a frame's photo at each projector pixel, all channels together; 0 where nothing sees it.
 fn resampled(
-    sitting: &mut Sitting<'_>,
+    sitting: &mut CalibrationSession<'_>,
     known: &Calibration,
     frame: &Arc<Frame>,
     exposure: f64,
 ) -> Result<Vec<f64>> {
     let channels = sitting.camera().channels;
-    let raw = sitting.shoot(frame, exposure)?;
+    let raw = sitting.capture(frame, exposure)?;
     let (black, curve) = (known.camera.black, known.camera.curve.as_deref());
     let linear = |count: u16| {
         curve.and_then(|curve| curve.get(usize::from(count)).copied()).unwrap_or(f64::from(count) - black)

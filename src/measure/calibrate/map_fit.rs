@@ -59,7 +59,7 @@ pub(super) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
         parameters = refine(&points, parameters, 3.0 * scale)?;
         let inside = distances(&points, &parameters).into_iter().filter(|&distance| distance < 4.0 * scale);
         // The median of a two-dimensional Gaussian's distances is 1.18 σ.
-        let median = super::sitting::percentile(inside, 0.5) / 1.18;
+        let median = super::session::percentile(inside, 0.5) / 1.18;
         scale = median.max(1e-9 / unit);
     }
     let limit = 4.0 * scale;

@@ -35,7 +35,7 @@ mod ramp;
 mod report;
 mod response;
 mod saturation;
-mod sitting;
+mod session;
 mod stability;
 mod transfer;
 
@@ -53,9 +53,9 @@ use std::ops::ControlFlow;
 
 use gray_code::Light;
 use ramp::{Ramp, Reading};
-use sitting::Sitting;
+use session::CalibrationSession;
 
-use super::{Calibration, CameraResponse, Shots, Stability};
+use super::{Calibration, CameraResponse, FrameSource, Stability};
 use crate::error::{Error, Result};
 
 /// How a calibration is made.
@@ -81,7 +81,7 @@ const SETTLE_MARGIN: f64 = 1.25;
 /// # Errors
 /// [`Error::Rig`] when the rig fails, or shows nothing that could be measured; [`Error::Interrupted`].
 pub fn calibrate(
-    shots: &mut dyn Shots,
+    shots: &mut dyn FrameSource,
     options: &CalibrateOptions,
     progress: &mut dyn FnMut(&'static str) -> ControlFlow<()>,
 ) -> Result<(Calibration, CalibrationReport)> {
@@ -89,7 +89,7 @@ pub fn calibrate(
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(Error::Interrupted),
     };
-    let mut sitting = Sitting::new(shots);
+    let mut sitting = CalibrationSession::new(shots);
     sitting.set_settle(latency::CAREFUL);
     let white = sitting.filled(sitting.top());
     step("exposure")?;

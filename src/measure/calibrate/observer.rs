@@ -7,11 +7,11 @@ use super::lens_map::{Match, centre};
 use super::linear::Linear;
 use super::map_fit::{Fit, fit};
 use super::pixel_map::coarse;
-use super::sitting::{Sitting, percentile};
+use super::session::{CalibrationSession, percentile};
 use super::transfer::transfer;
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::measure::{CameraResponse, Registration, Shots};
+use crate::measure::{CameraResponse, FrameSource, Registration};
 use crate::rig::RawFrame;
 
 /// Pairs of equal frames that tell the noise where no calibration does, at each of three brightnesses.
@@ -22,7 +22,7 @@ const LIMIT: f64 = 0.98;
 
 /// Looks at a rig. All photos are of one exposure, in linear DN summed over the camera's channels.
 pub struct Observer<'a> {
-    sitting: Sitting<'a>,
+    sitting: CalibrationSession<'a>,
     linear: Linear,
     limit: f64,
     gain: f64,
@@ -37,11 +37,11 @@ impl<'a> Observer<'a> {
     /// # Errors
     /// As calibration: when the rig fails, or white cannot be exposed.
     pub fn new(
-        shots: &'a mut dyn Shots,
+        shots: &'a mut dyn FrameSource,
         known: Option<&CameraResponse>,
         exposure: Option<f64>,
     ) -> Result<Self> {
-        let mut sitting = Sitting::new(shots);
+        let mut sitting = CalibrationSession::new(shots);
         let white = sitting.filled(sitting.top());
         let exposure = match exposure {
             Some(exposure) => exposure,
@@ -59,7 +59,7 @@ impl<'a> Observer<'a> {
         for (frame, exposure) in [(&black, shortest), (&white, 0.25 * exposure), (&white, exposure)] {
             for _ in 0..PAIRS {
                 let exposure = sitting.allowed(exposure);
-                pairs.push([sitting.shoot(frame, exposure)?, sitting.shoot(frame, exposure)?]);
+                pairs.push([sitting.capture(frame, exposure)?, sitting.capture(frame, exposure)?]);
             }
         }
         let dark = percentile(pairs[0][0].counts.iter().map(|&count| count.into()), 0.5);
@@ -73,8 +73,8 @@ impl<'a> Observer<'a> {
     ///
     /// # Errors
     /// Whatever keeps frames from being taken.
-    pub fn white_exposure(shots: &mut dyn Shots) -> Result<(f64, Reach)> {
-        let mut sitting = Sitting::new(shots);
+    pub fn white_exposure(shots: &mut dyn FrameSource) -> Result<(f64, Reach)> {
+        let mut sitting = CalibrationSession::new(shots);
         let white = sitting.filled(sitting.top());
         search(&mut sitting, &white)
     }

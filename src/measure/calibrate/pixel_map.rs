@@ -6,7 +6,7 @@ use super::gray_code::{Decoded, Light, gray_code};
 use super::lens_map::{Match, centre};
 use super::map_fit::{self, Fit};
 use super::report::{MapBy, MapFigures};
-use super::sitting::Sitting;
+use super::session::CalibrationSession;
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::measure::Registration;
@@ -25,7 +25,7 @@ const STRIPE: f64 = 1.5;
 /// # Errors
 /// As [`map_fit::fit`]; whatever keeps frames from being taken.
 pub(super) fn pixel_map(
-    sitting: &mut Sitting<'_>,
+    sitting: &mut CalibrationSession<'_>,
     light: &Light<'_>,
     by: Option<MapBy>,
 ) -> Result<(Registration, MapFigures)> {

@@ -11,7 +11,7 @@ use std::collections::btree_map::Entry;
 use super::figure::Measured;
 use super::isotonic::ascending;
 use super::linear::Linear;
-use super::sitting::{Mean, Sitting};
+use super::session::{CalibrationSession, Mean};
 use crate::error::{Error, Result};
 
 /// Levels between two whites.
@@ -58,7 +58,7 @@ pub(super) struct Ramp {
 /// # Errors
 /// [`Error::Rig`] when white is no brighter than black.
 pub(super) fn ramp(
-    sitting: &mut Sitting<'_>,
+    sitting: &mut CalibrationSession<'_>,
     reading: &Reading<'_>,
     channel: usize,
     takes: u32,
@@ -102,7 +102,7 @@ pub(super) fn ramp(
 }
 
 /// White's exposure times a power of two, as a level of this `share` of white allows; the next level is never brighter.
-fn longer(sitting: &Sitting<'_>, exposure: f64, share: f64) -> f64 {
+fn longer(sitting: &CalibrationSession<'_>, exposure: f64, share: f64) -> f64 {
     let factor = (0.8 / share).clamp(1.0, LONGER).log2().floor().exp2();
     let wanted = sitting.allowed(exposure * factor);
     if wanted < 1.5 * exposure { exposure } else { wanted }

@@ -80,7 +80,7 @@ fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Optio
     }
     let number = samples.len() as f64;
     let count = counts().sum::<f64>() / number;
-    // Shot noise of a camera of one electron per DN; real ones have more, and less noise for it.
+    // CaptureRequest noise of a camera of one electron per DN; real ones have more, and less noise for it.
     let error = ((1.0 + count) / number).sqrt().max(0.02);
     Some(Point { group, exposure: frame.exposure, count, error })
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::sitting::{Sitting, percentile};
+use super::session::{CalibrationSession, percentile};
 use crate::error::Result;
 use crate::rig::Frame;
 
@@ -19,7 +19,7 @@ pub(super) struct Plateau {
 
 /// Overexposes `frame` eightfold: what showed more than a third of the range at `exposure` should then be three times over it.
 pub(super) fn plateau(
-    sitting: &mut Sitting<'_>,
+    sitting: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
     exposure: f64,
     floor: f64,
@@ -30,8 +30,8 @@ pub(super) fn plateau(
     if over < 4.0 * exposure {
         return Ok(unreached);
     }
-    let plain = sitting.shoot(frame, exposure)?;
-    let bright = sitting.shoot(frame, over)?;
+    let plain = sitting.capture(frame, exposure)?;
+    let bright = sitting.capture(frame, over)?;
     let third = floor + 0.33 * (full - floor);
     let pairs = plain.counts.iter().zip(&bright.counts);
     let over: Vec<f64> =

@@ -9,24 +9,24 @@ use order::Order;
 use photo::Note;
 pub use photo::Pair;
 
-use super::{Effort, Shot, Shots};
+use super::{CaptureRequest, Effort, FrameSource};
 use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
 /// Opens the rig. With a stamp it goes on after the photo of that stamp: a virtual rig is then exactly where it was.
-pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn Shots + 'a>> + 'a>;
+pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + 'a>;
 
-/// Shots from a journal; those that it does not hold are taken, written down, and only then handed out.
+/// FrameSource from a journal; those that it does not hold are taken, written down, and only then handed out.
 ///
 /// The rig is opened when the first photo is missing, so that a finished run is repeated without it. A photo that was lost to
 /// damage is taken anew after the stamp of the photo before it: on a virtual rig, whose frames are a function of their
 /// number and time, it comes out as it was, bit for bit.
-pub struct Journaled<'a> {
+pub struct JournaledFrames<'a> {
     journal: Journal,
     opener: Option<Opener<'a>>,
     /// The open rig, and the stamp that it stands after.
-    inner: Option<(Box<dyn Shots + 'a>, Option<Stamp>)>,
+    inner: Option<(Box<dyn FrameSource + 'a>, Option<Stamp>)>,
     projector: ProjectorInfo,
     camera: CameraInfo,
     settle: Option<f64>,
@@ -39,7 +39,7 @@ pub struct Journaled<'a> {
 
 const DEVICES: &str = "devices";
 
-impl<'a> Journaled<'a> {
+impl<'a> JournaledFrames<'a> {
     /// Goes on with a journal, new or old. A new one opens the rig at once, to learn what its devices are.
     ///
     /// # Errors
@@ -117,7 +117,7 @@ impl<'a> Journaled<'a> {
         keys.into_iter().filter_map(|key| Pair::read(&mut self.journal, key).transpose())
     }
 
-    fn key(&self, shot: &Shot, pattern: &[u8]) -> Key {
+    fn key(&self, shot: &CaptureRequest, pattern: &[u8]) -> Key {
         let pattern = Key::of(&[b"pattern", pattern]);
         let exposure = shot.exposure.to_bits().to_le_bytes();
         self.journal.key(&[b"raw frame", pattern.bytes(), &exposure, &shot.take.to_le_bytes()])
@@ -145,7 +145,7 @@ impl<'a> Journaled<'a> {
     }
 
     /// Takes a photo with the rig standing after `after`.
-    fn take(&mut self, shot: &Shot, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
+    fn take(&mut self, shot: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
         let inner = match self.inner.take() {
             // A rig that stands there already goes on.
             Some((inner, stands)) if stands == after => inner,
@@ -159,7 +159,7 @@ impl<'a> Journaled<'a> {
             }
         };
         let (inner, _) = self.inner.insert((inner, after));
-        let frame = inner.shoot(shot)?;
+        let frame = inner.capture(shot)?;
         let stamp = Stamp::of(&frame);
         if let Some((_, stands)) = &mut self.inner {
             *stands = Some(stamp);
@@ -167,7 +167,7 @@ impl<'a> Journaled<'a> {
         Ok((frame, stamp))
     }
 
-    fn open(&mut self, shot: &Shot, after: Option<Stamp>) -> Result<Box<dyn Shots + 'a>> {
+    fn open(&mut self, shot: &CaptureRequest, after: Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> {
         let Some(opener) = &mut self.opener else { return Err(self.missing(shot)) };
         let mut inner = opener(after)?;
         let found = photo::encode_devices(inner.projector(), inner.camera());
@@ -196,7 +196,7 @@ impl<'a> Journaled<'a> {
         Ok(inner)
     }
 
-    fn missing(&self, shot: &Shot) -> Error {
+    fn missing(&self, shot: &CaptureRequest) -> Error {
         let path = self.journal.path();
         let folder = path.parent().and_then(|journal| journal.parent()).unwrap_or(path);
         Error::Journal {
@@ -216,7 +216,7 @@ impl<'a> Journaled<'a> {
     }
 }
 
-impl Shots for Journaled<'_> {
+impl FrameSource for JournaledFrames<'_> {
     fn projector(&self) -> &ProjectorInfo {
         &self.projector
     }
@@ -225,7 +225,7 @@ impl Shots for Journaled<'_> {
         &self.camera
     }
 
-    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame> {
+    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
         let pattern = photo::encode_frame(&shot.frame);
         let key = self.key(shot, &pattern);
         if let Some(frame) = self.replayed(key)? {

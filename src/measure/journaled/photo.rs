@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::journal::{Entry, Journal, Key, Kind};
-use crate::measure::{Effort, Shot};
+use crate::measure::{CaptureRequest, Effort};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
 /// What stands beside a photo's counts.
@@ -35,7 +35,7 @@ pub(super) struct Note {
 }
 
 impl Note {
-    pub(super) fn new(shot: &Shot, pattern: Key, frame: &RawFrame, effort: Effort) -> Self {
+    pub(super) fn new(shot: &CaptureRequest, pattern: Key, frame: &RawFrame, effort: Effort) -> Self {
         Self {
             pattern: pattern.to_string(),
             take: shot.take,
@@ -85,7 +85,7 @@ impl Note {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     /// The frame on the projector, and how it was to be photographed.
-    pub shot: Shot,
+    pub shot: CaptureRequest,
     /// The camera's frame.
     pub seen: RawFrame,
 }
@@ -99,7 +99,7 @@ impl Pair {
         let pattern = Key::from_hex(&note.pattern).ok_or_else(|| misread(journal, "a photo"))?;
         let Some(pattern) = journal.get(pattern)? else { return Ok(None) };
         let shown = decode_frame(&pattern.payload).ok_or_else(|| misread(journal, "a pattern"))?;
-        let shot = Shot { frame: Arc::new(shown), exposure: note.asked_exposure, take: note.take };
+        let shot = CaptureRequest { frame: Arc::new(shown), exposure: note.asked_exposure, take: note.take };
         Ok(Some(Self { shot, seen }))
     }
 }
@@ -141,7 +141,7 @@ fn integers(bytes: &[u8]) -> Option<Vec<u16>> {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Devices {
+struct DeviceInfos {
     projector: ProjectorInfo,
     #[serde(with = "exact")]
     frame_time: f64,
@@ -156,13 +156,13 @@ pub(super) fn encode_devices(projector: &ProjectorInfo, camera: &CameraInfo) -> 
     let [shortest_exposure, longest_exposure] = camera.exposures;
     let (projector, camera) = (projector.clone(), camera.clone());
     let frame_time = projector.frame_time;
-    let devices = Devices { projector, frame_time, camera, shortest_exposure, longest_exposure };
+    let devices = DeviceInfos { projector, frame_time, camera, shortest_exposure, longest_exposure };
     // As for a note.
     serde_json::to_vec(&devices).unwrap_or_default()
 }
 
 pub(super) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)> {
-    let devices: Devices = serde_json::from_slice(bytes).ok()?;
+    let devices: DeviceInfos = serde_json::from_slice(bytes).ok()?;
     let exposures = [devices.shortest_exposure, devices.longest_exposure];
     Some((
         ProjectorInfo { frame_time: devices.frame_time, ..devices.projector },

@@ -1,7 +1,7 @@
 //! Plots and tables of a compensation: convergence, what clamping does, every method at equal photos, and likeness.
 
 use super::CompensationRun;
-use crate::analysis::{Clamping, CompensationRow, Likeness, MethodRun};
+use crate::analysis::{Clamping, CompensationRow, MethodRun, Similarity};
 use crate::report::html::{Block, Section};
 use crate::report::residuals::{self, Row};
 
@@ -85,17 +85,17 @@ pub(super) fn methods(run: &CompensationRun<'_>, methods: &[MethodRun]) -> Secti
 }
 
 /// How alike what is seen and what is wished are.
-pub(super) fn likeness(run: &CompensationRun<'_>) -> Block {
+pub(super) fn similarity(run: &CompensationRun<'_>) -> Block {
     let found = run.found;
-    let row = |name: &str, residual: f64, likeness: &Likeness| {
-        let ssim = likeness.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));
-        vec![name.to_owned(), format!("{residual:.4}"), format!("{:.2}", likeness.psnr), ssim]
+    let row = |name: &str, residual: f64, similarity: &Similarity| {
+        let ssim = similarity.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));
+        vec![name.to_owned(), format!("{residual:.4}"), format!("{:.2}", similarity.psnr), ssim]
     };
     Block::Table {
         headers: ["", "relative residual", "PSNR, dB", "SSIM"].map(String::from).into(),
         rows: vec![
-            row("compensated", found.residual, &found.likeness),
-            row("uncompensated", found.uncompensated_residual, &found.uncompensated_likeness),
+            row("compensated", found.residual, &found.similarity),
+            row("uncompensated", found.uncompensated_residual, &found.uncompensated_similarity),
         ],
         caption: "What is seen against what is wished; the data range is the peak".into(),
     }

@@ -8,15 +8,16 @@ use std::path::Path;
 use figures::rows;
 
 use super::colormap::robust_range;
+use super::contact_sheet::ContactSheet;
 use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
-use super::manifest::Manifest;
 use super::run::{self, Files};
-use super::strip::Strip;
-use super::tone::exposure;
-use super::{atomic, figure, picture, residuals};
+use super::{figure, residuals};
 use crate::analysis::{Compensation, MethodRun};
 use crate::error::Result;
 use crate::image::Image;
+use crate::io::tone::exposure;
+use crate::io::{atomic, picture};
+use crate::measure::RunManifest;
 
 /// A finished compensation with what belongs beside it.
 #[derive(Clone, Debug)]
@@ -34,7 +35,7 @@ pub struct CompensationRun<'a> {
     /// What photos are in.
     pub unit: &'a str,
     /// Every photo in order; none where a model answered.
-    pub strip: Option<&'a Strip>,
+    pub strip: Option<&'a ContactSheet>,
 }
 
 /// What else was asked for; by default nothing.
@@ -55,7 +56,7 @@ impl CompensationRun<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let found = self.found;
         let mut images = vec![
@@ -105,8 +106,8 @@ impl CompensationRun<'_> {
                 self.floor, found.unclipped_residual
             );
         }
-        if let Some(ssim) = found.likeness.ssim {
-            let _ = write!(text, " PSNR {:.2} dB, SSIM {ssim:.4}.", found.likeness.psnr);
+        if let Some(ssim) = found.similarity.ssim {
+            let _ = write!(text, " PSNR {:.2} dB, SSIM {ssim:.4}.", found.similarity.psnr);
         }
         if let Some(warning) = found.clamping.as_ref().and_then(crate::analysis::Clamping::warning) {
             let _ = write!(text, " Warning: {warning}.");
@@ -146,7 +147,7 @@ impl CompensationRun<'_> {
         Ok(pictures)
     }
 
-    fn page(&self, figures: Vec<Figure>, manifest: &Manifest, seconds: f64) -> Result<Report> {
+    fn page(&self, figures: Vec<Figure>, manifest: &RunManifest, seconds: f64) -> Result<Report> {
         let found = self.found;
         let mut more = vec![
             ("Peak", format!("{:.5} {}", found.peak, self.unit)),
@@ -157,7 +158,7 @@ impl CompensationRun<'_> {
         let mut sections = vec![Section {
             title: "Seen and projected".into(),
             text: "Photos are developed alike. Errors are of all channels together.".into(),
-            blocks: vec![Block::Figures(figures), figures::likeness(self)],
+            blocks: vec![Block::Figures(figures), figures::similarity(self)],
         }];
         // A model of the light answers without a photo.
         if !found.history.is_empty() {

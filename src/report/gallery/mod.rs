@@ -5,12 +5,12 @@ mod pictures;
 
 use std::path::Path;
 
-use super::atomic;
 use super::html::{Block, Measured, Outcome, Report, Section, Verdict};
-use super::manifest::Manifest;
 use super::plot::{LinePlot, Series};
 use super::run::{self, Files};
 use crate::error::{Error, Result};
+use crate::io::atomic;
+use crate::measure::RunManifest;
 use crate::paper::{Curves, Figure, Reproduced};
 
 /// Figures made again, with what belongs beside them. One figure may be there several times, by several rigs.
@@ -28,7 +28,7 @@ impl Gallery<'_> {
     ///
     /// # Errors
     /// [`Error::Write`] naming the file; [`Error::Dimension`] where a picture has not as many values as pixels.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let mut sections = vec![self.overview()];
         for figure in Figure::ALL {
@@ -133,7 +133,8 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
         }
         blocks.extend(made.plots.iter().map(plot));
         for strip in &made.strips {
-            blocks.push(Block::Strip { caption: strip.caption.clone(), sheet: pictures::sheet(strip)? });
+            blocks
+                .push(Block::ContactSheet { caption: strip.caption.clone(), sheet: pictures::sheet(strip)? });
         }
     }
     Ok(Section { title: figure.title().into(), text: String::new(), blocks })

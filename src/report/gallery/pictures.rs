@@ -1,13 +1,13 @@
 //! Planes of values as pictures with their legends.
 
 use crate::error::Result;
+use crate::io::tone::{develop, exposure};
 use crate::paper::{Content, Panel};
 use crate::report::colormap::{paint_sequential, paint_signed, robust_range};
+use crate::report::contact_sheet::ContactSheet;
 use crate::report::html::{Figure, Legend, Sheet};
 use crate::report::palette::paint_labels;
 use crate::report::spectrum::narrowed;
-use crate::report::strip::Strip;
-use crate::report::tone::{develop, exposure};
 
 /// A panel as the page shows it.
 pub(super) fn figure(panel: &Panel) -> Result<Figure> {
@@ -33,7 +33,7 @@ pub(super) fn figure(panel: &Panel) -> Result<Figure> {
 
 /// The photos of a strip, numbered from 1: each pattern above its photo.
 pub(super) fn sheet(strip: &crate::paper::Strip) -> Result<Sheet> {
-    let mut photos = Strip::new([strip.resolution; 2], 1);
+    let mut photos = ContactSheet::new([strip.resolution; 2], 1);
     strip.shots.iter().try_for_each(|shot| photos.push(0, &shot.pattern, &shot.photo, false))?;
     photos.sheet()
 }

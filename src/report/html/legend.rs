@@ -1,6 +1,7 @@
 //! What the colours of a picture mean.
 
-use crate::report::{colormap, palette, srgb};
+use crate::io::srgb;
+use crate::report::{colormap, palette};
 
 /// What the colours of a figure mean.
 #[derive(Clone, Debug, Default)]
@@ -55,7 +56,7 @@ impl Legend {
         Self::Scale { colors, labels: vec![format!("\u{2212}{end}"), "0".into(), end], unit: String::new() }
     }
 
-    /// The scale of [`develop`](crate::report::tone::develop) for gray light, 0 to `white`.
+    /// The scale of [`develop`](crate::io::tone::develop) for gray light, 0 to `white`.
     pub fn light(white: f64) -> Self {
         let gray = |step: i32| [srgb::encode_srgb(step as f32 / 16.0); 3];
         let labels = vec!["0".into(), brief(white)];

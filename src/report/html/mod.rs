@@ -10,8 +10,8 @@ use askama::Template;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::atomic;
 use crate::error::{Error, Result};
+use crate::io::atomic;
 pub(super) use legend::brief;
 pub use legend::{Legend, Swatch};
 pub use sheet::{Frame, Sheet};
@@ -92,7 +92,7 @@ pub enum Block {
         measured: Vec<Measured>,
     },
     /// Many small pictures in order.
-    Strip {
+    ContactSheet {
         /// Above them; may be empty.
         caption: String,
         /// All of them.

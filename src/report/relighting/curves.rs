@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::{RankRow, RelightingRun, Relit};
 use crate::error::Result;
-use crate::report::atomic;
+use crate::io::atomic;
 use crate::report::html::{Block, Section};
 use crate::report::planes::percent;
 use crate::report::plot::{LinePlot, Series};

@@ -7,15 +7,16 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::colormap::robust_range;
+use super::contact_sheet::ContactSheet;
+use super::figure;
 use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
-use super::manifest::Manifest;
 use super::planes::{difference, percent};
 use super::run::{self, Files};
-use super::strip::Strip;
-use super::tone::exposure;
-use super::{atomic, figure, picture};
 use crate::error::Result;
 use crate::image::Image;
+use crate::io::tone::exposure;
+use crate::io::{atomic, picture};
+use crate::measure::RunManifest;
 pub use answers::{Dual, RankRow, Reduced, Relit};
 
 /// What a low-rank model answered, with what belongs beside it.
@@ -40,7 +41,7 @@ pub struct RelightingRun<'a> {
     /// Whether it is as good as was asked for.
     pub good: bool,
     /// Every photo of the capture in order; none where a model that was there answered.
-    pub strip: Option<&'a Strip>,
+    pub strip: Option<&'a ContactSheet>,
 }
 
 impl RelightingRun<'_> {
@@ -49,7 +50,7 @@ impl RelightingRun<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let mut sections = vec![self.relit_section(&mut files)?];
         if !self.curve.is_empty() {

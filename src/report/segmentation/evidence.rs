@@ -3,10 +3,10 @@
 use super::SegmentationRun;
 use crate::analysis::Evidence;
 use crate::error::Result;
+use crate::io::tone::exposure;
 use crate::report::figure;
 use crate::report::html::{Block, Section};
 use crate::report::spectrum::narrowed;
-use crate::report::tone::exposure;
 
 pub(super) fn section(run: &SegmentationRun<'_>, evidence: &Evidence) -> Result<Section> {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);

@@ -5,16 +5,17 @@ mod features;
 
 use std::path::Path;
 
+use super::contact_sheet::ContactSheet;
 use super::html::{Block, Figure, Legend, Outcome, Report, Section, Swatch, Verdict};
-use super::manifest::Manifest;
 use super::palette::{label_color, paint_labels};
 use super::run::{self, Files};
-use super::strip::Strip;
-use super::tone::exposure;
-use super::{exr, figure, npy, picture, spectrum};
+use super::{figure, spectrum};
 use crate::analysis::{Evidence, FeatureView, MASKED, Segmentation, Separation};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::io::tone::exposure;
+use crate::io::{exr, npy, picture};
+use crate::measure::RunManifest;
 
 /// The author's labels of a scene.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
@@ -52,7 +53,7 @@ pub struct SegmentationRun<'a> {
     /// What photos are in.
     pub unit: &'a str,
     /// Every photo in order.
-    pub strip: &'a Strip,
+    pub strip: &'a ContactSheet,
 }
 
 /// What else was asked for; by default nothing.
@@ -79,13 +80,13 @@ impl SegmentationRun<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &Manifest, seconds: f64) -> Result<Vec<String>> {
+    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         self.write_arrays(&mut files)?;
         self.write_extras(&mut files)?;
         let pictures = self.pictures()?;
         for (name, figure) in &pictures.all() {
-            super::atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+            crate::io::atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
         }
         self.page(pictures, manifest, seconds)?.write(&files.path("report.html"))?;
         Ok(files.names)
@@ -124,7 +125,7 @@ impl SegmentationRun<'_> {
             npy::write_npy(&files.path("direct.npy"), &[height, width], &direct.direct)?;
         }
         if let Some(view) = self.extras.features {
-            super::atomic::write_bytes(&files.path("features.csv"), features::csv(view).as_bytes())?;
+            crate::io::atomic::write_bytes(&files.path("features.csv"), features::csv(view).as_bytes())?;
         }
         for evidence in self.extras.evidence {
             let name = format!("evidence-{}.npy", evidence.groups);
@@ -163,7 +164,7 @@ impl SegmentationRun<'_> {
         })
     }
 
-    fn page(&self, pictures: Pictures, manifest: &Manifest, seconds: f64) -> Result<Report> {
+    fn page(&self, pictures: Pictures, manifest: &RunManifest, seconds: f64) -> Result<Report> {
         let found = self.segmentation;
         let figures =
             |of: Vec<(String, Figure)>| Block::Figures(of.into_iter().map(|(_, figure)| figure).collect());

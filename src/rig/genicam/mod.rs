@@ -29,4 +29,4 @@ pub use abilities::Abilities;
 pub(super) use camera::{Transport, Triggered};
 #[cfg(any(feature = "gige", feature = "usb3"))]
 pub(super) use set_up::said;
-pub(super) use settings::Settings;
+pub(crate) use settings::Settings;

@@ -5,20 +5,20 @@ use crate::rig::pixels::{PixelFormat, Sensor};
 
 /// What a rig file says of the camera, but for where it is.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::rig) struct Settings {
-    pub(in crate::rig) pixel_format: PixelFormat,
-    pub(in crate::rig) sensor: Sensor,
+pub(crate) struct Settings {
+    pub(crate) pixel_format: PixelFormat,
+    pub(crate) sensor: Sensor,
     /// In the camera's own unit; none: as it is set.
-    pub(in crate::rig) gain: Option<f64>,
+    pub(crate) gain: Option<f64>,
     /// Seconds.
-    pub(in crate::rig) exposures: [f64; 2],
+    pub(crate) exposures: [f64; 2],
     /// Seconds beyond the exposure after which a frame that does not come is given up.
-    pub(in crate::rig) timeout: f64,
+    pub(crate) timeout: f64,
 }
 
 impl Settings {
     /// The camera at `place`, as it presents itself.
-    pub(in crate::rig) fn info(&self, place: &str) -> CameraInfo {
+    pub(crate) fn info(&self, place: &str) -> CameraInfo {
         let mut info = self.sensor.info(&format!("{place} {}", self.pixel_format.name()), self.exposures);
         if let Some(gain) = self.gain {
             info.name.push_str(&format!(" gain {gain}"));

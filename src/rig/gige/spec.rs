@@ -68,7 +68,7 @@ impl GigeSpec {
         self.settings().info(&format!("gige {}", self.address))
     }
 
-    pub(in crate::rig) fn settings(&self) -> Settings {
+    pub(crate) fn settings(&self) -> Settings {
         let Self { size, offset, pixel_format, colour, saturation, gain, exposures, timeout, .. } = *self;
         let (bits, tiles) = (pixel_format.bits(), pixel_format.tiles());
         let sensor = Sensor { size, offset, bits, tiles, colour, saturation };

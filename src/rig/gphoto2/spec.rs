@@ -141,7 +141,7 @@ impl Gphoto2Spec {
         info
     }
 
-    pub(in crate::rig) fn sensor(&self) -> Sensor {
+    pub(crate) fn sensor(&self) -> Sensor {
         let Self { size, offset, bits, tiles, colour, saturation, .. } = *self;
         Sensor { size, offset, bits, tiles, colour, saturation }
     }

@@ -12,4 +12,4 @@ mod sensor;
 
 pub use format::PixelFormat;
 pub use mosaic::{Binning, Colour, Tiles};
-pub(super) use sensor::Sensor;
+pub(crate) use sensor::Sensor;

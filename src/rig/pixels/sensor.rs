@@ -6,25 +6,25 @@ use crate::rig::CameraInfo;
 
 /// What a rig file says of a camera's sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::rig) struct Sensor {
+pub(crate) struct Sensor {
     /// Photosites that are read.
-    pub(in crate::rig) size: [usize; 2],
+    pub(crate) size: [usize; 2],
     /// Where they begin, to the right and down.
-    pub(in crate::rig) offset: [usize; 2],
+    pub(crate) offset: [usize; 2],
     /// Bits of a photosite's count.
-    pub(in crate::rig) bits: u32,
+    pub(crate) bits: u32,
     /// The filters before them; none: it is gray.
-    pub(in crate::rig) tiles: Option<Tiles>,
+    pub(crate) tiles: Option<Tiles>,
     /// What becomes of a cell of filters.
-    pub(in crate::rig) colour: Colour,
+    pub(crate) colour: Colour,
     /// A photosite that counts so much is full; none: with all bits set.
-    pub(in crate::rig) saturation: Option<u16>,
+    pub(crate) saturation: Option<u16>,
 }
 
 impl Sensor {
     /// A camera with this sensor, called `name` and what of the sensor changes the numbers: photos and calibrations of other settings
     /// are another camera's.
-    pub(in crate::rig) fn info(&self, name: &str, exposures: [f64; 2]) -> CameraInfo {
+    pub(crate) fn info(&self, name: &str, exposures: [f64; 2]) -> CameraInfo {
         let [[width, height], [x, y]] = [self.size, self.offset];
         let mut name = format!("{name} {width}x{height}+{x}+{y}");
         if let Some(tiles) = self.tiles {
@@ -60,7 +60,7 @@ impl Sensor {
     }
 
     /// What the counts of all photosites are as pixels of [`Self::info`]'s camera.
-    pub(in crate::rig) fn pixels(&self, mut counts: Vec<u16>) -> Vec<u16> {
+    pub(crate) fn pixels(&self, mut counts: Vec<u16>) -> Vec<u16> {
         if let Some(binning) = self.binning() {
             return binning.bin(self.raster(), &counts);
         }
@@ -70,7 +70,7 @@ impl Sensor {
     }
 
     /// What of it cannot be, whatever the camera: what is wrong, and what to do.
-    pub(in crate::rig) fn fault(&self) -> Option<[String; 2]> {
+    pub(crate) fn fault(&self) -> Option<[String; 2]> {
         let fault = |fault: String, help: String| Some([fault, help]);
         for (key, [a, b]) in [("size", self.size), ("offset", self.offset)] {
             if self.tiles.is_some() && (a % 2 == 1 || b % 2 == 1) {

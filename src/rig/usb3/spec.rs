@@ -64,7 +64,7 @@ impl Usb3Spec {
         self.settings().info(&format!("usb3{serial}"))
     }
 
-    pub(in crate::rig) fn settings(&self) -> Settings {
+    pub(crate) fn settings(&self) -> Settings {
         let Self { size, offset, pixel_format, colour, saturation, gain, exposures, timeout, .. } = *self;
         let (bits, tiles) = (pixel_format.bits(), pixel_format.tiles());
         let sensor = Sensor { size, offset, bits, tiles, colour, saturation };

@@ -110,7 +110,7 @@ impl V4lSpec {
         info
     }
 
-    pub(in crate::rig) fn sensor(&self) -> Sensor {
+    pub(crate) fn sensor(&self) -> Sensor {
         let (size, saturation, bits) = (self.size, self.saturation, self.pixel_format.bits());
         Sensor { size, offset: [0, 0], bits, tiles: None, colour: Colour::default(), saturation }
     }

@@ -13,7 +13,7 @@ use super::view::View;
 use super::world::{Change, World};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::rig::{Bench, CameraInfo, Frame, ProjectorInfo, Stamp};
+use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, Stamp};
 use crate::transport::Transport;
 
 impl VirtualRig {
@@ -51,7 +51,7 @@ impl VirtualRig {
     /// # Errors
     /// [`Error::Rig`] when the transport does not fit, or white is dark; and what keeps the transport from being
     /// photographed.
-    pub fn open(&self, light: Box<dyn Transport>, after: Option<Stamp>) -> Result<Bench> {
+    pub fn open(&self, light: Box<dyn Transport>, after: Option<Stamp>) -> Result<Devices> {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());
         let optics = Optics::new(camera.resolution, light.photo_resolution(), &self.camera.misregistration());
@@ -84,7 +84,7 @@ impl VirtualRig {
             handed_out: None,
             restarted_at: None,
         }));
-        Ok(Bench {
+        Ok(Devices {
             projector: Box::new(VirtualProjectorHandle { info: projector, world: Rc::clone(&world) }),
             camera: Box::new(VirtualCameraHandle {
                 info: camera,

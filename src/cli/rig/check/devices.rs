@@ -6,11 +6,10 @@ use anyhow::Result;
 
 use super::finding::{Finding, Findings, Grade};
 use crate::measure::MeasureOptions;
+use crate::measure::{RigFile, RigKind};
 #[cfg(any(feature = "gige", feature = "usb3"))]
 use crate::rig;
-use crate::rig::{
-    CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, RigFile, RigKind, X11Spec,
-};
+use crate::rig::{CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, X11Spec};
 
 /// How far an exposure may be from a whole number of refreshes, as a share of one.
 const WHOLE: f64 = 0.02;

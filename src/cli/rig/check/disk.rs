@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::finding::{Finding, Grade};
-use crate::report::atomic;
+use crate::io::atomic;
 use crate::rig::CameraInfo;
 
 /// Photos of a long session: a capture with several exposures and takes, its calibration, and a second try.

@@ -10,7 +10,7 @@ use super::super::bench::{self, Bench};
 use super::finding::{Finding, Findings, Grade};
 use crate::error::Error;
 use crate::measure::calibrate::map_check;
-use crate::measure::{Calibration, Shots};
+use crate::measure::{Calibration, FrameSource};
 
 /// Projector pixels that a map may be off by: as much as calibration itself promises.
 const FITS: f64 = 0.1;
@@ -69,7 +69,7 @@ fn age(folder: &Path) -> String {
 /// Whether its pixel map still fits, by three photos.
 pub(super) fn map(
     bench: &Bench,
-    shots: &mut dyn Shots,
+    shots: &mut dyn FrameSource,
     exposure: f64,
     findings: &mut Findings,
 ) -> Result<()> {

@@ -7,7 +7,7 @@ use anyhow::Result;
 use super::super::bench::Bench;
 use super::finding::{Finding, Findings, Grade};
 use crate::measure::calibrate::{Observer, Reach};
-use crate::measure::{Effort, Shot, Shots, repeat};
+use crate::measure::{CaptureRequest, Effort, FrameSource, repeat};
 use crate::rig::{Frame, RawFrame};
 
 /// Times that white is shown after black, and photographed twice.
@@ -40,7 +40,11 @@ struct Session {
 }
 
 /// Looks at all of it; the exposure where white can be seen.
-pub(super) fn photos(bench: &Bench, shots: &mut dyn Shots, findings: &mut Findings) -> Result<Option<f64>> {
+pub(super) fn photos(
+    bench: &Bench,
+    shots: &mut dyn FrameSource,
+    findings: &mut Findings,
+) -> Result<Option<f64>> {
     let (exposure, reach) = match bench.exposure(None) {
         Some(exposure) => (exposure, Reach::Filled),
         None => Observer::white_exposure(shots)?,
@@ -70,13 +74,13 @@ pub(super) fn photos(bench: &Bench, shots: &mut dyn Shots, findings: &mut Findin
 }
 
 /// The photos, and the count without light.
-fn session(shots: &mut dyn Shots, exposure: f64, before: Effort) -> Result<(Session, f64)> {
+fn session(shots: &mut dyn FrameSource, exposure: f64, before: Effort) -> Result<(Session, f64)> {
     let info = shots.projector().clone();
     let frame = |level| Arc::new(Frame::filled(info.resolution, info.channels, level));
     let [black, white] = [frame(0), frame(info.highest())];
     let shortest = shots.camera().exposures[0];
     let mut shoot = |frame: &Arc<Frame>, exposure: f64, take: u32| {
-        shots.shoot(&Shot { frame: Arc::clone(frame), exposure, take })
+        shots.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take })
     };
     let dark = shoot(&black, shortest, 0)?;
     let floor = percentile(&dark, 0.5);
@@ -104,7 +108,7 @@ fn session(shots: &mut dyn Shots, exposure: f64, before: Effort) -> Result<(Sess
 /// Exposure, saturation and ambient light; whether white can be seen at all.
 fn light(
     bench: &Bench,
-    shots: &dyn Shots,
+    shots: &dyn FrameSource,
     (session, floor): (&Session, f64),
     (exposure, reach): (f64, Reach),
     findings: &mut Findings,

@@ -4,4 +4,4 @@ pub(super) mod general;
 mod pairs;
 pub(super) mod symmetric;
 
-pub use pairs::{RitzPair, Verdict, Which};
+pub use pairs::{PairStatus, RitzPair, Which};

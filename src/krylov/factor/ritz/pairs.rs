@@ -54,7 +54,7 @@ impl Which {
 
 /// What can be said of an approximate eigenpair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum PairStatus {
     /// Its residual, with the noise of the products, is within the tolerance.
     Converged,
     /// Its residual is within the noise of the products, which is above the tolerance: only better products would
@@ -101,13 +101,13 @@ impl RitzPair {
 
     /// The verdict for a residual wanted to be at most `wanted`, when each product with a unit vector has an error of
     /// norm `noise`, independent from product to product (then `‖E s‖` is about `noise` for any `s` of norm 1).
-    pub fn verdict(&self, wanted: f64, noise: f64) -> Verdict {
+    pub fn verdict(&self, wanted: f64, noise: f64) -> PairStatus {
         if self.residual <= wanted && noise <= wanted {
-            Verdict::Converged
+            PairStatus::Converged
         } else if self.residual <= noise {
-            Verdict::LimitedByNoise
+            PairStatus::LimitedByNoise
         } else {
-            Verdict::NotResolved
+            PairStatus::NotResolved
         }
     }
 

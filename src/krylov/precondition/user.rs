@@ -11,13 +11,13 @@ type Apply = dyn Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync;
 
 /// `M⁻¹` as a closure or an operator (of which it takes products; they are not counted, so it should be a cheap one:
 /// a model of the scene, not the rig).
-pub struct Given {
+pub struct UserPreconditioner {
     size: Option<usize>,
     positive_definite: bool,
     apply: Box<Apply>,
 }
 
-impl Given {
+impl UserPreconditioner {
     /// `M⁻¹ r` by a closure `(r, z)` that overwrites `z`. `positive_definite` is the caller's word for it.
     pub fn closure(
         positive_definite: bool,
@@ -49,16 +49,16 @@ impl Given {
     }
 }
 
-impl fmt::Debug for Given {
+impl fmt::Debug for UserPreconditioner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Given")
+        f.debug_struct("UserPreconditioner")
             .field("size", &self.size)
             .field("positive_definite", &self.positive_definite)
             .finish_non_exhaustive()
     }
 }
 
-impl Preconditioner for Given {
+impl Preconditioner for UserPreconditioner {
     fn size(&self) -> Option<usize> {
         self.size
     }

@@ -2,10 +2,10 @@
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
+use crate::io::raster::Raster;
+use crate::io::tone::{develop, exposure};
 use crate::report::colormap::{paint_signed, robust_range};
 use crate::report::planes::mean;
-use crate::report::raster::Raster;
-use crate::report::tone::{develop, exposure};
 
 /// Pixels of a side at most.
 pub(super) const SIDE: usize = 64;

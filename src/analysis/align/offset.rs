@@ -20,7 +20,7 @@ const ASIDE: f64 = 0.414;
 
 /// Where the camera stands, as seen from the projector.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Stand {
+pub struct CameraOffset {
     /// The direction, of length 1: to the right and down in the photo.
     pub toward: [f64; 2],
     /// How far what stands out is displaced, in projector pixels.
@@ -39,7 +39,7 @@ pub(super) fn least(disparity: &Disparity) -> f64 {
 }
 
 /// By the cells that stand out; none where too few do.
-pub(super) fn stand(disparity: &Disparity) -> Option<Stand> {
+pub(super) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     let least = least(disparity);
     let out: Vec<&Cell> =
         disparity.cells.iter().filter(|cell| cell.off[0].hypot(cell.off[1]) > least).collect();
@@ -60,7 +60,7 @@ pub(super) fn stand(disparity: &Disparity) -> Option<Stand> {
     let (net, total) = (sum(&along), sum(&|cell| along(cell).abs()));
     let side = if net < 0.0 { -1.0 } else { 1.0 };
     let ahead: Vec<f64> = out.iter().map(|cell| side * along(cell)).filter(|&off| off > 0.0).collect();
-    Some(Stand {
+    Some(CameraOffset {
         toward: axis.map(|part| side * part),
         size: middle(ahead),
         // What codes are rounded by does not average out from cell to cell.
@@ -82,7 +82,7 @@ fn middle(mut displacements: Vec<f64>) -> f64 {
     found.copied().unwrap_or(0.0)
 }
 
-impl Stand {
+impl CameraOffset {
     /// `to the right of the projector and above it`
     pub fn place(&self) -> String {
         let [right, down] = self.parts();

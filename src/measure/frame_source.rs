@@ -8,7 +8,7 @@ use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
 /// One photo to be taken. Equal shots (of one rig and calibration) are one photo: a journal never takes it twice.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shot {
+pub struct CaptureRequest {
     /// What is shown.
     pub frame: Arc<Frame>,
     /// The exposure to set, in seconds.
@@ -45,7 +45,7 @@ pub struct Effort {
 }
 
 /// Takes raw frames.
-pub trait Shots {
+pub trait FrameSource {
     /// The projector that shows.
     fn projector(&self) -> &ProjectorInfo;
 
@@ -57,7 +57,7 @@ pub trait Shots {
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when the rig fails for good; [`Error::Interrupted`](crate::Error::Interrupted).
-    fn shoot(&mut self, shot: &Shot) -> Result<RawFrame>;
+    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame>;
 
     /// Goes on after a photo that an interrupted session took: `shot` is put on screen again, and `frame` was the camera's
     /// last. A journal says so once, before the first photo that it does not have; then a virtual rig that was opened after
@@ -65,12 +65,12 @@ pub trait Shots {
     ///
     /// # Errors
     /// As [`Self::shoot`].
-    fn follow(&mut self, shot: &Shot, frame: &RawFrame) -> Result<()> {
+    fn follow(&mut self, shot: &CaptureRequest, frame: &RawFrame) -> Result<()> {
         let _ = (shot, frame);
         Ok(())
     }
 
-    /// How many seconds pass from now on between a frame's confirmation and the exposure. It is no part of a [`Shot`]: who
+    /// How many seconds pass from now on between a frame's confirmation and the exposure. It is no part of a [`CaptureRequest`]: who
     /// compares one frame at several times tells them apart by `take`. A journal without a rig ignores it.
     fn set_settle(&mut self, seconds: f64);
 

@@ -48,13 +48,13 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::nearest::nearest;
-use super::{
+use crate::error::{Error, Result};
+use crate::measure::MeasureOptions;
+use crate::rig::nearest::nearest;
+use crate::rig::{
     Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, GigeSpec, Gphoto2Spec, HardwareRig,
     ProjectorInfo, Usb3Spec, V4lSpec, VirtualCamera, VirtualProjector, VirtualRig, X11Spec,
 };
-use crate::error::{Error, Result};
-use crate::measure::MeasureOptions;
 use crate::transport::Channels;
 use check::Check;
 use parse::parse;

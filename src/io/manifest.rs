@@ -3,18 +3,22 @@
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::{atomic, clock};
 use crate::error::{Error, Result};
-use crate::measure::{Effort, MeasureOptions};
 
 /// The version of the record's own format.
 pub const FORMAT: u32 = 1;
 
 /// Everything that a run depended on, and what became of it. What does not apply (a rig has no samples) is absent.
+///
+/// `R` records what a run on a rig cost; the room that drives rigs defines it
+/// ([`RigRecord`](crate::measure::RigRecord)).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
+#[serde(bound = "R: Serialize + DeserializeOwned")]
+pub struct Manifest<R> {
     /// [`FORMAT`].
     pub krylux_format: u32,
     /// The program's version.
@@ -56,7 +60,7 @@ pub struct Manifest {
     pub products: Option<ProductsOn>,
     /// What a run on a rig cost, and how its photos were made.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub rig: Option<Rig>,
+    pub rig: Option<R>,
     /// Photos that it was allowed to take, of its method: what another question asked of the same photos may count on.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub photos_allowed: Option<usize>,
@@ -103,32 +107,6 @@ pub struct Noise {
     pub white: f64,
 }
 
-impl From<&crate::transport::Noise> for Noise {
-    fn from(noise: &crate::transport::Noise) -> Self {
-        Self { operator: noise.operator, global: noise.global, white: noise.white_relative }
-    }
-}
-
-/// What a run on a rig cost, and how its photos were made.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rig {
-    /// The calibration's folder; none: the devices were taken as ideal.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub calibration: Option<String>,
-    /// The stages between counts and light, and how each was set.
-    pub measurement: MeasureOptions,
-    /// Different patterns shown.
-    pub patterns: u64,
-    /// Frames and time.
-    pub effort: Effort,
-    /// The standard error of the white photo, relative to it.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub noise: Option<f64>,
-    /// By which share white has changed during the run, as the drift sentinel saw it.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub drift: Option<f64>,
-}
-
 /// The graphics adapter.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Adapter {
@@ -158,7 +136,7 @@ pub struct Timing {
     pub seconds: f64,
 }
 
-impl Manifest {
+impl<R: Serialize + DeserializeOwned> Manifest<R> {
     /// The record of a run that starts now, with the words of its command line.
     pub fn new(command: impl IntoIterator<Item = impl Into<String>>) -> Self {
         Self {

@@ -72,7 +72,7 @@ pub(in crate::transport) fn coaxial() -> Assembled {
         layers: layers.into(),
     };
     let ambient = Image::filled(resolution, 3, 0.0);
-    Assembled { matrix, ambient, noise: None, summary: TraceSummary::default(), resident: None }
+    Assembled { matrix, ambient, noise: None, summary: TraceSummary::default(), gpu_matrix: None }
 }
 
 /// A projector beside the camera, of fewer pixels: direct light is a layer.
@@ -93,7 +93,7 @@ fn signed(random: &mut Pcg64, length: usize) -> Vec<f64> {
 /// Both products of a part and channel with the same patterns.
 fn both(
     matrix: &TransportMatrix,
-    resident: &Resident,
+    gpu_matrix: &GpuMatrix,
     (part, channel): (Part, usize),
 ) -> [(Vec<f64>, Vec<f64>); 2] {
     let random = &mut Pcg64::seed_from_u64(3);
@@ -103,9 +103,9 @@ fn both(
     let [mut aty, mut found_aty] = [vec![f64::NAN; cols], vec![f64::NAN; cols]];
     matrix.apply(part, channel, &x, &mut ax);
     matrix.apply_transpose(part, channel, &y, &mut aty);
-    let taken = resident
+    let taken = gpu_matrix
         .apply(part, channel, &x, &mut found_ax)
-        .and_then(|()| resident.apply_transpose(matrix, part, channel, &y, &mut found_aty));
+        .and_then(|()| gpu_matrix.apply_transpose(matrix, part, channel, &y, &mut found_aty));
     taken.unwrap_or_else(|error| unreachable!("{error}"));
     [(ax, found_ax), (aty, found_aty)]
 }
@@ -134,8 +134,8 @@ fn products_are_the_processors_to_the_rounding_of_sums_however_rows_are_cut() {
     // As on a card, whose memory the host cannot read.
     let far = Gpu { shares_memory: false, ..gpu.clone() };
     for matrix in [coaxial().matrix, apart()] {
-        let whole = Resident::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));
-        let cut = Resident::within(&far, &matrix, Limits { entries: 700, rows: 100 })
+        let whole = GpuMatrix::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));
+        let cut = GpuMatrix::within(&far, &matrix, Limits { entries: 700, rows: 100 })
             .unwrap_or_else(|error| unreachable!("{error}"));
         assert!(whole.dispatches() == 2 && cut.dispatches() > 20, "{} bands", cut.dispatches());
         let mut compared = 0.0_f64;
@@ -164,8 +164,8 @@ fn products_are_the_processors_to_the_rounding_of_sums_however_rows_are_cut() {
 #[test]
 fn vectors_that_do_not_fit_are_refused() {
     let matrix = apart();
-    let resident = Resident::on(&gpu(), &matrix).unwrap_or_else(|error| unreachable!("{error}"));
+    let gpu_matrix = GpuMatrix::on(&gpu(), &matrix).unwrap_or_else(|error| unreachable!("{error}"));
     let [rows, cols] = [matrix.rig.camera.pixels(), matrix.rig.projector.pixels()];
-    let apply = |x: usize, y: usize| resident.apply(Part::Full, 0, &vec![1.0; x], &mut vec![0.0; y]);
+    let apply = |x: usize, y: usize| gpu_matrix.apply(Part::Full, 0, &vec![1.0; x], &mut vec![0.0; y]);
     assert!(apply(cols, rows).is_ok() && apply(rows, cols).is_err() && apply(cols, rows - 1).is_err());
 }

@@ -1,7 +1,6 @@
 //! From linear radiance to a picture for people: one exposure for the whole photo, and the sRGB curve.
 
-use super::palette::NOT_A_NUMBER;
-use super::raster::Raster;
+use super::raster::{NOT_A_NUMBER, Raster};
 pub use super::srgb::{decode_srgb, encode_srgb};
 use crate::image::Image;
 
@@ -34,7 +33,7 @@ pub fn develop(image: &Image, scale: f32) -> Raster {
 
 /// The value below which the fraction `rank` of `values` lies (nearest rank); `None` when there are none.
 /// Values must not be NaN.
-pub(super) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
+pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
     let index = ((values.len() as f64 * rank).ceil() as usize).saturating_sub(1);
     if index >= values.len() {
         return None;

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::thumb::{SIDE, Thumb};
 use crate::error::Result;
 use crate::image::Resolution;
+use crate::io::raster::Raster;
 use crate::report::html::{Frame, Sheet, brief};
-use crate::report::raster::Raster;
 
 /// Frames in a row of the sheet.
 const ROW: usize = 16;

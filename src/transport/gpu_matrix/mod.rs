@@ -23,7 +23,7 @@ use crate::render::Tracer;
 ///
 /// Weights are `f32` there as here, vectors and sums `f64`; a row is summed by 32 lanes in a fixed order, another one than the
 /// processor's. So products repeat to the bit, and differ from [`TransportMatrix::apply`] by the rounding of sums alone.
-pub struct Resident {
+pub struct GpuMatrix {
     gpu: Gpu,
     kernel: Kernel,
     rig: RigShape,
@@ -58,13 +58,13 @@ struct Product {
     is_transposed: bool,
 }
 
-impl std::fmt::Debug for Resident {
+impl std::fmt::Debug for GpuMatrix {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Resident").field("rig", &self.rig).finish_non_exhaustive()
+        f.debug_struct("GpuMatrix").field("rig", &self.rig).finish_non_exhaustive()
     }
 }
 
-impl Resident {
+impl GpuMatrix {
     /// Copies the matrix to the device that `tracer` traces on.
     ///
     /// # Errors
@@ -113,7 +113,7 @@ impl Resident {
     /// `matrix`, which is the one that this is a copy of, is copied when first asked for.
     ///
     /// # Errors
-    /// As [`Resident::apply`]; [`Error::Device`] also where there is no memory for the transpose.
+    /// As [`GpuMatrix::apply`]; [`Error::Device`] also where there is no memory for the transpose.
     pub fn apply_transpose(
         &self,
         matrix: &TransportMatrix,

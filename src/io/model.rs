@@ -9,36 +9,61 @@
 //! | `ambient.npy` | the photo without projector |
 //!
 //! NumPy and SciPy read all of it: `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`, the last term for symmetric ones.
+//! The arrays are all that this module knows of a model; [`crate::analysis::low_rank`] says what they mean.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::{atomic, npy, sparse};
-use crate::analysis::LowRank;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
+use crate::sparse::Csr;
 
 /// The version of the format.
 const FORMAT: u32 = 1;
 const FOLDER: &str = "model";
 const RECORD: &str = "model.json";
 
-/// A captured model with what belongs to it.
+/// The arrays of a model.
 #[derive(Clone, Debug)]
-pub struct SavedModel {
+pub struct ModelArrays {
     /// One for each channel.
-    pub channels: Vec<LowRank>,
+    pub channels: Vec<ChannelArrays>,
     /// The photo without projector.
     pub ambient: Image,
     /// Pixels of photos.
     pub resolution: Resolution,
     /// Pixels of patterns; as many in all as those of photos.
     pub projector: Resolution,
-    /// What the values of photos are in.
+    /// The unit of photos' values.
     pub unit: String,
-    /// The name of what it was captured from.
+    /// The name of the source that the model was captured from.
     pub source: String,
+    /// Whether the light transport matrix is symmetric.
+    pub symmetric: bool,
+}
+
+/// The arrays of one channel, of `n` pixels.
+#[derive(Clone, Debug)]
+pub struct ChannelArrays {
+    /// `k` patterns of `n` values.
+    pub patterns: Vec<Vec<f64>>,
+    /// Their `k` photos of `n` values, without direct light.
+    pub photos: Vec<Vec<f64>>,
+    /// The direct light.
+    pub direct: DirectArrays,
+}
+
+/// The direct light of a channel.
+#[derive(Clone, Debug)]
+pub enum DirectArrays {
+    /// Not known, or part of the photos.
+    None,
+    /// A diagonal of `n` values.
+    Image(Vec<f64>),
+    /// A matrix of `n × n`.
+    Matrix(Csr),
 }
 
 #[derive(Serialize, Deserialize)]
@@ -67,12 +92,17 @@ enum DirectRecord {
     Matrix,
 }
 
-impl SavedModel {
-    /// Whether `run` is the folder of a run that left a model.
-    pub fn is_in(run: &Path) -> bool {
-        run.join(FOLDER).join(RECORD).is_file()
-    }
+/// Whether `run` is the folder of a run that left a model.
+pub fn is_in(run: &Path) -> bool {
+    record_path(run).is_file()
+}
 
+/// `model/model.json` below the run's folder: the file that a run that asks the model depends on.
+pub fn record_path(run: &Path) -> PathBuf {
+    run.join(FOLDER).join(RECORD)
+}
+
+impl ModelArrays {
     /// Writes the model below the run's folder; returns the files' names, relative to that. The record comes last, so that a
     /// model without it is not whole.
     ///
@@ -87,32 +117,25 @@ impl SavedModel {
             folder.join(name)
         };
         let mut channels = Vec::new();
-        for (channel, model) in self.channels.iter().enumerate() {
-            let stack = |vectors: &[Vec<f64>]| vectors.concat();
-            let shape = |size: Resolution| [model.rank(), size.height, size.width];
-            npy::write_npy(
-                &path(format!("patterns-{channel}.npy")),
-                &shape(self.projector),
-                &stack(model.basis()),
-            )?;
-            npy::write_npy(
-                &path(format!("photos-{channel}.npy")),
-                &shape(self.resolution),
-                &stack(model.photos()),
-            )?;
-            let direct = match (model.direct_matrix(), model.direct()) {
-                (Some(matrix), _) => {
+        for (channel, ChannelArrays { patterns, photos, direct }) in self.channels.iter().enumerate() {
+            let shape = |size: Resolution| [patterns.len(), size.height, size.width];
+            let file = path(format!("patterns-{channel}.npy"));
+            npy::write_npy(&file, &shape(self.projector), &patterns.concat())?;
+            let file = path(format!("photos-{channel}.npy"));
+            npy::write_npy(&file, &shape(self.resolution), &photos.concat())?;
+            let kind = match direct {
+                DirectArrays::Matrix(matrix) => {
                     sparse::write(&path(format!("direct-{channel}.npz")), matrix)?;
                     DirectRecord::Matrix
                 }
-                (None, []) => DirectRecord::None,
-                (None, direct) => {
+                DirectArrays::None => DirectRecord::None,
+                DirectArrays::Image(direct) => {
                     let Resolution { width, height } = self.resolution;
                     npy::write_npy(&path(format!("direct-{channel}.npy")), &[height, width], direct)?;
                     DirectRecord::Image
                 }
             };
-            channels.push(ChannelRecord { photos: model.rank(), direct });
+            channels.push(ChannelRecord { photos: patterns.len(), direct: kind });
         }
         npy::write_image(&path("ambient.npy".into()), &self.ambient)?;
         let record = Record {
@@ -122,7 +145,7 @@ impl SavedModel {
             resolution: self.resolution,
             projector: self.projector,
             unit: self.unit.clone(),
-            symmetric: self.channels.iter().all(LowRank::is_symmetric),
+            symmetric: self.symmetric,
             channels,
         };
         let path = path(RECORD.into());
@@ -136,10 +159,11 @@ impl SavedModel {
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Data`] naming the file when it is malformed, of another size than the record says, or holds
-    /// something that is no number.
+    /// a value that is not a finite number.
     pub fn read(run: &Path) -> Result<Self> {
         let folder = run.join(FOLDER);
-        let record = read_record(&folder.join(RECORD))?;
+        let path = folder.join(RECORD);
+        let record = read_record(&path)?;
         let mut channels = Vec::new();
         for (channel, of) in record.channels.iter().enumerate() {
             let stack = |name: &str, size: Resolution| -> Result<Vec<Vec<f64>>> {
@@ -147,47 +171,28 @@ impl SavedModel {
                 let values = numbers(&path, &[of.photos, size.height, size.width])?;
                 Ok(values.chunks(size.pixels().max(1)).map(<[f64]>::to_vec).collect())
             };
-            let patterns = stack("patterns", record.projector)?;
-            let photos = stack("photos", record.resolution)?;
             let Resolution { width, height } = record.resolution;
-            let direct = match of.direct {
-                DirectRecord::Image => {
-                    numbers(&folder.join(format!("direct-{channel}.npy")), &[height, width])?
-                }
-                DirectRecord::None | DirectRecord::Matrix => Vec::new(),
-            };
-            let model = LowRank::new(patterns, photos, direct, record.symmetric)?;
-            channels.push(match of.direct {
-                DirectRecord::Matrix => {
-                    model.with_direct_matrix(sparse::read(&folder.join(format!("direct-{channel}.npz")))?)?
-                }
-                _ => model,
+            let direct = |extension| folder.join(format!("direct-{channel}.{extension}"));
+            channels.push(ChannelArrays {
+                patterns: stack("patterns", record.projector)?,
+                photos: stack("photos", record.resolution)?,
+                direct: match of.direct {
+                    DirectRecord::None => DirectArrays::None,
+                    DirectRecord::Image => DirectArrays::Image(numbers(&direct("npy"), &[height, width])?),
+                    DirectRecord::Matrix => DirectArrays::Matrix(sparse::read(&direct("npz"))?),
+                },
             });
         }
         let ambient = npy::read_image(&folder.join("ambient.npy"))?;
-        let path = folder.join(RECORD);
         if channels.is_empty() || ambient.channels() != channels.len() {
             let fault = format!("it has {} channels, but ambient.npy {}", channels.len(), ambient.channels());
             return Err(unusable(&path, fault));
         }
-        if ambient.resolution() != record.resolution
-            || record.resolution.pixels() != record.projector.pixels()
-        {
+        let Record { resolution, projector, unit, source, symmetric, .. } = record;
+        if ambient.resolution() != resolution || resolution.pixels() != projector.pixels() {
             return Err(unusable(&path, "its sizes contradict each other".into()));
         }
-        Ok(Self {
-            channels,
-            ambient,
-            resolution: record.resolution,
-            projector: record.projector,
-            unit: record.unit,
-            source: record.source,
-        })
-    }
-
-    /// `model/model.json` below the run's folder: what a run that asks the model depends on.
-    pub fn record_path(run: &Path) -> PathBuf {
-        run.join(FOLDER).join(RECORD)
+        Ok(Self { channels, ambient, resolution, projector, unit, source, symmetric })
     }
 }
 
@@ -217,70 +222,5 @@ fn unusable(path: &Path, fault: String) -> Error {
         path: path.to_path_buf(),
         fault,
         help: "capture the model anew with `krylux relight SCENE`".into(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sparse::Csr;
-
-    /// Two photos of 3×2 pixels that look like nothing in particular.
-    fn model(direct: Vec<f64>) -> Result<LowRank> {
-        let unit = |at: usize| (0..6).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
-        let photo = |at: usize| (0..6).map(|i| 1.0 / (1.0 + (i * at + i) as f64)).collect::<Vec<f64>>();
-        LowRank::new(vec![unit(0), unit(4)], vec![photo(1), photo(2)], direct, true)
-    }
-
-    fn saved(channels: Vec<LowRank>) -> SavedModel {
-        let resolution = Resolution::new(3, 2);
-        SavedModel {
-            ambient: Image::filled(resolution, channels.len(), 0.25),
-            channels,
-            resolution,
-            projector: resolution,
-            unit: "W/(m² sr)".into(),
-            source: "test".into(),
-        }
-    }
-
-    #[test]
-    fn a_model_answers_to_the_bit_what_it_did_before_it_was_written() -> Result<()> {
-        let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
-        let spread = Csr::new(6, vec![0, 1, 3, 4, 5, 6, 6], vec![0, 0, 1, 2, 5, 4], vec![0.5; 6])?;
-        let three = vec![
-            model((0..6).map(|i| 0.1 * i as f64).collect())?,
-            model(Vec::new())?,
-            model(Vec::new())?.with_direct_matrix(spread)?,
-        ];
-        let saved = saved(three);
-        assert!(!SavedModel::is_in(folder.path()));
-        let names = saved.write(folder.path())?;
-        assert!(
-            SavedModel::is_in(folder.path()) && names.iter().all(|name| folder.path().join(name).exists())
-        );
-        let read = SavedModel::read(folder.path())?;
-        let pattern: Vec<f64> = (0..6).map(|i| (i as f64).sin()).collect();
-        for (before, after) in saved.channels.iter().zip(&read.channels) {
-            assert_eq!(before.relight(&pattern), after.relight(&pattern));
-            assert_eq!(before.dual(&pattern), after.dual(&pattern));
-        }
-        assert_eq!((read.ambient, read.unit), (saved.ambient, saved.unit));
-        Ok(())
-    }
-
-    #[test]
-    fn what_is_damaged_is_refused_by_name() -> Result<()> {
-        let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
-        saved(vec![model(Vec::new())?]).write(folder.path())?;
-        let photos = folder.path().join("model/photos-0.npy");
-        for values in [vec![0.5; 6], vec![f64::NAN; 12]] {
-            npy::write_npy(&photos, &[values.len() / 6, 2, 3], &values)?;
-            let refused = SavedModel::read(folder.path());
-            assert!(matches!(refused, Err(Error::Data { ref path, .. }) if *path == photos));
-        }
-        std::fs::remove_file(&photos).map_err(Error::writing(&photos))?;
-        assert!(matches!(SavedModel::read(folder.path()), Err(Error::Read { .. })));
-        Ok(())
     }
 }

@@ -1,11 +1,11 @@
 //! Where products are taken: on the processor, or on the device that traced the paths.
 //!
-//! The rule, for [`Place::Auto`]: on the device where that is a GPU (of its own, part of the processor, or virtual), a product has
+//! The rule, for [`Backend::Auto`]: on the device where that is a GPU (of its own, part of the processor, or virtual), a product has
 //! enough entries to be worth the way there and back, shaders calculate in `f64`, and matrix and vectors fit its buffers and the
 //! share of its memory that is taken at most; else on the processor, and why is said where a GPU was passed over for want of
 //! something. On software Vulkan, which is the processor with a detour, products take ten times as long.
 
-use super::{Assembled, Resident};
+use super::{Assembled, GpuMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::render::Tracer;
@@ -16,14 +16,14 @@ const WORTHWHILE: usize = 1 << 20;
 
 /// Where products with the frozen matrix are to be taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Place {
+pub enum Backend {
     /// On the device where it is a GPU that suits.
     #[default]
     Auto,
     /// On the processor.
-    Processor,
+    Cpu,
     /// On the device, whatever it is.
-    Device,
+    Gpu,
 }
 
 impl Assembled {
@@ -32,25 +32,25 @@ impl Assembled {
     ///
     /// # Errors
     /// [`Error::Device`] where the device is insisted on, but has no `f64` or not the memory.
-    pub fn place(&mut self, tracer: &Tracer, place: Place) -> Result<Option<String>> {
+    pub fn place(&mut self, tracer: &Tracer, place: Backend) -> Result<Option<String>> {
         self.place_on(tracer.gpu(), place, WORTHWHILE)
     }
 
     /// Whether products are taken on a device.
-    pub fn is_resident(&self) -> bool {
-        self.resident.is_some()
+    pub fn is_on_gpu(&self) -> bool {
+        self.gpu_matrix.is_some()
     }
 
     /// As [`Assembled::place`], where so many entries are worth the way.
-    fn place_on(&mut self, gpu: &Gpu, place: Place, worthwhile: usize) -> Result<Option<String>> {
-        self.resident = None;
+    fn place_on(&mut self, gpu: &Gpu, place: Backend, worthwhile: usize) -> Result<Option<String>> {
+        self.gpu_matrix = None;
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
-        if place == Place::Processor || (place == Place::Auto && !suits) {
+        if place == Backend::Cpu || (place == Backend::Auto && !suits) {
             return Ok(None);
         }
-        match Resident::on(gpu, &self.matrix) {
-            Ok(resident) => self.resident = Some(resident),
-            Err(Error::Device { fault, .. }) if place == Place::Auto => return Ok(Some(fault)),
+        match GpuMatrix::on(gpu, &self.matrix) {
+            Ok(gpu_matrix) => self.gpu_matrix = Some(gpu_matrix),
+            Err(Error::Device { fault, .. }) if place == Backend::Auto => return Ok(Some(fault)),
             Err(Error::Device { fault, .. }) => {
                 let help = "leave the products to the processor (--products cpu), or use another --adapter";
                 return Err(Error::Device { fault, help: help.into() });
@@ -67,7 +67,7 @@ mod tests {
     use crate::gpu::AdapterSummary;
     use crate::image::Image;
     use crate::operator::Operator;
-    use crate::transport::resident::tests::{coaxial, gpu};
+    use crate::transport::gpu_matrix::tests::{coaxial, gpu};
     use crate::transport::{MatrixOperator, Part, Products, Simulated, Transport};
 
     /// Software Vulkan under the name of a card.
@@ -77,9 +77,14 @@ mod tests {
         gpu
     }
 
-    fn placed(traced: &mut Assembled, gpu: &Gpu, place: Place, worthwhile: usize) -> (Option<String>, bool) {
+    fn placed(
+        traced: &mut Assembled,
+        gpu: &Gpu,
+        place: Backend,
+        worthwhile: usize,
+    ) -> (Option<String>, bool) {
         let why = traced.place_on(gpu, place, worthwhile).unwrap_or_else(|error| unreachable!("{error}"));
-        (why, traced.is_resident())
+        (why, traced.is_on_gpu())
     }
 
     #[test]
@@ -87,12 +92,12 @@ mod tests {
         let (software, card, mut traced) = (gpu(), card(), coaxial());
         assert!(software.summary.is_processor(), "the tests run on software Vulkan");
         let entries = traced.matrix.nonzeros();
-        assert_eq!(placed(&mut traced, &software, Place::Device, 0), (None, true));
-        assert_eq!(placed(&mut traced, &software, Place::Auto, 0), (None, false));
-        assert_eq!(placed(&mut traced, &card, Place::Auto, entries), (None, true));
-        assert_eq!(placed(&mut traced, &card, Place::Auto, entries + 1), (None, false));
-        assert_eq!(placed(&mut traced, &card, Place::Device, entries + 1), (None, true));
-        assert_eq!(placed(&mut traced, &card, Place::Processor, 0), (None, false));
+        assert_eq!(placed(&mut traced, &software, Backend::Gpu, 0), (None, true));
+        assert_eq!(placed(&mut traced, &software, Backend::Auto, 0), (None, false));
+        assert_eq!(placed(&mut traced, &card, Backend::Auto, entries), (None, true));
+        assert_eq!(placed(&mut traced, &card, Backend::Auto, entries + 1), (None, false));
+        assert_eq!(placed(&mut traced, &card, Backend::Gpu, entries + 1), (None, true));
+        assert_eq!(placed(&mut traced, &card, Backend::Cpu, 0), (None, false));
     }
 
     #[test]
@@ -109,11 +114,11 @@ mod tests {
         for (lack, take) in lacking {
             let mut card = card();
             take(&mut card.summary);
-            let forced = traced.place_on(&card, Place::Device, 0);
+            let forced = traced.place_on(&card, Backend::Gpu, 0);
             let error = forced.map_or_else(|error| error.to_string(), |_| String::new());
             assert!(error.contains(lack) && error.contains("--products cpu"), "{error}");
-            let (why, is_resident) = placed(&mut traced, &card, Place::Auto, 0);
-            assert!(why.is_some_and(|why| why.contains(lack)) && !is_resident);
+            let (why, is_on_gpu) = placed(&mut traced, &card, Backend::Auto, 0);
+            assert!(why.is_some_and(|why| why.contains(lack)) && !is_on_gpu);
             let mut y = vec![f64::NAN; pixels];
             assert!(traced.product(Part::Full, 0, &white, &mut y).is_ok() && y == expected);
         }
@@ -122,7 +127,7 @@ mod tests {
     #[test]
     fn photos_and_operators_go_with_the_matrix() {
         let [mut here, mut there] = [coaxial(), coaxial()].map(|traced| Simulated { traced });
-        assert_eq!(placed(&mut there.traced, &gpu(), Place::Device, 0), (None, true));
+        assert_eq!(placed(&mut there.traced, &gpu(), Backend::Gpu, 0), (None, true));
         let resolution = here.photo_resolution();
         let pattern = Image::filled(resolution, 3, 0.5);
         let photos = [&mut here, &mut there].map(|rig| rig.photograph(&pattern));

@@ -4,11 +4,11 @@ use std::time::{Duration, Instant};
 
 use wgpu::BufferUsages;
 
-use super::{Product, Resident};
+use super::{GpuMatrix, Product};
 use crate::error::Result;
 use crate::transport::Part;
 
-impl Resident {
+impl GpuMatrix {
     /// Bytes that a product with all light of one channel reads and writes, each once.
     pub fn bytes_of_product(&self) -> u64 {
         let of_band = |band: &super::bands::Band| {

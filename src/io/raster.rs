@@ -8,6 +8,9 @@ use super::atomic;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
+/// The colour of a pixel that is not a number: a magenta that no map of colours contains.
+pub const NOT_A_NUMBER: [u8; 3] = [0xff, 0x00, 0xff];
+
 /// A picture for people: sRGB, 8 bits a channel, row by row from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Raster {

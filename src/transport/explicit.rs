@@ -7,12 +7,12 @@ use crate::sparse::Csr;
 
 /// A given matrix as a rig of one channel, whose photo has as many pixels as its pattern. There is no ambient light.
 #[derive(Clone, Debug)]
-pub struct Given {
+pub struct ExplicitMatrix {
     matrix: Csr,
     resolution: Resolution,
 }
 
-impl Given {
+impl ExplicitMatrix {
     /// `matrix` has a row and a column for each pixel.
     ///
     /// # Errors
@@ -35,7 +35,7 @@ impl Given {
     }
 }
 
-impl Transport for Given {
+impl Transport for ExplicitMatrix {
     fn pattern_resolution(&self) -> Resolution {
         self.resolution
     }
@@ -67,9 +67,9 @@ mod tests {
     fn a_photo_is_the_product_with_the_given_matrix() {
         let matrix = Csr::new(2, vec![0, 2, 3], vec![0, 1, 0], vec![1.0, 0.5, 0.25]);
         let mut given =
-            Given::new(matrix.expect("well formed"), Resolution::new(2, 1)).expect("of two pixels");
+            ExplicitMatrix::new(matrix.expect("well formed"), Resolution::new(2, 1)).expect("of two pixels");
         let pattern = Image::new(Resolution::new(2, 1), 1, vec![2.0, 4.0]).expect("two samples");
         assert_eq!(given.photograph(&pattern).expect("it fits").samples(), [4.0, 0.5]);
-        assert!(Given::new(given.matrix.clone(), Resolution::new(2, 2)).is_err());
+        assert!(ExplicitMatrix::new(given.matrix.clone(), Resolution::new(2, 2)).is_err());
     }
 }

@@ -7,13 +7,13 @@ use crate::operator::Adjoint;
 
 /// A target in [0, 1] and the light that is there without projector, one plane of each for every channel.
 #[derive(Clone, Debug)]
-pub struct Wish {
+pub struct Target {
     resolution: Resolution,
     target: Vec<Vec<f64>>,
     ambient: Vec<Vec<f64>>,
 }
 
-impl Wish {
+impl Target {
     /// A target (a gray one for all channels alike) under `ambient` light in W/(m² sr), whose channels say how many
     /// systems there are.
     ///

@@ -18,7 +18,7 @@ const SIGMA: f64 = 1.5;
 
 /// What two images have in common.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Likeness {
+pub struct Similarity {
     /// Root of the mean square of the differences, over all pixels and channels.
     pub rmse: f64,
     /// The same relative to the root of the reference's mean square; infinite where the reference is black and the other is not.
@@ -37,7 +37,7 @@ pub struct Likeness {
 ///
 /// # Errors
 /// [`Error::Dimension`] when size or channels differ; [`Error::Option`] naming `--range` when that is not positive.
-pub fn likeness(image: &Image, reference: &Image, range: f64) -> Result<Likeness> {
+pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Similarity> {
     let shape = |image: &Image| format!("{}x{}", image.resolution(), image.channels());
     if shape(image) != shape(reference) {
         return Err(Error::Dimension {
@@ -60,7 +60,7 @@ pub fn likeness(image: &Image, reference: &Image, range: f64) -> Result<Likeness
     let count = image.samples().len() as f64;
     let rmse = (differences().map(|difference| difference * difference).sum::<f64>() / count).sqrt();
     let squares: f64 = reference.samples().iter().map(|&value| f64::from(value).powi(2)).sum();
-    Ok(Likeness {
+    Ok(Similarity {
         rmse,
         relative_rmse: if rmse == 0.0 { 0.0 } else { rmse / (squares / count).sqrt() },
         largest: differences().fold(0.0, |largest, difference| largest.max(difference.abs())),
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn equal_images_are_wholly_alike() -> Result<()> {
-        let found = likeness(&waves(1.0, 0.0)?, &waves(1.0, 0.0)?, 1.0)?;
+        let found = similarity(&waves(1.0, 0.0)?, &waves(1.0, 0.0)?, 1.0)?;
         assert_eq!((found.rmse, found.relative_rmse, found.largest), (0.0, 0.0, 0.0));
         assert_eq!(found.psnr, f64::INFINITY);
         assert!(found.ssim.is_some_and(|ssim| (ssim - 1.0).abs() < 1e-12));
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn even_images_differ_by_their_means_alone() -> Result<()> {
         let even = |value| Image::filled(Resolution::new(16, 12), 3, value);
-        let found = likeness(&even(0.5), &even(0.25), 1.0)?;
+        let found = similarity(&even(0.5), &even(0.25), 1.0)?;
         // Powers of two: nothing is rounded but in the last formula.
         assert_eq!((found.rmse, found.relative_rmse, found.largest), (0.25, 1.0, 0.25));
         assert!((found.psnr - 20.0 * 4.0_f64.log10()).abs() < 1e-12);
@@ -166,7 +166,7 @@ mod tests {
         for (scale, shift, range, expected) in
             [(-1.0, 1.0, 1.0, -0.767_293_008_4), (0.5, 0.2, 2.0, 0.798_512_500_4)]
         {
-            let ssim = likeness(&waves(scale, shift)?, &waves(1.0, 0.0)?, range)?.ssim;
+            let ssim = similarity(&waves(scale, shift)?, &waves(1.0, 0.0)?, range)?.ssim;
             assert!(ssim.is_some_and(|ssim| (ssim - expected).abs() < 1e-5), "{ssim:?} for {expected}");
         }
         Ok(())
@@ -175,11 +175,11 @@ mod tests {
     #[test]
     fn what_cannot_be_compared_is_refused() -> Result<()> {
         let image = waves(1.0, 0.0)?;
-        assert!(likeness(&image, &Image::filled(Resolution::new(18, 24), 1, 0.0), 1.0).is_err());
-        assert!(likeness(&image, &Image::filled(Resolution::new(24, 18), 3, 0.0), 1.0).is_err());
-        assert!(likeness(&image, &image, 0.0).is_err());
+        assert!(similarity(&image, &Image::filled(Resolution::new(18, 24), 1, 0.0), 1.0).is_err());
+        assert!(similarity(&image, &Image::filled(Resolution::new(24, 18), 3, 0.0), 1.0).is_err());
+        assert!(similarity(&image, &image, 0.0).is_err());
         let small = Image::filled(Resolution::new(10, 30), 1, 0.5);
-        assert_eq!(likeness(&small, &small, 1.0)?.ssim, None);
+        assert_eq!(similarity(&small, &small, 1.0)?.ssim, None);
         assert_eq!(
             (data_range(&small), data_range(&Image::filled(Resolution::new(1, 1), 1, 7.0))),
             (1.0, 1.0)

@@ -14,7 +14,7 @@ pub const LONGEST: usize = 512;
 
 /// Photos kept as small pictures, as they come.
 #[derive(Clone, Debug)]
-pub struct Strip {
+pub struct ContactSheet {
     /// Pixels of patterns and of photos.
     sizes: [Resolution; 2],
     channels: usize,
@@ -23,7 +23,7 @@ pub struct Strip {
     shots: Vec<[Thumb; 2]>,
 }
 
-impl Strip {
+impl ContactSheet {
     /// An empty strip of photos in so many channels, one or three; `[patterns, photos]` are their pixels.
     pub fn new(sizes: [Resolution; 2], channels: usize) -> Self {
         Self { sizes, channels: channels.max(1), counts: vec![0; channels.max(1)], shots: Vec::new() }
@@ -73,7 +73,7 @@ impl Strip {
     /// The part of a page that shows it; none without a photo. `unit` is that of the photos, `order` says what came when.
     ///
     /// # Errors
-    /// As [`Strip::sheet`].
+    /// As [`ContactSheet::sheet`].
     pub fn section(&self, unit: &str, order: &str) -> Result<Option<Section>> {
         if self.is_empty() {
             return Ok(None);
@@ -91,7 +91,7 @@ impl Strip {
         Ok(Some(Section {
             title: "Photos in order".into(),
             text,
-            blocks: vec![Block::Strip { caption: String::new(), sheet: self.sheet()? }],
+            blocks: vec![Block::ContactSheet { caption: String::new(), sheet: self.sheet()? }],
         }))
     }
 }

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::measure::{Effort, Shot, Shots};
+use crate::measure::{CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
 /// Takes shots, none twice: each further one of a frame and exposure has the next `take`. The order of shots is fixed by what
 /// was measured before, so that a calibration replays from a journal.
-pub(super) struct Sitting<'a> {
-    shots: &'a mut dyn Shots,
+pub(super) struct CalibrationSession<'a> {
+    shots: &'a mut dyn FrameSource,
     takes: HashMap<(Arc<Frame>, u64), u32>,
 }
 
@@ -30,8 +30,8 @@ pub(super) struct Mean {
     pub(super) takes: u32,
 }
 
-impl<'a> Sitting<'a> {
-    pub(super) fn new(shots: &'a mut dyn Shots) -> Self {
+impl<'a> CalibrationSession<'a> {
+    pub(super) fn new(shots: &'a mut dyn FrameSource) -> Self {
         Self { shots, takes: HashMap::new() }
     }
 
@@ -91,11 +91,11 @@ impl<'a> Sitting<'a> {
     }
 
     /// The next take of this frame and exposure.
-    pub(super) fn shoot(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
+    pub(super) fn capture(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
         let take = self.takes.entry((Arc::clone(frame), exposure.to_bits())).or_insert(0);
-        let shot = Shot { frame: Arc::clone(frame), exposure, take: *take };
+        let shot = CaptureRequest { frame: Arc::clone(frame), exposure, take: *take };
         *take += 1;
-        let raw = self.shots.shoot(&shot)?;
+        let raw = self.shots.capture(&shot)?;
         raw.check()?;
         Ok(raw)
     }
@@ -104,7 +104,7 @@ impl<'a> Sitting<'a> {
     pub(super) fn mean(&mut self, frame: &Arc<Frame>, exposure: f64, takes: u32) -> Result<Mean> {
         let mut mean: Option<Mean> = None;
         for _ in 0..takes.max(1) {
-            let raw = self.shoot(frame, exposure)?;
+            let raw = self.capture(frame, exposure)?;
             let middle = raw.started + 0.5 * raw.exposure;
             match &mut mean {
                 None => {
