@@ -93,7 +93,7 @@ fn monitor(spec: &X11Spec, findings: &mut Findings) -> Result<bool> {
 
 /// Every level is shown and read back.
 fn screen(rig: &HardwareRig, findings: &mut Findings) -> Result<bool> {
-    let shown = Helper::this_program().and_then(|helper| {
+    let shown = Helper::find().and_then(|helper| {
         let mut projector = rig.open_projector(&helper)?;
         let began = Instant::now();
         let frames = ramp(projector.info())?;
