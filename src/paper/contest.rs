@@ -139,7 +139,7 @@ pub(super) struct Contest {
 impl Contest {
     /// Each method takes `photos` photos beside the white one; the optimum, which no rig has to take, `products`.
     pub(super) fn hold(
-        bench: &mut Bench<'_>,
+        bench: &mut Bench,
         stage: &Rc<Stage>,
         target: &[f64],
         recipe: Method,
