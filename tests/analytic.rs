@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3, Quat, Vec3, dvec3, vec3};
 
-use common::{csr, keep_going, mean_and_error, rms, settings, trace, tracer};
+use common::{csr, mean_and_error, rms, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{Sampler, TraceSettings};
 use krylux::scene::{Camera, Scene, Triangle, builtin};
@@ -143,7 +143,7 @@ fn photos_by_bounces(scene: &Scene, settings: TraceSettings, seeds: Range<u32>) 
         let mut photos = vec![vec![0.0; settings.resolution.pixels()]; settings.max_bounces as usize];
         let settings = TraceSettings { seed, ..settings };
         tracer
-            .trace(&settings, &mut keep_going, &mut |batch| {
+            .trace(&settings, &mut |batch| {
                 for index in 0..batch.len() {
                     let pixel = batch.pixel(index) as usize;
                     photos[0][pixel] += f64::from(batch.direct(index)[0]);

@@ -2,7 +2,6 @@
 
 mod common;
 
-use common::keep_going;
 use glam::{Vec3, vec3};
 use krylux::image::Resolution;
 use krylux::render::TraceSettings;
@@ -42,7 +41,7 @@ fn seen(material: Material) -> [f64; 3] {
     let scene = furnace(material);
     let settings =
         TraceSettings { max_bounces: BOUNCES, ..TraceSettings::new(Resolution::new(SIDE, SIDE), 64) };
-    let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma, &mut keep_going);
+    let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma);
     let photo = traced.expect("the scene can be traced").ambient.plane(0);
     let mean = photo.iter().sum::<f64>() / photo.len() as f64;
     let fold = |start: f64, pick: fn(f64, f64) -> f64| photo.iter().fold(start, |a, &b| pick(a, b));
@@ -116,7 +115,7 @@ fn a_shell_of_paper_glows_by_what_it_lets_through_and_keeps() {
     });
     // What goes round more often is 0.3⁴⁰.
     let settings = TraceSettings { max_bounces: 40, ..TraceSettings::new(Resolution::new(SIDE, SIDE), 256) };
-    let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma, &mut keep_going);
+    let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma);
     let photo = traced.expect("the scene can be traced").ambient.plane(0);
     let mean = photo.iter().sum::<f64>() / photo.len() as f64;
     let expected = TRANSMITTED / (1.0 - REFLECTED);

@@ -4,7 +4,7 @@ mod common;
 
 use std::f64::consts::PI;
 
-use common::{keep_going, mean_and_error, tracer};
+use common::{mean_and_error, tracer};
 use glam::{Vec3, vec3};
 use krylux::image::Resolution;
 use krylux::render::TraceSettings;
@@ -49,7 +49,7 @@ fn direct(scene: &Scene, max_bounces: u32) -> (Vec<f64>, Vec<f64>) {
         .map(|seed| {
             let settings =
                 TraceSettings { seed, max_bounces, ..TraceSettings::new(Resolution::new(SIDE, SIDE), 64) };
-            let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut keep_going);
+            let traced = assemble(&mut tracer, &settings, Channels::Luma);
             let matrix = traced.expect("the scene can be traced").matrix;
             let (ones, mut photo) = (vec![1.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]);
             matrix.apply(Part::Global, 0, &ones, &mut photo);

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{keep_going, mean_and_error, tracer};
+use common::{mean_and_error, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::TraceSettings;
 use krylux::scene::{Lens, builtin};
@@ -26,7 +26,7 @@ fn photos(distance: f64) -> (f64, Vec<Vec<f64>>) {
     let pattern = Image::new(resolution, 1, pattern).expect("one sample a pixel");
     let photos = (0..8).map(|seed| {
         let settings = TraceSettings { max_bounces: 1, seed, ..TraceSettings::new(resolution, 64) };
-        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut keep_going);
+        let traced = assemble(&mut tracer, &settings, Channels::Luma);
         let mut rig = Simulated { traced: traced.expect("the scene can be traced") };
         rig.photograph(&pattern).expect("the pattern has the rig's size").plane(0)
     });
@@ -95,8 +95,7 @@ fn equal_lenses_on_both_sides_leave_transport_symmetric() {
     let mut scene = builtin::plane(1.6, 0.8);
     scene.camera.lens = Lens { radius: 0.1, focus: 1.0 };
     let resolution = Resolution::new(24, 16);
-    let traced =
-        assemble(&mut tracer(&scene), &TraceSettings::new(resolution, 16), Channels::Luma, &mut keep_going);
+    let traced = assemble(&mut tracer(&scene), &TraceSettings::new(resolution, 16), Channels::Luma);
     let matrix =
         common::csr(&traced.expect("the scene can be traced").matrix, krylux::transport::Part::Full, 0);
     assert!(matrix.is_symmetric(), "to the last bit");

@@ -49,7 +49,7 @@ fn what_comes_back_is_what_was_traced_to_the_last_bit() {
             let cache = Cache::new(folder.path().join("new"), LIMIT);
             let key = Key::new(&scene, tracer.adapter(), &settings, channels, split);
             assert!(matches!(cache.load(&key), Found::Missing));
-            let traced = assemble_layers(&mut tracer, &settings, channels, split, &mut common::keep_going)
+            let traced = assemble_layers(&mut tracer, &settings, channels, split)
                 .expect("shipped scenes can be traced");
             assert!(cache.store(&key, &traced).expect("the folder is writable"));
             let found = whole(cache.load(&key));

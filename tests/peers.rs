@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{keep_going, mean_and_error, reference, rms, root, tracer};
+use common::{mean_and_error, reference, rms, root, tracer};
 use krylux::image::Resolution;
 use krylux::render::TraceSettings;
 use krylux::scene::{self, Lens, Scene};
@@ -26,7 +26,7 @@ fn matrices(scene: &Scene, settings: TraceSettings) -> Vec<TransportMatrix> {
     let mut tracer = tracer(scene);
     let mut trace = |seed| {
         let settings = TraceSettings { seed, ..settings };
-        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut keep_going);
+        let traced = assemble(&mut tracer, &settings, Channels::Luma);
         traced.expect("the scene can be traced").matrix
     };
     (0..SEEDS).map(&mut trace).collect()

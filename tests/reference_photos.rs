@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{checker, keep_going, load, mean_and_error, reference, rms, settings, tracer};
+use common::{checker, load, mean_and_error, reference, rms, settings, tracer};
 use krylux::image::Image;
 use krylux::transport::{Channels, Simulated, Transport, assemble};
 
@@ -28,7 +28,7 @@ fn compare(scene: &str, file: &str, channels: Channels, samples: u32) -> [Agreem
     let mut photos = [Vec::new(), Vec::new()];
     for seed in 0..SEEDS {
         // As many surface hits as the reference has.
-        let traced = assemble(&mut tracer, &settings(SIDE, samples, 15, seed), channels, &mut keep_going);
+        let traced = assemble(&mut tracer, &settings(SIDE, samples, 15, seed), channels);
         let mut rig = Simulated { traced: traced.expect("shipped scenes can be traced") };
         for (photos, pattern) in photos.iter_mut().zip(&patterns) {
             let photo = rig.photograph(pattern).expect("the pattern has the rig's size");

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{csr, keep_going, reference, root};
+use common::{csr, reference, root};
 use glam::vec3;
 use krylux::image::{Image, Resolution};
 use krylux::io::sparse::read as read_npz;
@@ -30,7 +30,7 @@ fn a_wall_and_its_mirror_image_photograph_as_the_image_method_says() {
     const SIDE: usize = 64;
     let resolution = Resolution::new(SIDE, SIDE);
     let settings = TraceSettings { seed: 3, ..TraceSettings::new(resolution, 256) };
-    let traced = assemble(&mut mirror(), &settings, Channels::Luma, &mut keep_going);
+    let traced = assemble(&mut mirror(), &settings, Channels::Luma);
     let mut rig = Simulated { traced: traced.expect("shipped scenes can be traced") };
     let left: Vec<f32> = (0..SIDE * SIDE).map(|pixel| f32::from(u8::from(pixel % SIDE < SIDE / 2))).collect();
     let left = Image::new(resolution, 1, left).expect("one sample a pixel");
@@ -53,7 +53,7 @@ fn a_wall_and_its_mirror_image_photograph_as_the_image_method_says() {
 #[test]
 fn the_mirrors_matrix_is_the_exact_one() {
     let settings = TraceSettings { seed: 5, ..TraceSettings::new(Resolution::new(16, 16), 4096) };
-    let traced = assemble(&mut mirror(), &settings, Channels::Luma, &mut keep_going);
+    let traced = assemble(&mut mirror(), &settings, Channels::Luma);
     let matrix = csr(&traced.expect("shipped scenes can be traced").matrix, Part::Full, 0);
     let mut ours = vec![0.0; 256 * 256];
     matrix.entries().for_each(|(row, column, value)| ours[row * 256 + column] = value);
@@ -77,7 +77,7 @@ fn the_mirror_looks_the_same_by_paths_from_both_ends() {
     let resolution = Resolution::new(SIDE, SIDE);
     let gather = Gather { photons: 64, radius: 1.0 };
     let settings = TraceSettings { gather, seed: 2, ..TraceSettings::new(resolution, 256) };
-    let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma, &mut keep_going);
+    let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma);
     let mut rig = Simulated { traced: traced.expect("the scene can be traced") };
     let photo = rig.photograph(&Image::filled(resolution, 1, 1.0)).expect("the pattern fits").plane(0);
     // Four pixels to one.
@@ -141,7 +141,7 @@ fn white(scene: &Scene, max_bounces: u32, gather: Gather) -> [Vec<f64>; 2] {
             seed,
             ..TraceSettings::new(Resolution::new(SIDE, SIDE), 128)
         };
-        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut keep_going);
+        let traced = assemble(&mut tracer, &settings, Channels::Luma);
         let matrix = traced.expect("the scene can be traced").matrix;
         for (photo, part) in photos.iter_mut().zip([Part::Direct, Part::Global]) {
             let mut of_seed = vec![0.0; SIDE * SIDE];

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{checker, csr, keep_going, load, magnitudes, random_vector, settings, trace, tracer};
+use common::{checker, csr, load, magnitudes, random_vector, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{TraceSettings, Tracer};
 use krylux::transport::{Assembled, Channels, Part, Retraced, Simulated, Transport, TransportMatrix};
@@ -169,7 +169,7 @@ fn work_by_the_machine_meanwhile_does_not_change_a_bit() {
 fn replay_and_retrace(tracer: &mut Tracer, channels: Channels, patterns: &[Image]) -> Vec<f64> {
     let settings = settings(20, 24, 6, 7);
     let mut replayed = Simulated { traced: trace(tracer, settings, channels) };
-    let mut retraced = Retraced { tracer, settings, channels, progress: &mut keep_going };
+    let mut retraced = Retraced { tracer, settings, channels };
     let differences = patterns.iter().map(|pattern| {
         let [replay, retrace] = [&mut replayed as &mut dyn Transport, &mut retraced]
             .map(|rig| rig.photograph(pattern).expect("the pattern fits"));

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{csr, keep_going, load, settings, trace, tracer};
+use common::{csr, load, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{Sampler, TraceSettings};
 use krylux::transport::{Assembled, Channels, Noise, Part, Retraced};
@@ -95,8 +95,7 @@ fn a_retraced_photo_states_the_same_error() {
     let mut tracer = tracer(&load("cornell"));
     let settings = settings(SIDE, 16, 6, 1);
     let traced = trace(&mut tracer, settings, Channels::Rgb);
-    let mut rig =
-        Retraced { tracer: &mut tracer, settings, channels: Channels::Rgb, progress: &mut keep_going };
+    let mut rig = Retraced { tracer: &mut tracer, settings, channels: Channels::Rgb };
     let white = Image::filled(settings.resolution, 1, 1.0);
     let (photo, error) = rig.photograph_with_error(&white).expect("the pattern fits");
     let stated = &noise(&traced).white;

@@ -3,12 +3,15 @@
 mod common;
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{csr, keep_going, load, magnitudes, random_vector, settings, trace, tracer};
+use common::{csr, load, magnitudes, random_vector, settings, trace, tracer};
 use krylux::image::Resolution;
 use krylux::krylov::{EigsMethod, EigsOptions, eigs};
+use krylux::observer::{Observer, Step};
 use krylux::operator::{Adjoint, Operator, Symmetry};
-use krylux::render::{Progress, TraceSettings};
+use krylux::render::TraceSettings;
 use krylux::transport::{Channels, MatrixOperator, Part, Retraced, RetracedOperator};
 
 #[test]
@@ -21,7 +24,7 @@ fn retraced_products_are_the_replayed_ones_and_coaxial_rigs_their_own_duals() {
     let x = random_vector(400, 8);
     for (part, channel) in [(Part::Full, 0), (Part::Direct, 1), (Part::Global, 2)] {
         let mut replayed = MatrixOperator::new(&matrix, part, channel);
-        let retraced = Retraced { tracer: &mut tracer, settings, channels, progress: &mut keep_going };
+        let retraced = Retraced { tracer: &mut tracer, settings, channels };
         let mut retraced = RetracedOperator { retraced, part, channel, ahead: &mut Default::default() };
         assert_eq!((retraced.rows(), retraced.cols(), retraced.symmetry()), (400, 400, replayed.symmetry()));
         let magnitudes = magnitudes(&csr(&matrix, part, channel), &x);
@@ -46,6 +49,17 @@ fn retraced_products_are_the_replayed_ones_and_coaxial_rigs_their_own_duals() {
     }
 }
 
+/// Counts the scene's traces that came to their end.
+#[derive(Default)]
+struct Passes(AtomicUsize);
+
+impl Observer for Passes {
+    fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
+        self.0.fetch_add(usize::from(step.done == step.total), Ordering::Relaxed);
+        ControlFlow::Continue(())
+    }
+}
+
 #[test]
 fn products_that_were_announced_are_taken_together_and_have_the_same_bits() {
     let projector = Resolution::new(13, 9);
@@ -55,12 +69,9 @@ fn products_that_were_announced_are_taken_together_and_have_the_same_bits() {
     let matrix = trace(&mut tracer, settings, channels).matrix;
     let xs: Vec<Vec<f64>> = (0..6).map(|seed| random_vector(117, seed)).collect();
     let ys: Vec<Vec<f64>> = (0..6).map(|seed| random_vector(256, seed)).collect();
-    let passes = std::cell::Cell::new(0);
-    let mut progress = |at: Progress| {
-        passes.set(passes.get() + usize::from(at.done == at.total));
-        ControlFlow::Continue(())
-    };
-    let retraced = Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress };
+    let passes = Arc::new(Passes::default());
+    tracer.observe(Arc::clone(&passes) as Arc<_>);
+    let retraced = Retraced { tracer: &mut tracer, settings, channels };
     let (part, channel) = (Part::Global, 1);
     let mut replayed = MatrixOperator::new(&matrix, part, channel);
     let mut retraced = RetracedOperator { retraced, part, channel, ahead: &mut Default::default() };
@@ -73,7 +84,7 @@ fn products_that_were_announced_are_taken_together_and_have_the_same_bits() {
             for (y, x) in ys.iter().zip(&mut adjoint) {
                 operator.apply_adjoint(y, x).expect("the sizes fit");
             }
-            (products, adjoint, passes.take())
+            (products, adjoint, passes.0.swap(0, Ordering::Relaxed))
         };
         let (products, adjoint, one_by_one) = both(operator);
         operator.announce(&xs);
@@ -137,7 +148,7 @@ fn a_projector_of_its_own_size_makes_a_rectangular_matrix_with_the_dual_rig_for_
         let csr = csr(&matrix, part, 0);
         assert_eq!((csr.rows(), csr.cols()), (256, 117));
         let mut replayed = MatrixOperator::new(&matrix, part, 0);
-        let retraced = Retraced { tracer: &mut tracer, settings, channels, progress: &mut keep_going };
+        let retraced = Retraced { tracer: &mut tracer, settings, channels };
         let mut retraced = RetracedOperator { retraced, part, channel: 0, ahead: &mut Default::default() };
         let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
         let mut products = Vec::new();

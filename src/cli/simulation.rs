@@ -1,6 +1,7 @@
 //! From a scene file to its light transport matrix, with everything that the user should see on the way.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -123,10 +124,9 @@ impl Simulation {
         let traced = match cached {
             Some(cached) => cached,
             None => {
-                let bar = console.bar("tracing");
-                let (tracer, settings) = (&mut self.tracer, &self.settings);
-                transport::assemble_layers(tracer, settings, channels, split, &mut |progress| {
-                    bar.at(progress.done, progress.total)
+                let settings = &self.settings;
+                with_bar(&mut self.tracer, console, |tracer| {
+                    transport::assemble_layers(tracer, settings, channels, split)
                 })?
             }
         };
@@ -236,4 +236,12 @@ mod tests {
     fn numbers_are_grouped_by_thousands() {
         assert_eq!([0, 999, 1000, 1048576].map(super::grouped), ["0", "999", "1,000", "1,048,576"]);
     }
+}
+
+/// Lets `work` trace with a progress bar, which also stops it where the user asks for that.
+pub(super) fn with_bar<T>(tracer: &mut Tracer, console: &Console, work: impl FnOnce(&mut Tracer) -> T) -> T {
+    tracer.observe(Arc::new(console.bar("tracing")));
+    let done = work(tracer);
+    tracer.observe(Arc::new(()));
+    done
 }

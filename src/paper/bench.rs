@@ -8,6 +8,7 @@ use super::stage::{Set, Stage};
 use crate::analysis::MASKED;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Adjoint;
 use crate::render::{TraceSettings, Tracer};
 use crate::transport::{Channels, Part, assemble};
@@ -42,22 +43,19 @@ pub struct BenchOptions {
     pub adapter: Option<String>,
 }
 
-/// Told of light paths done, and of all; breaks off where it says so.
-pub type Watch<'a> = dyn FnMut(u64, u64) -> ControlFlow<()> + 'a;
-
 /// The scenes and the rig of the figures. What is traced once is kept for the figures that follow.
-pub struct Bench<'a> {
+pub struct Bench {
     options: BenchOptions,
-    watch: &'a mut Watch<'a>,
+    observer: Arc<dyn Observer + Send + Sync>,
     stages: Vec<(Set, Resolution, Arc<Stage>)>,
     /// Calibrated before a stage.
     devices: Vec<(Arc<Stage>, Devices)>,
 }
 
-impl<'a> Bench<'a> {
-    /// Nothing is traced yet.
-    pub fn new(options: BenchOptions, watch: &'a mut Watch<'a>) -> Self {
-        Self { options, watch, stages: Vec::new(), devices: Vec::new() }
+impl Bench {
+    /// Nothing is traced yet. `observer` sees the steps of each trace, and may stop it.
+    pub fn new(options: BenchOptions, observer: Arc<dyn Observer + Send + Sync>) -> Self {
+        Self { options, observer, stages: Vec::new(), devices: Vec::new() }
     }
 
     /// The rig.
@@ -82,10 +80,8 @@ impl<'a> Bench<'a> {
         let truth = truth.into_iter().map(|region| region.map_or(MASKED, |region| region as u8)).collect();
         let samples = if self.options.quick { set.samples() / 4 } else { set.samples() };
         let settings = TraceSettings::new(resolution, samples);
-        let watch = &mut *self.watch;
-        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |progress| {
-            watch(progress.done, progress.total)
-        })?;
+        tracer.observe(Arc::clone(&self.observer));
+        let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
         let stage = Arc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
         self.stages.push((set, resolution, Arc::clone(&stage)));
         Ok(stage)
@@ -114,8 +110,7 @@ impl<'a> Bench<'a> {
         let at = match known {
             Some(at) => at,
             None => {
-                let watch = &mut *self.watch;
-                let devices = Devices::set_up(stage, &mut || watch(1, 1))?;
+                let devices = Devices::set_up(stage, &mut || self.go_on())?;
                 self.devices.push((Arc::clone(stage), devices));
                 self.devices.len() - 1
             }
@@ -123,8 +118,12 @@ impl<'a> Bench<'a> {
         Ok(&self.devices[at].1)
     }
 
-    /// Whether to go on.
-    fn check(&mut self) -> Result<()> {
-        if (self.watch)(1, 1).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    /// Asks the observer whether to go on.
+    fn go_on(&self) -> ControlFlow<()> {
+        self.observer.step(&Step { stage: "tracing", done: 1, total: 1, estimate: Estimate::None })
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.go_on().is_break() { Err(Error::Interrupted) } else { Ok(()) }
     }
 }

@@ -138,7 +138,7 @@ pub(super) struct Contest {
 impl Contest {
     /// Each method takes `photos` photos beside the white one; the optimum, which no rig has to take, `products`.
     pub(super) fn hold(
-        bench: &mut Bench<'_>,
+        bench: &mut Bench,
         stage: &Arc<Stage>,
         target: &[f64],
         recipe: Method,

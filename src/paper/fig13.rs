@@ -25,7 +25,7 @@ const PERIODS: f64 = 4.0;
 const BRIGHT: f64 = 0.02;
 const DIM: f64 = 2e-4;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
     let (noisy, options) = one_bit(stage.resolution)?;

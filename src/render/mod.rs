@@ -32,7 +32,7 @@ pub use records::Connection;
 pub(crate) use records::PIXEL;
 pub use sampler::Sampler;
 pub use settings::{MAX_BOUNCES, TraceSettings};
-pub use summary::{Progress, TraceSummary};
+pub use summary::TraceSummary;
 pub use tracer::Tracer;
 
 pub use crate::gpu::AdapterSummary;

@@ -3,6 +3,7 @@
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::batch::Batch;
@@ -17,11 +18,12 @@ use super::rig::Rig;
 use super::settings::{TraceSettings, check};
 use super::sight::Sights;
 use super::strategy::{Stage, Strategy};
-use super::summary::{Progress, TraceSummary};
+use super::summary::TraceSummary;
 use crate::error::{Error, Result};
 use crate::gpu::readback::Readback;
 use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
+use crate::observer::{Estimate, Observer, Step};
 use crate::scene::Scene;
 
 /// A dispatch under way.
@@ -45,6 +47,7 @@ pub struct Tracer {
     chains: Chains,
     /// Of the last trace.
     landings: Vec<Landing>,
+    observer: Arc<dyn Observer + Send + Sync>,
 }
 
 /// A compiled kernel, and how fast it was.
@@ -90,7 +93,13 @@ impl Tracer {
             sights: Sights::default(),
             chains: Chains::default(),
             landings: Vec::new(),
+            observer: Arc::new(()),
         })
+    }
+
+    /// Lets `observer` watch every trace from now on, and stop it. The observer that a new tracer has, `()`, does nothing.
+    pub fn observe(&mut self, observer: Arc<dyn Observer + Send + Sync>) {
+        self.observer = observer;
     }
 
     /// The adapter in use.
@@ -115,15 +124,15 @@ impl Tracer {
 
     /// Traces `settings.samples` paths per camera pixel, and about as many in all from a projector that stands apart,
     /// and hands them to `visit` in path order, batch by batch. The batches' limits depend on the machine's speed; nothing
-    /// that is summed up in path order does.
+    /// that is summed up in path order does. The observer sees a [`Step`] of stage `tracing` before each dispatch, counted in
+    /// light paths, and one at the end.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when `progress` breaks, within two dispatches; [`Error::UnfinishedPaths`] when the driver
+    /// [`Error::Interrupted`] when the observer breaks, within two dispatches; [`Error::UnfinishedPaths`] when the driver
     /// dropped work; [`Error::Device`] when it failed; and whatever `visit` returns.
     pub fn trace(
         &mut self,
         settings: &TraceSettings,
-        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<TraceSummary> {
         check(settings)?;
@@ -131,10 +140,10 @@ impl Tracer {
         let total = strategies.iter().map(Strategy::paths).sum();
         let mut summary = TraceSummary::default();
         for strategy in &strategies {
-            self.run(strategy, total, &mut summary, progress, visit)?;
+            self.run(strategy, total, &mut summary, visit)?;
         }
         // A break at the very end changes nothing any more: everything has been traced.
-        let _ = progress(Progress { done: total, total });
+        let _ = step(&*self.observer, total, total);
         Ok(summary)
     }
 
@@ -160,7 +169,6 @@ impl Tracer {
         strategy: &Strategy,
         total: u64,
         summary: &mut TraceSummary,
-        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<()> {
         let stride = u64::from(strategy.parameters.stride);
@@ -192,7 +200,7 @@ impl Tracer {
         let mut idle_since = Instant::now();
         loop {
             while launched < paths && flights.len() < pace.flights().min(places) {
-                if progress(Progress { done: summary.paths, total }).is_break() {
+                if step(&*self.observer, summary.paths, total).is_break() {
                     return Err(Error::Interrupted);
                 }
                 let count = u64::from(pace.paths(capacity)).min(paths - launched) as u32;
@@ -275,6 +283,11 @@ impl Tracer {
         }
         Ok(regions)
     }
+}
+
+/// Tells `observer` that `done` of `total` light paths are done.
+fn step(observer: &dyn Observer, done: u64, total: u64) -> ControlFlow<()> {
+    observer.step(&Step { stage: "tracing", done, total, estimate: Estimate::None })
 }
 
 /// The kernel for paths with these features, compiled at its first use.

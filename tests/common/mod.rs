@@ -1,12 +1,11 @@
 //! What several tests share: shipped scenes, tracing them, reading reference data.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use krylux::image::{Image, Resolution};
 use krylux::io::npy;
-use krylux::render::{Progress, TraceSettings, Tracer};
+use krylux::render::{TraceSettings, Tracer};
 use krylux::scene::{self, Scene};
 use krylux::sparse::Csr;
 use krylux::transport::{Assembled, Channels, Part, TransportMatrix, assemble};
@@ -40,17 +39,12 @@ pub fn settings(side: usize, samples: u32, max_bounces: u32, seed: u32) -> Trace
 
 /// Traces without looking on.
 pub fn trace(tracer: &mut Tracer, settings: TraceSettings, channels: Channels) -> Assembled {
-    assemble(tracer, &settings, channels, &mut keep_going).expect("shipped scenes can be traced")
+    assemble(tracer, &settings, channels).expect("shipped scenes can be traced")
 }
 
 /// A part as a matrix of its own.
 pub fn csr(matrix: &TransportMatrix, part: Part, channel: usize) -> Csr {
     matrix.to_csr(part, channel).expect("a transport matrix is well formed")
-}
-
-/// Progress that nobody watches.
-pub fn keep_going(_: Progress) -> ControlFlow<()> {
-    ControlFlow::Continue(())
 }
 
 /// An array of `tests/reference`, as it lies there.

@@ -12,6 +12,7 @@ use super::channel::ChannelOperator;
 use super::console::Console;
 use super::journal;
 use super::measured::Measured;
+use super::simulation::with_bar;
 use crate::error::Error;
 use crate::image::{Image, Resolution};
 use crate::io::manifest::ProductsOn;
@@ -202,11 +203,10 @@ impl<'a> Light<'a> {
         match self {
             Self::Replayed(rig) => Ok(rig.photograph(pattern)?),
             Self::Retraced { tracer, settings, channels } => {
-                let bar = console.bar("tracing");
-                let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
-                let mut rig =
-                    Retraced { tracer, settings: *settings, channels: *channels, progress: &mut progress };
-                Ok(rig.photograph(pattern)?)
+                let (settings, channels) = (*settings, *channels);
+                Ok(with_bar(tracer, console, |tracer| {
+                    Retraced { tracer, settings, channels }.photograph(pattern)
+                })?)
             }
             Self::Measured(rig) => Ok(rig.measurement.photograph(pattern)?.to_image()?),
             Self::Kept(kept) => {

@@ -1,7 +1,5 @@
 //! What light paths leave behind, to be compared to the last bit.
 
-use std::ops::ControlFlow;
-
 use crate::render::strategy::Strategy;
 use crate::render::{Batch, TraceSummary, Tracer};
 
@@ -22,9 +20,8 @@ pub(super) fn left(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Left> {
         }));
         Ok(())
     };
-    let mut go_on = |_| ControlFlow::Continue(());
     tracer
-        .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut go_on, &mut visit)
+        .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut visit)
         .expect("the scene can be traced");
     left
 }

@@ -8,6 +8,7 @@ mod invocations;
 mod kernel;
 mod left;
 mod material;
+mod observer;
 mod random;
 mod reciprocity;
 mod sampler;

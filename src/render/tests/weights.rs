@@ -1,7 +1,5 @@
 //! The weights of the two ends' paths: with both, photos must be what either end's alone would give.
 
-use std::ops::ControlFlow;
-
 use glam::{Vec3, vec3};
 
 use crate::image::Resolution;
@@ -136,9 +134,8 @@ fn photos(
                 }
                 Ok(())
             };
-            let mut go_on = |_| ControlFlow::Continue(());
             tracer
-                .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut go_on, &mut visit)
+                .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut visit)
                 .expect("the scene can be traced");
         }
         photo.iter().map(|value| value / f64::from(settings.samples)).collect()
