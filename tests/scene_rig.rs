@@ -93,7 +93,7 @@ fn a_rig_file_next_to_the_scene_is_used_unless_a_camera_is_named() {
 #[test]
 fn an_obj_file_needs_a_rig_file_with_a_camera() {
     let obj = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-    let expected = "an .obj file has no camera, and no rig file gives one";
+    let expected = "an .obj file has no camera, and no camera file gives one";
     let projector = CAMERA.replace("camera", "projector");
     for rig in [None, Some(projector.as_str())] {
         let mut files: Vec<(&str, &[u8])> = vec![("a.obj", obj)];

@@ -3,11 +3,11 @@
 pub mod builtin;
 pub mod bvh;
 pub mod camera;
+mod camera_file;
 mod gltf;
 pub mod material;
 mod obj;
 mod picture;
-mod rig;
 mod shape;
 mod source;
 mod texture;

@@ -10,7 +10,7 @@ use super::{Document, called};
 use crate::error::Result;
 use crate::scene::Camera;
 use crate::scene::camera::tan_half;
-use crate::scene::rig::{Rig, RigFile};
+use crate::scene::camera_file::{CameraFile, CameraPair};
 use crate::scene::triangle::MAX_COORDINATE;
 
 /// The cosine up to which axes count as perpendicular: well above the rounding of exporters, well below a shear
@@ -31,8 +31,8 @@ pub(super) fn rig(
     document: &Document,
     placed: &[Placed],
     wanted: Option<&str>,
-    given: Option<RigFile>,
-) -> Result<Rig> {
+    given: Option<CameraFile>,
+) -> Result<CameraPair> {
     let (camera, projector, mut resolution) = match given {
         None => (None, None, None),
         Some(given) => (given.camera, given.projector, given.projector_resolution),
@@ -56,7 +56,7 @@ pub(super) fn rig(
             ));
         }
     };
-    Ok(Rig::of(camera, projector, resolution))
+    Ok(CameraPair::new(camera, projector, resolution))
 }
 
 /// The file's cameras and projectors.

@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 use gltf::json;
 
 use super::source::{ContentHash, Warnings, fault};
-use super::{LoadOptions, Scene, rig};
+use super::{LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
@@ -45,7 +45,7 @@ use crate::error::{Error, Result};
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let mut document = Document::parse(path, &bytes)?;
-    let given = rig::find(path, options)?;
+    let given = camera_file::find(path, options)?;
     if let Some(given) = &given {
         document.hash.add(&given.bytes);
     }

@@ -9,7 +9,7 @@
 //! | `s` | no effect: normals come from `vn` alone |
 //! | `l`, `p`, free-form surfaces, all else | ignored with a warning |
 //!
-//! The format knows no camera: it comes from a rig file. Lengths are metres, surfaces have two sides. Whatever the bytes,
+//! The format knows no camera: it comes from a camera file. Lengths are metres, surfaces have two sides. Whatever the bytes,
 //! loading ends with a scene or an [`enum@Error`].
 
 mod line;
@@ -22,7 +22,7 @@ use std::path::Path;
 
 use super::source::{ContentHash, Warnings, fault};
 use super::triangle::{MAX_COORDINATE, Triangle};
-use super::{LoadOptions, Scene, rig};
+use super::{LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
 use mesh::{Face, Mesh, NONE};
 
@@ -55,20 +55,20 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     })
 }
 
-fn find_rig(path: &Path, options: &LoadOptions<'_>, hash: &mut ContentHash) -> Result<rig::Rig> {
+fn find_rig(path: &Path, options: &LoadOptions<'_>, hash: &mut ContentHash) -> Result<camera_file::CameraPair> {
     if let Some(name) = options.camera {
         return Err(fault(
             path,
             format!("an .obj file has no cameras, and none called `{name}`"),
-            "leave out --camera, and give a rig file by --camera-file",
+            "leave out --camera, and give a camera file by --camera-file",
         ));
     }
-    let given = rig::find(path, options)?;
+    let given = camera_file::find(path, options)?;
     let missing = || {
         let sidecar = path.with_extension("rig.toml");
         fault(
             path,
-            "an .obj file has no camera, and no rig file gives one",
+            "an .obj file has no camera, and no camera file gives one",
             format!(
                 "write {} with [camera] position, look_at and vertical_fov_degrees, or name such a file by --camera-file",
                 sidecar.display()
@@ -78,7 +78,7 @@ fn find_rig(path: &Path, options: &LoadOptions<'_>, hash: &mut ContentHash) -> R
     let given = given.ok_or_else(missing)?;
     hash.add(&given.bytes);
     let camera = given.camera.ok_or_else(missing)?;
-    Ok(rig::Rig::of(camera, given.projector, given.projector_resolution))
+    Ok(camera_file::CameraPair::new(camera, given.projector, given.projector_resolution))
 }
 
 fn triangles(

@@ -31,16 +31,16 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 
 /// Who sees and who lights a scene.
-pub(super) struct Rig {
+pub(super) struct CameraPair {
     pub camera: Camera,
     /// `None`: where the camera is.
     pub projector: Option<Camera>,
     pub projector_resolution: Option<Resolution>,
 }
 
-impl Rig {
+impl CameraPair {
     /// The rig of these two; a projector that coincides with the camera is none of its own.
-    pub(super) fn of(
+    pub(super) fn new(
         camera: Camera,
         projector: Option<Camera>,
         projector_resolution: Option<Resolution>,
@@ -51,7 +51,7 @@ impl Rig {
 }
 
 /// What a rig file says.
-pub(super) struct RigFile {
+pub(super) struct CameraFile {
     /// Its bytes, for the scene's hash.
     pub bytes: Vec<u8>,
     pub camera: Option<Camera>,
@@ -80,7 +80,7 @@ struct View {
 }
 
 /// The rig file for a scene: the one that the options name, or the one next to it.
-pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<RigFile>> {
+pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<CameraFile>> {
     if let Some(path) = options.rig {
         let file = read(path)?;
         if file.camera.is_some() && options.camera.is_some() {
@@ -101,7 +101,7 @@ pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Rig
 }
 
 /// Reads a rig file.
-fn read(path: &Path) -> Result<RigFile> {
+fn read(path: &Path) -> Result<CameraFile> {
     let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
     if !metadata.is_file() {
         return Err(fault(path, "not a file", "give a rig file in TOML"));
@@ -123,7 +123,7 @@ fn read(path: &Path) -> Result<RigFile> {
         return Err(fault(path, "[camera] has a resolution", "give the camera's resolution by --size"));
     }
     let (projector, projector_resolution) = reader.view("projector", source.projector)?;
-    Ok(RigFile { bytes, camera, projector, projector_resolution })
+    Ok(CameraFile { bytes, camera, projector, projector_resolution })
 }
 
 struct Reader {
