@@ -9,6 +9,7 @@ use krylux::operator::Operator;
 use krylux::rig::{CameraInfo, ProjectorInfo, RawFrame};
 use krylux::transport::Part;
 use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 
 /// A dense symmetric light transport matrix, `rows[j][i]`, in linear DN per second.
@@ -210,7 +211,8 @@ impl FrameSource for Rig {
         let most = f64::from((1_u32 << self.camera.bits) - 1);
         let mut count = |light: &f64| {
             let linear = light * shot.exposure;
-            let noise = (linear / self.gain + self.read_noise.powi(2)).sqrt() * normal(&mut random);
+            let normal: f64 = random.sample(StandardNormal);
+            let noise = (linear / self.gain + self.read_noise.powi(2)).sqrt() * normal;
             let share = (linear + noise) / range;
             let count = self.offset + range * share.abs().powf(1.0 / self.response) * share.signum();
             count.round().clamp(0.0, most) as u16
@@ -232,12 +234,6 @@ impl FrameSource for Rig {
     fn effort(&self) -> Effort {
         self.effort
     }
-}
-
-/// Standard normal, by Box and Muller.
-pub fn normal(random: &mut Pcg64) -> f64 {
-    let (u, v): (f64, f64) = (1.0 - random.random::<f64>(), random.random());
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
 /// `A x` as measured.

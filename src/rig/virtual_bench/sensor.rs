@@ -1,11 +1,13 @@
 //! From light to counts: what a virtual camera's sensor makes of an exposure.
 
+use rand::RngExt;
+use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::faults::generator;
 use super::optics::vignette;
-use super::poisson::{normal, poisson};
+use super::poisson::poisson;
 use super::{Response, VirtualCamera};
 use crate::image::Resolution;
 
@@ -69,7 +71,7 @@ impl Sensor {
         let full = electrons / spec.full_well;
         let mut signal = if full < 1.0 { self.response.at(full) } else { full };
         if spec.read_noise > 0.0 {
-            signal += normal(random) * spec.read_noise / spec.full_well;
+            signal += random.sample::<f64, _>(StandardNormal) * spec.read_noise / spec.full_well;
         }
         let all_bits = f64::from((1_u32 << spec.bits) - 1);
         let count = spec.black_level + (all_bits - spec.black_level) * signal;
