@@ -4,8 +4,9 @@ use std::cell::RefCell;
 
 use super::console::Console;
 use crate::image::Resolution;
+use crate::journal::Journal;
 use crate::measure::Measurement;
-use crate::operator::{Adjoint, Ahead, Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::render::{TraceSettings, Tracer};
 use crate::transport::{Channels, JournaledOperator, MatrixOperator, Part, Retraced, RetracedOperator};
 
@@ -19,29 +20,40 @@ pub(super) enum ChannelOperator<'a> {
         part: Part,
         channel: usize,
         console: &'a Console,
-        ahead: [Ahead; 2],
     },
     Measured {
         measurement: &'a RefCell<&'a mut Measurement>,
         part: Part,
         channel: usize,
     },
-    Kept(JournaledOperator<'a>),
+    Journaled {
+        journal: &'a RefCell<Journal>,
+        name: String,
+        /// What takes the products that the journal lacks.
+        inner: Option<&'a mut dyn Adjoint>,
+        shape: ([usize; 2], Symmetry),
+    },
 }
 
 impl ChannelOperator<'_> {
     fn with<T>(&mut self, work: impl FnOnce(&mut dyn Adjoint) -> T) -> T {
         match self {
             Self::Replayed(operator) => work(operator),
-            Self::Kept(operator) => work(operator),
-            Self::Retraced { tracer, settings, channels, part, channel, console, ahead } => {
+            Self::Journaled { journal, name, inner, shape } => {
+                let journal = &mut journal.borrow_mut();
+                work(&mut match inner {
+                    Some(inner) => JournaledOperator::new(journal, name.as_str(), *inner),
+                    None => JournaledOperator::replay(journal, name.as_str(), shape.0, shape.1),
+                })
+            }
+            Self::Retraced { tracer, settings, channels, part, channel, console } => {
                 let retraced = Retraced {
                     tracer: &mut tracer.borrow_mut(),
                     settings: *settings,
                     channels: *channels,
                     progress: &mut |_| console.check(),
                 };
-                work(&mut RetracedOperator { retraced, part: *part, channel: *channel, ahead })
+                work(&mut RetracedOperator { retraced, part: *part, channel: *channel })
             }
             Self::Measured { measurement, part, channel } => {
                 work(&mut measurement.borrow_mut().operator(*part, *channel))
@@ -53,7 +65,7 @@ impl ChannelOperator<'_> {
     fn shape(&self) -> ([usize; 2], Symmetry) {
         match self {
             Self::Replayed(operator) => ([operator.rows(), operator.cols()], operator.symmetry()),
-            Self::Kept(operator) => ([operator.rows(), operator.cols()], operator.symmetry()),
+            Self::Journaled { shape, .. } => *shape,
             Self::Retraced { tracer, settings, .. } => {
                 let tracer = tracer.borrow();
                 let pixels = [settings.resolution, tracer.projector_resolution(settings)];
@@ -86,8 +98,17 @@ impl Operator for ChannelOperator<'_> {
         self.with(|operator| operator.apply(x, y))
     }
 
-    fn announce(&mut self, xs: &[Vec<f64>]) {
-        self.with(|operator| operator.announce(xs));
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> crate::Result<()> {
+        self.with(|operator| operator.apply_block(xs, ys))
+    }
+
+    fn block_size(&self) -> usize {
+        match self {
+            Self::Replayed(operator) => operator.block_size(),
+            Self::Journaled { inner, .. } => inner.as_ref().map_or(1, |inner| inner.block_size()),
+            Self::Retraced { .. } => RetracedOperator::BLOCK_SIZE,
+            Self::Measured { .. } => 1,
+        }
     }
 }
 
@@ -96,7 +117,7 @@ impl Adjoint for ChannelOperator<'_> {
         self.with(|operator| operator.apply_adjoint(y, x))
     }
 
-    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
-        self.with(|operator| operator.announce_adjoint(ys));
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> crate::Result<()> {
+        self.with(|operator| operator.apply_adjoint_block(ys, xs))
     }
 }
