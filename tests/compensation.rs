@@ -11,7 +11,7 @@ use krylux::Result;
 use krylux::analysis::compensate::compensate;
 use krylux::analysis::{CompensateOptions, Compensation, CompensationRow, Precondition, Target};
 use krylux::image::{Image, Resolution};
-use krylux::krylov::{METHODS, Method, SolveOptions, Status, dot, keep_solving, norm, solve_adjoint};
+use krylux::krylov::{METHODS, Method, SolveOptions, Status, dot, norm, solve_adjoint};
 use krylux::operator::{Adjoint, Operator, Symmetry};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Simulated, Transport};
 
@@ -112,7 +112,7 @@ impl Adjoint for Defocused {
 fn lower_bound(operator: &mut dyn Adjoint, b: &[f64]) -> f64 {
     let n = b.len();
     let sharp = SolveOptions { products: 1500, rtol: 0.0, ..SolveOptions::default() };
-    let x = solve_adjoint(Method::Fista, operator, b, &sharp, &mut keep_solving).unwrap().x;
+    let x = solve_adjoint(Method::Fista, operator, b, &sharp).unwrap().x;
     let (mut y, mut gradient) = (vec![0.0; n], vec![0.0; n]);
     operator.apply(&x, &mut y).unwrap();
     let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - y).collect();
@@ -134,7 +134,7 @@ fn at(history: &[CompensationRow], photos: usize) -> f64 {
 
 fn in_focus(options: &CompensateOptions) -> Compensation {
     let mut channels = [MatrixOperator::new(&corner().matrix, Part::Full, 0)];
-    compensate(&mut channels, &wish(), options, &mut keep_solving).unwrap()
+    compensate(&mut channels, &wish(), options).unwrap()
 }
 
 #[test]
@@ -174,9 +174,7 @@ fn out_of_focus_it_is_near_the_optimum_and_never_worse_than_nothing() {
         let bound = lower_bound(&mut Defocused::new(projector, camera), &light());
         for photos in [1, 2, 4, 8, 12] {
             let mut channels = [Defocused::new(projector, camera)];
-            let found =
-                compensate(&mut channels, &wish(), &options(Method::KrylovBox, photos), &mut keep_solving)
-                    .unwrap();
+            let found = compensate(&mut channels, &wish(), &options(Method::KrylovBox, photos)).unwrap();
             println!(
                 "{name}: optimum {bound:.4}, uncompensated {:.4}, {photos} photos {:.4}, Jacobi {:.4}",
                 found.uncompensated_residual,
@@ -265,7 +263,7 @@ fn three_colours_are_three_systems_seen_in_one_photo() {
     let wish = Target::new(&target, &simulated.traced.ambient).unwrap();
     let options = CompensateOptions { photos: 10, ..CompensateOptions::default() };
     let operator = |channel| MatrixOperator::new(&simulated.traced.matrix, Part::Full, channel);
-    let found = compensate(&mut [0, 1, 2].map(operator), &wish, &options, &mut keep_solving).unwrap();
+    let found = compensate(&mut [0, 1, 2].map(operator), &wish, &options).unwrap();
     assert!(found.photos <= 10 && found.history.len() == found.photos);
     let photo = simulated.photograph(&found.pattern).unwrap();
     for (a, b) in photo.samples().iter().zip(found.observed.samples()) {
@@ -301,7 +299,7 @@ fn ambient_light_is_taken_out_of_the_wish_and_its_excess_is_not_hidden() {
         CompensateOptions { peak: Some(peak), rtol: 1e-6, photos: 60, ..CompensateOptions::default() };
     // A tenth of the wish is there already: together they are the target.
     let dim = Target::new(&target, &Image::filled(resolution, 1, 0.01)).unwrap();
-    let found = compensate(&mut channels, &dim, &options, &mut keep_solving).unwrap();
+    let found = compensate(&mut channels, &dim, &options).unwrap();
     assert!(found.good, "{:?} {}", found.status, found.residual);
     for value in found.observed.plane(0) {
         // The residual is at most 1e-6 of ‖b‖ = 0.09 √n, all of it in one pixel at worst; f32 adds 1e-8.
@@ -309,7 +307,7 @@ fn ambient_light_is_taken_out_of_the_wish_and_its_excess_is_not_hidden() {
     }
     // Twice as much is there: the best is darkness, and 1 is what remains.
     let bright = Target::new(&target, &Image::filled(resolution, 1, 0.2)).unwrap();
-    let found = compensate(&mut channels, &bright, &options, &mut keep_solving).unwrap();
+    let found = compensate(&mut channels, &bright, &options).unwrap();
     assert!(found.pattern.samples().iter().all(|&value| value == 0.0), "{:?}", found.status);
     assert!((found.residual - 1.0).abs() < 1e-6, "no light can be taken away: {}", found.residual);
     assert_eq!(found.status, Status::ConstrainedOptimum);
@@ -319,7 +317,7 @@ fn ambient_light_is_taken_out_of_the_wish_and_its_excess_is_not_hidden() {
 fn wishes_that_make_no_sense_are_refused() {
     let mut channels = [MatrixOperator::new(&corner().matrix, Part::Full, 0)];
     let mut refused = |options: CompensateOptions, named: &str| {
-        let error = compensate(&mut channels, &wish(), &options, &mut keep_solving).unwrap_err();
+        let error = compensate(&mut channels, &wish(), &options).unwrap_err();
         assert!(error.to_string().contains(named), "{named}: {error}");
     };
     let default = || options(Method::KrylovBox, 5);
@@ -332,11 +330,11 @@ fn wishes_that_make_no_sense_are_refused() {
     assert!(Target::new(&small, &Image::filled(Resolution::new(9, 8), 1, 0.0)).is_err());
     assert!(Target::new(&Image::filled(Resolution::new(8, 8), 3, 0.0), &small).is_err());
     let other = Target::new(&small, &small).unwrap();
-    assert!(compensate(&mut channels, &other, &default(), &mut keep_solving).is_err(), "8×8 on 64×64");
+    assert!(compensate(&mut channels, &other, &default()).is_err(), "8×8 on 64×64");
     let black = Target::new(
         &Image::filled(Resolution::new(SIDE, SIDE), 1, 0.0),
         &Image::filled(Resolution::new(SIDE, SIDE), 1, 0.0),
     );
-    let error = compensate(&mut channels, &black.unwrap(), &default(), &mut keep_solving).unwrap_err();
+    let error = compensate(&mut channels, &black.unwrap(), &default()).unwrap_err();
     assert!(error.to_string().contains("nothing to do"), "{error}");
 }

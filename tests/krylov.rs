@@ -11,14 +11,14 @@ use krylov_support::{Dense, spread};
 use krylux::Error;
 use krylux::krylov::{
     Eigs, EigsOptions, Factorization, Lanczos, PairStatus, Start, Status, Step, Which, dot, eigs, eigs_from,
-    keep_going,
 };
-use krylux::operator::{Operator, Symmetry};
+use krylux::observer::{self, Estimate, OnStep};
+use krylux::operator::{Observed, Operator, Symmetry};
 use proptest::prelude::*;
 
 fn solve(matrix: &mut Dense, count: usize, products: usize, which: Which) -> Eigs {
     let options = EigsOptions { count, products, which, ..EigsOptions::default() };
-    let found = eigs(matrix, &options, &mut keep_going).unwrap();
+    let found = eigs(matrix, &options).unwrap();
     assert_eq!(found.stats.products, matrix.products, "the products reported are those taken");
     assert!(matrix.products <= products, "the budget holds");
     found
@@ -142,7 +142,7 @@ fn deflating_a_known_vector_brings_up_the_second_copy() {
     let mut known = vec![0.0; 100];
     known[0] = 5.0;
     let options = EigsOptions { count: 2, products: 60, deflate: vec![known], ..EigsOptions::default() };
-    let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+    let found = eigs(&mut matrix, &options).unwrap();
     assert!((found.values[0] - 2.0).abs() < 1e-13);
     // The known vector is exactly a unit vector: nothing may be left along it but rounding.
     assert!(found.vectors.iter().all(|vector| vector[0].abs() < 1e-14));
@@ -155,7 +155,7 @@ fn deflating_a_vector_that_is_no_eigenvector_shows_in_the_residuals() {
     let mut lanczos =
         Lanczos::new(&Start::default().vector(50), &[Start::Gaussian { seed: 4 }.vector(50)]).unwrap();
     let options = EigsOptions { count: 2, products: 49, tolerance: 0.0, ..EigsOptions::default() };
-    let found = eigs_from(&mut lanczos, &mut matrix, &options, &mut keep_going).unwrap();
+    let found = eigs_from(&mut lanczos, &mut matrix, &options).unwrap();
     assert_eq!(found.stats.status, Status::SpaceExhausted);
     assert!(found.residuals[0] > 1e-3, "a pair of the projected matrix is none of the matrix");
     check_residuals(&mut matrix, &found, 1.0);
@@ -181,15 +181,15 @@ fn failed_product_leaves_a_factorization_that_resumes_to_the_same_bits() {
     let matrix = Dense::turned(&spread(3000)[..400]);
     let start = options.start.vector(400);
     let mut whole = Lanczos::new(&start, &[]).unwrap();
-    let unfailed = eigs_from(&mut whole, &mut matrix.clone(), &options, &mut keep_going).unwrap();
+    let unfailed = eigs_from(&mut whole, &mut matrix.clone(), &options).unwrap();
     for fault in [1, 7, 30] {
         let mut failing = matrix.clone();
         failing.fail_at = Some(fault);
         let mut lanczos = Lanczos::new(&start, &[]).unwrap();
-        let error = eigs_from(&mut lanczos, &mut failing, &options, &mut keep_going).unwrap_err();
+        let error = eigs_from(&mut lanczos, &mut failing, &options).unwrap_err();
         assert!(matches!(error, Error::Interrupted), "the operator's own error comes through");
         assert_eq!(lanczos.products(), fault - 1, "everything before the failure is there");
-        let resumed = eigs_from(&mut lanczos, &mut failing, &options, &mut keep_going).unwrap();
+        let resumed = eigs_from(&mut lanczos, &mut failing, &options).unwrap();
         assert_eq!(resumed.stats.products, 30);
         assert_eq!(resumed.values, unfailed.values);
         assert_eq!(resumed.vectors, unfailed.vectors);
@@ -204,9 +204,9 @@ fn nan_in_a_product_is_an_error_and_the_step_can_be_taken_again() {
     matrix.spoil_at = Some(3);
     let mut lanczos = Lanczos::new(&Start::default().vector(30), &[]).unwrap();
     let options = EigsOptions { count: 1, products: 10, tolerance: 0.0, ..EigsOptions::default() };
-    let error = eigs_from(&mut lanczos, &mut matrix, &options, &mut keep_going).unwrap_err();
+    let error = eigs_from(&mut lanczos, &mut matrix, &options).unwrap_err();
     assert!(error.to_string().contains("product 3"), "{error}");
-    let found = eigs_from(&mut lanczos, &mut matrix, &options, &mut keep_going).unwrap();
+    let found = eigs_from(&mut lanczos, &mut matrix, &options).unwrap();
     assert!(found.values.iter().all(|value| value.is_finite()));
 }
 
@@ -214,12 +214,11 @@ fn nan_in_a_product_is_an_error_and_the_step_can_be_taken_again() {
 fn general_operators_and_wrong_sizes_are_refused_without_a_product() {
     let mut matrix = Dense::turned(&spread(10));
     matrix.symmetry = Symmetry::General;
-    let error = eigs(&mut matrix, &EigsOptions::default(), &mut keep_going).unwrap_err();
+    let error = eigs(&mut matrix, &EigsOptions::default()).unwrap_err();
     assert!(error.to_string().contains("symmetric"), "{error}");
     matrix.symmetry = Symmetry::Symmetric;
     let start = Start::Given(vec![1.0; 9]);
-    let error =
-        eigs(&mut matrix, &EigsOptions { start, ..EigsOptions::default() }, &mut keep_going).unwrap_err();
+    let error = eigs(&mut matrix, &EigsOptions { start, ..EigsOptions::default() }).unwrap_err();
     assert!(error.to_string().contains("9x9"), "{error}");
     assert_eq!(matrix.products, 0);
     let known = vec![vec![1.0, 0.0], vec![3.0, 0.0]];
@@ -229,16 +228,18 @@ fn general_operators_and_wrong_sizes_are_refused_without_a_product() {
 }
 
 #[test]
-fn monitor_sees_every_product_and_can_stop() {
+fn the_observer_sees_every_product_and_can_stop() {
     let mut matrix = Dense::turned(&spread(100));
     let mut seen = Vec::new();
     let options = EigsOptions { count: 3, ..EigsOptions::default() };
-    let found = eigs(&mut matrix, &options, &mut |progress| {
-        assert_eq!(progress.values.len(), progress.products.min(3));
-        seen.push(progress.products);
-        if progress.products == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    })
-    .unwrap();
+    let stop_at_five = OnStep::new(|step: &observer::Step<'_>| {
+        let Estimate::Eigenpairs { values, residuals } = step.estimate else { panic!("{step:?}") };
+        assert_eq!([values.len() as u64, residuals.len() as u64], [step.done.min(3); 2]);
+        seen.push(step.done);
+        if step.done == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let found = eigs(&mut Observed::new(&mut matrix, &stop_at_five), &options).unwrap();
+    drop(stop_at_five);
     assert_eq!(seen, [1, 2, 3, 4, 5]);
     assert_eq!(found.stats.status, Status::Stopped);
     assert_eq!((matrix.products, found.values.len(), found.history.len()), (5, 3, 5));
@@ -250,7 +251,7 @@ fn start_in_the_span_of_known_vectors_is_replaced() {
     let known = vec![vec![1.0, 0.0, 0.0]];
     let start = Start::Given(vec![2.0, 0.0, 0.0]);
     let options = EigsOptions { start, deflate: known, ..EigsOptions::default() };
-    let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+    let found = eigs(&mut matrix, &options).unwrap();
     assert_eq!(found.values.len(), 2);
     assert!((found.values[0] - 3.0).abs() < 1e-14 && (found.values[1] - 2.0).abs() < 1e-14);
 }
@@ -261,7 +262,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let options = EigsOptions { products: 20, ..EigsOptions::default() };
-            let found = eigs(&mut Comb::indefinite(20_001), &options, &mut keep_going).unwrap();
+            let found = eigs(&mut Comb::indefinite(20_001), &options).unwrap();
             (found.values, found.vectors)
         })
     };

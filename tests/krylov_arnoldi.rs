@@ -6,7 +6,6 @@ mod krylov_support;
 use krylov_support::{Dense, general_gallery, spread};
 use krylux::krylov::{
     Arnoldi, EigsMethod, EigsOptions, Factorization, Lanczos, Start, Status, Step, Which, dot, eigs,
-    keep_going,
 };
 
 fn nearest(value: (f64, f64), truth: &[(f64, f64)]) -> f64 {
@@ -30,7 +29,7 @@ fn residuals_are_true_on_the_whole_gallery_however_early_it_stops() {
                     ..EigsOptions::default()
                 };
                 let before = matrix.products;
-                let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+                let found = eigs(&mut matrix, &options).unwrap();
                 assert_eq!(found.stats.products, matrix.products - before);
                 assert!(found.stats.products <= products);
                 for k in 0..found.values.len() {
@@ -64,7 +63,7 @@ fn whole_spectrum_comes_with_as_many_products_as_there_are_dimensions() {
             method: EigsMethod::Arnoldi,
             ..EigsOptions::default()
         };
-        let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+        let found = eigs(&mut matrix, &options).unwrap();
         // Tolerance 0 is reached early only where the residual is exactly 0, which is as good.
         assert!(matches!(found.stats.status, Status::SpaceExhausted | Status::ReachedTolerance), "{name}");
         assert_eq!((matrix.products, found.values.len()), (n, n), "{name}");
@@ -97,7 +96,7 @@ fn wanted_ends_of_the_spectrum_come_first_and_their_bounds_hold() {
                 method: EigsMethod::Arnoldi,
                 ..EigsOptions::default()
             };
-            let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+            let found = eigs(&mut matrix, &options).unwrap();
             let value = (found.values[0], found.imaginary_values[0]);
             let size = 1.0 + matrix.size();
             let allowed = 2.0 * found.bounds[0] + 1e-12 * size;
@@ -197,7 +196,7 @@ fn deflation_takes_an_invariant_subspace_out_of_the_spectrum() {
         deflate: known,
         ..EigsOptions::default()
     };
-    let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+    let found = eigs(&mut matrix, &options).unwrap();
     for (value, wanted) in found.values.iter().zip([28.0, 27.0]) {
         assert!((value - wanted).abs() < 1e-8, "{value}");
     }

@@ -7,7 +7,6 @@ use krylov_support::{Dense, spread};
 use krylux::Error;
 use krylux::krylov::{
     BlockLanczos, EigsMethod, EigsOptions, Factorization, Lanczos, Start, Status, Step, Which, dot, eigs,
-    keep_going,
 };
 
 /// The normalized adjacency `D^-½ W D^-½` of regions that exchange no light, each of another structure: from a
@@ -78,7 +77,7 @@ fn two_three_and_nine_regions_take_at_most_12_15_and_50_photos() {
             deflate: vec![known.clone()],
             ..EigsOptions::default()
         };
-        let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+        let found = eigs(&mut matrix, &options).unwrap();
         println!(
             "{} regions: {} photos, residuals up to {:.1e}, vectors off by {:.1e}",
             sizes.len(),
@@ -102,7 +101,7 @@ fn two_three_and_nine_regions_take_at_most_12_15_and_50_photos() {
         if copies > 1 {
             // A single vector at the same price sees one copy of the eigenvalue, or what rounding errors grew into.
             let single = EigsOptions { method: EigsMethod::Lanczos, ..options };
-            let found = eigs(&mut matrix, &single, &mut keep_going).unwrap();
+            let found = eigs(&mut matrix, &single).unwrap();
             assert!(worst_miss(&found.vectors, &known, &sizes) > 0.1);
             let seen = found.values.iter().filter(|value| **value > 0.95).count();
             assert!(seen < copies, "{seen} copies: {:?}", found.values);
@@ -166,7 +165,7 @@ fn repeated_eigenvalues_come_with_as_many_copies_as_the_block_is_wide() {
             method: EigsMethod::BlockLanczos { block },
             ..EigsOptions::default()
         };
-        let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+        let found = eigs(&mut matrix, &options).unwrap();
         let copies = found.values.iter().filter(|value| **value > 0.99).count();
         assert_eq!(copies, block, "{:?}", found.values);
     }
@@ -217,7 +216,7 @@ fn more_start_vectors_than_dimensions_are_one_product_each_for_the_whole_space()
     let mut matrix = Dense::turned(&[3.0, 1.0, -2.0]);
     let options =
         EigsOptions { count: 3, method: EigsMethod::BlockLanczos { block: 7 }, ..EigsOptions::default() };
-    let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+    let found = eigs(&mut matrix, &options).unwrap();
     assert_eq!((found.stats.products, found.stats.status), (3, Status::SpaceExhausted));
     for (value, wanted) in found.values.iter().zip([3.0, 1.0, -2.0]) {
         assert!((value - wanted).abs() < 1e-14);

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use krylov_gallery::{Dense, defocused, diagonal, light_like, misfit, random, turned};
 use krylux::Error;
 use krylux::krylov::{
-    Constraint, METHODS, Method, Solution, SolveOptions, Status, Surrogate, keep_solving, norm, solve,
-    solve_adjoint, solve_from,
+    Constraint, METHODS, Method, Solution, SolveOptions, Status, Surrogate, norm, solve, solve_adjoint,
+    solve_from,
 };
 use krylux::operator::Symmetry;
 
@@ -46,7 +46,7 @@ fn run(method: Method, matrix: &Dense, b: &[f64], products: usize) -> Solution {
     let mut matrix = matrix.clone();
     let options =
         SolveOptions { products, rtol: 0.0, diagonal: Some(white(&matrix)), ..SolveOptions::default() };
-    let found = solve(method, &mut matrix, b, &options, &mut keep_solving).unwrap();
+    let found = solve(method, &mut matrix, b, &options).unwrap();
     assert_eq!(found.stats.products, matrix.products(), "{method:?}: products reported and taken");
     assert!(matrix.products() <= products && found.history.len() == matrix.products());
     found
@@ -174,7 +174,7 @@ fn floor_of_the_box_is_kept() {
         let mut matrix = matrix.clone();
         let options =
             SolveOptions { lower: 0.2, upper: 0.7, products: 40, rtol: 0.0, ..SolveOptions::default() };
-        let found = solve(method, &mut matrix, &b, &options, &mut keep_solving).unwrap();
+        let found = solve(method, &mut matrix, &b, &options).unwrap();
         assert!(inside(&found.x, 0.2, 0.7), "{method:?}");
         // Jacobi's fixed point is another than the optimum; it is near.
         let within = if method == Method::Jacobi { 1.1 } else { 1.01 };
@@ -189,7 +189,7 @@ fn white_photo_is_taken_once_and_counted_when_it_is_not_given() {
         let given = run(facts.method, &matrix, &b, 9);
         let mut counted = matrix.clone();
         let options = SolveOptions { products: 10, rtol: 0.0, ..SolveOptions::default() };
-        let found = solve(facts.method, &mut counted, &b, &options, &mut keep_solving).unwrap();
+        let found = solve(facts.method, &mut counted, &b, &options).unwrap();
         assert_eq!((found.stats.products, counted.products()), (10, 10), "{}", facts.name);
         assert!(found.history[0].residual.is_infinite(), "{}: no residual is known yet", facts.name);
         assert_eq!(found.x, given.x, "{}: one photo later, the same", facts.name);
@@ -203,7 +203,7 @@ fn reachable_pictures_are_reached_to_the_tolerance() {
     let b = matrix.times(&pattern);
     for method in BOXED {
         let options = SolveOptions { products: 2000, rtol: 1e-6, ..SolveOptions::default() };
-        let found = solve(method, &mut matrix.clone(), &b, &options, &mut keep_solving).unwrap();
+        let found = solve(method, &mut matrix.clone(), &b, &options).unwrap();
         assert_eq!(found.stats.status, Status::ReachedTolerance, "{method:?}: {found:?}");
         assert!(misfit(&matrix, &found.x, &b) <= 1.001e-6 * norm(&b), "{method:?}");
     }
@@ -214,13 +214,13 @@ fn krylov_box_knows_when_it_is_at_the_optimum() {
     let (_, matrix, b) = scenes().into_iter().next().unwrap();
     let (_, best) = optimum(&matrix, &b, 0.0, 1.0);
     let options = SolveOptions { products: 200, rtol: 1e-5, ..SolveOptions::default() };
-    let found = solve(Method::KrylovBox, &mut matrix.clone(), &b, &options, &mut keep_solving).unwrap();
+    let found = solve(Method::KrylovBox, &mut matrix.clone(), &b, &options).unwrap();
     assert_eq!(found.stats.status, Status::ConstrainedOptimum, "{:?}", found.stats);
     // A predicted gain of at most 1e-5, by a model with the true gradient.
     assert!(found.residual <= best * 1.001, "{} {best}", found.residual);
     let mut general = matrix.clone();
     general.symmetry = Symmetry::General;
-    let found = solve(Method::KrylovBox, &mut general, &b, &options, &mut keep_solving).unwrap();
+    let found = solve(Method::KrylovBox, &mut general, &b, &options).unwrap();
     assert_ne!(found.stats.status, Status::ConstrainedOptimum, "without symmetry it cannot know");
     assert!(found.residual <= best * 1.05, "Broyden's model is good, too: {} {best}", found.residual);
 }
@@ -263,7 +263,7 @@ fn a_surrogate_with_its_transpose_brings_an_unsymmetric_operator_to_the_optimum(
         let diagonal = Some(white(&matrix));
         let options =
             SolveOptions { products: 12, rtol: 0.0, diagonal, surrogate, ..SolveOptions::default() };
-        solve(Method::KrylovBox, &mut matrix.clone(), &b, &options, &mut keep_solving).unwrap()
+        solve(Method::KrylovBox, &mut matrix.clone(), &b, &options).unwrap()
     };
     let (without, with) = (solve_with(None), solve_with(Some(Arc::new(Known(scaled(0.0))))));
     println!("over the optimum: {:.4} without, {:.4} with", without.residual / best, with.residual / best);
@@ -273,7 +273,7 @@ fn a_surrogate_with_its_transpose_brings_an_unsymmetric_operator_to_the_optimum(
     assert!((truth - with.residual).abs() < 1e-12, "what is reported is true: {truth}");
     let options =
         SolveOptions { surrogate: Some(Arc::new(Known(light_like(3, 0.4)))), ..SolveOptions::default() };
-    let error = solve(Method::KrylovBox, &mut matrix.clone(), &b, &options, &mut keep_solving).unwrap_err();
+    let error = solve(Method::KrylovBox, &mut matrix.clone(), &b, &options).unwrap_err();
     assert!(error.to_string().contains("surrogate"), "{error}");
 }
 
@@ -299,7 +299,7 @@ fn fista_notices_when_its_step_is_too_long() {
     let mut counted = matrix.clone();
     let options =
         SolveOptions { products: 2000, rtol: 0.0, diagonal: Some(vec![0.1; 40]), ..SolveOptions::default() };
-    let found = solve_adjoint(Method::Fista, &mut counted, &b, &options, &mut keep_solving).unwrap();
+    let found = solve_adjoint(Method::Fista, &mut counted, &b, &options).unwrap();
     assert!((found.residual / best - 1.0).abs() < 1e-5, "{} {best}", found.residual);
 }
 
@@ -308,16 +308,15 @@ fn failed_product_is_taken_again_to_the_same_bits() {
     let (_, matrix, b) = scenes().into_iter().next().unwrap();
     let options = SolveOptions { products: 10, rtol: 0.0, ..SolveOptions::default() };
     for facts in METHODS.iter().filter(|facts| facts.constraint != Constraint::None) {
-        let whole =
-            solve_adjoint(facts.method, &mut matrix.clone(), &b, &options, &mut keep_solving).unwrap();
+        let whole = solve_adjoint(facts.method, &mut matrix.clone(), &b, &options).unwrap();
         for fault in 1..=10 {
             let mut failing = matrix.clone();
             failing.fail_at = Some(fault);
             let mut solver = facts.method.solver(N, &b, &options).unwrap();
-            let error = solve_from(solver.as_mut(), &mut failing, &options, &mut keep_solving).unwrap_err();
+            let error = solve_from(solver.as_mut(), &mut failing, &options).unwrap_err();
             assert!(matches!(error, Error::Interrupted));
             assert_eq!(solver.tally().products, fault - 1, "{}", facts.name);
-            let resumed = solve_from(solver.as_mut(), &mut failing, &options, &mut keep_solving).unwrap();
+            let resumed = solve_from(solver.as_mut(), &mut failing, &options).unwrap();
             assert_eq!(resumed.x, whole.x, "{}, product {fault}", facts.name);
             assert_eq!(resumed.history, whole.history[fault - 1..], "{}, product {fault}", facts.name);
         }
@@ -362,7 +361,7 @@ fn impossible_boxes_and_preconditioners_are_refused() {
     ] {
         for method in BOXED {
             let mut counted = matrix.clone();
-            let error = solve(method, &mut counted, &[0.1; 9], &options, &mut keep_solving).unwrap_err();
+            let error = solve(method, &mut counted, &[0.1; 9], &options).unwrap_err();
             assert!(error.to_string().contains(named), "{named}: {error}");
             assert_eq!(counted.products(), 0);
         }

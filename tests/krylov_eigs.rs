@@ -7,12 +7,12 @@ use krylov_support::{Dense, Noisy, spread, symmetric_gallery};
 use krylux::Error;
 use krylux::krylov::{
     Eigs, EigsMethod, EigsOptions, Factorization, Lanczos, PairStatus, Relaxation, Start, Status, Which,
-    eigs, eigs_from, keep_going,
+    eigs, eigs_from,
 };
 
 fn solve(matrix: &mut Dense, options: &EigsOptions) -> Eigs {
     let before = matrix.products;
-    let found = eigs(matrix, options, &mut keep_going).unwrap();
+    let found = eigs(matrix, options).unwrap();
     assert_eq!(found.stats.products, matrix.products - before, "the products reported are those taken");
     assert!(found.stats.products <= options.products, "the budget holds");
     found
@@ -218,7 +218,7 @@ fn restarts_never_hold_more_vectors_than_allowed_and_stay_orthonormal() {
     for products in 1..60 {
         let options =
             EigsOptions { count: 3, products, tolerance: 0.0, max_basis: Some(12), ..EigsOptions::default() };
-        eigs_from(&mut lanczos, &mut matrix, &options, &mut keep_going).unwrap();
+        eigs_from(&mut lanczos, &mut matrix, &options).unwrap();
         assert!(lanczos.steps() + lanczos.expansion().pending() <= 12, "{}", lanczos.steps());
         assert_eq!(lanczos.products(), products);
     }
@@ -255,7 +255,7 @@ fn noise_ends_the_search_at_its_floor_with_bounds_that_hold() {
     for method in [EigsMethod::Lanczos, EigsMethod::BlockLanczos { block: 2 }] {
         let options = EigsOptions { count: 3, products: 100, noise, method, ..EigsOptions::default() };
         let mut noisy = Noisy::new(&mut matrix, |_| noise);
-        let found = eigs(&mut noisy, &options, &mut keep_going).unwrap();
+        let found = eigs(&mut noisy, &options).unwrap();
         assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
         assert!(found.stats.products < 60, "no photo is spent below the noise: {}", found.stats.products);
         assert!(found.verdicts.iter().all(|&verdict| verdict == PairStatus::LimitedByNoise));
@@ -276,7 +276,7 @@ fn noise_ends_the_search_at_its_floor_with_bounds_that_hold() {
         }
         // Ignoring the noise spends the budget and gains nothing.
         let blind = EigsOptions { noise: 0.0, ..options };
-        let found = eigs(&mut Noisy::new(&mut matrix, |_| noise), &blind, &mut keep_going).unwrap();
+        let found = eigs(&mut Noisy::new(&mut matrix, |_| noise), &blind).unwrap();
         assert_ne!(found.stats.status, Status::NoiseFloor);
         let residual = matrix.residual((found.values[0], 0.0), &found.vectors[0], &[]);
         assert!(residual > 0.1 * noise, "{residual:e}");
@@ -312,7 +312,7 @@ fn relaxed_products_reach_the_target_with_late_ones_much_noisier() {
     );
     // The same noise from the beginning does not.
     let options = EigsOptions { count: 1, products: 30, tolerance: 0.0, ..EigsOptions::default() };
-    let found = eigs(&mut Noisy::new(&mut matrix, |_| last), &options, &mut keep_going).unwrap();
+    let found = eigs(&mut Noisy::new(&mut matrix, |_| last), &options).unwrap();
     assert!(matrix.residual((found.values[0], 0.0), &found.vectors[0], &[]) > 10.0 * relaxation.target);
 }
 
@@ -331,14 +331,12 @@ fn options_that_cannot_be_used_are_refused_by_name_and_without_a_product() {
         (EigsOptions { method: EigsMethod::Power, count: 1, which: Which::BothEnds, ..base() }, "--which"),
     ];
     for (options, name) in cases {
-        match eigs(&mut matrix, &options, &mut keep_going).unwrap_err() {
+        match eigs(&mut matrix, &options).unwrap_err() {
             Error::Option { option, .. } => assert_eq!(option, name),
             other => panic!("{other}"),
         }
     }
     assert_eq!(matrix.products, 0);
     let options = EigsOptions { which: Which::LargestImaginary, ..base() };
-    assert!(
-        matches!(eigs(&mut matrix, &options, &mut keep_going), Err(Error::Option { option, .. }) if option == "--which")
-    );
+    assert!(matches!(eigs(&mut matrix, &options), Err(Error::Option { option, .. }) if option == "--which"));
 }

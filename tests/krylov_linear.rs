@@ -11,9 +11,10 @@ use comb::Comb;
 use krylov_gallery::{Dense, Named, diagonal, gallery, light_like, misfit, named, random, turned};
 use krylux::krylov::{
     Constraint, Diagonal, METHODS, Method, Multiscale, Preconditioner, Side, Solution, SolveOptions, Status,
-    UserPreconditioner, dot, keep_solving, norm, solve, solve_adjoint, solve_from,
+    UserPreconditioner, dot, norm, relaxed_noise, solve, solve_adjoint, solve_from,
 };
-use krylux::operator::{Operator, Symmetry};
+use krylux::observer::{Estimate, OnStep, Step};
+use krylux::operator::{Observed, Operator, Symmetry};
 use krylux::{Error, Result};
 
 const LINEAR: [Method; 8] = [
@@ -34,7 +35,7 @@ fn fits(method: Method, system: &Named) -> bool {
 
 fn run(method: Method, system: &Named, options: &SolveOptions) -> Solution {
     let mut matrix = system.matrix.clone();
-    let found = solve_adjoint(method, &mut matrix, &system.b, options, &mut keep_solving)
+    let found = solve_adjoint(method, &mut matrix, &system.b, options)
         .unwrap_or_else(|error| panic!("{method:?} on {}: {error}", system.name));
     let what = format!("{method:?} on {}: {}", system.name, found.stats.status);
     assert_eq!(found.stats.products, matrix.products(), "{what}: products reported and taken");
@@ -160,7 +161,7 @@ fn products_per_iteration_are_those_of_the_table() {
             diagonal: boxed.then(|| matrix.times(&[1.0; 36])),
             ..SolveOptions::default()
         };
-        let found = solve_adjoint(facts.method, &mut matrix, &b, &options, &mut keep_solving).unwrap();
+        let found = solve_adjoint(facts.method, &mut matrix, &b, &options).unwrap();
         let mut moves = Vec::new();
         let mut residual = f64::INFINITY;
         for row in &found.history {
@@ -194,7 +195,7 @@ fn needs_of_the_table_are_enforced() {
     for facts in METHODS {
         let mut matrix = system.matrix.clone();
         let options = SolveOptions { products: 6, ..SolveOptions::default() };
-        let outcome = solve(facts.method, &mut matrix, &system.b, &options, &mut keep_solving);
+        let outcome = solve(facts.method, &mut matrix, &system.b, &options);
         assert_eq!(
             outcome.is_err(),
             facts.needs_transpose || facts.needs_symmetry,
@@ -365,7 +366,7 @@ fn with_noisy_products_the_residual_at_the_noise_floor_is_true_to_the_noise() {
     for method in [Method::Minres, Method::Gmres, Method::Cg, Method::BiCgStab] {
         let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100 };
         let options = SolveOptions { noise: 1e-3, rtol: 1e-9, ..SolveOptions::default() };
-        let found = solve(method, &mut noisy, &system.b, &options, &mut keep_solving).unwrap();
+        let found = solve(method, &mut noisy, &system.b, &options).unwrap();
         assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
         let truth = misfit(&system.matrix, &found.x, &system.b) / norm(&system.b);
         // Errors of up to ten products, each at most 1e-3 of κ = 3 times ‖b‖, add up at random: √10 · 3 and the floor.
@@ -382,12 +383,16 @@ fn relaxed_products_are_ever_noisier_and_reach_the_target_all_the_same() {
         let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 7 };
         let options = SolveOptions { products: budget, rtol: 0.3 * target, ..SolveOptions::default() };
         let mut loudest = 0.0_f64;
-        let found = solve(Method::Gmres, &mut noisy, &system.b, &options, &mut |progress| {
+        let observer = OnStep::new(|step: &Step<'_>| {
+            let Estimate::Solution { residual, .. } = step.estimate else { panic!("{step:?}") };
+            assert_eq!(step.total, budget as u64);
             loudest = loudest.max(noise.get());
-            noise.set(if adapt { progress.relaxed_noise(target) } else { noise.get() * 1e4 });
+            noise.set(if adapt { relaxed_noise(residual, budget, target) } else { noise.get() * 1e4 });
             ControlFlow::Continue(())
-        })
-        .unwrap();
+        });
+        let mut observed = Observed::new(&mut noisy, &observer);
+        let found = solve(Method::Gmres, &mut observed, &system.b, &options).unwrap();
+        drop(observer);
         (misfit(&system.matrix, &found.x, &system.b) / norm(&system.b), loudest)
     };
     let (truth, loudest) = relaxed(true);
@@ -472,8 +477,7 @@ fn preconditioned_least_squares_keeps_to_the_true_residual_whatever_the_shape() 
                 system.matrix.entries[i * system.n() + j] / d[j]
             });
             let mut scaled = by_hand.clone();
-            let plain =
-                solve_adjoint(method, &mut scaled, &system.b, &accurate(), &mut keep_solving).unwrap();
+            let plain = solve_adjoint(method, &mut scaled, &system.b, &accurate()).unwrap();
             for ((x, u), d) in found.x.iter().zip(&plain.x).zip(&d) {
                 // Both are within 1e-10 times the condition of the scaled matrix, some hundreds.
                 assert!((x - u / d).abs() < 1e-6, "{what}: {x} is not {}", u / d);
@@ -512,7 +516,7 @@ fn minres_with_preconditioner_is_minres_on_the_split_operator() {
     let mut same = 0;
     for products in 1..=10 {
         let options = SolveOptions { products, ..options.clone() };
-        let by_hand = solve(Method::Minres, &mut split.clone(), &b, &options, &mut keep_solving).unwrap();
+        let by_hand = solve(Method::Minres, &mut split.clone(), &b, &options).unwrap();
         let x: Vec<f64> = by_hand.x.iter().zip(&d).map(|(x, d)| x / d.sqrt()).collect();
         let preconditioner: Option<Arc<dyn Preconditioner>> =
             Some(Arc::new(Diagonal::new(d.clone()).unwrap()));
@@ -577,7 +581,7 @@ fn failed_product_is_taken_again_to_the_same_bits() {
             let mut failing = system.matrix.clone();
             failing.fail_at = Some(fault);
             let mut solver = method.solver(40, &system.b, &options).unwrap();
-            let error = solve_from(solver.as_mut(), &mut failing, &options, &mut keep_solving).unwrap_err();
+            let error = solve_from(solver.as_mut(), &mut failing, &options).unwrap_err();
             assert!(matches!(error, Error::Interrupted), "the operator's own error comes through");
             assert_eq!(
                 solver.tally().products,
@@ -586,7 +590,7 @@ fn failed_product_is_taken_again_to_the_same_bits() {
             );
             let kept = misfit(&system.matrix, &solver.solution(), &system.b);
             assert!((kept - solver.tally().best).abs() < 1e-12 * norm(&system.b), "{method:?}: and of use");
-            let resumed = solve_from(solver.as_mut(), &mut failing, &options, &mut keep_solving).unwrap();
+            let resumed = solve_from(solver.as_mut(), &mut failing, &options).unwrap();
             assert_eq!(resumed.x, whole.x, "{method:?}, product {fault}");
             assert_eq!(resumed.history, whole.history[fault - 1..], "{method:?}, product {fault}");
         }
@@ -600,26 +604,29 @@ fn nan_in_a_product_is_an_error_that_names_it() {
         let mut matrix = system.matrix.clone();
         matrix.spoil_at = Some(3);
         let mut solver = method.solver(40, &system.b, &accurate()).unwrap();
-        let error = solve_from(solver.as_mut(), &mut matrix, &accurate(), &mut keep_solving).unwrap_err();
+        let error = solve_from(solver.as_mut(), &mut matrix, &accurate()).unwrap_err();
         assert!(error.to_string().contains("product 3"), "{method:?}: {error}");
-        let found = solve_from(solver.as_mut(), &mut matrix, &accurate(), &mut keep_solving).unwrap();
+        let found = solve_from(solver.as_mut(), &mut matrix, &accurate()).unwrap();
         assert_eq!(found.stats.status, Status::ReachedTolerance, "{method:?}: and can be taken again");
     }
 }
 
 #[test]
-fn monitor_sees_every_product_with_its_iterate_and_can_stop() {
+fn the_observer_sees_every_product_with_its_iterate_and_can_stop() {
     let system = named("spd_well");
     for method in LINEAR {
         let mut seen = Vec::new();
         let mut matrix = system.matrix.clone();
-        let found = solve_adjoint(method, &mut matrix, &system.b, &accurate(), &mut |progress| {
-            seen.push(progress.products);
-            let truth = misfit(&system.matrix, &progress.solution(), &system.b) / norm(&system.b);
-            assert!((truth - progress.best).abs() < 1e-12, "{method:?}: {truth} {}", progress.best);
-            if progress.products == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })
-        .unwrap();
+        let observer = OnStep::new(|step: &Step<'_>| {
+            seen.push(step.done);
+            let Estimate::Solution { best, iterate, .. } = step.estimate else { panic!("{step:?}") };
+            let truth = misfit(&system.matrix, &iterate(), &system.b) / norm(&system.b);
+            assert!((truth - best).abs() < 1e-12, "{method:?}: {truth} {best}");
+            if step.done == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        let mut observed = Observed::new(&mut matrix, &observer);
+        let found = solve_adjoint(method, &mut observed, &system.b, &accurate()).unwrap();
+        drop(observer);
         assert_eq!(seen, [1, 2, 3, 4, 5], "{method:?}");
         assert_eq!((found.stats.status, matrix.products()), (Status::Stopped, 5), "{method:?}");
     }
@@ -651,14 +658,12 @@ fn impossible_requests_are_refused_without_a_product() {
         (Method::Gmres, SolveOptions { preconditioner: small, ..default() }, "preconditioner"),
     ] {
         let mut matrix = system.matrix.clone();
-        let error = solve(method, &mut matrix, &system.b, &options, &mut keep_solving).unwrap_err();
+        let error = solve(method, &mut matrix, &system.b, &options).unwrap_err();
         assert!(error.to_string().contains(named), "{named}: {error}");
         assert_eq!(matrix.products(), 0);
     }
     for bad in [vec![f64::INFINITY; 40], vec![1.0; 39]] {
-        assert!(
-            solve(Method::Gmres, &mut system.matrix.clone(), &bad, &default(), &mut keep_solving).is_err()
-        );
+        assert!(solve(Method::Gmres, &mut system.matrix.clone(), &bad, &default()).is_err());
     }
     assert!(Diagonal::new(vec![1.0, -1.0]).is_err() && Diagonal::new(vec![0.0; 4]).is_err());
     assert!(Multiscale::new(4, 4, vec![1.0, 0.0]).is_err() && Multiscale::new(0, 4, vec![1.0]).is_err());
@@ -679,8 +684,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let options = SolveOptions { products: 9, rtol: 0.0, ..SolveOptions::default() };
-                let found =
-                    solve(facts.method, &mut Comb::definite(n), &b, &options, &mut keep_solving).unwrap();
+                let found = solve(facts.method, &mut Comb::definite(n), &b, &options).unwrap();
                 (found.x, found.history)
             })
         };

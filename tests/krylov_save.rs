@@ -5,7 +5,7 @@ mod krylov_support;
 
 use krylov_support::{Dense, Noisy, spread};
 use krylux::krylov::{
-    Arnoldi, BlockLanczos, EigsOptions, Factorization, Lanczos, RitzPair, Start, Which, eigs_from, keep_going,
+    Arnoldi, BlockLanczos, EigsOptions, Factorization, Lanczos, RitzPair, Start, Which, eigs_from,
 };
 use krylux::operator::Symmetry;
 use krylux::{Error, Result};
@@ -91,12 +91,12 @@ fn restarted_noisy_and_invariant_processes_resume_to_the_same_bits_too() {
         EigsOptions { count: 3, products: 40, tolerance: 0.0, max_basis: Some(12), ..EigsOptions::default() };
     let mut dense = matrix();
     let mut lanczos = <Lanczos as Kind>::start();
-    eigs_from(&mut lanczos, &mut Noisy::new(&mut dense, |_| 1e-3), &options, &mut keep_going).unwrap();
+    eigs_from(&mut lanczos, &mut Noisy::new(&mut dense, |_| 1e-3), &options).unwrap();
     let mut resumed = <Lanczos as Kind>::load(&saved(&lanczos)).unwrap();
     assert_eq!(everything(&resumed), everything(&lanczos));
     let options = EigsOptions { products: 60, ..options };
-    let straight = eigs_from(&mut lanczos, &mut dense.clone(), &options, &mut keep_going).unwrap();
-    let again = eigs_from(&mut resumed, &mut dense, &options, &mut keep_going).unwrap();
+    let straight = eigs_from(&mut lanczos, &mut dense.clone(), &options).unwrap();
+    let again = eigs_from(&mut resumed, &mut dense, &options).unwrap();
     assert_eq!((straight.vectors, straight.residuals), (again.vectors, again.residuals));
 
     // The identity: every step ends in an invariant subspace, and draws a random vector.

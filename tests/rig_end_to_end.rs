@@ -9,7 +9,6 @@ mod rig_support;
 use krylux::analysis::plan::{Planner, Twin};
 use krylux::analysis::{CompensateOptions, SegmentOptions};
 use krylux::image::Resolution;
-use krylux::krylov::{keep_going, keep_solving};
 use krylux::measure::MeasureOptions;
 use krylux::operator::Operator;
 use krylux::rig::{VirtualRig, VirtualScene};
@@ -35,8 +34,7 @@ fn segmented(
 ) -> (f64, u64) {
     let planner = stage.planner(rig, measurement);
     let ideal = planner.ideal_segmentation(part, &two_groups()).expect("a symmetric matrix with light in it");
-    let trial =
-        planner.segmentation(part, &two_groups(), &ideal, Some(labels("zigzag")), seed, &mut keep_going);
+    let trial = planner.segmentation(part, &two_groups(), &ideal, Some(labels("zigzag")), seed);
     let trial = trial.expect("no frame is lost");
     (trial.truth[0].1, trial.cost.patterns)
 }
@@ -46,7 +44,7 @@ fn compensated(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, se
     let options = CompensateOptions { photos: 20, ..CompensateOptions::default() };
     let planner = stage.planner(rig, measurement);
     let ideal = planner.ideal_compensation(&target(), &options).expect("a target of the right size");
-    planner.compensation(&ideal, &options, seed, &mut keep_solving).expect("no frame is lost").excess
+    planner.compensation(&ideal, &options, seed).expect("no frame is lost").excess
 }
 
 #[test]
@@ -230,8 +228,13 @@ fn bracketed_exposures_see_dark_pixels_of_a_scene_of_high_range() {
     // The mean relative error of the darkest quarter, by white.
     let dark_error = |brackets: u32| {
         let measurement = MeasureOptions { brackets, ..MeasureOptions::default() };
-        let planner =
-            Planner { rig: &rig, twin: &twin, calibration: &calibration, measurement: &measurement };
+        let planner = Planner {
+            rig: &rig,
+            twin: &twin,
+            calibration: &calibration,
+            measurement: &measurement,
+            observer: &(),
+        };
         let mut measured = planner.measure(SEEDS[0]).expect("it fits its scene");
         let white = measured.white().expect("no frame is lost").planes.swap_remove(0).values;
         let scale = white[0] / light(0);

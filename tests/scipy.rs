@@ -8,9 +8,7 @@ use krylux::Result;
 use krylux::analysis::SegmentOptions;
 use krylux::analysis::segment::segment;
 use krylux::io::sparse;
-use krylux::krylov::{
-    EigsOptions, Method, PairStatus, SolveOptions, Start, Status, eigs, keep_going, keep_solving, norm, solve,
-};
+use krylux::krylov::{EigsOptions, Method, PairStatus, SolveOptions, Start, Status, eigs, norm, solve};
 use krylux::operator::{Operator, Symmetry};
 use krylux::sparse::SparseOperator;
 use serde_json::Value;
@@ -83,7 +81,7 @@ fn residual_histories_lie_on_scipys() {
         for (method, name) in [(Method::Minres, "minres"), (Method::Gmres, "gmres"), (Method::Cg, "cg")] {
             let expected = numbers(&expected["histories"][name]);
             let options = SolveOptions { products: expected.len(), rtol: 0.0, ..SolveOptions::default() };
-            let found = solve(method, &mut Exported::full(scene), &b, &options, &mut keep_solving).unwrap();
+            let found = solve(method, &mut Exported::full(scene), &b, &options).unwrap();
             let mut worst = 0.0_f64;
             let mut compared = 0;
             for (row, theirs) in found.history.iter().zip(&expected) {
@@ -112,7 +110,7 @@ fn eigenvalues_are_lapacks_from_fewer_products_than_arpack_takes() {
         let arpack = expected["eigsh_products"].as_u64().unwrap() as usize;
         let options = EigsOptions { products: arpack, tolerance: 1e-8, ..EigsOptions::default() };
         let mut matrix = Exported::full(scene);
-        let found = eigs(&mut matrix, &options, &mut keep_going).unwrap();
+        let found = eigs(&mut matrix, &options).unwrap();
         println!("{scene}: {} products, eigsh {arpack}", found.stats.products);
         assert_eq!(found.stats.status, Status::ReachedTolerance, "{scene}");
         assert_eq!(found.stats.products, matrix.products);
@@ -135,7 +133,7 @@ fn fifty_products_resolve_what_arpack_raises_on_after_ninety() {
         raised += usize::from(recipe[0] == "ArpackNoConvergence");
         let values = numbers(&expected["eigenvalues"]);
         let options = EigsOptions { products: 50, tolerance: 0.0, ..EigsOptions::default() };
-        let found = eigs(&mut Exported::full(scene), &options, &mut keep_going).unwrap();
+        let found = eigs(&mut Exported::full(scene), &options).unwrap();
         assert!(found.stats.products == 50 && arpack >= 90, "{scene}: {arpack}");
         // Half as many, and each value comes with a bound that holds.
         for (index, (value, bound)) in found.values.iter().zip(&found.bounds).enumerate() {
@@ -161,7 +159,7 @@ fn normalized_cuts_are_lapacks_from_no_more_photos_than_arpack_takes() {
             ..SegmentOptions::default()
         };
         let mut matrix = Exported::new(scene, &["global"]);
-        let found = segment(&mut matrix, &options, &mut keep_going).unwrap();
+        let found = segment(&mut matrix, &options).unwrap();
         println!("{scene}, normalized cut: {} photos, eigsh {arpack}: {}", found.photos, found.status);
         assert_eq!(found.photos, matrix.products, "the photo for D counts");
         assert!(found.photos <= arpack);
@@ -177,7 +175,7 @@ fn eigenvectors_hold_on_the_exported_matrix() {
     for scene in SCENES {
         let start = Start::Gaussian { seed: 1 };
         let options = EigsOptions { products: 120, start, ..EigsOptions::default() };
-        let found = eigs(&mut Exported::full(scene), &options, &mut keep_going).unwrap();
+        let found = eigs(&mut Exported::full(scene), &options).unwrap();
         let mut matrix = Exported::full(scene);
         for ((vector, value), residual) in found.vectors.iter().zip(&found.values).zip(&found.residuals) {
             let mut product = vec![0.0; N];

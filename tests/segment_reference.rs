@@ -9,8 +9,9 @@ use krylux::analysis::{
     Capture, Cut, Graph, MASKED, NegativeLaplacian, NormalizedAdjacency, SegmentOptions, Segmentation,
     adjusted_rand_index,
 };
-use krylux::krylov::{dot, keep_going};
-use krylux::operator::{Operator, Symmetry};
+use krylux::krylov::dot;
+use krylux::observer::{OnStep, Step};
+use krylux::operator::{Observed, Operator, Symmetry};
 use krylux::{Error, Result};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -99,7 +100,7 @@ impl Operator for Scene {
 
 fn run(scene: &mut Scene, options: &SegmentOptions) -> Segmentation {
     scene.photos = 0;
-    let found = segment(scene, options, &mut keep_going).unwrap();
+    let found = segment(scene, options).unwrap();
     assert_eq!(found.photos, scene.photos, "the photos reported are those taken");
     assert!(found.photos <= options.photos, "the budget holds");
     found
@@ -263,7 +264,7 @@ fn capture_goes_on_after_a_failure_and_gives_the_same_bits() {
     for fault in [1, 2, 9] {
         let mut failing = Scene { fail_at: Some(fault), ..scene.clone() };
         let mut capture = Capture::new(options(2, 20)).unwrap();
-        capture.run(&mut failing, &mut keep_going).unwrap_err();
+        capture.run(&mut failing).unwrap_err();
         assert_eq!(capture.photos(), fault - 1);
         if fault == 9 {
             let sofar = capture.segmentation().unwrap();
@@ -272,7 +273,7 @@ fn capture_goes_on_after_a_failure_and_gives_the_same_bits() {
         } else {
             assert!(capture.segmentation().is_err());
         }
-        capture.run(&mut failing, &mut keep_going).unwrap();
+        capture.run(&mut failing).unwrap();
         let resumed = capture.segmentation().unwrap();
         assert_eq!((resumed.photos, failing.photos), (20, 21), "no photo was taken twice but the failed one");
         assert_eq!(resumed.eigenvectors, unfailed.eigenvectors);
@@ -330,15 +331,14 @@ fn a_capture_asked_at_every_photo_answers_as_one_of_so_many_photos() {
     let mut live = scene.clone();
     let mut capture = Capture::new(SegmentOptions { tolerance: 0.0, ..options(3, 20) }).unwrap();
     for photos in 3..=20 {
-        capture
-            .run(&mut live, &mut |step| {
-                if step.products >= photos { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-            })
-            .unwrap();
+        let observer = OnStep::new(|step: &Step<'_>| {
+            if step.done >= photos as u64 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        capture.run(&mut Observed::new(&mut live, &observer)).unwrap();
         assert_eq!((capture.photos(), live.photos), (photos, photos), "no photo is taken twice");
         let asked = capture.segmentation().unwrap();
         let of_so_many = SegmentOptions { tolerance: 0.0, ..options(3, photos) };
-        let alone = segment(&mut scene.clone(), &of_so_many, &mut keep_going).unwrap();
+        let alone = segment(&mut scene.clone(), &of_so_many).unwrap();
         assert_eq!(asked.labels, alone.labels, "{photos} photos");
         assert_eq!(asked.eigenvalues, alone.eigenvalues, "{photos} photos");
         assert_eq!(asked.eigenvectors, alone.eigenvectors, "{photos} photos");
@@ -346,7 +346,7 @@ fn a_capture_asked_at_every_photo_answers_as_one_of_so_many_photos() {
         assert_eq!(asked.history, alone.history, "{photos} photos");
         // Other numbers of groups are those of a capture that was made for them.
         let two = SegmentOptions { groups: vec![2], ..of_so_many };
-        let alone = segment(&mut scene.clone(), &two, &mut keep_going).unwrap();
+        let alone = segment(&mut scene.clone(), &two).unwrap();
         assert_eq!(capture.regrouped(&[2]).unwrap().labels, alone.labels, "{photos} photos");
     }
     let error = capture.regrouped(&[131]).unwrap_err().to_string();
@@ -362,15 +362,16 @@ fn fewer_photos_than_eigenvectors_give_those_there_are() {
 }
 
 #[test]
-fn monitor_counts_photos_and_can_stop() {
+fn the_observer_counts_photos_and_can_stop() {
     let mut scene = Scene::regions(&[50, 50], 0.1, 8);
     let mut seen = Vec::new();
-    let found = segment(&mut scene, &options(2, 40), &mut |progress| {
-        assert_eq!(progress.budget, 40);
-        seen.push(progress.products);
-        if progress.products == 6 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    })
-    .unwrap();
+    let observer = OnStep::new(|step: &Step<'_>| {
+        assert_eq!(step.total, 40);
+        seen.push(step.done);
+        if step.done == 6 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let found = segment(&mut Observed::new(&mut scene, &observer), &options(2, 40)).unwrap();
+    drop(observer);
     assert_eq!(seen, [2, 3, 4, 5, 6], "the first photo is the degree's");
     assert_eq!((found.photos, scene.photos), (6, 6));
     assert!(found.status.contains("stopped"), "{}", found.status);
@@ -389,11 +390,9 @@ fn unusable_options_name_themselves() {
         (SegmentOptions { mu: -1.0, ..default.clone() }, "--mu"),
         (SegmentOptions { mask_below: f64::NAN, ..default }, "--mask-below"),
     ] {
-        let error = segment(&mut scene, &options, &mut keep_going).unwrap_err();
+        let error = segment(&mut scene, &options).unwrap_err();
         assert!(error.to_string().starts_with(name), "{error}");
     }
     let mut dark = Scene::new(vec![0; 8], |_, _| 0.0);
-    assert!(
-        segment(&mut dark, &options(2, 10), &mut keep_going).unwrap_err().to_string().contains("no pixel")
-    );
+    assert!(segment(&mut dark, &options(2, 10)).unwrap_err().to_string().contains("no pixel"));
 }

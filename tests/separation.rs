@@ -65,7 +65,7 @@ fn forty_photos_relight_natural_patterns() {
     for name in ["carton", "cornell"] {
         let (full, global, direct) = scene(name);
         let mut operator = symmetric(&global);
-        let model = capture(&mut operator, &direct, &LowRankCapture::default(), &mut |_| {}).expect("photos");
+        let model = capture(&mut operator, &direct, &LowRankCapture::default()).expect("photos");
         assert_eq!(model.rank(), 40);
         let mut truth = vec![0.0; direct.len()];
         for seed in 0..4 {
@@ -103,13 +103,9 @@ fn each_separation_is_as_near_the_first_bounce_as_its_page_says() {
         let mut white = vec![0.0; SIDE * SIDE];
         operator.apply(&vec![1.0; SIDE * SIDE], &mut white).expect("photo");
         let start = Some(Start::Rademacher { seed: 1 });
-        let model = capture(
-            &mut operator,
-            &[],
-            &LowRankCapture { photos: 40, start, ..LowRankCapture::default() },
-            &mut |_| {},
-        )
-        .expect("photos");
+        let model =
+            capture(&mut operator, &[], &LowRankCapture { photos: 40, start, ..LowRankCapture::default() })
+                .expect("photos");
         let found = [
             checkerboards(&mut operator, resolution, 2, 4).expect("photos"),
             sinusoids(&mut operator, resolution, 4.0, 3).expect("photos"),

@@ -10,7 +10,7 @@ use common::{csr, load, magnitudes, random_vector, settings, trace, tracer};
 use krylux::image::Resolution;
 use krylux::krylov::{EigsMethod, EigsOptions, eigs};
 use krylux::observer::{Observer, Step};
-use krylux::operator::{Adjoint, Operator, Symmetry};
+use krylux::operator::{Adjoint, Operator, Recorded, Symmetry};
 use krylux::render::TraceSettings;
 use krylux::transport::{Channels, MatrixOperator, Part, Retraced, RetracedOperator};
 
@@ -25,7 +25,7 @@ fn retraced_products_are_the_replayed_ones_and_coaxial_rigs_their_own_duals() {
     for (part, channel) in [(Part::Full, 0), (Part::Direct, 1), (Part::Global, 2)] {
         let mut replayed = MatrixOperator::new(&matrix, part, channel);
         let retraced = Retraced { tracer: &mut tracer, settings, channels };
-        let mut retraced = RetracedOperator { retraced, part, channel, ahead: &mut Default::default() };
+        let mut retraced = RetracedOperator { retraced, part, channel };
         assert_eq!((retraced.rows(), retraced.cols(), retraced.symmetry()), (400, 400, replayed.symmetry()));
         let magnitudes = magnitudes(&csr(&matrix, part, channel), &x);
         let [mut y, mut yt, mut z, mut zt] = [const { Vec::new() }; 4];
@@ -61,7 +61,7 @@ impl Observer for Passes {
 }
 
 #[test]
-fn products_that_were_announced_are_taken_together_and_have_the_same_bits() {
+fn a_block_of_products_is_taken_together_and_has_the_same_bits() {
     let projector = Resolution::new(13, 9);
     let settings = TraceSettings { projector: Some(projector), ..settings(16, 24, 6, 7) };
     let mut tracer = tracer(&load("corner"));
@@ -74,29 +74,32 @@ fn products_that_were_announced_are_taken_together_and_have_the_same_bits() {
     let retraced = Retraced { tracer: &mut tracer, settings, channels };
     let (part, channel) = (Part::Global, 1);
     let mut replayed = MatrixOperator::new(&matrix, part, channel);
-    let mut retraced = RetracedOperator { retraced, part, channel, ahead: &mut Default::default() };
+    let mut retraced = RetracedOperator { retraced, part, channel };
+    let (xs, ys): (Vec<&[f64]>, Vec<&[f64]>) =
+        (xs.iter().map(Vec::as_slice).collect(), ys.iter().map(Vec::as_slice).collect());
     for operator in [&mut replayed as &mut dyn Adjoint, &mut retraced] {
-        let both = |operator: &mut dyn Adjoint| {
-            let (mut products, mut adjoint) = (vec![vec![f64::NAN; 256]; 6], vec![vec![f64::NAN; 117]; 6]);
-            for (x, y) in xs.iter().zip(&mut products) {
-                operator.apply(x, y).expect("the sizes fit");
-            }
-            for (y, x) in ys.iter().zip(&mut adjoint) {
-                operator.apply_adjoint(y, x).expect("the sizes fit");
-            }
-            (products, adjoint, passes.0.swap(0, Ordering::Relaxed))
-        };
-        let (products, adjoint, one_by_one) = both(operator);
-        operator.announce(&xs);
-        operator.announce_adjoint(&ys);
-        let (announced, announced_adjoint, together) = both(operator);
-        assert!(announced == products && announced_adjoint == adjoint);
+        assert_eq!(operator.block_size(), 4);
+        let zeros = || (vec![vec![f64::NAN; 256]; 6], vec![vec![f64::NAN; 117]; 6]);
+        let (mut products, mut adjoint) = zeros();
+        for (x, y) in xs.iter().zip(&mut products) {
+            operator.apply(x, y).expect("the sizes fit");
+        }
+        for (y, x) in ys.iter().zip(&mut adjoint) {
+            operator.apply_adjoint(y, x).expect("the sizes fit");
+        }
+        let one_by_one = passes.0.swap(0, Ordering::Relaxed);
+        let (mut block, mut adjoint_block) = zeros();
+        let mut to: Vec<&mut [f64]> = block.iter_mut().map(Vec::as_mut_slice).collect();
+        operator.apply_block(&xs, &mut to).expect("the sizes fit");
+        let mut to: Vec<&mut [f64]> = adjoint_block.iter_mut().map(Vec::as_mut_slice).collect();
+        operator.apply_adjoint_block(&ys, &mut to).expect("the sizes fit");
+        assert!(block == products && adjoint_block == adjoint);
         // Four and two instead of six, forwards and backwards; the matrix needs none.
-        assert_eq!(together * 3, one_by_one);
+        assert_eq!(passes.0.swap(0, Ordering::Relaxed) * 3, one_by_one);
     }
 }
 
-/// Hands on products, and no announcements.
+/// Takes blocks one product at a time.
 struct Alone<'a>(&'a mut dyn Operator);
 
 impl Operator for Alone<'_> {
@@ -118,7 +121,7 @@ impl Operator for Alone<'_> {
 }
 
 #[test]
-fn a_block_that_is_announced_finds_the_same_eigenpairs() {
+fn block_lanczos_finds_the_same_eigenpairs_by_blocks_of_products() {
     let mut tracer = tracer(&load("corner"));
     let matrix = trace(&mut tracer, settings(16, 24, 6, 7), Channels::Luma).matrix;
     let mut operator = MatrixOperator::new(&matrix, Part::Full, 0);
@@ -128,11 +131,12 @@ fn a_block_that_is_announced_finds_the_same_eigenpairs() {
         max_basis: Some(14),
         ..EigsOptions::default()
     };
-    let mut quiet = |_: &krylux::krylov::Progress<'_>| ControlFlow::Continue(());
-    let alone = eigs(&mut Alone(&mut operator), &options, &mut quiet).expect("20 products");
-    let announced = eigs(&mut operator, &options, &mut quiet).expect("20 products");
-    assert_eq!(alone.stats.products, announced.stats.products);
-    assert!(alone.values == announced.values && alone.vectors == announced.vectors);
+    let alone = eigs(&mut Alone(&mut operator), &options).expect("20 products");
+    let mut recorded = Recorded::new(&mut operator);
+    let together = eigs(&mut recorded, &options).expect("20 products");
+    assert_eq!(alone.stats.products, together.stats.products);
+    assert_eq!(recorded.products.len(), together.stats.products, "no product is taken in vain");
+    assert!(alone.values == together.values && alone.vectors == together.vectors);
 }
 
 #[test]
@@ -149,7 +153,7 @@ fn a_projector_of_its_own_size_makes_a_rectangular_matrix_with_the_dual_rig_for_
         assert_eq!((csr.rows(), csr.cols()), (256, 117));
         let mut replayed = MatrixOperator::new(&matrix, part, 0);
         let retraced = Retraced { tracer: &mut tracer, settings, channels };
-        let mut retraced = RetracedOperator { retraced, part, channel: 0, ahead: &mut Default::default() };
+        let mut retraced = RetracedOperator { retraced, part, channel: 0 };
         let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
         let mut products = Vec::new();
         for operator in [&mut replayed as &mut dyn Adjoint, &mut retraced] {

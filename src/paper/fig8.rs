@@ -8,7 +8,6 @@ use super::stage::{Set, Stage};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::error::Result;
-use crate::krylov::keep_going;
 use crate::transport::Part;
 
 const SIDE: usize = 128;
@@ -93,8 +92,7 @@ fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::sync::Arc<Stage
         groups: vec![CELLS, EIGENVECTORS],
         ..SegmentOptions::default()
     };
-    let found =
-        bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
     Ok((stage, found))
 }
 

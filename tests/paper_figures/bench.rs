@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use krylux::Result;
 use krylux::analysis::{CompensateOptions, CompensationRow, Target};
 use krylux::image::{Blur, Image, Resolution};
-use krylux::krylov::{Method, SolveOptions, dot, keep_solving, norm, solve_adjoint};
+use krylux::krylov::{Method, SolveOptions, dot, norm, solve_adjoint};
 use krylux::operator::{Adjoint, Operator, Symmetry};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part};
 
@@ -89,7 +89,7 @@ impl Adjoint for Defocused {
 /// `‖b − A z‖² ≥ ‖r‖² + 2 (Aᵀr)ᵀ(x − z)`, of which the least over the box is a sum over pixels.
 pub fn lower_bound(operator: &mut dyn Adjoint, b: &[f64]) -> f64 {
     let sharp = SolveOptions { products: 1000, rtol: 0.0, ..SolveOptions::default() };
-    let x = solve_adjoint(Method::Fista, operator, b, &sharp, &mut keep_solving).unwrap().x;
+    let x = solve_adjoint(Method::Fista, operator, b, &sharp).unwrap().x;
     let (mut y, mut gradient) = (vec![0.0; b.len()], vec![0.0; b.len()]);
     operator.apply(&x, &mut y).unwrap();
     let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - y).collect();

@@ -3,7 +3,7 @@
 use krylux::analysis::compensate::{compare_methods, compensate, compensate_with};
 use krylux::analysis::{CompensateOptions, Crosstalk, Precondition, Prior, Target};
 use krylux::image::{Image, Resolution};
-use krylux::krylov::{Method, keep_solving};
+use krylux::krylov::Method;
 use krylux::transport::{Channels, MatrixOperator, Part};
 
 use super::bench::{Defocused, options, part, target, wish_for};
@@ -15,7 +15,7 @@ fn a_model_of_the_defocus_speeds_up_methods_without_a_box() {
     let with = |precondition, photos| {
         let options =
             CompensateOptions { precondition: Some(precondition), ..options(Method::Minres, photos) };
-        compensate(&mut [Defocused::new(1.0, 1.0)], &wish, &options, &mut keep_solving).unwrap()
+        compensate(&mut [Defocused::new(1.0, 1.0)], &wish, &options).unwrap()
     };
     let (plain, defocus) = (with(Precondition::Diagonal, 8), with(Precondition::Defocus, 8));
     println!(
@@ -33,7 +33,6 @@ fn every_method_is_compared_by_what_is_seen_at_equal_photos() {
         &wish_for(&target()),
         &options(Method::KrylovBox, 6),
         &Prior::default(),
-        &mut keep_solving,
     )
     .unwrap();
     assert_eq!(runs.len(), krylux::krylov::METHODS.len());
@@ -63,7 +62,7 @@ fn mixed_colours_are_solved_as_one_system_inside_the_box() {
     let solve = |crosstalk: Option<Crosstalk>| {
         let mut channels = [0, 1, 2].map(|channel| MatrixOperator::new(&traced.matrix, Part::Full, channel));
         let prior = Prior { crosstalk, ..Prior::default() };
-        compensate_with(&mut channels, &wish, &options, &prior, &mut keep_solving).unwrap()
+        compensate_with(&mut channels, &wish, &options, &prior).unwrap()
     };
     let coupled = solve(Some(crosstalk.clone()));
     let mut apart = crosstalk.clone();
@@ -95,8 +94,7 @@ fn mixed_colours_are_solved_as_one_system_inside_the_box() {
 fn what_makes_no_sense_is_refused() {
     let wish = wish_for(&target());
     let refused = |options: CompensateOptions, prior: &Prior, named: &str| {
-        let error =
-            compensate_with(&mut [part(Part::Full)], &wish, &options, prior, &mut keep_solving).unwrap_err();
+        let error = compensate_with(&mut [part(Part::Full)], &wish, &options, prior).unwrap_err();
         assert!(error.to_string().contains(named), "{named}: {error}");
     };
     let default = || options(Method::Minres, 3);

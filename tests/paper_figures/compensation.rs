@@ -2,7 +2,7 @@
 
 use krylux::analysis::compensate::{compensate, compensate_with};
 use krylux::analysis::{CompensateOptions, Compensation, Precondition, Prior};
-use krylux::krylov::{Method, keep_solving};
+use krylux::krylov::Method;
 use krylux::operator::Operator;
 use krylux::scene::predicted_direct;
 use krylux::transport::Part;
@@ -26,14 +26,7 @@ fn figure_11_five_photos_are_enough_with_and_without_a_box() {
     ] {
         let options = CompensateOptions { precondition: Some(precondition), ..options(Method::Minres, 5) };
         let prior = Prior { direct: vec![direct.clone()], geometry: geometry.clone(), ..Prior::default() };
-        let found = compensate_with(
-            &mut [part(Part::Full)],
-            &wish_for(&target()),
-            &options,
-            &prior,
-            &mut keep_solving,
-        )
-        .unwrap();
+        let found = compensate_with(&mut [part(Part::Full)], &wish_for(&target()), &options, &prior).unwrap();
         println!(
             "fig11: MINRES, {precondition:?}: {:?}; clamped {:.4}",
             found.history.iter().map(|row| row.residual).collect::<Vec<_>>(),
@@ -46,13 +39,8 @@ fn figure_11_five_photos_are_enough_with_and_without_a_box() {
         assert!(*residual <= reached[0].1, "{precondition:?} is no worse than none");
     }
     let bound = lower_bound(&mut part(Part::Full), &light());
-    let boxed = compensate(
-        &mut [part(Part::Full)],
-        &wish_for(&target()),
-        &options(Method::KrylovBox, 5),
-        &mut keep_solving,
-    )
-    .unwrap();
+    let boxed =
+        compensate(&mut [part(Part::Full)], &wish_for(&target()), &options(Method::KrylovBox, 5)).unwrap();
     let ratio = boxed.residual / bound;
     println!("fig11: inside the box {ratio:.4} of the optimum {bound:.5}; likeness {:?}", boxed.similarity);
     assert!(ratio <= 1.02, "{ratio}");
@@ -66,9 +54,7 @@ fn the_papers_recipe_moves_the_target_and_clamps() {
         CompensateOptions { peak: Some(0.5 / std::f64::consts::PI), ..CompensateOptions::paper(true, 0.2) };
     let direct = direct();
     let prior = Prior { direct: vec![direct], ..Prior::default() };
-    let mut lifted =
-        compensate_with(&mut [part(Part::Full)], &wish_for(&target()), &paper, &prior, &mut keep_solving)
-            .unwrap();
+    let mut lifted = compensate_with(&mut [part(Part::Full)], &wish_for(&target()), &paper, &prior).unwrap();
     for (wished, value) in lifted.target.plane(0).iter().zip(target()) {
         // The target is handed out in single precision.
         assert!((wished - 0.5 / std::f64::consts::PI * (0.2 + 0.8 * value)).abs() < 1e-7);
@@ -76,9 +62,7 @@ fn the_papers_recipe_moves_the_target_and_clamps() {
     assert!(lifted.photos == 5 && lifted.unclipped_residual <= 0.01, "{}", lifted.unclipped_residual);
     // Less light has to be taken away, so less is clamped than of the target as it is.
     let plain = CompensateOptions { lift: 0.0, ..paper };
-    let unlifted =
-        compensate_with(&mut [part(Part::Full)], &wish_for(&target()), &plain, &prior, &mut keep_solving)
-            .unwrap();
+    let unlifted = compensate_with(&mut [part(Part::Full)], &wish_for(&target()), &plain, &prior).unwrap();
     let negative = |found: &Compensation| {
         found
             .unclipped
@@ -99,8 +83,7 @@ fn the_papers_recipe_moves_the_target_and_clamps() {
         assert!((clamping.last() - lifted.residual).abs() < 1e-9);
     }
     // Where nobody knows the direct image it is measured, and the photos are told.
-    let measured =
-        compensate(&mut [part(Part::Full)], &wish_for(&target()), &paper, &mut keep_solving).unwrap();
+    let measured = compensate(&mut [part(Part::Full)], &wish_for(&target()), &paper).unwrap();
     assert_eq!((measured.preparation, lifted.preparation), (17, 1));
     assert!(measured.unclipped_residual <= 0.02, "{}", measured.unclipped_residual);
 }
@@ -111,10 +94,9 @@ fn figure_12_out_of_focus_the_box_beats_clamping_and_enhances_edges() {
         let bound = lower_bound(&mut Defocused::new(projector, camera), &light());
         let wish = wish_for(&target());
         let mut channels = [Defocused::new(projector, camera)];
-        let boxed =
-            compensate(&mut channels, &wish, &options(Method::KrylovBox, 12), &mut keep_solving).unwrap();
+        let boxed = compensate(&mut channels, &wish, &options(Method::KrylovBox, 12)).unwrap();
         let free = if camera > 0.0 { Method::Minres } else { Method::Gmres };
-        let clamped = compensate(&mut channels, &wish, &options(free, 12), &mut keep_solving).unwrap();
+        let clamped = compensate(&mut channels, &wish, &options(free, 12)).unwrap();
         let clamping = clamped.clamping.unwrap();
         let ours: Vec<f64> = boxed.history.iter().map(|row| row.residual).collect();
         let theirs: Vec<f64> = clamping.displayed.iter().map(|row| row.residual).collect();

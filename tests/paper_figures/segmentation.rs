@@ -6,7 +6,6 @@ use krylux::analysis::{
     measure_direct,
 };
 use krylux::image::{Blur, Resolution};
-use krylux::krylov::keep_going;
 use krylux::render::Tracer;
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part};
@@ -34,7 +33,7 @@ impl Traced {
     fn segmentation(&self, photos: usize, eigenvectors: usize, groups: &[usize]) -> Segmentation {
         let options =
             SegmentOptions { photos, eigenvectors, groups: groups.into(), ..SegmentOptions::default() };
-        segment(&mut self.part(Part::Global), &options, &mut keep_going).unwrap()
+        segment(&mut self.part(Part::Global), &options).unwrap()
     }
 
     fn agreement(&self, labels: &[u8]) -> f64 {
@@ -242,9 +241,9 @@ fn direct_light_may_be_measured_in_place_of_being_known_and_both_sides_be_blurre
         let relative = (missed / white.iter().map(|d| d * d).sum::<f64>()).sqrt();
         let mut full = folds.part(Part::Full);
         let mut global = WithoutDirect::new(&mut full, &direct.direct).unwrap();
-        let sharp = folds.agreement(labels(&segment(&mut global, &options, &mut keep_going).unwrap(), 2));
+        let sharp = folds.agreement(labels(&segment(&mut global, &options).unwrap(), 2));
         let mut blurred = Blurred::new(&mut global, Blur::new(resolution, 1.0).unwrap()).unwrap();
-        let soft = folds.agreement(labels(&segment(&mut blurred, &options, &mut keep_going).unwrap(), 2));
+        let soft = folds.agreement(labels(&segment(&mut blurred, &options).unwrap(), 2));
         println!(
             "direct by {method:?}: off by {relative:.4}; adjusted Rand index {sharp:.4}, blurred {soft:.4}"
         );
