@@ -37,10 +37,11 @@ mod response;
 mod saturation;
 mod session;
 mod stability;
+mod summary;
 mod transfer;
 
 pub use displacement::Displacement;
-pub use exposure::Reach;
+pub use exposure::WhiteExposure;
 pub use figure::Measured;
 pub use gray_code::{Decoded, Seen};
 pub use lens_map::{LensMap, Match};

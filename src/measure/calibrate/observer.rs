@@ -1,6 +1,6 @@
 //! A rig looked at without a whole calibration: exposure, codes, and single photos, again and again while somebody moves it.
 
-use super::exposure::{Reach, fill, search};
+use super::exposure::{WhiteExposure, fill, search};
 use super::footprint::by_overlap;
 use super::gray_code::{Decoded, Light, gray_code, photo};
 use super::lens_map::{Match, centre};
@@ -73,7 +73,7 @@ impl<'a> Observer<'a> {
     ///
     /// # Errors
     /// Whatever keeps frames from being taken.
-    pub fn white_exposure(shots: &mut dyn FrameSource) -> Result<(f64, Reach)> {
+    pub fn white_exposure(shots: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
         let mut sitting = CalibrationSession::new(shots);
         let white = sitting.filled(sitting.top());
         search(&mut sitting, &white)

@@ -42,6 +42,7 @@ mod check;
 mod check_camera;
 mod parse;
 mod scene;
+mod session;
 
 use std::path::{Path, PathBuf};
 
