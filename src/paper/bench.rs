@@ -1,7 +1,7 @@
 //! Where the figures' photos come from: scenes made in memory and traced once, seen by an ideal rig or by virtual devices.
 
 use std::ops::ControlFlow;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::devices::Devices;
 use super::stage::{Set, Stage};
@@ -49,9 +49,9 @@ pub type Watch<'a> = dyn FnMut(u64, u64) -> ControlFlow<()> + 'a;
 pub struct Bench<'a> {
     options: BenchOptions,
     watch: &'a mut Watch<'a>,
-    stages: Vec<(Set, Resolution, Rc<Stage>)>,
+    stages: Vec<(Set, Resolution, Arc<Stage>)>,
     /// Calibrated before a stage.
-    devices: Vec<(Rc<Stage>, Devices)>,
+    devices: Vec<(Arc<Stage>, Devices)>,
 }
 
 impl<'a> Bench<'a> {
@@ -71,10 +71,10 @@ impl<'a> Bench<'a> {
     }
 
     /// A scene of `side × side` pixels, traced.
-    pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Rc<Stage>> {
+    pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Arc<Stage>> {
         let resolution = Resolution::new(side, side);
         if let Some((.., stage)) = self.stages.iter().find(|(s, r, _)| (*s, *r) == (set, resolution)) {
-            return Ok(Rc::clone(stage));
+            return Ok(Arc::clone(stage));
         }
         let scene = set.scene();
         let mut tracer = Tracer::new(&scene, self.options.adapter.as_deref())?;
@@ -86,15 +86,15 @@ impl<'a> Bench<'a> {
         let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |progress| {
             watch(progress.done, progress.total)
         })?;
-        let stage = Rc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
-        self.stages.push((set, resolution, Rc::clone(&stage)));
+        let stage = Arc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
+        self.stages.push((set, resolution, Arc::clone(&stage)));
         Ok(stage)
     }
 
     /// Lets `work` take photos of `stage` by the rig.
     pub(super) fn with_rig<T>(
         &mut self,
-        stage: &Rc<Stage>,
+        stage: &Arc<Stage>,
         part: Part,
         work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
     ) -> Result<T> {
@@ -109,14 +109,14 @@ impl<'a> Bench<'a> {
     }
 
     /// The devices before a stage, calibrated at the first time.
-    fn devices(&mut self, stage: &Rc<Stage>) -> Result<&Devices> {
-        let known = self.devices.iter().position(|(known, _)| Rc::ptr_eq(known, stage));
+    fn devices(&mut self, stage: &Arc<Stage>) -> Result<&Devices> {
+        let known = self.devices.iter().position(|(known, _)| Arc::ptr_eq(known, stage));
         let at = match known {
             Some(at) => at,
             None => {
                 let watch = &mut *self.watch;
                 let devices = Devices::set_up(stage, &mut || watch(1, 1))?;
-                self.devices.push((Rc::clone(stage), devices));
+                self.devices.push((Arc::clone(stage), devices));
                 self.devices.len() - 1
             }
         };

@@ -1,7 +1,6 @@
 //! Compensation as the paper's figures show it: the recipe that clamps, the methods inside the box, and the optimum, at
 //! equal numbers of photos.
 
-use std::rc::Rc;
 use std::sync::Arc;
 
 use super::bench::Bench;
@@ -140,7 +139,7 @@ impl Contest {
     /// Each method takes `photos` photos beside the white one; the optimum, which no rig has to take, `products`.
     pub(super) fn hold(
         bench: &mut Bench<'_>,
-        stage: &Rc<Stage>,
+        stage: &Arc<Stage>,
         target: &[f64],
         recipe: Method,
         photos: usize,

@@ -84,7 +84,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     })
 }
 
-fn run(bench: &mut Bench<'_>, set: Set, side: usize) -> Result<(std::rc::Rc<Stage>, Segmentation)> {
+fn run(bench: &mut Bench<'_>, set: Set, side: usize) -> Result<(std::sync::Arc<Stage>, Segmentation)> {
     let stage = bench.stage(set, side)?;
     let options = SegmentOptions {
         photos: PHOTOS,

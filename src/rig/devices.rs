@@ -121,7 +121,7 @@ impl Stamp {
 }
 
 /// Something that shows frames.
-pub trait Projector {
+pub trait Projector: Send {
     /// What it is.
     fn info(&self) -> &ProjectorInfo;
 
@@ -157,7 +157,7 @@ pub trait Projector {
 }
 
 /// Something that counts light.
-pub trait Camera {
+pub trait Camera: Send {
     /// What it is.
     fn info(&self) -> &CameraInfo;
 
@@ -186,7 +186,7 @@ pub trait Camera {
 }
 
 /// The time of a rig: the wall's for hardware, simulated for virtual devices.
-pub trait Clock {
+pub trait Clock: Send {
     /// Seconds since the rig was opened (or, in a resumed run, since it was first opened).
     fn now(&self) -> f64;
 

@@ -174,7 +174,7 @@ fn a_kind_that_was_left_out_when_building_is_named_when_it_is_opened() {
         let RigKind::Hardware(rig) = from(text).expect("a file may name it").kind else {
             panic!("not hardware")
         };
-        let helper = krylux::rig::Helper::of("/nonexistent");
+        let helper = krylux::rig::Helper::at("/nonexistent");
         let Err(error) = rig.open(&helper, None) else { panic!("it is not there") };
         let message = error.to_string();
         assert!(message.contains(&format!("--features {feature}")), "{message}");

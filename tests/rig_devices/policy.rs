@@ -1,8 +1,7 @@
 //! Which frames are trusted, from a camera that does as the test says.
 
-use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 
 use krylux::Error;
 use krylux::image::Resolution;
@@ -11,12 +10,15 @@ use krylux::rig::{Camera, CameraInfo, Devices, RawFrame};
 
 use super::support::{open, rig, shot};
 
+/// What the camera was told, in order.
+type Log = Arc<Mutex<Vec<&'static str>>>;
+
 /// A camera that hands out what is written.
 struct Scripted {
     info: CameraInfo,
     frames: VecDeque<Option<RawFrame>>,
     set: f64,
-    log: Rc<RefCell<Vec<&'static str>>>,
+    log: Log,
 }
 
 impl Camera for Scripted {
@@ -25,17 +27,17 @@ impl Camera for Scripted {
     }
 
     fn configure(&mut self, _: f64) -> krylux::Result<f64> {
-        self.log.borrow_mut().push("configure");
+        self.log.lock().expect("no thread failed").push("configure");
         Ok(self.set)
     }
 
     fn capture(&mut self) -> krylux::Result<Option<RawFrame>> {
-        self.log.borrow_mut().push("capture");
+        self.log.lock().expect("no thread failed").push("capture");
         Ok(self.frames.pop_front().flatten())
     }
 
     fn restart(&mut self) -> krylux::Result<()> {
-        self.log.borrow_mut().push("restart");
+        self.log.lock().expect("no thread failed").push("restart");
         Ok(())
     }
 }
@@ -52,15 +54,15 @@ fn frame(id: u64, started: f64) -> RawFrame {
 }
 
 /// The policy with 0.5 s to settle and four tries, and what the camera was told.
-fn scripted(frames: Vec<Option<RawFrame>>) -> (LiveFrames, Rc<RefCell<Vec<&'static str>>>) {
+fn scripted(frames: Vec<Option<RawFrame>>) -> (LiveFrames, Log) {
     with_exposure(frames, 0.1)
 }
 
-fn with_exposure(frames: Vec<Option<RawFrame>>, set: f64) -> (LiveFrames, Rc<RefCell<Vec<&'static str>>>) {
-    let log = Rc::new(RefCell::new(Vec::new()));
+fn with_exposure(frames: Vec<Option<RawFrame>>, set: f64) -> (LiveFrames, Log) {
+    let log = Log::default();
     let Devices { projector, clock, .. } = open(&rig(2, 2));
     let info = CameraInfo { name: "the camera".into(), ..rig(2, 2).camera_info() };
-    let camera = Box::new(Scripted { info, frames: frames.into(), set, log: Rc::clone(&log) });
+    let camera = Box::new(Scripted { info, frames: frames.into(), set, log: Arc::clone(&log) });
     (LiveFrames::new(Devices { projector, camera, clock }, 0.5, 4), log)
 }
 
@@ -82,7 +84,7 @@ fn a_frame_counts_from_the_moment_that_the_pattern_has_settled() {
     assert_eq!(live.effort(), expected);
     assert_eq!(times.settle, 0.5);
     assert_eq!(
-        log.borrow().iter().filter(|&&told| told == "configure").count(),
+        log.lock().expect("no thread failed").iter().filter(|&&told| told == "configure").count(),
         1,
         "the exposure did not change"
     );
@@ -112,7 +114,7 @@ fn after_a_restart_numbers_begin_anew_and_time_tells_a_repetition() {
     assert_eq!(taken(&mut live), [70, 1, 2]);
     assert_eq!((live.effort().dropped, live.effort().repeated, live.effort().restarts), (2, 1, 1));
     let told = ["configure", "capture", "capture", "capture", "restart", "capture", "capture", "capture"];
-    assert_eq!(*log.borrow(), told);
+    assert_eq!(*log.lock().expect("no thread failed"), told);
 }
 
 #[test]
@@ -133,7 +135,7 @@ fn frames_that_make_no_sense_are_errors_at_once() {
         let (mut live, log) = scripted(vec![Some(wrong), Some(frame(2, 2.0))]);
         let fault = live.capture(&shot(&rig(2, 2), 7, 0.1, 0));
         assert!(matches!(fault, Err(Error::Rig { .. } | Error::Dimension { .. })), "{fault:?}");
-        assert_eq!(*log.borrow(), ["configure", "capture"], "it would come again");
+        assert_eq!(*log.lock().expect("no thread failed"), ["configure", "capture"], "it would come again");
     }
     for set in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let (mut live, _) = with_exposure(vec![Some(frame(1, 1.0))], set);

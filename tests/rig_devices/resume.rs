@@ -76,3 +76,16 @@ fn opened_without_the_stamp_it_would_not() {
     let anew = capture(&mut LiveFrames::new(open_after(&rig, None), 0.04, 12), &shots[7..]);
     assert!(anew.iter().zip(&whole[7..]).all(|(anew, whole)| anew.counts != whole.counts));
 }
+
+#[test]
+fn open_devices_give_the_same_frames_on_another_thread() {
+    let rig = restless();
+    let shots = shots(&rig);
+    let here = capture(&mut LiveFrames::new(open_after(&rig, None), 0.04, 8), &shots);
+    let mut live = LiveFrames::new(open_after(&rig, None), 0.04, 8);
+    let there = std::thread::spawn({
+        let shots = shots.clone();
+        move || capture(&mut live, &shots)
+    });
+    assert_eq!(there.join().expect("the thread ends well"), here);
+}

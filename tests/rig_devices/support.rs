@@ -16,7 +16,7 @@ pub fn rig(width: usize, height: usize) -> VirtualRig {
 }
 
 /// A scene whose pixel `i` reflects `diagonal(i)` of its own light, and nothing else's.
-pub fn diagonal(size: Resolution, diagonal: impl Fn(usize) -> f64) -> Box<dyn Transport> {
+pub fn diagonal(size: Resolution, diagonal: impl Fn(usize) -> f64) -> Box<dyn Transport + Send> {
     let pixels = size.pixels();
     let matrix = Csr::new(
         pixels,

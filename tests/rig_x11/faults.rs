@@ -144,12 +144,12 @@ fn a_helper_that_ends_while_a_photo_is_taken_makes_it_no_photo() {
 #[test]
 fn a_helper_that_cannot_be_started_is_named() {
     let server = XServer::start(64, 48);
-    let missing = Helper::of("/nonexistent/krylux");
+    let missing = Helper::at("/nonexistent/krylux");
     let message = refused(
         X11Projector::open(&spec(&server, [16, 12]), &missing, WallClock::starting_at(0.0)).map(drop),
     );
     assert!(message.contains("/nonexistent/krylux projector) failed"), "{message}");
-    let other = Helper::of("/bin/true");
+    let other = Helper::at("/bin/true");
     let message =
         refused(X11Projector::open(&spec(&server, [16, 12]), &other, WallClock::starting_at(0.0)).map(drop));
     assert!(message.contains("it ended (exit status: 0"), "{message}");

@@ -6,6 +6,7 @@
 mod x_server;
 
 mod faults;
+mod helper;
 mod levels;
 
 use std::time::Duration;
@@ -14,7 +15,7 @@ use krylux::rig::{Helper, WallClock, X11Monitor, X11Projector, X11Spec};
 use x_server::XServer;
 
 fn helper() -> Helper {
-    Helper { patience: Duration::from_secs(8), ..Helper::of(env!("CARGO_BIN_EXE_krylux")) }
+    Helper { patience: Duration::from_secs(8), ..Helper::at(env!("CARGO_BIN_EXE_krylux")) }
 }
 
 fn spec(server: &XServer, size: [usize; 2]) -> X11Spec {

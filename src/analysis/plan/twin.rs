@@ -20,7 +20,7 @@ pub enum Twin {
 
 impl Twin {
     /// For a rig to be opened on.
-    pub fn transport(&self) -> Box<dyn Transport> {
+    pub fn transport(&self) -> Box<dyn Transport + Send> {
         match self {
             Self::Traced(traced) => Box::new(Arc::clone(traced)),
             Self::Explicit(given) => Box::new(given.clone()),

@@ -65,7 +65,7 @@ fn check(args: &Args, console: &Console, say: &mut rig_check::Report<'_>) -> Res
     let rig = RigToCheck {
         file: &file,
         folder: &args.folder,
-        helper: &Helper::this_program,
+        helper: &Helper::find,
         open: &mut || bench.open(console),
     };
     Ok(rig_check::check(rig, say)?)

@@ -13,11 +13,11 @@ use crate::error::Result;
 use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 
 /// How a camera is reached.
-pub(in crate::rig) trait Transport {
+pub(in crate::rig) trait Transport: Send {
     /// Its registers.
-    type Registers: RegisterIo;
+    type Registers: RegisterIo + Send;
     /// Its frames.
-    type Stream;
+    type Stream: Send;
 
     /// Where it is, e.g. `at 192.168.1.20`.
     fn place(&self) -> String;

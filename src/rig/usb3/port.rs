@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::rig::camera_fault;
 
 /// How a camera is opened.
-pub(super) trait Port {
+pub(super) trait Port: Send {
     /// What carries bytes to it and back.
     type Wire: UsbTransfer + 'static;
 

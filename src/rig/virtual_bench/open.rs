@@ -1,8 +1,7 @@
 //! Opening a virtual rig.
 
-use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 
 use super::VirtualRig;
 use super::devices::{VirtualCameraHandle, VirtualClock, VirtualProjectorHandle};
@@ -51,7 +50,7 @@ impl VirtualRig {
     /// # Errors
     /// [`Error::Rig`] when the transport does not fit, or white is dark; and what keeps the transport from being
     /// photographed.
-    pub fn open(&self, light: Box<dyn Transport>, after: Option<Stamp>) -> Result<Devices> {
+    pub fn open(&self, light: Box<dyn Transport + Send>, after: Option<Stamp>) -> Result<Devices> {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());
         let optics = Optics::new(camera.resolution, light.photo_resolution(), &self.camera.misregistration());
@@ -69,7 +68,7 @@ impl VirtualRig {
             })?;
         let own_light = view.unlit()?;
         let change = Change { asked: 0.0, confirmed: 0.0, appears: f64::NEG_INFINITY, light: black };
-        let world = Rc::new(RefCell::new(World {
+        let world = Arc::new(Mutex::new(World {
             rig: self.clone(),
             camera: camera.resolution,
             view,
@@ -85,11 +84,11 @@ impl VirtualRig {
             restarted_at: None,
         }));
         Ok(Devices {
-            projector: Box::new(VirtualProjectorHandle { info: projector, world: Rc::clone(&world) }),
+            projector: Box::new(VirtualProjectorHandle { info: projector, world: Arc::clone(&world) }),
             camera: Box::new(VirtualCameraHandle {
                 info: camera,
                 step: self.camera.exposure_step,
-                world: Rc::clone(&world),
+                world: Arc::clone(&world),
             }),
             clock: Box::new(VirtualClock { world }),
         })

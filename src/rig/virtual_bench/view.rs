@@ -11,7 +11,7 @@ pub(super) type SeenLight = Vec<Vec<f64>>;
 
 /// A scene behind a camera's optics.
 pub(super) struct View {
-    transport: Box<dyn Transport>,
+    transport: Box<dyn Transport + Send>,
     optics: Optics,
     channels: usize,
     crosstalk: Option<[[f64; 3]; 3]>,
@@ -22,7 +22,7 @@ pub(super) struct View {
 impl View {
     /// What this camera sees, of 1 or 3 channels, of a scene of at least as many.
     pub(super) fn new(
-        mut transport: Box<dyn Transport>,
+        mut transport: Box<dyn Transport + Send>,
         optics: Optics,
         camera: &VirtualCamera,
     ) -> Result<Self> {

@@ -7,7 +7,7 @@
 //! | levels → pixels | of the screen's own visual; each pattern pixel a square | `canvas` |
 //! | on screen | presented, confirmed, read back | `window`, `screen`, `reader` |
 //! | watched | closed, covered and moved windows, a server that is gone | `watch` |
-//! | apart | the window lives in a helper process, reached by a pipe | `helper`, `wire`, `projector` |
+//! | apart | the window lives in a helper process, reached by a pipe | `helper`, `serve`, `wire`, `projector` |
 //!
 //! What is read back is what the server's picture holds. What a monitor makes of it (sharpening, its own gamma, a colour wheel)
 //! only a camera sees: that is for calibration and audit.
@@ -18,14 +18,16 @@ mod monitor;
 mod projector;
 mod reader;
 mod screen;
+mod serve;
 mod spec;
 mod watch;
 mod window;
 mod wire;
 
-pub use helper::serve as serve_projector;
+pub use helper::Helper;
 pub use monitor::{MonitorInfo, monitors};
-pub use projector::{Helper, X11Projector};
+pub use projector::X11Projector;
+pub use serve::serve as serve_projector;
 pub use spec::{ProjectorKind, X11Monitor, X11Spec};
 pub use wire::ShowTimes;
 

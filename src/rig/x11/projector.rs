@@ -1,11 +1,11 @@
 //! The projector as a rig sees it: it asks the helper process, and lives on when that does not.
 
-use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use super::fault;
+use super::helper::Helper;
 use super::spec::X11Spec;
 use super::wire::{self, Reply, Request, ShowTimes};
 use crate::error::{Error, Result};
@@ -13,33 +13,6 @@ use crate::rig::{Frame, Projector, ProjectorInfo, Shown, Waited, WallClock};
 
 /// How long a helper may take to end by itself.
 const FAREWELL: Duration = Duration::from_millis(500);
-
-/// How the helper process is started.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Helper {
-    /// The `krylux` program.
-    pub program: PathBuf,
-    /// The longest wait for an answer: longer than the helper itself waits for the server, so that it can say why.
-    pub patience: Duration,
-}
-
-impl Helper {
-    /// The running program itself.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the system does not say where that is.
-    pub fn this_program() -> Result<Self> {
-        let program = std::env::current_exe().map_err(|why| {
-            fault(format!("its helper process cannot be found: {why}"), "start krylux from its own file")
-        })?;
-        Ok(Self::of(program))
-    }
-
-    /// This `krylux` program.
-    pub fn of(program: impl Into<PathBuf>) -> Self {
-        Self { program: program.into(), patience: Duration::from_secs(15) }
-    }
-}
 
 /// A monitor of an X server.
 pub struct X11Projector {
