@@ -1,5 +1,5 @@
-//! The noise of a photo, measured over predicted: two frames of one capture request should differ by what the noise model says, and by
-//! nothing else.
+//! The noise of a photo, measured over predicted: two frames of one capture request should differ by what the
+//! noise model says, and by nothing else.
 
 use serde::Serialize;
 
@@ -11,7 +11,8 @@ use crate::rig::RawFrame;
 /// How much two frames of one capture request differ, relative to the predicted noise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NoiseRatio {
-    /// Root mean square of the differences, each divided by its predicted standard deviation. 1: as predicted.
+    /// Root mean square of the differences, each divided by its predicted standard deviation. 1: as
+    /// predicted.
     pub ratio: f64,
     /// Its standard error, which follows from the number of samples.
     pub error: f64,
@@ -19,12 +20,12 @@ pub struct NoiseRatio {
     pub samples: usize,
 }
 
-/// Compares two frames of one capture request with the noise that `response` predicts for a camera of this many bits. A common change of
-/// brightness is divided out. `None` when all samples are saturated.
+/// Compares two frames of one capture request with the noise that `response` predicts for a camera of this
+/// many bits. A common change of brightness is divided out. `None` when all samples are saturated.
 ///
 /// # Errors
-/// [`Error::Dimension`] when the frames have different sizes; [`Error::Dimension`] or [`Error::Numerical`] when the response does not
-/// belong to this camera.
+/// [`Error::Dimension`] when the frames have different sizes; [`Error::Dimension`] or [`Error::Numerical`]
+/// when the response does not belong to this camera.
 pub fn noise_ratio(
     first: &RawFrame,
     second: &RawFrame,
@@ -74,8 +75,8 @@ mod tests {
     use super::*;
     use crate::image::Resolution;
 
-    /// A frame of light from 0 to 3000 DN whose noise is `times` what the response predicts. The sum of twelve uniform numbers is nearly
-    /// normal.
+    /// A frame of light from 0 to 3000 DN whose noise is `times` what the response predicts. The sum of
+    /// twelve uniform numbers is nearly normal.
     fn frame(seed: u64, times: f64, brightness: f64) -> RawFrame {
         let mut random = Pcg64::seed_from_u64(seed);
         let counts = (0..64 * 64)
@@ -103,7 +104,8 @@ mod tests {
             let found = noise_ratio(&frame(1, times, 1.0), &frame(2, times, brightness), &response, 12);
             found.expect("frames of one size").expect("samples that are not saturated").ratio
         };
-        // 4096 samples give the root mean square to 1.1 %; the tolerance is four of those. Rounding adds 1/12 to a variance of 25 and more.
+        // 4096 samples give the root mean square to 1.1 %; the tolerance is four of those. Rounding adds 1/12
+        // to a variance of 25 and more.
         assert!((ratio(1.0, 1.0) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.0));
         assert!((ratio(2.0, 1.0) - 2.0).abs() < 0.09, "{}", ratio(2.0, 1.0));
         assert!((ratio(1.0, 1.05) - 1.0).abs() < 0.045, "{}", ratio(1.0, 1.05));

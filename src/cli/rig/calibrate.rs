@@ -28,11 +28,12 @@ pub(in super::super) struct Args {
     /// Frames averaged for each level and pattern
     #[arg(long, value_name = "N", default_value_t = 2)]
     takes: u32,
-    /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera is the coarser one]
+    /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera is the
+    /// coarser one]
     #[arg(long, value_enum)]
     map: Option<MapArg>,
-    /// Where the calibration goes; name it as `calibration` in the rig file [default: what the rig file names, or
-    /// NAME-calibration beside it]
+    /// Where the calibration goes; name it as `calibration` in the rig file [default: what the rig file
+    /// names, or NAME-calibration beside it]
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     folder: Option<PathBuf>,
     /// Calibrate anew into a folder that holds a calibration's photos, and throw these away

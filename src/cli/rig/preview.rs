@@ -32,10 +32,12 @@ const SAID: Duration = Duration::from_secs(1);
 pub(in super::super) struct Args {
     #[command(flatten)]
     rig: RigArgs,
-    /// The projected pattern: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file (as levels)
+    /// The projected pattern: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png
+    /// file (as levels)
     #[arg(long, value_name = "PATTERN", default_value = "white")]
     pattern: Pattern,
-    /// Seconds of each exposure [default: the longest exposure in the rig file, else the one at which white fills 70 % of the camera's range]
+    /// Seconds of each exposure [default: the longest exposure in the rig file, else the one at which white
+    /// fills 70 % of the camera's range]
     #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
     exposure: Option<f64>,
     /// Frames to take; 0: until Ctrl-C
@@ -111,7 +113,8 @@ fn watch(
     Ok(ended?)
 }
 
-/// An exposure for white. When no exposure suits white, a warning says so: there is something to be seen all the same.
+/// An exposure for white. When no exposure suits white, a warning says so: there is something to be seen all
+/// the same.
 fn white_exposure(frames: &mut dyn FrameSource, console: &Console) -> Result<f64> {
     let (exposure, outcome) = Preview::white_exposure(frames)?;
     if let Some(warning) = outcome.warning(exposure) {

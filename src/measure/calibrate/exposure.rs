@@ -38,12 +38,14 @@ impl WhiteExposure {
     }
 }
 
-/// The exposure at which the 98th percentile of `frame`'s photo is about 70 % of the camera's range, or the longest there is.
+/// The exposure at which the 98th percentile of `frame`'s photo is about 70 % of the camera's range, or the
+/// longest there is.
 ///
 /// # Errors
-/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest shows nothing.
-pub(super) fn fill(sitting: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
-    match search(sitting, frame)? {
+/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest shows
+/// nothing.
+pub(super) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
+    match search(session, frame)? {
         (exposure, WhiteExposure::Filled) => Ok(exposure),
         (exposure, WhiteExposure::TooBright) => Err(saturated(exposure)),
         (exposure, WhiteExposure::TooDark) => Err(unseen(exposure)),
@@ -55,29 +57,30 @@ pub(super) fn fill(sitting: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> 
 /// # Errors
 /// Whatever keeps frames from being taken.
 pub(super) fn search(
-    sitting: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
 ) -> Result<(f64, WhiteExposure)> {
-    let [shortest, longest] = sitting.camera().exposures;
-    let full = sitting.full();
-    let black = sitting.filled(0);
-    let dark = sitting.capture(&black, shortest)?;
+    let [shortest, longest] = session.camera().exposures;
+    let full = session.full();
+    let black = session.filled(0);
+    let dark = session.capture(&black, shortest)?;
     let floor = percentile(dark.counts.iter().map(|&count| count.into()), 0.5);
     let target = floor + FILL * (full - floor);
-    let mut exposure = sitting.allowed((shortest * longest).sqrt());
+    let mut exposure = session.allowed((shortest * longest).sqrt());
     for _ in 0..24 {
-        let raw = sitting.capture(frame, exposure)?;
+        let raw = session.capture(frame, exposure)?;
         let bright = percentile(raw.counts.iter().map(|&count| count.into()), BRIGHT);
         if (bright - target).abs() < 0.1 * (full - floor) {
             return Ok((raw.exposure, WhiteExposure::Filled));
         }
-        // A saturated photo only tells that it was far too long; a full well may saturate below the largest count.
+        // A saturated photo only tells that it was far too long; a full well may saturate below the largest
+        // count.
         let factor = if bright > floor + 0.9 * (full - floor) {
             0.2
         } else {
             ((target - floor) / (bright - floor).max(1e-3 * (full - floor))).clamp(0.2, 30.0)
         };
-        let next = sitting.allowed(exposure * factor);
+        let next = session.allowed(exposure * factor);
         if next == exposure {
             return if factor < 1.0 {
                 Ok((exposure, WhiteExposure::TooBright))

@@ -9,7 +9,8 @@ use crate::measure::Effort;
 type Line = [String; 2];
 
 impl CalibrationReport {
-    /// The report as lines of text: what each line is about, and its figures. The first is empty where a line continues the one before.
+    /// The report as lines of text: what each line is about, and its figures. The first is empty where a line
+    /// continues the one before.
     pub fn lines(&self) -> Vec<[String; 2]> {
         let mut lines = camera_lines(&self.camera);
         lines.extend(self.projector.iter().enumerate().map(projector_line));

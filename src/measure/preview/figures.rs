@@ -5,7 +5,8 @@ use serde::Serialize;
 use super::CountRange;
 use crate::rig::RawFrame;
 
-/// The figures of one frame. Shares are of all samples; the mean is above black, as a share of the camera's range.
+/// The figures of one frame. Shares are of all samples; the mean is above black, as a share of the camera's
+/// range.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameFigures {
     /// The number of the frame, from 1.
@@ -29,7 +30,8 @@ pub struct FrameFigures {
 }
 
 impl FrameFigures {
-    /// The figures of the frame with this number, taken at so many frames per second; the focus score and the best so far.
+    /// The figures of the frame with this number, taken at so many frames per second; the focus score and the
+    /// best so far.
     pub(super) fn of(
         raw: &RawFrame,
         range: &CountRange,
@@ -53,8 +55,8 @@ impl FrameFigures {
         }
     }
 
-    /// One line with all figures: `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean
-    /// 34.0 %; 20.1 a second of 0.0333 s`.
+    /// One line with all figures:
+    /// `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean 34.0 %; 20.1 a second of 0.0333 s`.
     pub fn line(&self, range: &CountRange) -> String {
         format!(
             "frame     {}: focus {}, best {}; saturated {}, black {}, brightest {} of {}, mean {}; {:.1} a second of {:.4} s",

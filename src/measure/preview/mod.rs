@@ -1,4 +1,5 @@
-//! The live preview of a rig: one pattern photographed again and again while a person sets up projector and camera.
+//! The live preview of a rig: one pattern photographed again and again while a person sets up projector and
+//! camera.
 //!
 //! Frames are not converted to light: their figures are those of the camera's counts.
 
@@ -26,8 +27,8 @@ pub struct CountRange {
 }
 
 impl CountRange {
-    /// The range that a calibration knows. Without one, a frame of the black projector at the shortest exposure is taken: its median
-    /// is the count without light, and only the largest count is saturated.
+    /// The range that a calibration knows. Without one, a frame of the black projector at the shortest
+    /// exposure is taken: its median is the count without light, and only the largest count is saturated.
     ///
     /// # Errors
     /// Those of [`FrameSource::capture`].
@@ -47,8 +48,8 @@ impl CountRange {
     }
 }
 
-/// The frame that shows an image as levels: 0 is level 0, and 1 the brightest level. Values outside of that are clamped, and the
-/// projector's response is not corrected.
+/// The frame that shows an image as levels: 0 is level 0, and 1 the brightest level. Values outside of that
+/// are clamped, and the projector's response is not corrected.
 ///
 /// # Errors
 /// [`Error::Dimension`](crate::Error::Dimension) when the image does not have the projector's pixels.
@@ -90,7 +91,8 @@ impl<'a> Preview<'a> {
         Self { frames, frame, exposure, range, began, taken: 0, last: None, best_focus: None }
     }
 
-    /// The exposure, in seconds, at which white fills about 70 % of the camera's range, and whether the camera has one.
+    /// The exposure, in seconds, at which white fills about 70 % of the camera's range, and whether the
+    /// camera has one.
     ///
     /// # Errors
     /// Those of [`FrameSource::capture`].

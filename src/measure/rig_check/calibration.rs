@@ -1,4 +1,5 @@
-//! The check of the calibration: whether there is one, whether it belongs to these devices, and whether its pixel map still fits.
+//! The check of the calibration: whether there is one, whether it belongs to these devices, and whether its
+//! pixel map still fits.
 
 use std::path::Path;
 use std::time::SystemTime;
@@ -51,7 +52,8 @@ fn age(folder: &Path) -> String {
     }
 }
 
-/// Photographs random squares, and measures how far the calibration's pixel map is off. Nothing is done without a calibration.
+/// Photographs random squares, and measures how far the calibration's pixel map is off. Nothing is done
+/// without a calibration.
 pub(super) fn pixel_map(
     known: Option<&Calibration>,
     frames: &mut dyn FrameSource,
@@ -90,7 +92,8 @@ pub(super) fn pixel_map(
     recorder.add(finding)
 }
 
-/// The grade of an offset with this standard error, both in projector pixels. An offset that is too uncertain to be judged is a warning.
+/// The grade of an offset with this standard error, both in projector pixels. An offset that is too uncertain
+/// to be judged is a warning.
 fn offset_grade(offset: f64, error: f64) -> Grade {
     match offset - SIGMAS * error {
         surely if surely > MAP_OFFSET_FAILURE => Grade::Fails,

@@ -31,7 +31,8 @@ pub(super) fn file(file: &RigFile) -> Finding {
     }
 }
 
-/// The first exposure that is not a whole multiple of the refresh time. Such an exposure contains more of one refresh than of another.
+/// The first exposure that is not a whole multiple of the refresh time. Such an exposure contains more of one
+/// refresh than of another.
 fn uneven(options: &MeasureOptions, frame_time: f64) -> Option<f64> {
     let is_uneven = |exposure: &f64| {
         let refreshes = exposure / frame_time;

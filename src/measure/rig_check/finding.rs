@@ -61,7 +61,8 @@ impl Finding {
     }
 }
 
-/// One line: `exposure      warning  found; expected: … → what to do`. The last two are left out of a finding that is as expected.
+/// One line: `exposure      warning  found; expected: … → what to do`. The last two are left out of a finding
+/// that is as expected.
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let grade = match self.grade {

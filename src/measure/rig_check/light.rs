@@ -35,7 +35,8 @@ pub(super) fn light(
     Ok(reached >= INVISIBLE_WHITE)
 }
 
-/// The part of the camera's range that white fills: `reached` is its 98th percentile above black, as a share of the range.
+/// The part of the camera's range that white fills: `reached` is its 98th percentile above black, as a share
+/// of the range.
 fn range(reached: f64, exposure: &Exposure) -> Finding {
     let found = format!("white reaches {:.0} % of the range in {:.4} s", 100.0 * reached, exposure.seconds);
     let expected = format!("{:.0} % to 90 %", 100.0 * DIM_WHITE);

@@ -1,8 +1,9 @@
-//! The check of a rig before a session: rig file, disk space, devices, light, frames and calibration, in under a minute.
+//! The check of a rig before a session: rig file, disk space, devices, light, frames and calibration, in
+//! under a minute.
 //!
-//! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is known. A finding says what was
-//! found, what was expected, and what to do; its [`Grade`] follows from the bounds in [`thresholds`]. `krylux rig check` prints these
-//! findings.
+//! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is
+//! known. A finding says what was found, what was expected, and what to do; its [`Grade`] follows from the
+//! bounds in [`thresholds`]. `krylux rig check` prints these findings.
 
 mod calibration;
 mod devices;
@@ -28,7 +29,8 @@ pub struct RigToCheck<'a> {
     pub file: &'a RigFile,
     /// Where the runs of the session will be written. It need not exist yet.
     pub folder: &'a Path,
-    /// Finds the program that draws on the screen of an X11 projector. It is called for a rig of real devices only.
+    /// Finds the program that draws on the screen of an X11 projector. It is called for a rig of real devices
+    /// only.
     pub helper: &'a dyn Fn() -> Result<Helper>,
     /// Opens projector and camera together. It is called after each device was opened and closed by itself.
     pub open: &'a mut dyn FnMut() -> Result<Box<dyn FrameSource>>,

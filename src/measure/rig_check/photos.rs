@@ -1,4 +1,5 @@
-//! The check by photos of black and white: their sequence, and what it shows of frames, settling, repeatability and noise.
+//! The check by photos of black and white: their sequence, and what it shows of frames, settling,
+//! repeatability and noise.
 
 use std::sync::Arc;
 
@@ -86,7 +87,8 @@ fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos> {
         capture(&black, exposure, round)?;
         whites.push([capture(&white, exposure, 2 * round)?, capture(&white, exposure, 2 * round + 1)?]);
     }
-    // After a wait that is too short some of white's light is left in the first photo of black. That is not ambient light.
+    // After a wait that is too short some of white's light is left in the first photo of black. That is not
+    // ambient light.
     capture(&black, exposure, ROUNDS)?;
     let black = capture(&black, exposure, ROUNDS + 1)?;
     let after = frames.effort();
@@ -130,8 +132,8 @@ fn sequence(effort: &Effort) -> Finding {
     )
 }
 
-/// Whether all light of white is there when it is photographed right after black. `means` are the mean counts of the two photos of white
-/// in each round.
+/// Whether all light of white is there when it is photographed right after black. `means` are the mean counts
+/// of the two photos of white in each round.
 fn settling(means: &[[f64; 2]], settle: f64) -> Finding {
     let missing: Vec<f64> = means.iter().map(|[first, again]| 1.0 - first / again).collect();
     let (average, error) = average(&missing);
