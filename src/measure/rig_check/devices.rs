@@ -1,20 +1,16 @@
-//! The file, and each device by itself.
+//! The check of the rig file, and of each device by itself.
 
 use std::time::Instant;
 
-use anyhow::Result;
-
-use super::finding::{Finding, Findings, Grade};
-use crate::measure::MeasureOptions;
-use crate::measure::{RigFile, RigKind};
+use super::thresholds::REFRESH_FRACTION;
+use super::{Finding, Grade, Recorder};
+use crate::error::Result;
+use crate::measure::{MeasureOptions, RigFile, RigKind};
 #[cfg(any(feature = "gige", feature = "usb3"))]
 use crate::rig;
 use crate::rig::{CameraSpec, Frame, HardwareRig, Helper, Projector, ProjectorInfo, X11Spec};
 
-/// How far an exposure may be from a whole number of refreshes, as a share of one.
-const WHOLE: f64 = 0.02;
-
-/// What stands in the file, and whether its exposures suit its projector.
+/// What the file describes, and whether its exposures suit its projector.
 pub(super) fn file(file: &RigFile) -> Finding {
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     let kind = match file.kind {
@@ -30,60 +26,63 @@ pub(super) fn file(file: &RigFile) -> Finding {
             Grade::Warning,
             format!("{found}; [measurement] has an exposure of {exposure} s"),
             format!("whole multiples of the projector's refresh, {:.5} s", projector.frame_time),
-            "correct exposures, or leave them out: then they are chosen so",
+            "correct the exposures, or leave them out: the program then chooses suitable ones",
         ),
     }
 }
 
-/// An exposure that is no whole multiple of the refresh: it sees more of one refresh than of another.
+/// The first exposure that is not a whole multiple of the refresh time. Such an exposure contains more of one
+/// refresh than of another.
 fn uneven(options: &MeasureOptions, frame_time: f64) -> Option<f64> {
     let is_uneven = |exposure: &f64| {
         let refreshes = exposure / frame_time;
-        (refreshes - refreshes.round().max(1.0)).abs() > WHOLE
+        (refreshes - refreshes.round().max(1.0)).abs() > REFRESH_FRACTION
     };
     options.exposures.iter().copied().find(|exposure| frame_time > 0.0 && is_uneven(exposure))
 }
 
-/// Projector and camera, each opened by itself; whether both can be used.
-pub(super) fn devices(kind: &RigKind, findings: &mut Findings) -> Result<bool> {
+/// Opens projector and camera, each by itself. Returns whether both can be used.
+pub(super) fn devices(
+    kind: &RigKind,
+    helper: &dyn Fn() -> Result<Helper>,
+    recorder: &mut Recorder<'_, '_>,
+) -> Result<bool> {
     let RigKind::Hardware(rig) = kind else {
         let (projector, camera) = (kind.projector_info(), kind.camera_info());
-        findings.add(Finding::ok("projector", format!("simulated: {} bits", projector.bits)))?;
+        recorder.add(Finding::ok("projector", format!("simulated: {} bits", projector.bits)))?;
         let [shortest, longest] = camera.exposures;
         let found = format!("simulated: {} bits, exposures {shortest} to {longest} s", camera.bits);
-        findings.add(Finding::ok("camera", found))?;
+        recorder.add(Finding::ok("camera", found))?;
         return Ok(true);
     };
-    let has_monitor = monitor(&rig.projector, findings)?;
-    let shows = has_monitor && screen(rig, findings)?;
-    // The camera is looked at whatever the projector does: two faults are told at once.
-    let sees = camera(rig, findings)?;
-    Ok(shows && sees)
+    let has_monitor = monitor(&rig.projector, recorder)?;
+    let shows = has_monitor && screen(rig, helper, recorder)?;
+    // The camera is checked whatever the projector does, so that two faults are reported at once.
+    let captures = camera(rig, recorder)?;
+    Ok(shows && captures)
 }
 
-fn monitor(spec: &X11Spec, findings: &mut Findings) -> Result<bool> {
+/// Finds the monitor that is the projector. Returns whether there is one.
+fn monitor(spec: &X11Spec, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
     let monitor = match spec.monitor() {
         Ok(monitor) => monitor,
-        Err(why) => {
-            findings.add(Finding::error("monitor", &why))?;
-            return Ok(false);
-        }
+        Err(error) => return recorder.failure("monitor", error),
     };
     let [x, y] = monitor.place;
     let refresh = monitor.frame_time.map_or_else(
-        || format!("refresh not told, {:.5} s by the file", spec.frame_time),
+        || format!("unknown refresh time, {:.5} s by the file", spec.frame_time),
         |time| format!("a refresh every {time:.5} s"),
     );
     let found = format!("\"{}\": {} pixels at ({x}, {y}), {refresh}", monitor.name, monitor.resolution);
-    findings.add(match spec.monitor_size {
+    recorder.add(match spec.monitor_size {
         Some(_) => Finding::ok("monitor", found),
         None => Finding::graded(
             "monitor",
             Grade::Warning,
             found,
-            "the projector's own pixels: another mode is scaled by it, which the server does not see",
+            "the projector's native pixels: it scales any other mode, and the X server cannot know that",
             format!(
-                "if these are its own, write monitor_size = [{}, {}] in [projector]",
+                "if these are its native pixels, write monitor_size = [{}, {}] in [projector]",
                 monitor.resolution.width, monitor.resolution.height
             ),
         ),
@@ -91,9 +90,13 @@ fn monitor(spec: &X11Spec, findings: &mut Findings) -> Result<bool> {
     Ok(true)
 }
 
-/// Every level is shown and read back.
-fn screen(rig: &HardwareRig, findings: &mut Findings) -> Result<bool> {
-    let shown = Helper::find().and_then(|helper| {
+/// Shows every level and reads it back. Returns whether the projector shows what it should.
+fn screen(
+    rig: &HardwareRig,
+    helper: &dyn Fn() -> Result<Helper>,
+    recorder: &mut Recorder<'_, '_>,
+) -> Result<bool> {
+    let shown = helper().and_then(|helper| {
         let mut projector = rig.open_projector(&helper)?;
         let began = Instant::now();
         let frames = ramp(projector.info())?;
@@ -101,24 +104,23 @@ fn screen(rig: &HardwareRig, findings: &mut Findings) -> Result<bool> {
         projector.confirm()?;
         Ok((frames.len(), began.elapsed().as_secs_f64() / frames.len() as f64))
     });
-    let (finding, shows) = match shown {
+    match shown {
         Ok((frames, seconds)) => {
             let frames = if frames == 1 { "a frame".to_owned() } else { format!("{frames} frames") };
             let found = format!("all 256 levels read back as drawn, in {frames} of {:.0} ms", 1e3 * seconds);
-            (Finding::ok("screen", found), true)
+            recorder.add(Finding::ok("screen", found))?;
+            Ok(true)
         }
-        Err(why) => (Finding::error("screen", &why), false),
-    };
-    findings.add(finding)?;
-    Ok(shows)
+        Err(error) => recorder.failure("screen", error),
+    }
 }
 
-/// As many frames as it takes for each level to be in each channel somewhere.
-fn ramp(info: &ProjectorInfo) -> crate::Result<Vec<Frame>> {
+/// The frames that together contain each level in each channel.
+fn ramp(info: &ProjectorInfo) -> Result<Vec<Frame>> {
     let (pixels, levels) = (info.resolution.pixels(), usize::from(info.highest()) + 1);
     (0..levels.div_ceil(pixels))
         .map(|frame| {
-            // Channels are apart, so that one that is shown in another's place is found.
+            // The channels differ, so that exchanged channels are found.
             let level = |sample: usize| {
                 let (pixel, channel) = (sample / info.channels, sample % info.channels);
                 ((frame * pixels + pixel + 85 * channel) % levels) as u16
@@ -128,30 +130,29 @@ fn ramp(info: &ProjectorInfo) -> crate::Result<Vec<Frame>> {
         .collect()
 }
 
-fn camera(rig: &HardwareRig, findings: &mut Findings) -> Result<bool> {
-    let spec = &rig.camera;
-    let can = can(spec);
+/// Opens the camera, and sets its longest and its shortest exposure. Returns whether it can be used.
+fn camera(rig: &HardwareRig, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
+    let abilities = abilities(&rig.camera);
     let opened = rig.open_camera().and_then(|mut camera| {
         let [shortest, longest] = camera.info().exposures;
         let set = [camera.configure(longest)?, camera.configure(shortest)?];
         Ok((camera.info().clone(), set))
     });
-    let (finding, sees) = match opened {
+    match opened {
         Ok((info, [longest, shortest])) => {
             let found = format!(
-                "{}: {} pixels, exposures {shortest} to {longest} s{can}",
+                "{}: {} pixels, exposures {shortest} to {longest} s{abilities}",
                 info.name, info.resolution
             );
-            (Finding::ok("camera", found), true)
+            recorder.add(Finding::ok("camera", found))?;
+            Ok(true)
         }
-        Err(why) => (Finding::error("camera", &why), false),
-    };
-    findings.add(finding)?;
-    Ok(sees)
+        Err(error) => recorder.failure("camera", error),
+    }
 }
 
-/// What the camera could do besides, as far as it answers.
-fn can(spec: &CameraSpec) -> String {
+/// What else the camera can do, where it answers that question.
+fn abilities(spec: &CameraSpec) -> String {
     let abilities = match spec {
         #[cfg(feature = "gige")]
         CameraSpec::Gige(spec) => rig::camera_abilities(spec.address).ok().map(|can| can.to_string()),
@@ -170,7 +171,7 @@ mod tests {
     use crate::image::Resolution;
 
     #[test]
-    fn a_ramp_has_every_level_in_every_channel() {
+    fn the_ramp_has_every_level_in_every_channel() {
         for (width, height, channels) in [(12, 12, 1), (12, 12, 3), (64, 48, 3), (1, 1, 1)] {
             let resolution = Resolution::new(width, height);
             let info = ProjectorInfo { name: String::new(), resolution, channels, bits: 8, frame_time: 0.0 };
@@ -184,12 +185,12 @@ mod tests {
     }
 
     #[test]
-    fn exposures_are_whole_refreshes_or_named() {
+    fn an_exposure_that_is_not_a_whole_number_of_refreshes_is_found() {
         let of = |exposures: &[f64]| MeasureOptions { exposures: exposures.to_vec(), ..Default::default() };
         let refresh = 1.0 / 60.0;
         assert_eq!(uneven(&of(&[refresh, 0.05]), refresh), None);
         assert_eq!(uneven(&of(&[refresh, 0.04]), refresh), Some(0.04));
-        assert_eq!(uneven(&of(&[0.004]), refresh), Some(0.004), "a part of a refresh is none");
-        assert_eq!(uneven(&of(&[0.04]), 0.0), None, "it shows steadily");
+        assert_eq!(uneven(&of(&[0.004]), refresh), Some(0.004), "a part of a refresh is not a whole number");
+        assert_eq!(uneven(&of(&[0.04]), 0.0), None, "a projector without refresh suits any exposure");
     }
 }

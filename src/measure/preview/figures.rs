@@ -1,38 +1,40 @@
-//! What one frame tells the one who sets up a camera.
+//! The figures of one frame of a preview.
 
 use serde::Serialize;
 
+use super::CountRange;
 use crate::rig::RawFrame;
 
-/// What one frame tells. Shares are of all samples; light is above black, as a share of the camera's range.
+/// The figures of one frame. Shares are of all samples; the mean is above black, as a share of the camera's
+/// range.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Figures {
-    frame: u64,
-    brightest: u16,
-    mean: f64,
-    saturated: f64,
-    black: f64,
-    focus: Option<f64>,
-    best_focus: Option<f64>,
-    per_second: f64,
-    exposure: f64,
-}
-
-/// What counts mean.
-pub(super) struct Range {
-    /// The count without light.
-    pub(super) black: f64,
-    /// Counts from here on are saturated.
-    pub(super) limit: f64,
+pub struct FrameFigures {
+    /// The number of the frame, from 1.
+    pub frame: u64,
     /// The largest count.
-    pub(super) full: f64,
+    pub brightest: u16,
+    /// The mean count above black, as a share of the range above black.
+    pub mean: f64,
+    /// The share of the samples that are saturated.
+    pub saturated: f64,
+    /// The share of the samples whose count is 0.
+    pub black: f64,
+    /// The [focus score](crate::measure::focus) of this frame and the one before; none of the first frame.
+    pub focus: Option<f64>,
+    /// The best focus score so far.
+    pub best_focus: Option<f64>,
+    /// Frames per second.
+    pub per_second: f64,
+    /// The exposure of the frame, in seconds.
+    pub exposure: f64,
 }
 
-impl Figures {
-    /// Of a frame with this number, after so many in a second; the focus score and the best so far.
+impl FrameFigures {
+    /// The figures of the frame with this number, taken at so many frames per second; the focus score and the
+    /// best so far.
     pub(super) fn of(
         raw: &RawFrame,
-        range: &Range,
+        range: &CountRange,
         (frame, per_second): (u64, f64),
         [focus, best_focus]: [Option<f64>; 2],
     ) -> Self {
@@ -53,9 +55,9 @@ impl Figures {
         }
     }
 
-    /// `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean 34.0 %; 20.1 a second
-    /// of 0.0333 s`
-    pub(super) fn line(&self, range: &Range) -> String {
+    /// One line with all figures:
+    /// `frame     12: focus 5.951e-2, best 6.012e-2; saturated 0.0 %, black 0.0 %, brightest 2900 of 4095, mean 34.0 %; 20.1 a second of 0.0333 s`.
+    pub fn line(&self, range: &CountRange) -> String {
         format!(
             "frame     {}: focus {}, best {}; saturated {}, black {}, brightest {} of {}, mean {}; {:.1} a second of {:.4} s",
             self.frame,
@@ -71,8 +73,8 @@ impl Figures {
         )
     }
 
-    /// What fits into a terminal of 80 columns.
-    pub(super) fn short(&self, range: &Range) -> String {
+    /// The figures that fit into a terminal of 80 columns.
+    pub fn short_line(&self, range: &CountRange) -> String {
         format!(
             "focus {}, best {}, saturated {}, black {}, peak {:.0} %, {:.1}/s",
             score(self.focus),
@@ -101,8 +103,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_on_a_terminal_fits_into_80_columns() {
-        let figures = Figures {
+    fn the_short_line_fits_into_80_columns() {
+        let figures = FrameFigures {
             frame: 123_456,
             brightest: 65535,
             mean: 0.999,
@@ -113,8 +115,8 @@ mod tests {
             per_second: 123.4,
             exposure: 0.0333,
         };
-        let range = Range { black: 0.0, limit: 65535.0, full: 65535.0 };
-        let short = figures.short(&range);
+        let range = CountRange { black: 0.0, limit: 65535.0, full: 65535.0 };
+        let short = figures.short_line(&range);
         assert!(short.chars().count() <= 80, "{short}");
         assert!(figures.line(&range).contains("123.4 a second of 0.0333 s"));
     }

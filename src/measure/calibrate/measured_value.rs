@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 
 /// A measured number with its standard error, in the same unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Measured {
+pub struct MeasuredValue {
     /// The number.
     pub value: f64,
     /// Its standard error, as the noise of the frames predicts it.
     pub error: f64,
 }
 
-impl Measured {
+impl MeasuredValue {
     /// `value ± error`.
     pub fn new(value: f64, error: f64) -> Self {
         Self { value, error }
@@ -25,7 +25,7 @@ impl Measured {
     }
 }
 
-impl fmt::Display for Measured {
+impl fmt::Display for MeasuredValue {
     /// As many digits as the error leaves two of: `2.2013 ± 0.0012`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let size = if self.error > 0.0 { self.error } else { self.value.abs() * 1e-4 };
@@ -36,12 +36,12 @@ impl fmt::Display for Measured {
 
 #[cfg(test)]
 mod tests {
-    use super::Measured;
+    use super::MeasuredValue;
 
     #[test]
     fn a_figure_shows_the_digits_that_its_error_leaves() {
-        assert_eq!(Measured::new(2.201_34, 0.001_21).to_string(), "2.2013 ± 0.0012");
-        assert_eq!(Measured::new(64.03, 1.5).to_string(), "64.0 ± 1.5");
-        assert_eq!(Measured::new(0.0, 0.0).to_string(), "0 ± 0");
+        assert_eq!(MeasuredValue::new(2.201_34, 0.001_21).to_string(), "2.2013 ± 0.0012");
+        assert_eq!(MeasuredValue::new(64.03, 1.5).to_string(), "64.0 ± 1.5");
+        assert_eq!(MeasuredValue::new(0.0, 0.0).to_string(), "0 ± 0");
     }
 }
