@@ -184,7 +184,7 @@ fn meshes_that_make_no_triangles_of_numbers_are_refused() {
     refuses(&[("/meshes/0/primitives/0/attributes", json!({}))], &format!("{primitive} has no POSITION"));
     refuses(
         &[("/accessors/1/count", json!(2))],
-        &format!("{primitive} has 2 corners, which is no multiple of 3"),
+        &format!("{primitive} has 2 corners, which is not a multiple of 3"),
     );
     refuses(&[("/meshes/0/primitives/0/mode", json!(12))], &format!("{primitive} has an unknown mode"));
 }
@@ -416,7 +416,7 @@ fn labels_other_than_numbers_and_names_are_refused() {
     {
         refuses(
             &[("/nodes/0/extras/region", region)],
-            &format!("node 0 \"sheet\": its extras.region is {shown}, which is no label"),
+            &format!("node 0 \"sheet\": its extras.region is {shown}, which is not a label"),
         );
     }
 }

@@ -215,15 +215,15 @@ fn broken_skins_are_refused() {
     };
     let primitive = "mesh 0 \"triangle\", primitive 0";
     refused(&[("/nodes/0/skin", json!(3))], "node 0 \"sheet\" refers to skin 3, which does not exist");
-    refused(&[("/skins/0/joints", json!([2, 9]))], "skin 0: its joint 9 is no node of the scene");
-    refused(&[("/scenes/0/nodes", json!([0, 1]))], "skin 0: its joint 2 is no node of the scene");
+    refused(&[("/skins/0/joints", json!([2, 9]))], "skin 0: its joint 9 is not a node of the scene");
+    refused(&[("/scenes/0/nodes", json!([0, 1]))], "skin 0: its joint 2 is not a node of the scene");
     refused(
         &[("/skins/0/joints", json!([2, 3, 2]))],
         "skin 0: its inverse bind matrix 2 is missing or not affine",
     );
     refused(
         &[("/skins/0", json!({ "joints": [2] }))],
-        &format!("{primitive}: vertex 2 hangs on no joint, or on one that the skin does not have"),
+        &format!("{primitive}: vertex 2 is bound to no joint, or to one that the skin does not have"),
     );
     refused(
         &[(&format!("{PRIMITIVE}/attributes"), json!({ "POSITION": 0 }))],

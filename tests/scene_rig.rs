@@ -213,7 +213,7 @@ fn extras_that_make_no_sense_are_refused() {
     set(&mut both, "/nodes/3", json!({ "camera": 0, "name": "beam", "extras": projector }));
     refused(both, "two projectors, `lamp` and `beam`");
     for (extras, expected) in [
-        (json!({ "aperture_radius": "wide" }), "camera `eye` has an aperture_radius that is no number"),
+        (json!({ "aperture_radius": "wide" }), "camera `eye` has an aperture_radius that is not a number"),
         (json!({ "aperture_radius": -1 }), "camera `eye` has an aperture_radius of -1"),
         (json!({ "aperture_radius": 1 }), "camera `eye` has an aperture_radius, but no focus_distance"),
         (json!({ "aperture_radius": 1, "focus_distance": -2 }), "camera `eye` has a focus_distance of -2"),
