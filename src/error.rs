@@ -91,7 +91,8 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
-    /// A journal of photos cannot be read or written, is in use, or lacks a required record. Its photos are not changed.
+    /// A journal of photos cannot be read or written, is in use, or lacks a required record. Its photos are
+    /// not changed.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     Journal {
         /// The file at fault.
@@ -101,8 +102,8 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
-    /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a shader invocation
-    /// without an error.
+    /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a
+    /// shader invocation without an error.
     #[error(
         "{unfinished} of {total} light paths never finished: the driver stopped them silently, and the photo would be wrong\n  help: lower --max-bounces, or use another --adapter"
     )]

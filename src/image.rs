@@ -36,8 +36,8 @@ impl std::fmt::Display for Resolution {
 /// A raster of 1 (luma) or 3 (linear RGB) channels, interleaved, row by row from the top left:
 /// sample `c` of pixel `(x, y)` is `samples[(y·w + x)·channels + c]`.
 ///
-/// In a pattern, 1 stands for an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m. In a photo, values are radiance
-/// in W/(m² sr).
+/// In a pattern, 1 stands for an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m. In a
+/// photo, values are radiance in W/(m² sr).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     resolution: Resolution,
@@ -49,7 +49,8 @@ impl Image {
     /// An image with these samples, in the order that [`Image`] describes.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or when the number of samples is not `w·h·channels`.
+    /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or when the number of samples is not
+    /// `w·h·channels`.
     pub fn new(resolution: Resolution, channels: usize, samples: Vec<f32>) -> Result<Self> {
         if channels != 1 && channels != 3 {
             return Err(Error::Dimension {

@@ -1,17 +1,19 @@
 //! Observers of long computations. They receive progress, messages and photos, and can stop the computation.
 //!
 //! Every long computation calls an [`Observer`]. The Krylov methods take it from their operator
-//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory have their own. The default everywhere is
-//! `()`, an observer that does nothing.
+//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory have their
+//! own. The default everywhere is `()`, an observer that does nothing.
 
 use std::cell::RefCell;
 use std::fmt;
 use std::ops::ControlFlow;
 
-/// An observer of long computations. The default of every method does nothing and lets the computation continue.
+/// An observer of long computations. The default of every method does nothing and lets the computation
+/// continue.
 pub trait Observer {
-    /// Called after each step. [`ControlFlow::Break`] stops the computation. An iterative method then returns its best result so far;
-    /// any other computation ends with [`Error::Interrupted`](crate::Error::Interrupted).
+    /// Called after each step. [`ControlFlow::Break`] stops the computation. An iterative method then returns
+    /// its best result so far; any other computation ends with
+    /// [`Error::Interrupted`](crate::Error::Interrupted).
     fn step(&self, _step: &Step<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -20,7 +22,8 @@ pub trait Observer {
     fn log(&self, _level: Level, _message: &str) {}
 
     /// Called after each photo. [`ControlFlow::Break`] ends the computation with
-    /// [`Error::Interrupted`](crate::Error::Interrupted). The photo is not lost: it is in the journal, if there is one.
+    /// [`Error::Interrupted`](crate::Error::Interrupted). The photo is not lost: it is in the journal, if
+    /// there is one.
     fn photo(&self, _photo: &PhotoTaken<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -60,12 +63,12 @@ pub enum Estimate<'a> {
         residual: f64,
         /// The smallest relative residual so far.
         best: f64,
-        /// Computes the best iterate so far. It takes no product with `A`. With GMRES it forms a linear combination of all basis
-        /// vectors.
+        /// Computes the best iterate so far. It takes no product with `A`. With GMRES it forms a linear
+        /// combination of all basis vectors.
         iterate: &'a dyn Fn() -> Vec<f64>,
     },
-    /// The error of a low-rank model: the norm of the part of the last photo that the model of the earlier photos did not predict,
-    /// relative to the strongest photo.
+    /// The error of a low-rank model: the norm of the part of the last photo that the model of the earlier
+    /// photos did not predict, relative to the strongest photo.
     Unpredicted(f64),
 }
 
@@ -115,8 +118,8 @@ pub struct PhotoTaken<'a> {
     pub pattern: &'a [f64],
     /// The photo, one value for each pixel.
     pub photo: &'a [f64],
-    /// Whether this is a dual photo (a product with the transpose): the pattern has the camera's pixels, and the photo the
-    /// projector's.
+    /// Whether this is a dual photo (a product with the transpose): the pattern has the camera's pixels, and
+    /// the photo the projector's.
     pub is_dual: bool,
 }
 
@@ -134,7 +137,8 @@ impl<F: FnMut(&Step<'_>) -> ControlFlow<()>> Observer for OnStep<F> {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         match self.0.try_borrow_mut() {
             Ok(mut closure) => closure(step),
-            // The closure is running: it performs a computation with this observer. Such nested steps are not reported.
+            // The closure is running: it performs a computation with this observer. Such nested steps are not
+            // reported.
             Err(_) => ControlFlow::Continue(()),
         }
     }

@@ -1,9 +1,10 @@
 //! The files of a cached matrix, one for each channel.
 //!
-//! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's. They hold the last layer: the
-//! light of two bounces and more, or of three and more if the second bounce is a layer of its own. The members of other layers have
-//! the layer's name as a prefix. `direct` is the diagonal, `ambient` the photo without the projector, `white_error` the noise of the
-//! white photo, and `noise` the relative errors. `krylux.json` is the record of everything else.
+//! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's. They
+//! hold the last layer: the light of two bounces and more, or of three and more if the second bounce is a
+//! layer of its own. The members of other layers have the layer's name as a prefix. `direct` is the diagonal,
+//! `ambient` the photo without the projector, `white_error` the noise of the white photo, and `noise` the
+//! relative errors. `krylux.json` is the record of everything else.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -137,7 +138,8 @@ pub(super) fn label(path: &Path) -> Option<String> {
 
 type Archive = ZipArchive<BufReader<File>>;
 
-/// Reads a matrix from the open files of its channels, with their paths for messages. `Err` says what is wrong with them.
+/// Reads a matrix from the open files of its channels, with their paths for messages. `Err` says what is
+/// wrong with them.
 pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> std::result::Result<Assembled, String> {
     let count = files.len();
     let channels = files.into_iter().enumerate().map(|(channel, (path, file))| {

@@ -7,17 +7,19 @@ use crate::render::TraceSettings;
 use crate::scene::Scene;
 use crate::transport::Channels;
 
-/// The version of everything that a matrix depends on but the key does not hash. It must be raised when the same paths give another
-/// matrix, when the file format changes, or when the host prepares a scene differently for the tracer (the pairing of triangles
-/// affects the last bits). Changes of the shaders need no new version, since their sources are hashed.
+/// The version of everything that a matrix depends on but the key does not hash. It must be raised when the
+/// same paths give another matrix, when the file format changes, or when the host prepares a scene
+/// differently for the tracer (the pairing of triangles affects the last bits). Changes of the shaders need
+/// no new version, since their sources are hashed.
 const OPERATOR_VERSION: u32 = 1;
 
 /// The number of hexadecimal digits of a key, which has 128 bits.
 pub(super) const HEX_DIGITS: usize = 32;
 
-/// The key of a traced matrix: a BLAKE3 hash of everything that the matrix depends on. That is the scene's files, camera, projector
-/// and materials, the resolutions, samples, bounces, seed, sampler, channels and layers, the sources of the shaders, and the adapter
-/// with its driver, since the results of sines and powers depend on the device.
+/// The key of a traced matrix: a BLAKE3 hash of everything that the matrix depends on. That is the scene's
+/// files, camera, projector and materials, the resolutions, samples, bounces, seed, sampler, channels and
+/// layers, the sources of the shaders, and the adapter with its driver, since the results of sines and powers
+/// depend on the device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
     hex: String,
@@ -29,8 +31,8 @@ impl Key {
     /// The key of the matrix that results from tracing `scene` on `adapter`. `split` is as in
     /// [`crate::transport::assemble_layers`]. Geometry and textures enter by [`Scene::hash`].
     ///
-    /// The `Debug` texts of the camera, the materials, the settings and the channels are hashed, so renaming a field of these types
-    /// changes every key.
+    /// The `Debug` texts of the camera, the materials, the settings and the channels are hashed, so renaming
+    /// a field of these types changes every key.
     pub fn new(
         scene: &Scene,
         adapter: &AdapterSummary,

@@ -1,8 +1,9 @@
 //! The cache: traced matrices on disk, so that later runs on the same scene do not trace it again.
 //!
-//! A matrix is found by its [`Key`], a hash of everything that it depends on. It has one file for each channel: a ZIP archive that
-//! `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are written atomically, so several runs can share a
-//! cache. A damaged file is recognized by its checksum; its matrix is then traced again.
+//! A matrix is found by its [`Key`], a hash of everything that it depends on. It has one file for each
+//! channel: a ZIP archive that `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are
+//! written atomically, so several runs can share a cache. A damaged file is recognized by its checksum; its
+//! matrix is then traced again.
 
 mod file;
 mod key;
@@ -54,7 +55,8 @@ pub struct Entry {
     files: Vec<PathBuf>,
 }
 
-/// The default folder, `$XDG_CACHE_HOME/krylux` or `~/.cache/krylux`. `None` if neither `XDG_CACHE_HOME` nor `HOME` is set.
+/// The default folder, `$XDG_CACHE_HOME/krylux` or `~/.cache/krylux`. `None` if neither `XDG_CACHE_HOME` nor
+/// `HOME` is set.
 pub fn default_folder() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
@@ -84,7 +86,8 @@ impl Cache {
         };
         match file::read(key, opened) {
             Ok(found) => {
-                // An error is ignored: the cache also works if it is read-only, but then times of use are not recorded.
+                // An error is ignored: the cache also works if it is read-only, but then times of use are not
+                // recorded.
                 let touch = |path: &PathBuf| {
                     fs::File::options().append(true).open(path)?.set_modified(SystemTime::now())
                 };
@@ -95,8 +98,9 @@ impl Cache {
         }
     }
 
-    /// Stores a matrix, and removes the least recently used ones until the cache fits its limit. Returns `false` if the matrix alone is
-    /// larger than the limit; it is not stored then. Another run that shares the cache may remove the matrix at any time.
+    /// Stores a matrix, and removes the least recently used ones until the cache fits its limit. Returns
+    /// `false` if the matrix alone is larger than the limit; it is not stored then. Another run that shares
+    /// the cache may remove the matrix at any time.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -115,7 +119,8 @@ impl Cache {
             }
             remove(&entry.files)?;
             held -= entry.bytes;
-            // The new matrix is sorted last. With the headers of its archive it is larger than the limit even alone.
+            // The new matrix is sorted last. With the headers of its archive it is larger than the limit even
+            // alone.
             if entry.key == key.hex() {
                 return Ok(false);
             }
@@ -148,8 +153,8 @@ impl Cache {
         Ok(entries.into_values().collect())
     }
 
-    /// Removes all matrices, and returns their number and their size in bytes. Temporary files that a killed run left an hour ago or
-    /// earlier are removed, too. Other files in the folder stay.
+    /// Removes all matrices, and returns their number and their size in bytes. Temporary files that a killed
+    /// run left an hour ago or earlier are removed, too. Other files in the folder stay.
     ///
     /// # Errors
     /// [`Error::Read`], [`Error::Write`].

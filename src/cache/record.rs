@@ -59,7 +59,8 @@ impl Record {
     }
 }
 
-/// The name of a layer's array in the archive. The arrays of the last layer have SciPy's names, those of other layers a prefix.
+/// The name of a layer's array in the archive. The arrays of the last layer have SciPy's names, those of
+/// other layers a prefix.
 pub(super) fn member(bounces: Bounces, last: bool, array: &str) -> String {
     let layer = match bounces {
         _ if last => return array.into(),

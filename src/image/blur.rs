@@ -1,7 +1,8 @@
-//! Gaussian blur `K` of patterns and photos. If it is applied to both, a symmetric operator stays symmetric: `K A K`.
+//! Gaussian blur `K` of patterns and photos. If it is applied to both, a symmetric operator stays symmetric:
+//! `K A K`.
 //!
-//! Beyond its edges the image is continued by reflection at the border between pixels (`… c b a | a b c …`). Then `K = Kᵀ`, and
-//! `K 1 = 1`, so that a constant pattern stays constant.
+//! Beyond its edges the image is continued by reflection at the border between pixels (`… c b a | a b c …`).
+//! Then `K = Kᵀ`, and `K 1 = 1`, so that a constant pattern stays constant.
 
 use super::Resolution;
 
@@ -39,12 +40,14 @@ impl Blur {
         self.convolve(&self.kernel, x)
     }
 
-    /// The variances of the entries of `K x`, if the entries of `x` are independent and have these variances; both have `n` values.
+    /// The variances of the entries of `K x`, if the entries of `x` are independent and have these variances;
+    /// both have `n` values.
     pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         // Near an edge a pixel enters more than once, so its weights are summed before they are squared.
-        let [across, down] = [width, height]
-            .map(|length| (0..length).map(|at| self.squared_weights(at, length)).collect::<Vec<Vec<(usize, f64)>>>());
+        let [across, down] = [width, height].map(|length| {
+            (0..length).map(|at| self.squared_weights(at, length)).collect::<Vec<Vec<(usize, f64)>>>()
+        });
         let sum = |row: &[(usize, f64)], of: &dyn Fn(usize) -> f64| {
             row.iter().map(|&(at, w)| w * of(at)).sum::<f64>()
         };
@@ -68,7 +71,8 @@ impl Blur {
         weights.into_iter().map(|(at, weight)| (at, weight * weight)).collect()
     }
 
-    /// Convolves the rows and then the columns. Each weight of the kernel adds a shifted copy of a whole row, which is fast.
+    /// Convolves the rows and then the columns. Each weight of the kernel adds a shifted copy of a whole row,
+    /// which is fast.
     fn convolve(&self, kernel: &[f64], x: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         let reach = kernel.len() - 1;
@@ -105,7 +109,8 @@ fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
     sum.iter_mut().zip(of).for_each(|(sum, value)| *sum += weight * value);
 }
 
-/// The index of the pixel at position `at` when a row of `length` pixels is continued by repeated reflection at its ends.
+/// The index of the pixel at position `at` when a row of `length` pixels is continued by repeated reflection
+/// at its ends.
 fn mirrored(at: isize, length: usize) -> usize {
     let within = at.rem_euclid(2 * length as isize) as usize;
     if within < length { within } else { 2 * length - 1 - within }

@@ -1,4 +1,5 @@
-//! OpenEXR files: one part, 32-bit floats with ZIP compression. Channel names have the layer as a prefix (`photo.R`, `photo.Y`).
+//! OpenEXR files: one part, 32-bit floats with ZIP compression. Channel names have the layer as a prefix
+//! (`photo.R`, `photo.Y`).
 //!
 //! Half floats are never written: their 11 significant bits would add noise to Krylov vectors.
 
@@ -15,22 +16,25 @@ use super::atomic;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// The largest number of samples of all channels of a file: 8192² pixels in four channels. A file that claims more is refused.
+/// The largest number of samples of all channels of a file: 8192² pixels in four channels. A file that claims
+/// more is refused.
 const MAX_SAMPLES: usize = 1 << 28;
 
-/// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as `NAME.Y`. With an empty name
-/// the channels are called `R`, `G`, `B` or `Y`, which every viewer shows by default.
+/// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as
+/// `NAME.Y`. With an empty name the channels are called `R`, `G`, `B` or `Y`, which every viewer shows by
+/// default.
 ///
 /// # Errors
-/// [`Error::Dimension`] when there is no layer or no pixel, when the sizes differ, or when a name is used twice or is not ASCII;
-/// [`Error::Write`].
+/// [`Error::Dimension`] when there is no layer or no pixel, when the sizes differ, or when a name is used
+/// twice or is not ASCII; [`Error::Write`].
 pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<()> {
     let bytes = encode(layers)?;
     let written = bytes.map_err(|error| Error::writing(path)(std::io::Error::other(error)))?;
     atomic::write_bytes(path, &written)
 }
 
-/// The bytes of a file with these layers. The outer error is about the layers, the inner one about the encoder.
+/// The bytes of a file with these layers. The outer error is about the layers, the inner one about the
+/// encoder.
 fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::exr::error::Error>> {
     let mismatch = |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
     let Some(resolution) = layers.first().map(|(_, image)| image.resolution()).filter(|r| r.pixels() > 0)
@@ -68,14 +72,15 @@ fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::ex
     Ok(picture.write().to_buffered(&mut file).map(|()| file.into_inner()))
 }
 
-/// Reads one layer: RGB if it has the channels `R`, `G` and `B`, otherwise luma from `Y`. Half floats and integers are converted to
-/// `f32`.
+/// Reads one layer: RGB if it has the channels `R`, `G` and `B`, otherwise luma from `Y`. Half floats and
+/// integers are converted to `f32`.
 ///
-/// `layer` is the prefix of the channel names, or the name of a part. Without it, the channels without a prefix are read, or those
-/// of the only layer in the file.
+/// `layer` is the prefix of the channel names, or the name of a part. Without it, the channels without a
+/// prefix are read, or those of the only layer in the file.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed or has no such layer. The message lists the layers.
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed or has no such layer. The message lists the
+/// layers.
 pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let unusable = |fault: String| Error::Data {
@@ -102,8 +107,8 @@ pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
 
 /// All layers of a file that form an image, with their names.
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
-    // Some decoders of the crate `exr` assert properties of the data, for example that of PIZ compression. A panic is safe to catch
-    // here, because the closure owns everything that it modifies.
+    // Some decoders of the crate `exr` assert properties of the data, for example that of PIZ compression. A
+    // panic is safe to catch here, because the closure owns everything that it modifies.
     catch_unwind(AssertUnwindSafe(|| decode_unguarded(bytes)))
         .unwrap_or_else(|_| Err("it is malformed".into()))
 }
@@ -152,7 +157,8 @@ fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, S
     Ok(found)
 }
 
-/// The image of the channels `prefix.R`, `prefix.G`, `prefix.B`, or of `prefix.Y`; `None` if the file has neither.
+/// The image of the channels `prefix.R`, `prefix.G`, `prefix.B`, or of `prefix.Y`; `None` if the file has
+/// neither.
 fn assemble(channels: &[(String, &FlatSamples)], prefix: &str, resolution: Resolution) -> Option<Image> {
     let plane = |suffix: &str| {
         let full = if prefix.is_empty() { suffix.to_string() } else { format!("{prefix}.{suffix}") };

@@ -1,4 +1,5 @@
-//! The manifest `run.json`: the record of how a run's results were computed. It is written when the run starts and again when it ends.
+//! The manifest `run.json`: the record of how a run's results were computed. It is written when the run
+//! starts and again when it ends.
 
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -12,7 +13,8 @@ use crate::error::{Error, Result};
 /// The version of the manifest's format.
 pub const FORMAT: u32 = 1;
 
-/// Everything that a run depended on, and its outcome. Fields that do not apply are absent; a rig, for example, has no samples.
+/// Everything that a run depended on, and its outcome. Fields that do not apply are absent; a rig, for
+/// example, has no samples.
 ///
 /// `R` is the record of a run on a rig: [`RigRecord`](crate::measure::RigRecord).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,7 +62,8 @@ pub struct Manifest<R> {
     /// The cost of a run on a rig, and how its photos were taken.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub rig: Option<R>,
-    /// The photo budget of the method. A replay of the run with another analysis may use this number of photos.
+    /// The photo budget of the method. A replay of the run with another analysis may use this number of
+    /// photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub photos_allowed: Option<usize>,
     /// The number of photos taken.

@@ -9,8 +9,8 @@
 //! | `run.json`, the record of a run | [`manifest`] |
 //! | `model/`, a captured low-rank model | [`model`] |
 //!
-//! [`picture`] reads and writes images in the format that the file's extension selects. All files are written by [`atomic`]: a file
-//! appears completely or not at all. The same content gives the same bytes.
+//! [`picture`] reads and writes images in the format that the file's extension selects. All files are written
+//! by [`atomic`]: a file appears completely or not at all. The same content gives the same bytes.
 
 pub mod atomic;
 pub mod clock;

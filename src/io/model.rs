@@ -1,4 +1,5 @@
-//! Low-rank models of light transport on disk: the folder `model/` in the folder of the run that captured the model.
+//! Low-rank models of light transport on disk: the folder `model/` in the folder of the run that captured the
+//! model.
 //!
 //! | file | content |
 //! |---|---|
@@ -9,7 +10,8 @@
 //! | `ambient.npy` | the photo without the projector |
 //!
 //! NumPy and SciPy read all of these files. With `d` the direct light,
-//! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term belongs to symmetric models only.
+//! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term belongs to symmetric models
+//! only.
 //!
 //! This module reads and writes the arrays; [`crate::analysis::low_rank`] defines their meaning.
 
@@ -99,14 +101,15 @@ pub fn is_in(run: &Path) -> bool {
     record_path(run).is_file()
 }
 
-/// The path of the model's record, `model/model.json`, in the run's folder `run`. Runs that use the model depend on this file.
+/// The path of the model's record, `model/model.json`, in the run's folder `run`. Runs that use the model
+/// depend on this file.
 pub fn record_path(run: &Path) -> PathBuf {
     run.join(FOLDER).join(RECORD)
 }
 
 impl ModelArrays {
-    /// Writes the model into the run's folder `run`. Returns the names of its files relative to that folder. The record is written last,
-    /// so that a model with a record is complete.
+    /// Writes the model into the run's folder `run`. Returns the names of its files relative to that folder.
+    /// The record is written last, so that a model with a record is complete.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -160,8 +163,8 @@ impl ModelArrays {
     /// Reads the model in the run's folder `run`.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] naming the file when it is malformed, when its size differs from the record's, or when it has
-    /// a value that is not finite.
+    /// [`Error::Read`]; [`Error::Data`] naming the file when it is malformed, when its size differs from the
+    /// record's, or when it has a value that is not finite.
     pub fn read(run: &Path) -> Result<Self> {
         let folder = run.join(FOLDER);
         let path = folder.join(RECORD);

@@ -21,7 +21,8 @@ pub struct Array {
     pub values: Vec<f64>,
 }
 
-/// Writes an array of `shape` (for example `[k, h, w]`) whose values are in C order. The type in the file is that of the values.
+/// Writes an array of `shape` (for example `[k, h, w]`) whose values are in C order. The type in the file is
+/// that of the values.
 ///
 /// # Errors
 /// [`Error::Dimension`] when the number of values is not the product of `shape`; [`Error::Write`].
@@ -62,12 +63,13 @@ pub(super) fn write_array<T: npyz::AutoSerialize>(
     array.finish()
 }
 
-/// Reads an array of a real type (`f2 f4 f8`, `i1`–`i8`, `u1`–`u8`, `bool`), in either byte order, in C or Fortran order. The values
-/// of `bool` become 0 and 1. NaN and infinities are accepted; see [`picture::require_finite`](super::picture::require_finite).
+/// Reads an array of a real type (`f2 f4 f8`, `i1`–`i8`, `u1`–`u8`, `bool`), in either byte order, in C or
+/// Fortran order. The values of `bool` become 0 and 1. NaN and infinities are accepted; see
+/// [`picture::require_finite`](super::picture::require_finite).
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is not in `.npy` format, is cut off, has additional bytes at its end, or contains
-/// anything but a plain array of real numbers.
+/// [`Error::Read`]; [`Error::Data`] when the file is not in `.npy` format, is cut off, has additional bytes
+/// at its end, or contains anything but a plain array of real numbers.
 pub fn read_npy(path: &Path) -> Result<Array> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     parse(&bytes).map_err(|fault| unusable(path, fault))
@@ -76,7 +78,8 @@ pub fn read_npy(path: &Path) -> Result<Array> {
 /// Reads an image, `H×W` (luma) or `H×W×3` (RGB), as [`read_npy`] does. The values are rounded to `f32`.
 ///
 /// # Errors
-/// As [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that is too large for `f32`.
+/// As [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that is too
+/// large for `f32`.
 pub fn read_image(path: &Path) -> Result<Image> {
     let Array { shape, values } = read_npy(path)?;
     let (height, width, channels) = match *shape.as_slice() {
@@ -111,8 +114,8 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     let size = number.num_bytes().unwrap_or(1);
     let data = file.into_inner();
     let count: usize = shape.iter().product();
-    // The product of the lengths does not overflow: `require_plain_header` has bounded it. The comparison keeps it from exceeding
-    // the file's size.
+    // The product of the lengths does not overflow: `require_plain_header` has bounded it. The comparison
+    // keeps it from exceeding the file's size.
     if count.checked_mul(size) != Some(data.len()) {
         return Err(format!(
             "a {} array of {number} takes {} bytes, but the file holds {}",
@@ -129,8 +132,9 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     Ok(Array { shape, values })
 }
 
-/// Checks the header before the crate `npyz` parses it. For a hostile header, `npyz` would recurse as deep as brackets nest, allocate
-/// as much memory as the header claims, and multiply lengths without checking for overflow.
+/// Checks the header before the crate `npyz` parses it. For a hostile header, `npyz` would recurse as deep as
+/// brackets nest, allocate as much memory as the header claims, and multiply lengths without checking for
+/// overflow.
 fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     if bytes.len() < 12 || !bytes.starts_with(b"\x93NUMPY") {
         return Err("it does not start as an .npy file does".into());
@@ -201,7 +205,8 @@ fn half(bits: u16) -> f64 {
     ::exr::prelude::f16::from_bits(bits).to_f64()
 }
 
-/// Reorders values from Fortran order (the first index runs fastest) to C order (the last index runs fastest).
+/// Reorders values from Fortran order (the first index runs fastest) to C order (the last index runs
+/// fastest).
 fn from_fortran_order(shape: &[usize], stored: &[f64]) -> Vec<f64> {
     let strides: Vec<usize> = shape
         .iter()

@@ -1,4 +1,5 @@
-//! Reading and writing of images in the format that the file's extension selects, as for `--pattern`, `--target` and `-o`.
+//! Reading and writing of images in the format that the file's extension selects, as for `--pattern`,
+//! `--target` and `-o`.
 
 use std::path::Path;
 
@@ -14,11 +15,12 @@ enum Kind {
     Jpeg,
 }
 
-/// Reads a pattern or a target. The values of `.npy` and `.exr` files are linear; those of `.png` and `.jpg` files are decoded from
-/// sRGB to linear values in \[0,1\]. All values of the result are finite.
+/// Reads a pattern or a target. The values of `.npy` and `.exr` files are linear; those of `.png` and `.jpg`
+/// files are decoded from sRGB to linear values in \[0,1\]. All values of the result are finite.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the extension is unknown, the file is malformed, or a value is NaN or infinite.
+/// [`Error::Read`]; [`Error::Data`] when the extension is unknown, the file is malformed, or a value is NaN
+/// or infinite.
 pub fn read(path: &Path) -> Result<Image> {
     let image = match kind(path) {
         Some(Kind::Npy) => npy::read_image(path)?,
@@ -30,8 +32,8 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing ([`tone::exposure`],
-/// [`tone::develop`]).
+/// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing
+/// ([`tone::exposure`], [`tone::develop`]).
 ///
 /// # Errors
 /// [`Error::Data`] when the file has another extension; [`Error::Write`].
@@ -55,7 +57,8 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
-/// Checks that an image has no NaN or infinite values. One such value in a pattern would make every later photo NaN.
+/// Checks that an image has no NaN or infinite values. One such value in a pattern would make every later
+/// photo NaN.
 ///
 /// # Errors
 /// [`Error::Data`] naming the file and the first pixel at fault.

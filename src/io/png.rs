@@ -10,11 +10,12 @@ use super::srgb;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The pattern has one channel if
-/// the file is gray, and three otherwise.
+/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The
+/// pattern has one channel if the file is gray, and three otherwise.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a transparent pixel.
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a
+/// transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let unusable =
@@ -39,7 +40,8 @@ pub fn read_png(path: &Path) -> Result<Image> {
 fn decode(bytes: Vec<u8>) -> ::image::ImageResult<DynamicImage> {
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?;
     let mut decoder = reader.into_decoder()?;
-    // The limit allows a 16-bit RGB picture of 8192² pixels. It keeps a hostile header from allocating more memory.
+    // The limit allows a 16-bit RGB picture of 8192² pixels. It keeps a hostile header from allocating more
+    // memory.
     let mut limits = ::image::Limits::default();
     limits.max_alloc = Some(512 << 20);
     decoder.set_limits(limits)?;

@@ -19,7 +19,8 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// Collects `w·h` pixels, row by row from the top left. Missing pixels are black; additional ones are ignored.
+    /// Collects `w·h` pixels, row by row from the top left. Missing pixels are black; additional ones are
+    /// ignored.
     pub fn from_pixels(resolution: Resolution, pixels: impl IntoIterator<Item = [u8; 3]>) -> Self {
         let mut bytes: Vec<u8> = pixels.into_iter().take(resolution.pixels()).flatten().collect();
         bytes.resize(3 * resolution.pixels(), 0);
@@ -50,7 +51,8 @@ impl Raster {
         }
     }
 
-    /// Copies `other` into this picture, with its top left corner at column `x`, row `y`. Parts beyond the edges are clipped.
+    /// Copies `other` into this picture, with its top left corner at column `x`, row `y`. Parts beyond the
+    /// edges are clipped.
     pub fn paste(&mut self, other: &Self, x: usize, y: usize) {
         let columns = other.resolution.width.min(self.resolution.width.saturating_sub(x));
         if columns == 0 {
@@ -62,7 +64,8 @@ impl Raster {
         }
     }
 
-    /// The picture with each pixel enlarged to a block of `factor × factor`, for viewers that would blur a small picture.
+    /// The picture with each pixel enlarged to a block of `factor × factor`, for viewers that would blur a
+    /// small picture.
     pub fn enlarged(&self, factor: usize) -> Self {
         let factor = factor.max(1);
         let resolution = Resolution::new(self.resolution.width * factor, self.resolution.height * factor);

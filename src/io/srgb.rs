@@ -2,11 +2,12 @@
 
 use std::sync::LazyLock;
 
-/// The number of intervals of the table of first guesses. The encoded value changes by less than one byte per interval, even where
-/// the curve is steepest.
+/// The number of intervals of the table of first guesses. The encoded value changes by less than one byte per
+/// interval, even where the curve is steepest.
 const GUESSES: usize = 4096;
 
-/// Tables of the encoded bytes. A report shows millions of pixels, and a power function for each channel would be slow.
+/// Tables of the encoded bytes. A report shows millions of pixels, and a power function for each channel
+/// would be slow.
 struct Bytes {
     /// For each byte the least linear value that is encoded as the next byte.
     next: [f32; 256],

@@ -1,16 +1,18 @@
-//! Tone mapping of linear radiance to a picture for viewing: one exposure for the whole photo, and the sRGB curve.
+//! Tone mapping of linear radiance to a picture for viewing: one exposure for the whole photo, and the sRGB
+//! curve.
 
 use super::raster::{NOT_A_NUMBER, Raster};
 pub use super::srgb::{decode_srgb, encode_srgb};
 use crate::image::Image;
 
-/// The share of samples that is not saturated. The brightest half per cent may saturate, so that a highlight does not darken the rest.
+/// The share of samples that is not saturated. The brightest half per cent may saturate, so that a highlight
+/// does not darken the rest.
 const WHITE_PERCENTILE: f64 = 0.995;
 
 /// The factor that maps the 99.5th percentile of the positive, finite samples to white.
 ///
-/// Dark samples are not counted, so that the photo of a single projected pixel has a useful exposure, too. The factor is 1 for an
-/// image without a positive, finite sample.
+/// Dark samples are not counted, so that the photo of a single projected pixel has a useful exposure, too.
+/// The factor is 1 for an image without a positive, finite sample.
 pub fn exposure(image: &Image) -> f32 {
     let lit: Vec<f64> =
         image.samples().iter().filter(|&&v| v > 0.0 && v.is_finite()).map(|&v| f64::from(v)).collect();
@@ -31,7 +33,8 @@ pub fn develop(image: &Image, scale: f32) -> Raster {
     Raster::from_pixels(image.resolution(), rgb)
 }
 
-/// The quantile `rank` (in \[0,1\]) of `values` by the nearest-rank method; `None` if there are no values. No value may be NaN.
+/// The quantile `rank` (in \[0,1\]) of `values` by the nearest-rank method; `None` if there are no values. No
+/// value may be NaN.
 pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
     let index = ((values.len() as f64 * rank).ceil() as usize).saturating_sub(1);
     if index >= values.len() {

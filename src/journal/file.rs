@@ -77,8 +77,8 @@ impl Journal {
         Key::of(&all)
     }
 
-    /// All records with a valid head, in the order in which they were written. They include records whose payload was found to be
-    /// damaged, for which [`Journal::holds`] is false.
+    /// All records with a valid head, in the order in which they were written. They include records whose
+    /// payload was found to be damaged, for which [`Journal::holds`] is false.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
@@ -93,13 +93,14 @@ impl Journal {
         self.index.contains_key(&key)
     }
 
-    /// The damages known so far. Damaged heads are known from the start, damaged payloads once they have been read.
+    /// The damages known so far. Damaged heads are known from the start, damaged payloads once they have been
+    /// read.
     pub fn damages(&self) -> &[Damage] {
         &self.damages
     }
 
-    /// The incomplete record at the end of the file that was cut off when the journal was opened, if there was one. A journal that
-    /// is open for reading only ignores it instead.
+    /// The incomplete record at the end of the file that was cut off when the journal was opened, if there
+    /// was one. A journal that is open for reading only ignores it instead.
     pub fn torn(&self) -> Option<&Torn> {
         self.torn.as_ref()
     }
@@ -109,8 +110,8 @@ impl Journal {
         self.lock.is_some()
     }
 
-    /// Reads the record with this key. The result is `None` if there is no such record or if it is damaged. In the second case
-    /// [`Journal::damages`] has one more entry.
+    /// Reads the record with this key. The result is `None` if there is no such record or if it is damaged.
+    /// In the second case [`Journal::damages`] has one more entry.
     ///
     /// # Errors
     /// [`Error::Read`] when the file cannot be read at all.
@@ -152,8 +153,8 @@ impl Journal {
         Ok(())
     }
 
-    /// Stores a pattern, unless it is stored already, and returns its key. The pattern is on disk when the photo that is appended next
-    /// is.
+    /// Stores a pattern, unless it is stored already, and returns its key. The pattern is on disk when the
+    /// photo that is appended next is.
     ///
     /// # Errors
     /// As [`Journal::append`].
@@ -168,17 +169,17 @@ impl Journal {
     /// Appends a record. It returns when this record and all earlier ones are on disk.
     ///
     /// # Errors
-    /// [`Error::Journal`] naming the file when it cannot be written, is open for reading only, or holds a record with this key already.
-    /// No earlier record is lost: a partly written record is cut off again.
+    /// [`Error::Journal`] naming the file when it cannot be written, is open for reading only, or holds a
+    /// record with this key already. No earlier record is lost: a partly written record is cut off again.
     pub fn append(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
         self.sync()
     }
 
-    /// Appends a record that could be computed again. It returns when the operating system has the record, so that the record survives
-    /// any end of this process. The record is on disk, and survives a crash of the system too, after the journal is closed or after
-    /// the first append a quarter of a second or more after the last sync. The reason is speed: a sync takes longer than a product
-    /// with the matrix.
+    /// Appends a record that could be computed again. It returns when the operating system has the record, so
+    /// that the record survives any end of this process. The record is on disk, and survives a crash of the
+    /// system too, after the journal is closed or after the first append a quarter of a second or more after
+    /// the last sync. The reason is speed: a sync takes longer than a product with the matrix.
     ///
     /// # Errors
     /// As [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
@@ -205,7 +206,8 @@ impl Journal {
             self.synced = Synced::now(self.entries.len());
             return Ok(());
         };
-        // It is unknown which of these records are on disk. All of them are removed, and this process writes nothing more.
+        // It is unknown which of these records are on disk. All of them are removed, and this process writes
+        // nothing more.
         self.broken = true;
         for entry in self.entries.split_off(self.synced.entries).iter().rev() {
             self.index.remove(&entry.key);
@@ -289,8 +291,8 @@ impl Journal {
 impl Drop for Journal {
     fn drop(&mut self) {
         if self.synced.entries < self.entries.len() {
-            // There is no caller to report an error to. A record that did not reach the disk fails its checksum later, and the photo is
-            // taken again.
+            // There is no caller to report an error to. A record that did not reach the disk fails its
+            // checksum later, and the photo is taken again.
             let _ = self.sync();
         }
     }

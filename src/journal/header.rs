@@ -1,5 +1,5 @@
-//! The header of a journal file: its format version and its identity. It is written twice, so that one damage cannot destroy both
-//! copies.
+//! The header of a journal file: its format version and its identity. It is written twice, so that one damage
+//! cannot destroy both copies.
 
 use super::Identity;
 
@@ -9,7 +9,8 @@ const MAGIC: [u8; 8] = *b"\x89klxjrn\n";
 const VERSION: u32 = 1;
 /// Number of bytes before the identity.
 const FIXED_BYTES: usize = 48;
-/// The largest length of the identity. It bounds the search for the second copy when the length in the first one is damaged.
+/// The largest length of the identity. It bounds the search for the second copy when the length in the first
+/// one is damaged.
 const MAX_IDENTITY_BYTES: usize = 1 << 16;
 
 /// The content of a file's header.
@@ -56,7 +57,8 @@ pub(super) fn read(bytes: &[u8]) -> Header {
         match copy_at(&bytes[at..]) {
             Some((VERSION, encoded)) => {
                 let length = FIXED_BYTES + encoded.len();
-                // A copy that does not begin the file must be the second one, which begins where the first one ends.
+                // A copy that does not begin the file must be the second one, which begins where the first
+                // one ends.
                 if at != 0 && at != length {
                     continue;
                 }

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// An ordered list of named values on which all photos of a journal depend, such as the hashes of the rig file and of the
-/// calibration, or the hash of a scene and the settings of the tracer. Two photos have the same source if all values are equal.
+/// An ordered list of named values on which all photos of a journal depend, such as the hashes of the rig
+/// file and of the calibration, or the hash of a scene and the settings of the tracer. Two photos have the
+/// same source if all values are equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Identity(Vec<(String, String)>);

@@ -7,7 +7,8 @@ use std::fmt;
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// The key of these parts. Each is hashed with its length, so that lists with the same concatenation have different keys.
+    /// The key of these parts. Each is hashed with its length, so that lists with the same concatenation have
+    /// different keys.
     pub fn of(parts: &[&[u8]]) -> Self {
         let mut hasher = blake3::Hasher::new();
         for part in parts {

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use crate::error::{Error, Result};
 
-/// Takes the journal's lock for this process. The lock is released when the returned file is closed, however the process ends.
+/// Takes the journal's lock for this process. The lock is released when the returned file is closed, however
+/// the process ends.
 ///
 /// # Errors
 /// [`Error::Journal`] naming the file and the process that holds the lock.
@@ -40,8 +41,8 @@ pub(super) fn take(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// Tries for half a second to take the lock. A lock may outlive its holder for a moment: until the system has cleaned up after a killed
-/// process, or until a forked child process has started its own program.
+/// Tries for half a second to take the lock. A lock may outlive its holder for a moment: until the system has
+/// cleaned up after a killed process, or until a forked child process has started its own program.
 fn lock_with_retries(file: &File) -> std::result::Result<(), TryLockError> {
     for _ in 0..50 {
         match file.try_lock() {

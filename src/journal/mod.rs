@@ -1,14 +1,15 @@
 //! Journals: append-only files of photos.
 //!
-//! Photos are expensive, so a run appends each photo to its journal before it uses it. A run that was killed at any moment can be
-//! resumed from its journal without taking a photo twice. A finished run can be replayed from its journal, with the same or another
-//! analysis, without the rig. A journal stores keys and bytes; their meaning is defined by the writers
-//! ([`crate::measure::Journaled`] for a rig, [`crate::transport::JournaledOperator`] for a scene).
+//! Photos are expensive, so a run appends each photo to its journal before it uses it. A run that was killed
+//! at any moment can be resumed from its journal without taking a photo twice. A finished run can be replayed
+//! from its journal, with the same or another analysis, without the rig. A journal stores keys and bytes;
+//! their meaning is defined by the writers ([`crate::measure::Journaled`] for a rig,
+//! [`crate::transport::JournaledOperator`] for a scene).
 //!
 //! # File format
 //!
-//! A journal is a folder with the file `photos.journal` and a lock file. The writer holds the lock. The journal file consists of two
-//! copies of the header and of the records:
+//! A journal is a folder with the file `photos.journal` and a lock file. The writer holds the lock. The
+//! journal file consists of two copies of the header and of the records:
 //!
 //! ```text
 //! header   magic 8 · version u32 · length u32 · BLAKE3 of these and the identity 32 · identity, JSON
@@ -16,10 +17,11 @@
 //!          · BLAKE3 of the identity, of all before, and of the metadata 32 · metadata, JSON · payload
 //! ```
 //!
-//! The numbers are lengths in bytes. Integers are little-endian. The [`Identity`] names everything that all photos depend on, and a
-//! journal with another identity is refused. The part of a record before its metadata is the head. Its checksum tells whether the
-//! lengths in it are valid. If they are not, reading continues at the next marker with a valid head. Heads are checked when a journal
-//! is opened, and payloads when they are read. Opening therefore does not read the photos.
+//! The numbers are lengths in bytes. Integers are little-endian. The [`Identity`] names everything that all
+//! photos depend on, and a journal with another identity is refused. The part of a record before its metadata
+//! is the head. Its checksum tells whether the lengths in it are valid. If they are not, reading continues at
+//! the next marker with a valid head. Heads are checked when a journal is opened, and payloads when they are
+//! read. Opening therefore does not read the photos.
 //!
 //! # Faults
 //!

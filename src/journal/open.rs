@@ -24,8 +24,8 @@ impl Journal {
     /// Creates a journal in this folder. The folder is created if it does not exist.
     ///
     /// # Errors
-    /// [`Error::Journal`] when the folder has a journal already, when another process writes it, or when the file cannot be written;
-    /// [`Error::Write`] when the folder cannot be created.
+    /// [`Error::Journal`] when the folder has a journal already, when another process writes it, or when the
+    /// file cannot be written; [`Error::Write`] when the folder cannot be created.
     pub fn create(folder: &Path, identity: &Identity) -> Result<Self> {
         let (path, lock) = lock_folder(folder)?;
         if path.exists() {
@@ -38,12 +38,13 @@ impl Journal {
         create_file(path, lock, identity)
     }
 
-    /// Opens the journal in this folder for appending, or creates it if there is none. An incomplete record at its end is cut off (see
-    /// [`Journal::torn`]).
+    /// Opens the journal in this folder for appending, or creates it if there is none. An incomplete record
+    /// at its end is cut off (see [`Journal::torn`]).
     ///
     /// # Errors
-    /// [`Error::Journal`] when the journal has another identity (the message names the parts that differ), when both copies of its
-    /// header are damaged, when another process writes it, or when it cannot be written; [`Error::Read`], [`Error::Write`].
+    /// [`Error::Journal`] when the journal has another identity (the message names the parts that differ),
+    /// when both copies of its header are damaged, when another process writes it, or when it cannot be
+    /// written; [`Error::Read`], [`Error::Write`].
     pub fn resume(folder: &Path, identity: &Identity) -> Result<Self> {
         let (path, lock) = lock_folder(folder)?;
         if !path.exists() {
@@ -61,8 +62,8 @@ impl Journal {
         journal.truncate_torn_end()
     }
 
-    /// Opens the journal in this folder for reading only. It changes nothing and takes no lock. Another process may write the journal at
-    /// the same time; records that are appended later are not seen.
+    /// Opens the journal in this folder for reading only. It changes nothing and takes no lock. Another
+    /// process may write the journal at the same time; records that are appended later are not seen.
     ///
     /// # Errors
     /// [`Error::Journal`] when both copies of its header are damaged; [`Error::Read`].
@@ -72,7 +73,8 @@ impl Journal {
         open(path, file, None)
     }
 
-    /// Deletes the journal in this folder. Returns the number of its photos, which is 0 if there is no journal or if it is unreadable.
+    /// Deletes the journal in this folder. Returns the number of its photos, which is 0 if there is no
+    /// journal or if it is unreadable.
     ///
     /// # Errors
     /// [`Error::Journal`] when another process writes it; [`Error::Write`].
@@ -150,7 +152,8 @@ fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal
     })
 }
 
-/// Opens a journal file: reads its header and the heads of its records. With a lock, a damaged copy of the header is repaired.
+/// Opens a journal file: reads its header and the heads of its records. With a lock, a damaged copy of the
+/// header is repaired.
 fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let length = file.metadata().map_err(Error::reading(&path))?.len();
     let mut start = Vec::new();

@@ -2,7 +2,8 @@
 
 use super::Key;
 
-/// The first bytes of a record. Like PNG's signature, they reveal a transfer that changes line ends or the eighth bit.
+/// The first bytes of a record. Like PNG's signature, they reveal a transfer that changes line ends or the
+/// eighth bit.
 pub(super) const MARKER: [u8; 8] = *b"\x89klxrec\n";
 
 /// The length of a head: the number of bytes before the metadata.

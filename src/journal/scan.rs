@@ -66,8 +66,8 @@ pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u6
             }
             other => other,
         };
-        // If bytes were lost inside the record before this offset, the next record begins inside what seems to be its payload. The
-        // search therefore starts there.
+        // If bytes were lost inside the record before this offset, the next record begins inside what seems
+        // to be its payload. The search therefore starts there.
         let before = found.entries.last().filter(|entry| entry.end() == at);
         let from = before.map_or(at + 1, Entry::payload_at);
         match find_record(file, identity_hash, from, at, length)? {
@@ -139,7 +139,13 @@ fn read_head(file: &File, identity_hash: &[u8; 32], at: u64, length: u64) -> io:
 }
 
 /// The offset of the first record with a valid head at `from` or later, other than at `except`.
-fn find_record(file: &File, identity_hash: &[u8; 32], from: u64, except: u64, length: u64) -> io::Result<Option<u64>> {
+fn find_record(
+    file: &File,
+    identity_hash: &[u8; 32],
+    from: u64,
+    except: u64,
+    length: u64,
+) -> io::Result<Option<u64>> {
     const CHUNK: usize = 1 << 16;
     let mut chunk = vec![0; CHUNK];
     let mut at = from;
@@ -150,7 +156,9 @@ fn find_record(file: &File, identity_hash: &[u8; 32], from: u64, except: u64, le
             chunk[..size].windows(MARKER.len()).enumerate().filter(|(_, bytes)| *bytes == MARKER)
         {
             let place = at + index as u64;
-            if place != except && matches!(read_head(file, identity_hash, place, length)?, Candidate::Record(_)) {
+            if place != except
+                && matches!(read_head(file, identity_hash, place, length)?, Candidate::Record(_))
+            {
                 return Ok(Some(place));
             }
         }

@@ -3,9 +3,9 @@
 use glam::Vec3;
 use obvhs::{BvhBuildParams, aabb::Aabb, cwbvh::CwBvh, cwbvh::builder::build_cwbvh};
 
-/// The largest number of boxes for which the slow, thorough builder is used. At this number it takes about 50 ms and saves up to a seventh
-/// of the work for each ray. With 100,000 boxes it costs 0.13 s more than the medium builder, with a million 2.7 s, and no gain was
-/// measured on tessellated, bumpy boxes of that size.
+/// The largest number of boxes for which the slow, thorough builder is used. At this number it takes about 50
+/// ms and saves up to a seventh of the work for each ray. With 100,000 boxes it costs 0.13 s more than the
+/// medium builder, with a million 2.7 s, and no gain was measured on tessellated, bumpy boxes of that size.
 const MAX_THOROUGH: usize = 1 << 15;
 
 /// Number of levels that the shaders' traversal stack holds.
@@ -21,8 +21,8 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Builds the tree over boxes given by their minimum and maximum corners. Returns `None` if the tree is deeper than the shaders'
-    /// traversal stack, which takes thousands of boxes at one point.
+    /// Builds the tree over boxes given by their minimum and maximum corners. Returns `None` if the tree is
+    /// deeper than the shaders' traversal stack, which takes thousands of boxes at one point.
     pub fn build(boxes: impl Iterator<Item = [Vec3; 2]>) -> Option<Self> {
         let boxes: Vec<_> = boxes.map(|[low, high]| Aabb::new(low.into(), high.into())).collect();
         let params = match boxes.len() {

@@ -4,11 +4,11 @@ use glam::Vec3;
 
 use crate::image::Resolution;
 
-/// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of view. The
-/// horizontal one follows from the resolution, since pixels are square.
+/// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of
+/// view. The horizontal one follows from the resolution, since pixels are square.
 ///
-/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top, looks
-/// along `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
+/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top,
+/// looks along `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// The name of the camera's node in the file.
@@ -46,8 +46,8 @@ impl Lens {
     pub(super) const HELP: &str =
         "an open aperture needs its radius and the distance of the plane in focus, in metres";
 
-    /// The lens with the aperture radius and focus distance that a file states. Without a radius it is a pinhole. `Err` is the
-    /// predicate of a sentence whose subject is the camera.
+    /// The lens with the aperture radius and focus distance that a file states. Without a radius it is a
+    /// pinhole. `Err` is the predicate of a sentence whose subject is the camera.
     pub(super) fn checked(radius: Option<f64>, focus: Option<f64>) -> Result<Self, String> {
         let radius = radius.unwrap_or(0.0);
         if !(radius.is_finite() && radius >= 0.0) {
@@ -55,7 +55,8 @@ impl Lens {
         }
         match focus {
             _ if radius as f32 == 0.0 => Ok(Self::PINHOLE),
-            // The check is in single precision: a tiny or huge distance would round to zero or infinity there.
+            // The check is in single precision: a tiny or huge distance would round to zero or infinity
+            // there.
             Some(focus) if (focus as f32).is_finite() && focus as f32 > 0.0 => {
                 Ok(Self { radius: radius as f32, focus: focus as f32 })
             }
@@ -71,7 +72,8 @@ impl Default for Lens {
     }
 }
 
-/// The tangent of half a field of view (in radians). `None` if the field is too narrow or too wide for single precision.
+/// The tangent of half a field of view (in radians). `None` if the field is too narrow or too wide for single
+/// precision.
 pub(super) fn tan_half(field: f64) -> Option<f32> {
     let tangent = (field / 2.0).tan();
     (field > 0.0 && field < std::f64::consts::PI && (1e-6..1e6).contains(&tangent)).then_some(tangent as f32)
@@ -89,7 +91,8 @@ impl Camera {
             && self.lens == other.lens
     }
 
-    /// The direction of the ray through the raster point `(u, v)`. It is not normalized: its component along `forward` is 1.
+    /// The direction of the ray through the raster point `(u, v)`. It is not normalized: its component along
+    /// `forward` is 1.
     pub fn ray_direction(&self, u: f32, v: f32, resolution: Resolution) -> Vec3 {
         let [horizontal, vertical] = self.half_extents(resolution);
         let x = (2.0 * u / resolution.width as f32 - 1.0) * horizontal;
@@ -97,9 +100,9 @@ impl Camera {
         self.forward + x * self.right + y * self.up
     }
 
-    /// The raster point `(u, v)` at which the camera sees `point`: the inverse of [`Camera::ray_direction`]. `None` when the
-    /// point does not lie in front of the camera. A result outside `[0, w]` × `[0, h]` lies in front of the camera but out of
-    /// view.
+    /// The raster point `(u, v)` at which the camera sees `point`: the inverse of [`Camera::ray_direction`].
+    /// `None` when the point does not lie in front of the camera. A result outside `[0, w]` × `[0, h]` lies
+    /// in front of the camera but out of view.
     pub fn project(&self, point: Vec3, resolution: Resolution) -> Option<(f32, f32)> {
         let offset = point - self.position;
         let depth = offset.dot(self.forward);

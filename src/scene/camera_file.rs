@@ -41,7 +41,8 @@ pub(super) struct CameraPair {
 }
 
 impl CameraPair {
-    /// The pair of `camera` and `projector`. A projector that coincides with the camera is dropped: the rig is coaxial.
+    /// The pair of `camera` and `projector`. A projector that coincides with the camera is dropped: the rig
+    /// is coaxial.
     pub(super) fn new(
         camera: Camera,
         projector: Option<Camera>,
@@ -111,8 +112,8 @@ fn read(path: &Path) -> Result<CameraFile> {
         return Err(fault(path, "not a file", "give a camera file in TOML"));
     }
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
-    let text =
-        std::str::from_utf8(&bytes).map_err(|_| fault(path, "not UTF-8 text", "give a camera file in TOML"))?;
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|_| fault(path, "not UTF-8 text", "give a camera file in TOML"))?;
     let tables: Tables = toml::from_str(text).map_err(|error| {
         fault(
             path,

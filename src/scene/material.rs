@@ -1,12 +1,12 @@
-//! Surface materials: glTF metallic–roughness with `KHR_materials_specular`, `ior`, `transmission`, `volume` and
-//! `diffuse_transmission`.
+//! Surface materials: glTF metallic–roughness with `KHR_materials_specular`, `ior`, `transmission`, `volume`
+//! and `diffuse_transmission`.
 
 use glam::Vec3;
 
 use super::texture::TextureRef;
 
-/// A reciprocal surface material. Colours are linear, with sRGB primaries. A texture multiplies its factor by the channels that
-/// glTF assigns to it.
+/// A reciprocal surface material. Colours are linear, with sRGB primaries. A texture multiplies its factor by
+/// the channels that glTF assigns to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// The name in the file, or `material N`.
@@ -29,7 +29,8 @@ pub struct Material {
     pub normal_texture: Option<TextureRef>,
     /// Factor of the first two components of that normal.
     pub normal_scale: f32,
-    /// `specularFactor`: strength of the dielectric's specular lobe. With 0 the dielectric is a pure Lambertian.
+    /// `specularFactor`: strength of the dielectric's specular lobe. With 0 the dielectric is a pure
+    /// Lambertian.
     pub specular: f32,
     /// Alpha for [`Material::specular`].
     pub specular_texture: Option<TextureRef>,
@@ -47,7 +48,8 @@ pub struct Material {
     pub transmission: f32,
     /// Red for [`Material::transmission`].
     pub transmission_texture: Option<TextureRef>,
-    /// Share of the diffuse light that leaves on the other side of the surface, as with paper that is lit from behind.
+    /// Share of the diffuse light that leaves on the other side of the surface, as with paper that is lit
+    /// from behind.
     pub diffuse_transmission: f32,
     /// Alpha for [`Material::diffuse_transmission`].
     pub diffuse_transmission_texture: Option<TextureRef>,
@@ -55,10 +57,12 @@ pub struct Material {
     pub diffuse_transmission_color: Vec3,
     /// RGB (sRGB) for [`Material::diffuse_transmission_color`].
     pub diffuse_transmission_color_texture: Option<TextureRef>,
-    /// The medium behind the front of a closed surface. `None` means that the surface is a thin wall with air on both sides.
+    /// The medium behind the front of a closed surface. `None` means that the surface is a thin wall with air
+    /// on both sides.
     pub volume: Option<Volume>,
-    /// Whether the back reflects (and emits) like the front. The back of a one-sided surface is black: a surface that transmits
-    /// light from one side only would not be reciprocal. A surface that transmits light is always treated as two-sided.
+    /// Whether the back reflects (and emits) like the front. The back of a one-sided surface is black: a
+    /// surface that transmits light from one side only would not be reciprocal. A surface that transmits
+    /// light is always treated as two-sided.
     pub double_sided: bool,
 }
 
@@ -102,13 +106,14 @@ impl Material {
             || matches!(self.alpha_mode, AlphaMode::Blend)
     }
 
-    /// Whether light may pass without changing direction: through the holes of a partly covering surface, or through a smooth thin
-    /// wall.
+    /// Whether light may pass without changing direction: through the holes of a partly covering surface, or
+    /// through a smooth thin wall.
     pub fn lets_light_straight_through(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque || (self.transmission > 0.0 && self.volume.is_none())
     }
 
-    /// Whether the microfacet width `roughness²` may be below `alpha` somewhere. With a roughness texture this is always assumed.
+    /// Whether the microfacet width `roughness²` may be below `alpha` somewhere. With a roughness texture
+    /// this is always assumed.
     pub fn may_be_smoother_than(&self, alpha: f32) -> bool {
         self.metallic_roughness_texture.is_some() || self.roughness * self.roughness < alpha
     }
@@ -132,8 +137,8 @@ impl Material {
 }
 
 impl Default for Material {
-    /// A white, two-sided Lambertian: a start for scenes made in code. It differs from glTF's default material, which has
-    /// `metallic` 1.
+    /// A white, two-sided Lambertian: a start for scenes made in code. It differs from glTF's default
+    /// material, which has `metallic` 1.
     fn default() -> Self {
         Self {
             name: String::new(),

@@ -1,4 +1,5 @@
-//! Scenes: triangles in world space, their materials and textures, and the rig's camera and projector. Lengths are in metres.
+//! Scenes: triangles in world space, their materials and textures, and the rig's camera and projector.
+//! Lengths are in metres.
 
 pub mod builtin;
 pub mod bvh;
@@ -27,7 +28,8 @@ use crate::image::Resolution;
 /// Options for loading a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions<'a> {
-    /// The name of the camera node at which the rig stands. It may be left out when the scene has only one camera.
+    /// The name of the camera node at which the rig stands. It may be left out when the scene has only one
+    /// camera.
     pub camera: Option<&'a str>,
     /// The path of a camera file, whose poses replace those of the scene (see [`load_with`]).
     pub rig: Option<&'a Path>,
@@ -43,15 +45,15 @@ pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
 
 /// Loads a scene. The file's extension selects the format: `.glb`, `.gltf` or `.obj`.
 ///
-/// A camera file may replace the scene's own camera and projector. It is the one that the options name. If they name neither a
-/// camera file nor a camera, it is `NAME.rig.toml` next to the scene `NAME.EXT`, if that file exists. A camera file has a
-/// `[camera]` table, a `[projector]` table or both, each with `position`, `look_at` or `forward`, `up`,
-/// `vertical_fov_degrees`, `aperture_radius` and `focus_distance`. Lengths are in metres. The projector may also have
-/// `resolution = [width, height]`.
+/// A camera file may replace the scene's own camera and projector. It is the one that the options name. If
+/// they name neither a camera file nor a camera, it is `NAME.rig.toml` next to the scene `NAME.EXT`, if that
+/// file exists. A camera file has a `[camera]` table, a `[projector]` table or both, each with `position`,
+/// `look_at` or `forward`, `up`, `vertical_fov_degrees`, `aperture_radius` and `focus_distance`. Lengths are
+/// in metres. The projector may also have `resolution = [width, height]`.
 ///
 /// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both name the file; the
-/// second also says what to do.
+/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both name
+/// the file; the second also says what to do.
 pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {
@@ -78,14 +80,15 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// The rig's camera. In a coaxial rig it is the geometry of the projector, too.
     pub camera: Camera,
-    /// A projector with another pose or lens than the camera's. `None` means a coaxial rig, whose transport matrix is symmetric.
+    /// A projector with another pose or lens than the camera's. `None` means a coaxial rig, whose transport
+    /// matrix is symmetric.
     pub projector: Option<Camera>,
     /// The projector's resolution, if the scene or its camera file states one.
     pub projector_resolution: Option<Resolution>,
     /// Names of the regions, indexed by [`Triangle::region`].
     pub regions: Vec<String>,
-    /// Whether the regions are ground-truth labels by the scene's author (`extras.region` in the file). If not, there is one
-    /// region for each mesh node.
+    /// Whether the regions are ground-truth labels by the scene's author (`extras.region` in the file). If
+    /// not, there is one region for each mesh node.
     pub regions_are_labels: bool,
     /// BLAKE3 hash of the scene file, of all files that it refers to, and of the camera file.
     pub hash: [u8; 32],

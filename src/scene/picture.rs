@@ -7,8 +7,8 @@ use image::{ImageFormat, ImageReader, Limits};
 /// The largest width and height of a picture in pixels.
 const MAX_SIDE: u32 = 16384;
 
-/// The largest number of texels of all pictures together. A limit is needed because a few kilobytes of PNG can encode any number
-/// of pixels.
+/// The largest number of texels of all pictures together. A limit is needed because a few kilobytes of PNG
+/// can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
 
 /// A decoded picture.

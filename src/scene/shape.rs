@@ -5,14 +5,16 @@ use glam::{DVec3, Vec3};
 use super::{Camera, Scene};
 use crate::image::Resolution;
 
-/// The direct image of the scene under an all-ones pattern, if all its surfaces were white Lambertian and the projector were at the
-/// camera's pinhole: one radiance for each pixel, row by row.
+/// The direct image of the scene under an all-ones pattern, if all its surfaces were white Lambertian and the
+/// projector were at the camera's pinhole: one radiance for each pixel, row by row.
 ///
-/// The value at a pixel's centre is `|n·d| / (π t²)`, where `t` is the depth of the nearest surface along the camera's axis, `n` the unit
-/// normal of that surface, and `d` the ray direction with component 1 along the axis. The scale of `d` accounts for the projector's
-/// falloff towards the image's edges. The value is 0 where the camera sees no surface.
+/// The value at a pixel's centre is `|n·d| / (π t²)`, where `t` is the depth of the nearest surface along the
+/// camera's axis, `n` the unit normal of that surface, and `d` the ray direction with component 1 along the
+/// axis. The scale of `d` accounts for the projector's falloff towards the image's edges. The value is 0
+/// where the camera sees no surface.
 ///
-/// Triangles are rasterized into a depth buffer, so that no tracer is needed. Mirrors, glass and masked surfaces count as opaque.
+/// Triangles are rasterized into a depth buffer, so that no tracer is needed. Mirrors, glass and masked
+/// surfaces count as opaque.
 pub fn predicted_direct(scene: &Scene, resolution: Resolution) -> Vec<f64> {
     let mut depth = vec![f64::INFINITY; resolution.pixels()];
     let mut direct = vec![0.0; resolution.pixels()];
@@ -38,7 +40,8 @@ pub fn predicted_direct(scene: &Scene, resolution: Resolution) -> Vec<f64> {
     direct
 }
 
-/// The ranges of columns and rows that a triangle may cover. They are the whole raster if a corner lies behind the camera.
+/// The ranges of columns and rows that a triangle may cover. They are the whole raster if a corner lies
+/// behind the camera.
 fn bounds(
     camera: &Camera,
     corners: [Vec3; 3],
@@ -55,8 +58,8 @@ fn bounds(
     (span([a.0, b.0, c.0], resolution.width), span([a.1, b.1, c.1], resolution.height))
 }
 
-/// The parameter `t > 0` at which the ray `t · ray` from the origin meets the triangle `corner`, `corner + a`, `corner + b`
-/// (Möller and Trumbore, doi:10.1080/10867651.1997.10487468).
+/// The parameter `t > 0` at which the ray `t · ray` from the origin meets the triangle `corner`,
+/// `corner + a`, `corner + b` (Möller and Trumbore, doi:10.1080/10867651.1997.10487468).
 fn hit(ray: DVec3, corner: DVec3, a: DVec3, b: DVec3) -> Option<f64> {
     let p = ray.cross(b);
     let determinant = a.dot(p);

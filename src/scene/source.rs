@@ -1,4 +1,5 @@
-//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, and the content hash.
+//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, and the content
+//! hash.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -10,8 +11,8 @@ pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<Strin
     Error::Scene { path: path.to_path_buf(), fault: fault.into(), help: help.into() }
 }
 
-/// Reads a file that the scene file `scene` refers to. `path` is already resolved; `what` names the object that refers to it
-/// (`buffer 0`).
+/// Reads a file that the scene file `scene` refers to. `path` is already resolved; `what` names the object
+/// that refers to it (`buffer 0`).
 pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
     // An untrusted scene may name a device or a pipe, and reading that might never end.
     let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
@@ -61,8 +62,8 @@ impl Warnings {
     }
 }
 
-/// A BLAKE3 hash of a sequence of byte strings. Each string is preceded by its length, so that sequences with the same
-/// concatenation but other boundaries have different hashes.
+/// A BLAKE3 hash of a sequence of byte strings. Each string is preceded by its length, so that sequences with
+/// the same concatenation but other boundaries have different hashes.
 #[derive(Default)]
 pub(super) struct ContentHash(blake3::Hasher);
 

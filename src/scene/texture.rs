@@ -22,8 +22,8 @@ pub struct Texture {
     pub width: u32,
     /// Number of rows.
     pub height: u32,
-    /// RGBA texels, 8 bits per channel. The material's field decides whether RGB is sRGB-encoded (colours) or linear (everything
-    /// else).
+    /// RGBA texels, 8 bits per channel. The material's field decides whether RGB is sRGB-encoded (colours) or
+    /// linear (everything else).
     pub texels: Vec<[u8; 4]>,
     /// Wrapping of `u` and `v`.
     pub wrap: [Wrap; 2],

@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3};
 pub struct Triangle {
     /// Corners in metres.
     pub positions: [Vec3; 3],
-    /// Unit shading normals at the corners; zero if the file gives none. They only affect the BSDF: every cosine is that of the
-    /// flat triangle.
+    /// Unit shading normals at the corners; zero if the file gives none. They only affect the BSDF: every
+    /// cosine is that of the flat triangle.
     pub normals: [Vec3; 3],
     /// Two sets of texture coordinates at each corner, as in the file; zero if the file gives none.
     pub texcoords: [[Vec2; 2]; 3],
@@ -20,14 +20,16 @@ pub struct Triangle {
     pub region: u32,
 }
 
-/// The largest number of triangles in a scene. A limit is needed because a small file can ask for any number of triangles by placing
-/// one mesh many times.
+/// The largest number of triangles in a scene. A limit is needed because a small file can ask for any number
+/// of triangles by placing one mesh many times.
 pub(super) const MAX_TRIANGLES: usize = 1 << 24;
 
-/// The largest absolute value of a coordinate, in metres. Beyond it the square of an area overflows single precision.
+/// The largest absolute value of a coordinate, in metres. Beyond it the square of an area overflows single
+/// precision.
 pub(super) const MAX_COORDINATE: f32 = 1e9;
 
-/// The least ratio of a triangle's height to its longest edge. Below it the triangle's area is lost in the rounding of single precision.
+/// The least ratio of a triangle's height to its longest edge. Below it the triangle's area is lost in the
+/// rounding of single precision.
 const MIN_HEIGHT_TO_EDGE: f64 = 1e-7;
 
 impl Triangle {
@@ -46,7 +48,8 @@ impl Triangle {
         }
     }
 
-    /// Quantizes a linear colour with its opacity to 16 bits a channel. Values outside `[0, 1]` are clamped, and NaN becomes 0.
+    /// Quantizes a linear colour with its opacity to 16 bits a channel. Values outside `[0, 1]` are clamped,
+    /// and NaN becomes 0.
     pub fn quantized(color: [f32; 4]) -> [u16; 4] {
         color.map(|channel| (channel.clamp(0.0, 1.0) * 65535.0).round() as u16)
     }
@@ -60,7 +63,8 @@ impl Triangle {
         self
     }
 
-    /// The triangle with its shading normals on the side of its front. Some exporters flip the one without the other.
+    /// The triangle with its shading normals on the side of its front. Some exporters flip the one without
+    /// the other.
     pub(super) fn with_normals_in_front(mut self) -> Self {
         let [a, b, c] = self.positions;
         let sum: Vec3 = self.normals.iter().sum();

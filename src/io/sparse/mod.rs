@@ -13,7 +13,8 @@ use super::{atomic, npy};
 use crate::error::{Error, Result};
 use crate::sparse::Csr;
 
-/// Writes a matrix in the format that the extension selects: `.npz` ([`write_npz`]) or `.mtx` ([`write_mtx`]).
+/// Writes a matrix in the format that the extension selects: `.npz` ([`write_npz`]) or `.mtx`
+/// ([`write_mtx`]).
 ///
 /// # Errors
 /// [`Error::Data`] for another extension; [`Error::Write`].
@@ -32,8 +33,8 @@ pub fn check_writable(path: &Path) -> Result<()> {
     kind(path).and_then(|_| atomic::check_writable(path))
 }
 
-/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or `.npy` with a dense `m×n`
-/// array.
+/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or
+/// `.npy` with a dense `m×n` array.
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Data`] for another extension or a malformed file.

@@ -8,8 +8,8 @@ use super::unusable;
 use crate::error::{Error, Result};
 use crate::sparse::Csr;
 
-/// Writes Matrix Market's coordinate format, with indices from 1 on. A matrix that is symmetric to the last bit is written as
-/// `symmetric` (its lower triangle), any other one as `general`.
+/// Writes Matrix Market's coordinate format, with indices from 1 on. A matrix that is symmetric to the last
+/// bit is written as `symmetric` (its lower triangle), any other one as `general`.
 ///
 /// Values are written with enough digits that a reader gets the same numbers.
 ///

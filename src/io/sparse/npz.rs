@@ -13,11 +13,11 @@ use super::unusable;
 use crate::error::{Error, Result};
 use crate::sparse::Csr;
 
-/// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if that represents every value exactly, and
-/// `float64` otherwise.
+/// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if that
+/// represents every value exactly, and `float64` otherwise.
 ///
-/// Index arrays are `int32` if that can represent all indices, and `int64` otherwise, as in SciPy. The members of the archive are not
-/// compressed and have a fixed date, so that equal matrices give equal bytes.
+/// Index arrays are `int32` if that can represent all indices, and `int64` otherwise, as in SciPy. The
+/// members of the archive are not compressed and have a fixed date, so that equal matrices give equal bytes.
 ///
 /// # Errors
 /// [`Error::Write`].
@@ -93,7 +93,8 @@ const MAX_MEMBER_BYTES: u64 = 1 << 36;
 /// Reads a file that `scipy.sparse.save_npz` wrote for a CSR matrix of real numbers, compressed or not.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is not such an archive, or when its arrays do not form a CSR matrix.
+/// [`Error::Read`]; [`Error::Data`] when the file is not such an archive, or when its arrays do not form a
+/// CSR matrix.
 pub fn read_npz(path: &Path) -> Result<Csr> {
     let file = File::open(path).map_err(Error::reading(path))?;
     let fault = |what: String| unusable(path, what);

@@ -7,9 +7,9 @@ use super::model::{Model, Part, camera_along_z, matte};
 /// tan 20°
 const TAN_HALF_FOV: f32 = 0.363_970_22;
 
-/// A box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Floor, ceiling and back wall are
-/// white, the left wall is red, the right one green. A short and a tall white block stand in the box. The five parts are named
-/// regions, not labels, since all of them exchange light.
+/// A box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Floor, ceiling
+/// and back wall are white, the left wall is red, the right one green. A short and a tall white block stand
+/// in the box. The five parts are named regions, not labels, since all of them exchange light.
 pub fn cornell() -> Model {
     let low = -0.5;
     let high = 0.5;
@@ -41,7 +41,8 @@ pub fn cornell() -> Model {
     }
 }
 
-/// A block with a base of 0.3 m × 0.3 m around the floor point `foot`, rotated by `turn` radians about the vertical.
+/// A block with a base of 0.3 m × 0.3 m around the floor point `foot`, rotated by `turn` radians about the
+/// vertical.
 fn block(name: &str, foot: DVec3, height: f64, turn: f64) -> Part {
     let (sine, cosine) = turn.sin_cos();
     // Corners are named by their place before the rotation: left or right, bottom or top, back or front.

@@ -27,22 +27,23 @@ const STANDING: DVec3 = dvec3(0.070, 0.080, 0.070);
 const EGG_SEGMENTS: usize = 16;
 const EGG_RINGS: usize = 12;
 
-/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, whose rims are at height 0. The camera looks down on it from a height of 1 m, and
-/// the carton fills the view. A cup is 0.20 m × 0.15 m wide and 0.09 m deep. All rims are equally high and no cup rises above
-/// them, so light bounces within a cup but never from one cup to another. Each cup is a region, numbered in rows of three from
-/// the top left of the photo.
+/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, whose rims are at height 0. The camera looks down on it from a
+/// height of 1 m, and the carton fills the view. A cup is 0.20 m × 0.15 m wide and 0.09 m deep. All rims are
+/// equally high and no cup rises above them, so light bounces within a cup but never from one cup to another.
+/// Each cup is a region, numbered in rows of three from the top left of the photo.
 pub fn carton() -> Model {
     model("carton", 4, LYING, |_| false)
 }
 
-/// The same carton with an egg in every second cup, in a chessboard pattern. An egg belongs to the region of its cup and stays
-/// below the rims.
+/// The same carton with an egg in every second cup, in a chessboard pattern. An egg belongs to the region of
+/// its cup and stays below the rims.
 pub fn carton_eggs() -> Model {
     model("carton-eggs", 4, LYING, |cup| (cup % COLUMNS + cup / COLUMNS).is_multiple_of(2))
 }
 
-/// A carton as in figure 8 of the paper: 3 × 3 cups of 0.20 m × 0.20 m, seen from the camera of [`carton`]. With `eggs`, an egg
-/// stands in every cup. It hides most of the cup from the camera and rises above the rims, so that light passes from egg to egg.
+/// A carton as in figure 8 of the paper: 3 × 3 cups of 0.20 m × 0.20 m, seen from the camera of [`carton`].
+/// With `eggs`, an egg stands in every cup. It hides most of the cup from the camera and rises above the
+/// rims, so that light passes from egg to egg.
 pub fn nine_cells(eggs: bool) -> Model {
     let name = if eggs { "nine-cells-eggs" } else { "nine-cells" };
     model(name, 3, STANDING, |_| eggs)
@@ -136,8 +137,8 @@ impl Cup {
     }
 }
 
-/// The depth of a cup in metres at `across` and `along`, both in [−1, 1]. It is smooth, constant on the floor and exactly 0 on the
-/// rim. Its contours are rounded rectangles.
+/// The depth of a cup in metres at `across` and `along`, both in [−1, 1]. It is smooth, constant on the floor
+/// and exactly 0 on the rim. Its contours are rounded rectangles.
 fn depth(across: f64, along: f64) -> f64 {
     let radius = (across.powi(4) + along.powi(4)).sqrt().sqrt();
     let rise = ((radius - FLOOR) / (1.0 - FLOOR)).clamp(0.0, 1.0);

@@ -1,4 +1,5 @@
-//! Writing of models as `.glb` files. It supports what the shipped scenes need, and the bytes are the same on every machine.
+//! Writing of models as `.glb` files. It supports what the shipped scenes need, and the bytes are the same on
+//! every machine.
 
 use serde_json::{Value, json};
 
@@ -104,7 +105,8 @@ impl Binary {
         )
     }
 
-    /// Adds a buffer view for the bytes from `start` on, and `accessor` for that view. Returns the accessor's index.
+    /// Adds a buffer view for the bytes from `start` on, and `accessor` for that view. Returns the accessor's
+    /// index.
     fn accessor(&mut self, start: usize, mut accessor: Value) -> usize {
         let length = self.bytes.len() - start;
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
@@ -130,8 +132,8 @@ fn material(material: &Material) -> Value {
 }
 
 fn camera(camera: &Camera) -> Value {
-    // A pinhole has no clipping planes, but the format requires a near one. The field of view is rounded to single precision, so
-    // that the last digit does not depend on the machine.
+    // A pinhole has no clipping planes, but the format requires a near one. The field of view is rounded to
+    // single precision, so that the last digit does not depend on the machine.
     let field = (2.0 * f64::from(camera.tan_half_fov).atan()) as f32;
     let mut perspective = json!({ "yfov": field, "znear": 0.001 });
     if let Some(aspect) = camera.aspect {
@@ -140,7 +142,8 @@ fn camera(camera: &Camera) -> Value {
     json!({ "name": "rig", "type": "perspective", "perspective": perspective })
 }
 
-/// The camera's node. Its pose is a matrix and not a quaternion, so that axes such as −Y are read back exactly.
+/// The camera's node. Its pose is a matrix and not a quaternion, so that axes such as −Y are read back
+/// exactly.
 fn camera_node(camera: &Camera) -> Value {
     let columns = [
         camera.right.extend(0.0),
@@ -153,7 +156,8 @@ fn camera_node(camera: &Camera) -> Value {
     json!({ "name": camera.name, "camera": 0, "matrix": matrix })
 }
 
-/// The GLB container: a header and two chunks, each padded to a multiple of four bytes as the format requires.
+/// The GLB container: a header and two chunks, each padded to a multiple of four bytes as the format
+/// requires.
 fn assemble(mut text: Vec<u8>, mut binary: Vec<u8>) -> Vec<u8> {
     text.resize(text.len().next_multiple_of(4), b' ');
     binary.resize(binary.len().next_multiple_of(4), 0);

@@ -4,9 +4,9 @@ use std::collections::HashMap;
 
 use glam::{DVec3, dvec3};
 
-/// An icosahedron whose triangles are split into four `subdivisions` times, at most 8 times. Returns the vertices, on the unit
-/// sphere, and the triangles, counter-clockwise as seen from inside. The result is the same on every machine, because square roots
-/// are the only functions used.
+/// An icosahedron whose triangles are split into four `subdivisions` times, at most 8 times. Returns the
+/// vertices, on the unit sphere, and the triangles, counter-clockwise as seen from inside. The result is the
+/// same on every machine, because square roots are the only functions used.
 pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut vertices, mut triangles) = icosahedron();
     for _ in 0..subdivisions.min(8) {
@@ -15,7 +15,8 @@ pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (vertices, triangles)
 }
 
-/// The vertices of an icosahedron, on the unit sphere, and its triangles, counter-clockwise as seen from inside.
+/// The vertices of an icosahedron, on the unit sphere, and its triangles, counter-clockwise as seen from
+/// inside.
 fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut vertices = Vec::new();

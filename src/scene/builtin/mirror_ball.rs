@@ -14,14 +14,16 @@ const CENTER: DVec3 = dvec3(0.04, -0.22, -0.42);
 /// The radius of the ball, in metres.
 const RADIUS: f64 = 0.28;
 
-/// Four subdivisions give 5120 facets, each about 4° wide: about one facet per pixel in a picture where the ball is 60 pixels wide.
+/// Four subdivisions give 5120 facets, each about 4° wide: about one facet per pixel in a picture where the
+/// ball is 60 pixels wide.
 const SUBDIVISIONS: u32 = 4;
 
-/// A white room of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. A perfect mirror ball lies on
-/// its floor. The ball reflects the projected pattern onto the walls without blurring it, and the room is seen sharply in the ball.
-/// Separation by high-frequency patterns therefore counts some indirect light as direct light, and some direct light as indirect.
-/// A path to a point of the room and back along the same mirrors scatters only once and is direct light. The room is region 0 and
-/// the ball region 1. These are named regions, not labels, since they exchange light.
+/// A white room of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. A perfect
+/// mirror ball lies on its floor. The ball reflects the projected pattern onto the walls without blurring it,
+/// and the room is seen sharply in the ball. Separation by high-frequency patterns therefore counts some
+/// indirect light as direct light, and some direct light as indirect. A path to a point of the room and back
+/// along the same mirrors scatters only once and is direct light. The room is region 0 and the ball region 1.
+/// These are named regions, not labels, since they exchange light.
 pub fn mirror_ball() -> Model {
     let (low, high) = (-0.5, 0.5);
     let mut room = Part::new("room", None);

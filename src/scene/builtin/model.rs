@@ -22,7 +22,8 @@ pub struct Model {
 pub struct Part {
     /// The part's name. It is also the name of its region, unless the parts have labels.
     pub name: String,
-    /// The label of its region. Labels are numbered from 0 without gaps. Either all parts of a model have a label or none has.
+    /// The label of its region. Labels are numbered from 0 without gaps. Either all parts of a model have a
+    /// label or none has.
     pub label: Option<u32>,
     /// Vertices in metres.
     pub positions: Vec<Vec3>,
@@ -45,8 +46,9 @@ impl Part {
         self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
     }
 
-    /// Adds a grid of `columns` × `rows` cells of two triangles, which share their vertices. `at(i, j)` is the vertex in column
-    /// `i ≤ columns` and row `j ≤ rows`. The front is the side from which columns run to the right and rows upwards.
+    /// Adds a grid of `columns` × `rows` cells of two triangles, which share their vertices. `at(i, j)` is
+    /// the vertex in column `i ≤ columns` and row `j ≤ rows`. The front is the side from which columns run to
+    /// the right and rows upwards.
     pub fn grid(&mut self, columns: usize, rows: usize, at: impl Fn(usize, usize) -> Vec3) {
         let first = self.positions.len();
         for row in 0..=rows {
@@ -64,7 +66,8 @@ impl Part {
 }
 
 impl Model {
-    /// The model as a scene in memory. For a shipped model it equals the scene loaded from the file, except for path and hash.
+    /// The model as a scene in memory. For a shipped model it equals the scene loaded from the file, except
+    /// for path and hash.
     pub fn to_scene(&self) -> Scene {
         let labelled = self.parts.iter().any(|part| part.label.is_some());
         let regions = if labelled {
@@ -102,7 +105,8 @@ impl Model {
 /// The hash of a scene without a file, computed from its content.
 fn content_hash(scene: &Scene) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    // Rust prints floats with the shortest digits that read back as the same number, so different values have different texts.
+    // Rust prints floats with the shortest digits that read back as the same number, so different values have
+    // different texts.
     hasher.update(
         format!(
             "{:?} {:?} {:?} {:?} {:?}",
@@ -121,7 +125,8 @@ fn content_hash(scene: &Scene) -> [u8; 32] {
     *hasher.finalize().as_bytes()
 }
 
-/// A square camera at `position` that looks along −Z with +Y up. `tan_half_fov` is the tangent of half its field of view.
+/// A square camera at `position` that looks along −Z with +Y up. `tan_half_fov` is the tangent of half its
+/// field of view.
 pub(super) fn camera_along_z(position: Vec3, tan_half_fov: f32) -> Camera {
     Camera {
         name: "camera".into(),

@@ -15,9 +15,9 @@ const BUMP: f64 = 0.01;
 /// Number of bumps along a wall.
 const BUMPS: f64 = 6.0;
 
-/// A white box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Its five walls are slightly
-/// bumpy, and each is tessellated by the same grid of `n × n` cells. The box has `10·n²` triangles, where `n` is
-/// `√(target_triangles / 10)` rounded, but at least 1. Each wall is a region.
+/// A white box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Its five
+/// walls are slightly bumpy, and each is tessellated by the same grid of `n × n` cells. The box has `10·n²`
+/// triangles, where `n` is `√(target_triangles / 10)` rounded, but at least 1. Each wall is a region.
 pub fn tessellated_box(target_triangles: usize) -> Scene {
     let cells = ((target_triangles as f64 / 10.0).sqrt().round() as usize).max(1);
     // Each wall has an origin and the directions of its columns and rows, whose cross product points inwards.

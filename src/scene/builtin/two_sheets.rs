@@ -12,11 +12,12 @@ const RIM: f64 = 0.85;
 /// Number of flat strips that approximate each sheet.
 const STRIPS: usize = 24;
 
-/// Two white sheets of paper side by side. Each is bent about a vertical axis into a trough that opens towards the camera: a part
-/// of a cylinder, of 120° on the left and 100° on the right. They are 0.43 m and 0.41 m wide from rim to rim and 0.9 m high, with a
-/// gap of 2 mm between them. Both rims of both sheets are 0.85 m from the camera, and everything else lies behind them. Every line
-/// from one sheet to the other is blocked by the rims, so the sheets exchange no light. The left sheet is region 0, the right one
-/// region 1. Unlike the sheets of `zigzag`, they are not mirror images of each other.
+/// Two white sheets of paper side by side. Each is bent about a vertical axis into a trough that opens
+/// towards the camera: a part of a cylinder, of 120° on the left and 100° on the right. They are 0.43 m and
+/// 0.41 m wide from rim to rim and 0.9 m high, with a gap of 2 mm between them. Both rims of both sheets are
+/// 0.85 m from the camera, and everything else lies behind them. Every line from one sheet to the other is
+/// blocked by the rims, so the sheets exchange no light. The left sheet is region 0, the right one region 1.
+/// Unlike the sheets of `zigzag`, they are not mirror images of each other.
 pub fn two_sheets() -> Model {
     Model {
         name: "two-sheets",
@@ -29,9 +30,9 @@ pub fn two_sheets() -> Model {
     }
 }
 
-/// The same sheets with a black post in front of the left one, 3 cm wide and 3 cm behind the plane of the rims. In the picture the
-/// post divides the left sheet into two patches that do not touch, but light passes from one to the other behind the post. The post is
-/// region 2; it reflects no light.
+/// The same sheets with a black post in front of the left one, 3 cm wide and 3 cm behind the plane of the
+/// rims. In the picture the post divides the left sheet into two patches that do not touch, but light passes
+/// from one to the other behind the post. The post is region 2; it reflects no light.
 pub fn two_sheets_post() -> Model {
     let mut model = Model { name: "two-sheets-post", ..two_sheets() };
     let mut post = Part::new("post", Some(2));

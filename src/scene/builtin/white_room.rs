@@ -7,8 +7,9 @@ use super::model::{Model, Part, camera_along_z, white_paper};
 /// tan 20°
 const TAN_HALF_FOV: f32 = 0.363_970_22;
 
-/// A white room of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Every wall illuminates every
-/// other one, so the largest eigenvalue of the light transport matrix is well separated from the others.
+/// A white room of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Every
+/// wall illuminates every other one, so the largest eigenvalue of the light transport matrix is well
+/// separated from the others.
 pub fn white_room() -> Model {
     let mut room = Part::new("room", None);
     let (low, high) = (-0.5, 0.5);

@@ -1,4 +1,5 @@
-//! Accessors: typed, strided arrays in buffer views. They are checked when they are opened, and then read element by element.
+//! Accessors: typed, strided arrays in buffer views. They are checked when they are opened, and then read
+//! element by element.
 
 use gltf::json;
 use gltf::json::accessor::{ComponentType, Type};
@@ -49,8 +50,8 @@ impl Sparse<'_> {
         integer(self.indices.at(position)?, self.component)
     }
 
-    /// The position of the replacement of element `index`, if there is one. A binary search needs neither a dense copy of the
-    /// array, whose size a hostile file could choose, nor a scan for each element.
+    /// The position of the replacement of element `index`, if there is one. A binary search needs neither a
+    /// dense copy of the array, whose size a hostile file could choose, nor a scan for each element.
     fn find(&self, index: usize) -> Option<usize> {
         let (mut low, mut high) = (0, self.count);
         while low < high {
@@ -67,8 +68,8 @@ impl Sparse<'_> {
 
 const HELP: &str = "the file is damaged or not glTF 2.0: export it again";
 
-/// Opens an accessor whose elements have shape `shape` and one of the component types `components`. `what` names the object that
-/// uses it, such as `mesh 0, primitive 1: POSITION`.
+/// Opens an accessor whose elements have shape `shape` and one of the component types `components`. `what`
+/// names the object that uses it, such as `mesh 0, primitive 1: POSITION`.
 pub(super) fn open<'a>(
     document: &'a Document,
     what: &str,
@@ -164,7 +165,8 @@ fn open_sparse<'a>(
     Ok(sparse)
 }
 
-/// Finds `count` elements of `element` bytes in a buffer view and checks that all of them lie inside. `what` names them in errors.
+/// Finds `count` elements of `element` bytes in a buffer view and checks that all of them lie inside. `what`
+/// names them in errors.
 fn elements<'a>(
     document: &'a Document,
     what: &str,
@@ -233,8 +235,8 @@ impl Array<'_> {
         }
     }
 
-    /// Element `index` of an array of vectors. Integers are converted to floats as `KHR_mesh_quantization` defines. `None` past
-    /// the end.
+    /// Element `index` of an array of vectors. Integers are converted to floats as `KHR_mesh_quantization`
+    /// defines. `None` past the end.
     pub(super) fn vector<const N: usize>(&self, index: usize) -> Option<[f32; N]> {
         let mut vector = [0.0; N];
         let Some(bytes) = self.bytes(index)? else { return Some(vector) };

@@ -41,7 +41,8 @@ fn missing(document: &Document, what: &str) -> Error {
     }
 }
 
-/// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses it.
+/// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses
+/// it.
 pub(super) fn view<'a>(
     document: &'a Document,
     what: &str,

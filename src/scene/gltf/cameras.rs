@@ -13,7 +13,8 @@ use crate::scene::camera::tan_half;
 use crate::scene::camera_file::{CameraFile, CameraPair};
 use crate::scene::triangle::MAX_COORDINATE;
 
-/// The largest cosine of axes that count as perpendicular: well above the rounding of exporters, well below a visible shear.
+/// The largest cosine of axes that count as perpendicular: well above the rounding of exporters, well below a
+/// visible shear.
 const MAX_SHEAR: f64 = 1e-4;
 
 /// A camera node.
@@ -24,9 +25,9 @@ struct Candidate<'a> {
     extras: Extras,
 }
 
-/// The camera and the projector. Each is taken from the camera file, if that states it, and otherwise from the scene's camera
-/// nodes. The camera is then the node called `wanted`, or the only one. The projector is the node that has
-/// `"krylux": "projector"` in its extras.
+/// The camera and the projector. Each is taken from the camera file, if that states it, and otherwise from
+/// the scene's camera nodes. The camera is then the node called `wanted`, or the only one. The projector is
+/// the node that has `"krylux": "projector"` in its extras.
 pub(super) fn pair(
     document: &Document,
     placed: &[Placed],
@@ -74,7 +75,7 @@ fn candidates<'a>(
         let Some(index) = node.camera.map(|camera| camera.value()) else {
             if is_projector {
                 return Err(document.fault(
-                    format!("{} is marked as the projector, but is no camera", what()),
+                    format!("{} is marked as the projector, but is not a camera", what()),
                     "put \"krylux\": \"projector\" into the extras of a camera's node",
                 ));
             }

@@ -5,7 +5,8 @@ use glam::Vec3;
 use super::Document;
 use crate::error::{Error, Result};
 
-/// The amount by which a fraction may lie outside `[0, 1]`: exporters that compute in single precision overshoot by rounding.
+/// The amount by which a fraction may lie outside `[0, 1]`: exporters that compute in single precision
+/// overshoot by rounding.
 const ROUNDING: f32 = 1e-5;
 
 /// Range checks whose errors name the material and the factor.

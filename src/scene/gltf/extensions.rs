@@ -14,11 +14,13 @@
 //! | any other, used | a warning, unless the extension has no effect on the picture |
 //! | `KHR_materials_unlit` | an error if a surface uses it: an unlit surface transports no light |
 //!
-//! Of the core format these are supported: all metallic-roughness textures; alpha modes; `COLOR_0`; `TEXCOORD_0` and
-//! `TEXCOORD_1`; normals; sparse accessors; morph targets and skins in their rest pose, without animations. Occlusion textures are
-//! ignored, since occlusion is traced. `TANGENT` is ignored, since normal maps are read in the frame of their texture coordinates.
+//! Of the core format these are supported: all metallic-roughness textures; alpha modes; `COLOR_0`;
+//! `TEXCOORD_0` and `TEXCOORD_1`; normals; sparse accessors; morph targets and skins in their rest pose,
+//! without animations. Occlusion textures are ignored, since occlusion is traced. `TANGENT` is ignored, since
+//! normal maps are read in the frame of their texture coordinates.
 //!
-//! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and `focus_distance`.
+//! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and
+//! `focus_distance`.
 
 use super::Document;
 use crate::error::Result;
@@ -58,7 +60,8 @@ const COMPRESSION: [&str; 3] =
 /// Extensions for image formats. They are refused only if a texture in use has no picture in another format.
 const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif"];
 
-/// Refuses required extensions that are not supported, and adds a warning for each of the other unsupported ones in use.
+/// Refuses required extensions that are not supported, and adds a warning for each of the other unsupported
+/// ones in use.
 pub(super) fn check(document: &mut Document) -> Result<()> {
     for name in &document.root.extensions_required {
         let name = name.as_str();
@@ -79,7 +82,8 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
             && !COMPRESSION.contains(&name)
-            // The warning about a material extension names a material that uses it, so it is made where materials are read.
+            // The warning about a material extension names a material that uses it, so it is made where
+            // materials are read.
             && !name.starts_with("KHR_materials_")
         {
             document.warnings.add(format!("the extension {name} is not supported and ignored"));

@@ -1,4 +1,5 @@
-//! The extras of camera nodes and of their cameras: `krylux`, `aperture_radius`, `focus_distance` and `resolution`.
+//! The extras of camera nodes and of their cameras: `krylux`, `aperture_radius`, `focus_distance` and
+//! `resolution`.
 
 use gltf::json;
 
@@ -44,7 +45,9 @@ impl Extras {
     pub(super) fn lens(&self, document: &Document, name: &str) -> Result<Lens> {
         let number = |key: &str| match self.0.get(key) {
             None => Ok(None),
-            Some(value) => value.as_f64().map(Some).ok_or_else(|| format!("has an {key} that is not a number")),
+            Some(value) => {
+                value.as_f64().map(Some).ok_or_else(|| format!("has an {key} that is not a number"))
+            }
         };
         number("aperture_radius")
             .and_then(|radius| Lens::checked(radius, number("focus_distance")?))

@@ -19,8 +19,8 @@ use super::{Document, called, instancing};
 use crate::error::{Error, Result};
 use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
-/// The largest number of primitives, counted each time a node places them. A limit is needed because a small file can place any
-/// number of primitives without triangles.
+/// The largest number of primitives, counted each time a node places them. A limit is needed because a small
+/// file can place any number of primitives without triangles.
 const MAX_PLACEMENTS: usize = 1 << 20;
 
 /// The largest number of triangles times morph targets.
@@ -225,7 +225,8 @@ impl Assembly {
         Ok(triangles)
     }
 
-    /// Counts the triangles of a primitive, up to [`MAX_TRIANGLES`] and [`MAX_MORPHS`]. Returns their number at all poses.
+    /// Counts the triangles of a primitive, up to [`MAX_TRIANGLES`] and [`MAX_MORPHS`]. Returns their number
+    /// at all poses.
     fn count_triangles(
         &mut self,
         document: &Document,

@@ -28,8 +28,8 @@ struct Attributes {
     scale: Option<json::Index<json::Accessor>>,
 }
 
-/// The transforms from each instance's frame to the frame of `node`. `None` if the node does not use the extension. `what` names
-/// the node.
+/// The transforms from each instance's frame to the frame of `node`. `None` if the node does not use the
+/// extension. `what` names the node.
 pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> Result<Option<Vec<DAffine3>>> {
     let extension = node.extensions.as_ref().and_then(|extensions| extensions.others.get(INSTANCING));
     let Some(extension) = extension else { return Ok(None) };
@@ -81,7 +81,9 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
         .map(|index| {
             place(index).ok_or_else(|| {
                 document.fault(
-                    format!("{what}: the transform of its instance {index} is not finite, or its rotation is zero"),
+                    format!(
+                        "{what}: the transform of its instance {index} is not finite, or its rotation is zero"
+                    ),
                     "correct the instance's translation, rotation and scale",
                 )
             })

@@ -5,11 +5,12 @@ use gltf::json;
 use super::Document;
 use crate::error::Result;
 
-/// The largest length of a label in bytes. A limit is needed because every node below a labelled one holds a copy of its label.
+/// The largest length of a label in bytes. A limit is needed because every node below a labelled one holds a
+/// copy of its label.
 const MAX_NAME_BYTES: usize = 200;
 
-/// A region label. The order of labels is the order of the regions, so that a region's index does not depend on the order of the
-/// nodes: numbers by value, then names, then the region of surfaces without a label.
+/// A region label. The order of labels is the order of the regions, so that a region's index does not depend
+/// on the order of the nodes: numbers by value, then names, then the region of surfaces without a label.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Label {
     /// A non-negative integer.

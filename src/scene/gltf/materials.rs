@@ -24,8 +24,8 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// The scene's index of the file's material `index`, or of glTF's default material for `None`. `what` names the primitive that
-    /// uses it.
+    /// The scene's index of the file's material `index`, or of glTF's default material for `None`. `what`
+    /// names the primitive that uses it.
     pub(super) fn index_of(
         &mut self,
         document: &mut Document,

@@ -1,8 +1,8 @@
 //! The loader of glTF 2.0 scenes, `.glb` and `.gltf`.
 //!
-//! The crate `gltf` parses the JSON. Every reference and every range in it is checked here, where it is used: the crate's own
-//! validation refuses files with extensions that krylux supports, and its readers panic on files that validation would have
-//! refused. For any input, loading ends with a scene or an [`enum@Error`].
+//! The crate `gltf` parses the JSON. Every reference and every range in it is checked here, where it is used:
+//! the crate's own validation refuses files with extensions that krylux supports, and its readers panic on
+//! files that validation would have refused. For any input, loading ends with a scene or an [`enum@Error`].
 //!
 //! The module [`extensions`] lists what is supported, what is ignored and what is refused.
 
@@ -126,8 +126,8 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     };
     let broken =
         fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0");
-    // A file of another glTF version does not fit the structure, nor do animations that use an extension. Animations are not used,
-    // so the file is parsed again without them.
+    // A file of another glTF version does not fit the structure, nor do animations that use an extension.
+    // Animations are not used, so the file is parsed again without them.
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
     if let Some(other) = value.pointer("/asset/version").and_then(json::Value::as_str)
         && !other.starts_with("2.")

@@ -11,8 +11,8 @@ use crate::error::Result;
 pub(super) struct Placed {
     /// Index into the file's nodes.
     pub node: usize,
-    /// The transform from the node's frame to the world. It is in double precision because chains of transforms accumulate
-    /// rounding errors.
+    /// The transform from the node's frame to the world. It is in double precision because chains of
+    /// transforms accumulate rounding errors.
     pub transform: DAffine3,
     /// The label of the node, or of its nearest ancestor that has one.
     pub label: Option<Label>,
@@ -67,7 +67,8 @@ fn roots(document: &mut Document) -> Result<Vec<usize>> {
     Ok(roots)
 }
 
-/// Checks that each node has at most one parent and that no root has one. Then the walk visits each node at most once.
+/// Checks that each node has at most one parent and that no root has one. Then the walk visits each node at
+/// most once.
 fn check_forest(document: &Document, roots: &[usize]) -> Result<()> {
     let help = "the file is damaged: nodes must form a tree; export it again";
     let nodes = &document.root.nodes;

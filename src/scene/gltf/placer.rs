@@ -26,11 +26,13 @@ impl Placer<'_> {
         for (corner, index) in indices.into_iter().enumerate() {
             mirrors = self.place(index, corner, &mut triangle)?;
         }
-        // A mirroring transform reverses the order of the corners. Exchanging two of them keeps the front where it was.
+        // A mirroring transform reverses the order of the corners. Exchanging two of them keeps the front
+        // where it was.
         Ok(if mirrors { triangle.flipped() } else { triangle })
     }
 
-    /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the vertex's transform mirrors.
+    /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the vertex's
+    /// transform mirrors.
     fn place(&self, index: u32, corner: usize, triangle: &mut Triangle) -> Result<bool> {
         let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {

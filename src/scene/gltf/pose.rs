@@ -19,8 +19,8 @@ impl Transform {
     /// The transform whose map of points is `points`.
     pub(super) fn new(points: &DAffine3) -> Self {
         let DMat3 { x_axis, y_axis, z_axis } = points.matrix3;
-        // Cofactors are the inverse transpose times the determinant. They exist for singular matrices, too, and normals are
-        // normalized anyway.
+        // Cofactors are the inverse transpose times the determinant. They exist for singular matrices, too,
+        // and normals are normalized anyway.
         let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
         let mirrors = points.matrix3.determinant() < 0.0;
         Self { points: *points, normals: if mirrors { -cofactors } else { cofactors }, mirrors }
@@ -51,7 +51,8 @@ pub(super) enum Pose<'a> {
 }
 
 impl Pose<'_> {
-    /// The transform of vertex `index`. `None` if the vertex is bound to no joint, or to one that the skin does not have.
+    /// The transform of vertex `index`. `None` if the vertex is bound to no joint, or to one that the skin
+    /// does not have.
     pub(super) fn of(&self, index: usize) -> Option<Transform> {
         match self {
             Self::Rigid(transform) => Some(*transform),

@@ -12,7 +12,8 @@ use crate::scene::Triangle;
 /// The largest number of labels. They are stored as bytes, and 255 stands for a masked pixel.
 const MAX_LABELS: usize = 255;
 
-/// Sets the region of every triangle. Returns the triangles, the names of the regions, and whether the regions are labels.
+/// Sets the region of every triangle. Returns the triangles, the names of the regions, and whether the
+/// regions are labels.
 pub(super) fn name(
     document: &mut Document,
     placed: &[Placed],

@@ -34,8 +34,9 @@ impl Skins {
         Self { placed: transforms, matrices: HashMap::new() }
     }
 
-    /// The matrices of skin `index`, which map the mesh's frame to the world: one for each joint. The transform of the mesh's node
-    /// is not part of them, since only the joints place a skinned mesh. `user` names the node.
+    /// The matrices of skin `index`, which map the mesh's frame to the world: one for each joint. The
+    /// transform of the mesh's node is not part of them, since only the joints place a skinned mesh. `user`
+    /// names the node.
     pub(super) fn matrices(
         &mut self,
         document: &Document,
@@ -140,8 +141,8 @@ impl<'a> Influences<'a> {
         Ok(Self { sets })
     }
 
-    /// The transform of vertex `index` from the mesh's frame to the world: the weighted mean of the matrices of its joints. `None`
-    /// if the vertex is bound to no joint, or to one that the skin does not have.
+    /// The transform of vertex `index` from the mesh's frame to the world: the weighted mean of the matrices
+    /// of its joints. `None` if the vertex is bound to no joint, or to one that the skin does not have.
     pub(super) fn matrix(&self, index: usize, joints: &[DAffine3]) -> Option<DAffine3> {
         let mut sum = DAffine3::ZERO;
         let mut total = 0.0;

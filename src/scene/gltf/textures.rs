@@ -50,7 +50,8 @@ impl Use {
 }
 
 impl Textures {
-    /// The scene's reference for the file's reference `info`. `material` and `role` (`base colour`) name its place in messages.
+    /// The scene's reference for the file's reference `info`. `material` and `role` (`base colour`) name its
+    /// place in messages.
     pub(super) fn refer(
         &mut self,
         document: &mut Document,
@@ -137,7 +138,8 @@ impl Textures {
     }
 }
 
-/// The wrapping of `u` and `v` of a texture, and whether it is interpolated. Without a sampler these are glTF's defaults.
+/// The wrapping of `u` and `v` of a texture, and whether it is interpolated. Without a sampler these are
+/// glTF's defaults.
 fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<([Wrap; 2], bool)> {
     let Some(index) = texture.sampler.map(|sampler| sampler.value()) else {
         return Ok(([Wrap::Repeat; 2], true));
@@ -164,8 +166,8 @@ fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<(
     Ok(([wrap(sampler.wrap_s)?, wrap(sampler.wrap_t)?], linear))
 }
 
-/// The map of texture coordinates by `KHR_texture_transform`: scale, then rotation, then offset. The rotation is counter-clockwise
-/// as seen on the picture, where `v` runs downwards.
+/// The map of texture coordinates by `KHR_texture_transform`: scale, then rotation, then offset. The rotation
+/// is counter-clockwise as seen on the picture, where `v` runs downwards.
 fn transform(scale: Vec2, rotation: f32, offset: Vec2) -> Affine2 {
     let (sine, cosine) = rotation.sin_cos();
     Affine2::from_mat2_translation(

@@ -15,8 +15,9 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Reads the bytes that a URI refers to. `what` names the object that uses it (`buffer 0`). The bytes of a file are added to the
-/// document's hash. Those of a data URI are part of the scene file, which is hashed already.
+/// Reads the bytes that a URI refers to. `what` names the object that uses it (`buffer 0`). The bytes of a
+/// file are added to the document's hash. Those of a data URI are part of the scene file, which is hashed
+/// already.
 pub(super) fn read(document: &mut Document, what: &str, uri: &str) -> Result<Vec<u8>> {
     // The scheme is case-insensitive.
     if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
@@ -62,7 +63,8 @@ fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     )
 }
 
-/// Decodes percent-encoding. `None` if a `%` is not followed by two hexadecimal digits, or if the result is not UTF-8 or contains NUL.
+/// Decodes percent-encoding. `None` if a `%` is not followed by two hexadecimal digits, or if the result is
+/// not UTF-8 or contains NUL.
 fn percent_decode(text: &str) -> Option<String> {
     let mut decoded = Vec::with_capacity(text.len());
     let mut bytes = text.bytes();

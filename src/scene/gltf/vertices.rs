@@ -1,4 +1,5 @@
-//! A primitive's vertices: positions, normals, texture coordinates and colours, with morph targets at their rest weights.
+//! A primitive's vertices: positions, normals, texture coordinates and colours, with morph targets at their
+//! rest weights.
 
 use glam::{Vec2, Vec3};
 use gltf::json;
@@ -46,8 +47,8 @@ struct Target<'a> {
 }
 
 impl<'a> Vertices<'a> {
-    /// Opens the primitive's attributes and its morph targets, whose rest weights are `weights`. Of the texture coordinates it opens
-    /// the sets that `material` uses.
+    /// Opens the primitive's attributes and its morph targets, whose rest weights are `weights`. Of the
+    /// texture coordinates it opens the sets that `material` uses.
     pub(super) fn open(
         document: &'a Document,
         what: &str,
