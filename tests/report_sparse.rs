@@ -138,7 +138,7 @@ fn damaged_matrices_are_errors_and_never_panics() -> Outcome {
     for (text, fault) in [
         ("%%MatrixMarket matrix array real general\n1 1\n1\n", "first line"),
         ("%%MatrixMarket matrix coordinate real general\n2 2 1\n3 1 1.0\n", "line 3"),
-        ("%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "announces 2"),
+        ("%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "states 2"),
         ("%%MatrixMarket matrix coordinate real general\n2 2 1\n1 1 nan\n", "(0, 0)"),
     ] {
         let path = folder.path().join("wrong.mtx");

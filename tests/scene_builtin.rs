@@ -1,4 +1,5 @@
-//! The shipped scenes are what their READMEs say, and the analytic ones what their formulas need.
+//! Tests that the shipped scenes agree with their READMEs, and that the analytic scenes fulfil the conditions
+//! of their formulas.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -13,7 +14,7 @@ fn shipped_path(name: &str) -> PathBuf {
 }
 
 #[test]
-fn shipped_files_are_those_that_the_code_makes() {
+fn shipped_files_equal_the_files_that_the_code_writes() {
     for model in builtin::shipped() {
         let path = shipped_path(model.name);
         let shipped = std::fs::read(&path).expect("every built-in scene is shipped");
@@ -38,7 +39,7 @@ fn a_shipped_file_loads_as_the_model_that_it_was_made_from() {
         assert_eq!(loaded.regions_are_labels, made.regions_are_labels, "{}", model.name);
         assert_eq!(loaded.warnings, made.warnings, "{}", model.name);
         let [mut a, b] = [loaded.camera, made.camera];
-        // The file has the angle, and not its tangent: two roundings.
+        // The file stores the angle instead of its tangent, which rounds twice.
         assert!((a.tan_half_fov - b.tan_half_fov).abs() < 2e-7, "{}", model.name);
         a.tan_half_fov = b.tan_half_fov;
         assert_eq!(a, b, "{}", model.name);
@@ -61,7 +62,7 @@ fn hit(triangle: &Triangle, origin: Vec3, direction: Vec3) -> Option<f32> {
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| ac.dot(q) / determinant)
 }
 
-/// The nearest triangle that the camera sees at a raster point.
+/// The triangle that the camera sees at a raster point.
 fn seen(scene: &Scene, u: f32, v: f32, resolution: Resolution) -> Option<&Triangle> {
     let direction = scene.camera.ray_direction(u, v, resolution);
     scene
@@ -94,7 +95,7 @@ fn two_region_scenes_fill_the_view_with_their_halves() {
 }
 
 #[test]
-fn every_cup_of_the_carton_fills_its_field_of_the_view() {
+fn every_cup_of_the_carton_fills_its_part_of_the_view() {
     for scene in [builtin::carton().to_scene(), builtin::carton_eggs().to_scene()] {
         for (pixel, region) in region_map(&scene, Resolution::new(24, 24)).into_iter().enumerate() {
             let [column, row] = [pixel % 24 / 8, pixel / 24 / 6];
@@ -104,12 +105,12 @@ fn every_cup_of_the_carton_fills_its_field_of_the_view() {
 }
 
 #[test]
-fn eggs_are_seen_in_every_second_cup() {
+fn every_second_cup_shows_an_egg() {
     let [empty, full] = [builtin::carton().to_scene(), builtin::carton_eggs().to_scene()];
     let resolution = Resolution::new(64, 64);
     for cup in 0..12 {
         let [column, row] = [cup % 3, cup / 3];
-        // Just beside the middle of an egg's top, so that no edge is hit.
+        // The point is next to the centre of an egg's top, so that the ray does not hit an edge.
         let top = Vec3::new(0.2 * (column as f32 - 1.0) + 0.003, -0.02, 0.15 * (row as f32 - 1.5) + 0.002);
         let (u, v) = full.camera.project(top, resolution).expect("the carton lies before the camera");
         let height = |scene| seen(scene, u, v, resolution).expect("the carton fills the view").positions[0].y;
@@ -118,8 +119,8 @@ fn eggs_are_seen_in_every_second_cup() {
     }
 }
 
-/// Whether light can go from one triangle's front to the other's, tried between their points nearer and farther
-/// from the middle.
+/// Whether light can pass from the front of one triangle to the front of another. Segments between four
+/// points of each are tested.
 fn exchange_light(scene: &Scene, a: &Triangle, b: &Triangle) -> bool {
     let normal = |triangle: &Triangle| {
         let [p, q, r] = triangle.positions;
@@ -132,7 +133,7 @@ fn exchange_light(scene: &Scene, a: &Triangle, b: &Triangle) -> bool {
     points(a).into_iter().any(|from| {
         points(b).into_iter().any(|to| {
             let direction = to - from;
-            // Cosines below a ten-thousandth are the rounding of surfaces in one plane.
+            // For surfaces in one plane, rounding gives cosines below 1e-4.
             let cosines = [normal(a).dot(direction), -normal(b).dot(direction)];
             cosines.iter().all(|cosine| *cosine > 1e-4 * direction.length())
                 && !scene
@@ -164,18 +165,18 @@ fn separate_regions_exchange_no_light() {
                 }
             }
         }
-        assert!(within > 0, "{}: light does bounce within a region", model.name);
+        assert!(within > 0, "{}: light bounces within a region", model.name);
     }
 }
 
 #[test]
-fn the_tessellated_box_has_as_many_triangles_as_asked_for_and_is_closed() {
+fn the_tessellated_box_has_the_requested_number_of_triangles_and_fills_the_view() {
     for (asked, expected) in [(1, 10), (100, 90), (1000, 1000), (100_000, 100_000), (1_000_000, 998_560)] {
         assert_eq!(builtin::tessellated_box(asked).triangles.len(), expected);
     }
     let scene = builtin::tessellated_box(1000);
     let resolution = Resolution::new(16, 16);
-    assert!(region_map(&scene, resolution).iter().all(Option::is_some), "no ray leaves the box");
+    assert!(region_map(&scene, resolution).iter().all(Option::is_some), "every ray hits the box");
     let inwards = scene.triangles.iter().all(|triangle| {
         let [a, b, c] = triangle.positions;
         (b - a).cross(c - a).dot(Vec3::new(0.0, 0.0, -0.5) - a) > 0.0
@@ -184,7 +185,7 @@ fn the_tessellated_box_has_as_many_triangles_as_asked_for_and_is_closed() {
 }
 
 #[test]
-fn the_plane_is_square_to_the_axis_and_fills_the_view() {
+fn the_plane_is_fronto_parallel_and_fills_the_view() {
     let scene = builtin::plane(2.0, 0.5);
     assert!(
         scene.triangles.iter().flat_map(|triangle| triangle.positions).all(|position| position.z == -2.0)
@@ -194,14 +195,14 @@ fn the_plane_is_square_to_the_axis_and_fills_the_view() {
 }
 
 #[test]
-fn both_parallel_plates_are_seen_from_inside() {
+fn the_camera_sees_the_inner_faces_of_both_parallel_plates() {
     let scene = builtin::parallel_plates(1.0, 0.5, 0.8);
     let [left, right] = [&scene.triangles[0], &scene.triangles[2]];
     assert!(left.positions.iter().all(|position| position.x == -0.25));
     assert!(right.positions.iter().all(|position| position.x == 0.25));
     let map = region_map(&scene, Resolution::new(32, 32));
     for region in [0, 1] {
-        // Each side of the far opening takes a good part of the picture.
+        // Each plate covers more than a tenth of the picture.
         assert!(map.iter().filter(|seen| **seen == Some(region)).count() > 100);
     }
     let resolution = Resolution::new(32, 32);
@@ -212,7 +213,7 @@ fn both_parallel_plates_are_seen_from_inside() {
 }
 
 #[test]
-fn the_sphere_is_closed_around_the_camera_and_faces_it() {
+fn the_sphere_is_closed_and_faces_the_camera_in_its_centre() {
     for subdivisions in 0..4 {
         let scene = builtin::inside_sphere(3.0, subdivisions, 0.8);
         assert_eq!(scene.triangles.len(), 20 * 4_usize.pow(subdivisions));
@@ -220,19 +221,19 @@ fn the_sphere_is_closed_around_the_camera_and_faces_it() {
         for triangle in &scene.triangles {
             let [a, b, c] = triangle.positions.map(|position| position.as_dvec3());
             assert!((a.length() - 3.0).abs() < 1e-6, "vertices lie on the sphere");
-            assert!((b - a).cross(c - a).dot(a) < 0.0, "fronts face the middle");
-            // Van Oosterom and Strackee, 1983.
+            assert!((b - a).cross(c - a).dot(a) < 0.0, "fronts face the centre");
+            // The solid angle of a triangle by Van Oosterom and Strackee, 1983.
             let [a, b, c] = [a, b, c].map(|corner| corner.normalize());
             let numerator = a.dot(b.cross(c)).abs();
             solid_angle += 2.0 * numerator.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
         }
-        // Vertices in single precision, thousands of them.
+        // The tolerance allows for the rounding of the vertices of up to 1280 triangles to single precision.
         assert!((solid_angle - 4.0 * std::f64::consts::PI).abs() < 1e-4, "{solid_angle}");
     }
 }
 
 #[test]
-fn scenes_in_memory_are_told_apart_by_their_hash() {
+fn different_scenes_in_memory_have_different_hashes() {
     let plane = |distance, albedo| builtin::plane(distance, albedo).hash;
     assert_eq!(plane(1.0, 0.8), plane(1.0, 0.8));
     assert_ne!(plane(1.0, 0.8), plane(2.0, 0.8));

@@ -1,4 +1,4 @@
-//! What is wrong with a glTF file is said by name, with the file and a way out.
+//! Tests that errors about glTF files name the file, the object at fault and what to do.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -9,7 +9,7 @@ use krylux::scene;
 use scene_support::{data_uri, document, fault, png, try_load, with, write, write_bytes};
 use serde_json::{Value, json};
 
-/// Asserts the fault of the document that these changes make.
+/// Asserts that the document with these changes is refused with the message `expected`.
 #[track_caller]
 fn refuses(changes: &[(&str, Value)], expected: &str) {
     assert_eq!(fault(&with(changes), None).0, expected);
@@ -22,7 +22,7 @@ fn the_unchanged_document_loads() {
 }
 
 #[test]
-fn references_to_what_does_not_exist_are_refused() {
+fn dangling_references_are_refused() {
     refuses(&[("/scene", json!(3))], "the default scene is 3, but there are only 1");
     refuses(&[("/scenes/0/nodes", json!([0, 9]))], "the scene has node 9, which does not exist");
     refuses(&[("/nodes/0/children", json!([7]))], "node 0 \"sheet\" has a child 7, which does not exist");
@@ -82,7 +82,7 @@ fn nodes_that_do_not_form_a_tree_are_refused() {
 }
 
 #[test]
-fn transforms_that_are_no_affine_maps_are_refused() {
+fn transforms_that_are_not_affine_are_refused() {
     refuses(
         &[("/nodes/0/rotation", json!([0, 0, 0, 0]))],
         "node 0 \"sheet\": its rotation is not a unit quaternion",
@@ -93,7 +93,7 @@ fn transforms_that_are_no_affine_maps_are_refused() {
 }
 
 #[test]
-fn arrays_that_leave_their_buffer_are_refused() {
+fn arrays_that_exceed_their_buffer_are_refused() {
     refuses(
         &[("/bufferViews/0/byteLength", json!(1000))],
         "buffer view 0 (1000 bytes at 0) ends outside buffer 0 (68 bytes)",
@@ -132,7 +132,7 @@ fn accessors_of_the_wrong_type_are_refused() {
 }
 
 #[test]
-fn sparse_accessors_that_make_no_sense_are_refused() {
+fn invalid_sparse_accessors_are_refused() {
     let sparse = |indices: Value, values: Value, count: u64| {
         let sparse = json!({ "count": count, "indices": indices, "values": values });
         with(&[("/accessors/0/sparse", sparse)])
@@ -141,7 +141,7 @@ fn sparse_accessors_that_make_no_sense_are_refused() {
     let values = json!({ "bufferView": 0 });
     let refused = |document: Value, expected: &str| assert_eq!(fault(&document, None).0, expected);
     let disorder = "accessor 0: its sparse indices do not increase below 3";
-    // The three indices are 0, 1, 2; read as bytes they are 0, 0, 1.
+    // The three indices are 0, 1, 2. Read as bytes, they are 0, 0, 1.
     scene_support::load(&sparse(indices.clone(), values.clone(), 3));
     refused(sparse(json!({ "bufferView": 1, "componentType": 5121 }), values.clone(), 3), disorder);
     refused(
@@ -163,7 +163,7 @@ fn sparse_accessors_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn meshes_that_make_no_triangles_of_numbers_are_refused() {
+fn meshes_with_invalid_indices_or_positions_are_refused() {
     let primitive = "mesh 0 \"triangle\", primitive 0";
     let mut bytes = scene_support::buffer();
     bytes[36] = 3;
@@ -184,7 +184,7 @@ fn meshes_that_make_no_triangles_of_numbers_are_refused() {
     refuses(&[("/meshes/0/primitives/0/attributes", json!({}))], &format!("{primitive} has no POSITION"));
     refuses(
         &[("/accessors/1/count", json!(2))],
-        &format!("{primitive} has 2 corners, which is no multiple of 3"),
+        &format!("{primitive} has 2 corners, which is not a multiple of 3"),
     );
     refuses(&[("/meshes/0/primitives/0/mode", json!(12))], &format!("{primitive} has an unknown mode"));
 }
@@ -198,8 +198,8 @@ fn scenes_without_triangles_are_refused() {
 }
 
 #[test]
-fn a_small_file_cannot_ask_for_any_number_of_triangles() {
-    // A strip through one index over and over: 2²⁰ triangles, placed 20 times.
+fn a_small_file_cannot_make_an_unlimited_number_of_triangles() {
+    // A strip that repeats one index has 2²⁰ triangles, and is placed 20 times.
     let indices = vec![0_u8; (1 << 20) + 2];
     let mut nodes: Vec<Value> = (0..20).map(|_| json!({ "mesh": 0 })).collect();
     nodes.push(json!({ "camera": 0 }));
@@ -218,7 +218,7 @@ fn a_small_file_cannot_ask_for_any_number_of_triangles() {
 }
 
 #[test]
-fn cameras_are_asked_for_by_name() {
+fn one_of_several_cameras_is_selected_by_name() {
     let none = with(&[("/nodes/1", json!({}))]);
     let (what, help) = fault(&none, None);
     assert_eq!(what, "no camera in the scene");
@@ -237,7 +237,7 @@ fn cameras_are_asked_for_by_name() {
 }
 
 #[test]
-fn cameras_that_are_no_pinholes_are_refused() {
+fn cameras_without_a_valid_perspective_are_refused() {
     let orthographic =
         json!({ "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 1, "znear": 0, "zfar": 1 } });
     refuses(&[("/cameras/0", orthographic)], "camera `eye` is orthographic");
@@ -260,7 +260,7 @@ fn cameras_that_are_no_pinholes_are_refused() {
 }
 
 #[test]
-fn required_extensions_that_are_not_followed_are_refused_with_advice() {
+fn unsupported_required_extensions_are_refused_with_advice() {
     for (name, advice) in [
         ("KHR_draco_mesh_compression", "export the scene without mesh compression"),
         ("EXT_meshopt_compression", "export the scene without mesh compression"),
@@ -317,7 +317,7 @@ fn textured(image: Value) -> Value {
 }
 
 #[test]
-fn pictures_that_cannot_be_used_are_refused_by_name() {
+fn unusable_pictures_are_refused_by_name() {
     let gif = textured(json!({ "name": "logo", "uri": data_uri("image/gif", b"GIF89a..........") }));
     assert_eq!(fault(&gif, None).0, "image 0 \"logo\" is neither PNG nor JPEG");
 
@@ -330,7 +330,7 @@ fn pictures_that_cannot_be_used_are_refused_by_name() {
     let (what, _) = fault(&textured(json!({ "uri": data_uri("image/png", &wide) })), None);
     assert_eq!(what, "image 0 is 20000x1 pixels");
 
-    // The header alone says how much memory the picture would take.
+    // The picture is refused by its header alone, before memory is allocated.
     let mut bomb = png(1, 1, &[[0; 4]]);
     bomb[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
     let crc = crc32(&bomb[12..29]);
@@ -348,7 +348,7 @@ fn pictures_that_cannot_be_used_are_refused_by_name() {
     assert_eq!(help, "export the scene with PNG or JPEG pictures");
 }
 
-/// The checksum of PNG chunks, bit by bit.
+/// The CRC-32 of PNG chunks, computed bit by bit.
 fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, |crc, &byte| {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg()))
@@ -367,7 +367,7 @@ fn textures_need_texture_coordinates() {
 }
 
 #[test]
-fn uris_other_than_neighbouring_files_are_refused() {
+fn uris_other_than_data_and_relative_paths_are_refused() {
     for (uri, expected) in [
         (
             "https://example.org/mesh.bin",
@@ -391,7 +391,7 @@ fn uris_other_than_neighbouring_files_are_refused() {
 }
 
 #[test]
-fn a_missing_buffer_is_named_by_its_own_path() {
+fn the_error_about_a_missing_buffer_names_the_path_of_the_buffer() {
     let written = write(&with(&[("/buffers/0/uri", json!("parts/my%20mesh.bin"))]));
     match scene::load(&written.path, None) {
         Err(Error::Read { path, .. }) => assert_eq!(path, written.folder.path().join("parts/my mesh.bin")),
@@ -400,7 +400,7 @@ fn a_missing_buffer_is_named_by_its_own_path() {
 }
 
 #[test]
-fn a_folder_in_the_place_of_a_buffer_is_refused() {
+fn a_buffer_that_is_a_folder_is_refused() {
     let written = write(&with(&[("/buffers/0/uri", json!("../"))]));
     match scene::load(&written.path, None) {
         Err(Error::Scene { fault, .. }) => {
@@ -411,18 +411,18 @@ fn a_folder_in_the_place_of_a_buffer_is_refused() {
 }
 
 #[test]
-fn labels_other_than_numbers_and_names_are_refused() {
+fn labels_that_are_neither_numbers_nor_names_are_refused() {
     for (region, shown) in [(json!(-1), "-1"), (json!(1.5), "1.5"), (json!([2]), "[2]"), (json!(""), "\"\"")]
     {
         refuses(
             &[("/nodes/0/extras/region", region)],
-            &format!("node 0 \"sheet\": its extras.region is {shown}, which is no label"),
+            &format!("node 0 \"sheet\": its extras.region is {shown}, which is not a label"),
         );
     }
 }
 
 #[test]
-fn more_labels_than_a_byte_can_tell_apart_are_refused() {
+fn more_than_255_labels_are_refused() {
     let nodes = |count: usize| {
         let mut nodes: Vec<Value> =
             (0..count).map(|label| json!({ "mesh": 0, "extras": { "region": label } })).collect();
@@ -434,7 +434,7 @@ fn more_labels_than_a_byte_can_tell_apart_are_refused() {
 }
 
 #[test]
-fn files_that_are_no_gltf_are_refused() {
+fn files_that_are_not_gltf_2_are_refused() {
     let refused = |name: &str, bytes: &[u8], expected: &str| {
         let written = write_bytes(name, bytes);
         match scene::load(&written.path, None) {
@@ -469,7 +469,7 @@ fn files_that_are_no_gltf_are_refused() {
 }
 
 #[test]
-fn a_missing_scene_is_an_error_of_reading() {
+fn a_missing_scene_gives_a_read_error() {
     let folder = tempfile::tempdir().expect("the system's folder for temporary files is writable");
     let missing = folder.path().join("nowhere.glb");
     let error = scene::load(&missing, None).expect_err("there is no such file");

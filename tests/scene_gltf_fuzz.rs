@@ -1,6 +1,7 @@
-//! Whatever the bytes, loading ends with a scene or an error: no panic, no endless loop, no runaway memory.
+//! Fuzz tests of the glTF loader: for any bytes, loading ends with a scene or an error, without panic,
+//! endless loop or excessive memory.
 //!
-//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene_gltf_fuzz` looks further.
+//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene_gltf_fuzz` tests more cases.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -18,7 +19,8 @@ fn check(bytes: &[u8]) {
     }
 }
 
-/// The small shipped scenes, and a document that uses what they do not.
+/// A document and its binary chunk, as a start for mutations: a small shipped scene, or a document with other
+/// features of the format.
 fn seed(choice: usize) -> (Value, Vec<u8>) {
     let models = [builtin::zigzag(), builtin::cornell(), builtin::corner()];
     match models.get(choice) {
@@ -53,8 +55,8 @@ fn seed(choice: usize) -> (Value, Vec<u8>) {
     }
 }
 
-/// A document with all that a mesh and a material can have: sparse positions, normals, colours, morph targets, a skin,
-/// instances, every extension that is followed, a projector and a lens.
+/// A document with all supported features of meshes and materials: sparse positions, normals, colours, morph
+/// targets, a skin, instances, every supported extension, a projector and a lens.
 fn rich() -> (Value, Vec<u8>) {
     let mut document = scene_support::document();
     let mut binary = scene_support::buffer();
@@ -144,13 +146,14 @@ fn rich() -> (Value, Vec<u8>) {
 
 const SEEDS: usize = 5;
 
+/// Splits a `.glb` file into its document and its binary chunk.
 fn split(file: &[u8]) -> (Value, Vec<u8>) {
     let length = u32::from_le_bytes(file[12..16].try_into().expect("four bytes")) as usize;
     let document = serde_json::from_slice(&file[20..20 + length]).expect("our own writer writes JSON");
     (document, file[28 + length..].to_vec())
 }
 
-/// What JSON mutations put in the place of a value.
+/// Values that mutations insert into the JSON document.
 fn hostile() -> impl Strategy<Value = Value> {
     prop_oneof![
         Just(Value::Null),
@@ -183,7 +186,8 @@ fn hostile() -> impl Strategy<Value = Value> {
     ]
 }
 
-/// Replaces, removes or doubles the `at`-th value, counted depth first.
+/// Replaces (`action` 0), removes (1) or duplicates (2) the value number `at` of a document, counted depth
+/// first. Returns whether it found the value.
 fn mutate(value: &mut Value, at: &mut usize, with: &Value, action: u8) -> bool {
     if *at == 0 {
         *value = with.clone();
@@ -223,6 +227,7 @@ fn mutate(value: &mut Value, at: &mut usize, with: &Value, action: u8) -> bool {
     false
 }
 
+/// The number of values in a document.
 fn count(value: &Value) -> usize {
     1 + match value {
         Value::Array(items) => items.iter().map(count).sum(),
@@ -268,7 +273,7 @@ proptest! {
     ) {
         let (mut document, binary) = seed(choice);
         for (at, with, action) in changes {
-            // Never the root: what is left would be no document at all.
+            // The root is not changed, since the result would not be a document.
             let total = count(&document);
             if total > 1 {
                 mutate(&mut document, &mut (1 + at.index(total - 1)), &with, action.saturating_sub(1));

@@ -1,4 +1,4 @@
-//! What a glTF file says comes out in the scene.
+//! Tests that the content of a glTF file is loaded into the scene.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -13,7 +13,7 @@ fn corners() -> [Vec3; 3] {
     CORNERS.map(Vec3::from_array)
 }
 
-/// Twice the triangle's area along its front's normal.
+/// The normal of the first triangle's front, with twice the triangle's area as its length.
 fn front(scene: &Scene) -> Vec3 {
     let [a, b, c] = scene.triangles[0].positions;
     (b - a).cross(c - a)
@@ -47,7 +47,7 @@ fn data_uris_external_files_and_binary_chunks_hold_the_same_buffer() {
 }
 
 #[test]
-fn the_hash_depends_on_the_file_and_the_camera_and_not_on_the_place() {
+fn the_hash_depends_on_the_file_and_the_camera_but_not_on_the_path() {
     let two =
         with(&[("/scenes/0/nodes", json!([0, 1, 2])), ("/nodes/2", json!({ "camera": 0, "name": "other" }))]);
     let hash = |document: &Value, camera| {
@@ -59,8 +59,8 @@ fn the_hash_depends_on_the_file_and_the_camera_and_not_on_the_place() {
 }
 
 #[test]
-fn nested_transforms_act_from_the_leaf_to_the_root() {
-    // A quarter turn about Z takes +X to +Y.
+fn nested_transforms_are_applied_from_the_leaf_to_the_root() {
+    // A quarter turn about Z maps +X to +Y.
     let half = std::f32::consts::FRAC_1_SQRT_2;
     let scene = load(&with(&[
         ("/scenes/0/nodes", json!([1, 2])),
@@ -84,7 +84,7 @@ fn a_matrix_is_read_column_by_column() {
 #[test]
 fn mirrored_triangles_keep_their_front() {
     assert!(front(&load(&document())).z > 0.0);
-    // Mirroring left and right leaves the front towards +Z; mirroring front and back turns it.
+    // Mirroring x leaves the front towards +Z; mirroring z flips it.
     assert!(front(&load(&with(&[("/nodes/0/scale", json!([-1, 1, 1]))]))).z > 0.0);
     assert!(front(&load(&with(&[("/nodes/0/scale", json!([1, 1, -1]))]))).z < 0.0);
     assert!(front(&load(&with(&[("/nodes/0/scale", json!([-1, -1, 1]))]))).z > 0.0);
@@ -102,7 +102,8 @@ fn a_mesh_may_be_placed_by_several_nodes() {
     assert_eq!(scene.triangles.iter().map(|triangle| triangle.region).collect::<Vec<_>>(), [0, 1]);
 }
 
-/// Four corners of a unit square in z = 0, counter-clockwise, drawn in this mode with these indices.
+/// A scene whose mesh has the four corners of a unit square in z = 0, counter-clockwise, drawn in this mode
+/// with these indices.
 fn square(mode: u32, indices: &[u8]) -> Scene {
     let positions = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
     let mut bytes: Vec<u8> = positions.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -124,7 +125,7 @@ fn square(mode: u32, indices: &[u8]) -> Scene {
 }
 
 #[test]
-fn strips_and_fans_face_the_same_way_throughout() {
+fn all_triangles_of_strips_and_fans_face_the_same_way() {
     for (mode, indices) in [(4, vec![0, 1, 2, 0, 2, 3]), (5, vec![0, 1, 3, 2]), (6, vec![0, 1, 2, 3])] {
         let scene = square(mode, &indices);
         let normals: Vec<Vec3> = scene
@@ -148,7 +149,7 @@ fn triangles_without_area_are_dropped_with_one_warning() {
 
 #[test]
 fn interleaved_and_quantized_vertices_are_read() {
-    // Two 16-bit coordinates of a unit each 2 bytes, with a stride of 8; normalized to [0, 1].
+    // Each position has three normalized 16-bit coordinates; the stride is 8 bytes.
     let words: [[u16; 4]; 3] = [[0, 0, 0, 9], [65535, 0, 0, 9], [0, 65535, 0, 9]];
     let bytes: Vec<u8> = words.as_flattened().iter().flat_map(|word| word.to_le_bytes()).collect();
     let scene = load(&with(&[
@@ -165,8 +166,8 @@ fn interleaved_and_quantized_vertices_are_read() {
 }
 
 #[test]
-fn the_camera_stands_where_its_node_stands() {
-    // A quarter turn about −X makes it look down; the scale must not matter.
+fn the_camera_has_the_pose_of_its_node() {
+    // A quarter turn about −X makes the camera look down. The scale must have no effect.
     let half = std::f32::consts::FRAC_1_SQRT_2;
     let scene = load(&with(&[
         ("/nodes/1/rotation", json!([-half, 0, 0, half])),
@@ -187,7 +188,8 @@ fn the_camera_stands_where_its_node_stands() {
     }
 }
 
-/// The document with this picture as base colour texture; `info` and `sampler` are merged in.
+/// The document with this picture as base colour texture. `info` is the texture reference and `sampler` the
+/// sampler.
 fn textured(uri: &str, info: Value, sampler: Value) -> Value {
     let mut document = with(&[
         ("/materials/0/pbrMetallicRoughness/baseColorTexture", info),
@@ -203,7 +205,7 @@ const TEXELS: [[u8; 4]; 6] =
     [[1, 2, 3, 255], [4, 5, 6, 255], [7, 8, 9, 255], [10, 11, 12, 128], [13, 14, 15, 0], [16, 17, 18, 255]];
 
 #[test]
-fn pictures_keep_their_texels_and_samplers() {
+fn texels_and_samplers_of_pictures_are_loaded() {
     let uri = data_uri("image/png", &png(3, 2, &TEXELS));
     let sampler = json!({ "wrapS": 33071, "wrapT": 33648, "magFilter": 9728 });
     let scene = load(&textured(&uri, json!({}), sampler));
@@ -221,7 +223,7 @@ fn pictures_keep_their_texels_and_samplers() {
 }
 
 #[test]
-fn pictures_may_be_files_or_buffer_views_and_jpeg() {
+fn pictures_may_be_files_or_buffer_views_in_png_or_jpeg() {
     let picture = png(3, 2, &TEXELS);
     let written = write(&textured("paint%20layer.png", json!({}), json!({})));
     std::fs::write(written.folder.path().join("paint layer.png"), &picture).expect("the folder is ours");
@@ -240,12 +242,12 @@ fn pictures_may_be_files_or_buffer_views_and_jpeg() {
         .expect("JPEG holds any RGB picture");
     let scene = load(&textured(&data_uri("image/jpeg", jpeg.get_ref()), json!({}), json!({})));
     let [red, green, blue, alpha] = scene.textures[0].texels[0];
-    // JPEG is lossy; an even colour survives within a few steps.
+    // JPEG is lossy. A uniform colour changes by a few steps at most.
     assert!(red.abs_diff(200) < 4 && green.abs_diff(100) < 4 && blue.abs_diff(50) < 4 && alpha == 255);
 }
 
 #[test]
-fn texture_transforms_are_kept_with_the_texture() {
+fn texture_transforms_are_loaded_with_the_texture_reference() {
     let transform = |value: Value| {
         let uri = data_uri("image/png", &png(1, 1, &[[255; 4]]));
         let info = json!({ "extensions": { "KHR_texture_transform": value } });
@@ -255,16 +257,16 @@ fn texture_transforms_are_kept_with_the_texture() {
     };
     let scaled = transform(json!({ "offset": [0.5, 0.25], "scale": [2, 4] }));
     assert_eq!(scaled, [vec2(0.5, 0.25), vec2(2.5, 0.25), vec2(0.5, 4.25)]);
-    // Counter-clockwise to the eye, v pointing down: +u goes to −v.
+    // The rotation is counter-clockwise as seen, and v points down: +u is mapped to −v.
     let turned = transform(json!({ "rotation": std::f32::consts::FRAC_PI_2 }));
     for (turned, expected) in turned.into_iter().zip([Vec2::ZERO, vec2(0.0, -1.0), vec2(1.0, 0.0)]) {
-        // sin and cos of a rounded π/2.
+        // The tolerance allows for sine and cosine of a rounded π/2.
         assert!(turned.distance(expected) < 1e-6, "{turned} is not {expected}");
     }
 }
 
 #[test]
-fn a_texture_transform_may_choose_another_set_of_coordinates() {
+fn a_texture_transform_may_select_another_set_of_coordinates() {
     let uri = data_uri("image/png", &png(1, 1, &[[255; 4]]));
     let info = json!({ "texCoord": 0, "extensions": { "KHR_texture_transform": { "texCoord": 1 } } });
     let mut document = textured(&uri, info, json!({}));
@@ -283,7 +285,7 @@ fn without_labels_each_mesh_node_is_a_region() {
 }
 
 #[test]
-fn the_nearest_label_wins() {
+fn the_innermost_label_is_used() {
     let label = |region: u32| json!({ "region": region });
     let mut document = with(&[
         ("/scenes/0/nodes", json!([1, 2])),
@@ -316,7 +318,7 @@ fn regions_are_ordered_by_label_and_not_by_node() {
 }
 
 #[test]
-fn what_is_ignored_is_said_once() {
+fn each_ignored_feature_gives_one_warning() {
     let coated = json!({ "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 1 } } });
     let scene = load(&with(&[
         ("/scenes/0/nodes", json!([0, 1, 2])),

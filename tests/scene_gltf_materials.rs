@@ -1,4 +1,4 @@
-//! What a glTF file says about materials comes out in the scene, or is refused.
+//! Tests that materials of a glTF file are loaded into the scene or refused.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -11,13 +11,13 @@ use serde_json::{Value, json};
 
 const PRIMITIVE: &str = "/meshes/0/primitives/0";
 
-/// Asserts the fault of the document that these changes make.
+/// Asserts that the document with these changes is refused with the message `expected`.
 #[track_caller]
 fn refuses(changes: &[(&str, Value)], expected: &str) {
     assert_eq!(fault(&with(changes), None).0, expected);
 }
 
-/// The document with one picture, and this material.
+/// The scene of the document with one picture and this material.
 fn material(material: Value) -> Scene {
     load(&with(&[
         ("/materials/0", material),
@@ -29,7 +29,7 @@ fn material(material: Value) -> Scene {
 }
 
 #[test]
-fn material_factors_come_out_as_they_stand() {
+fn material_factors_are_loaded() {
     let scene = load(&with(&[(
         "/materials/0",
         json!({
@@ -60,11 +60,11 @@ fn material_factors_come_out_as_they_stand() {
 
 #[test]
 fn defaults_of_materials_are_those_of_gltf() {
-    let given = load(&document());
+    let empty = load(&document());
     let mut without = document();
     without["meshes"][0]["primitives"][0].as_object_mut().expect("a primitive").remove("material");
     let absent = load(&without);
-    for material in [&given.materials[0], &absent.materials[0]] {
+    for material in [&empty.materials[0], &absent.materials[0]] {
         assert_eq!((material.base_color, material.metallic, material.roughness), (Vec3::ONE, 1.0, 1.0));
         assert_eq!((material.specular, material.ior, material.double_sided), (1.0, 1.5, false));
     }
@@ -75,7 +75,7 @@ fn defaults_of_materials_are_those_of_gltf() {
 }
 
 #[test]
-fn what_lets_light_through_comes_out_as_it_stands() {
+fn transmission_and_volumes_are_loaded() {
     let scene = material(json!({
         "pbrMetallicRoughness": { "baseColorFactor": [1, 1, 1, 0.25] },
         "extensions": {
@@ -109,7 +109,7 @@ fn what_lets_light_through_comes_out_as_it_stands() {
 }
 
 #[test]
-fn alpha_modes_are_followed() {
+fn alpha_modes_are_loaded() {
     let mode = |value: Value| material(value).materials[0].alpha_mode;
     assert_eq!(mode(json!({})), AlphaMode::Opaque);
     assert_eq!(mode(json!({ "alphaMode": "BLEND" })), AlphaMode::Blend);
@@ -118,7 +118,7 @@ fn alpha_modes_are_followed() {
 }
 
 #[test]
-fn every_texture_of_a_material_is_followed() {
+fn all_textures_of_a_material_are_loaded() {
     let scene = material(json!({
         "pbrMetallicRoughness": {
             "baseColorTexture": { "index": 0 },
@@ -155,7 +155,7 @@ fn every_texture_of_a_material_is_followed() {
         found,
         [
             ("base colour", plain),
-            // Another sampler is another texture.
+            // The same picture with another sampler is another texture.
             ("metallic-roughness", TextureRef::new(1)),
             ("specular", plain),
             ("specular colour", plain),
@@ -165,7 +165,7 @@ fn every_texture_of_a_material_is_followed() {
             ("diffuse transmission colour", second),
         ]
     );
-    assert_eq!(scene.textures.len(), 2, "textures of one picture and one sampler are one");
+    assert_eq!(scene.textures.len(), 2, "references to the same picture and sampler share a texture");
     let coordinates = [vec2(0.0, 0.0), vec2(1.0, 0.0), vec2(0.0, 1.0)];
     assert_eq!(scene.triangles[0].texcoords, coordinates.map(|uv| [uv, uv]));
 }
@@ -218,7 +218,7 @@ fn material_factors_out_of_range_are_refused() {
 }
 
 #[test]
-fn materials_that_cannot_be_read_are_refused() {
+fn malformed_materials_are_refused() {
     refuses(&[("/materials/0/alphaMode", json!("FADE"))], "material 0 \"paint\" has an unknown alphaMode");
     let (what, _) = fault(
         &with(&[(

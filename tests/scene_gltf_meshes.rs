@@ -1,4 +1,4 @@
-//! What a glTF file says about vertices comes out at the triangles' corners.
+//! Tests that vertex attributes, morph targets, skins and instances of a glTF file are loaded into triangles.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -9,7 +9,7 @@ use krylux::scene::Triangle;
 use scene_support::{CORNERS, data_uri, document, fault, load, set, with};
 use serde_json::{Value, json};
 
-/// Adds `values` as an accessor of this shape in a buffer of its own; its index.
+/// Adds an accessor of this shape and component type for `bytes`, with its own buffer. Returns its index.
 fn accessor(document: &mut Value, shape: &str, component: u32, count: usize, bytes: &[u8]) -> usize {
     let length = |key: &str| document[key].as_array().map_or(0, Vec::len);
     let [accessor, view, buffer] = [length("accessors"), length("bufferViews"), length("buffers")];
@@ -32,6 +32,7 @@ fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
+/// Adds an accessor for floats. Returns its index.
 fn with_floats(document: &mut Value, shape: &str, count: usize, values: &[f32]) -> usize {
     accessor(document, shape, 5126, count, &floats(values))
 }
@@ -44,13 +45,13 @@ fn sparse_accessors_replace_some_elements() {
         "/accessors/0/sparse",
         json!({
             "count": 1,
-            // Byte 2 of the index list: the index 1.
+            // Byte 2 of the index list is the index 1.
             "indices": { "bufferView": 1, "byteOffset": 2, "componentType": 5123 },
-            // The last position of the list.
+            // This is the last position of the list.
             "values": { "bufferView": 0, "byteOffset": 24 },
         }),
     )]);
-    // Two corners in one place have no area.
+    // Two corners coincide, so the triangle has no area and is dropped.
     assert_eq!(fault(&base, None).0, "no triangles in the scene");
 
     let mut moved = base.clone();
@@ -79,7 +80,7 @@ fn sparse_accessors_replace_some_elements() {
 }
 
 #[test]
-fn index_lists_may_have_one_two_or_four_bytes() {
+fn indices_may_have_one_two_or_four_bytes() {
     for (component, bytes) in [
         (5121, vec![2_u8, 0, 1]),
         (5123, [2_u16, 0, 1].iter().flat_map(|index| index.to_le_bytes()).collect()),
@@ -103,7 +104,7 @@ fn with_normals(normals: [Vec3; 3]) -> Value {
 }
 
 #[test]
-fn normals_stay_at_right_angles_to_the_surface_under_any_transform() {
+fn normals_stay_perpendicular_to_the_surface_under_any_transform() {
     let tilted = vec3(0.6, 0.0, 0.8);
     let mut document = with_normals([tilted; 3]);
     assert_eq!(load(&document).triangles[0].normals, [tilted; 3]);
@@ -113,18 +114,18 @@ fn normals_stay_at_right_angles_to_the_surface_under_any_transform() {
         assert!((normal.dot(vec3(8.0, 0.0, -0.6)).abs() < 1e-6) && normal.z > 0.0, "{normal}");
         assert!((normal.length() - 1.0).abs() < 1e-6, "{normal}");
     }
-    // Mirrored: as the surface, and still on its front.
+    // A mirrored mesh has mirrored normals, which are still on its front.
     set(&mut document, "/nodes/0/scale", json!([-1, 1, 1]));
     assert_eq!(load(&document).triangles[0].normals, [vec3(-0.6, 0.0, 0.8); 3]);
-    // A mesh whose normals all point to its back has them turned.
+    // Normals that point to the back are flipped.
     assert_eq!(load(&with_normals([-tilted; 3])).triangles[0].normals, [tilted; 3]);
-    // What has no direction is no normal.
+    // Normals without a direction become zero.
     let broken = load(&with_normals([Vec3::ZERO, Vec3::NAN, tilted]));
     assert_eq!(broken.triangles[0].normals, [Vec3::ZERO, Vec3::ZERO, tilted]);
 }
 
 #[test]
-fn vertex_colours_are_read_in_each_of_their_forms() {
+fn vertex_colours_of_all_types_are_loaded() {
     let white = load(&document()).triangles[0].colors;
     assert_eq!(white, [Triangle::WHITE; 3]);
     let colored = |shape: &str, component: u32, bytes: &[u8]| {
@@ -145,7 +146,7 @@ fn vertex_colours_are_read_in_each_of_their_forms() {
 }
 
 #[test]
-fn morph_targets_are_applied_with_their_weights_at_rest() {
+fn morph_targets_are_applied_with_their_rest_weights() {
     let mut document = with_normals([Vec3::Z; 3]);
     let shift = with_floats(&mut document, "VEC3", 3, &[0.0, 0.0, -1.0].repeat(3));
     let turn = with_floats(&mut document, "VEC3", 3, &[1.0, 0.0, 0.0].repeat(3));
@@ -163,7 +164,7 @@ fn morph_targets_are_applied_with_their_weights_at_rest() {
     let normal = load(&document).triangles[0].normals[0];
     assert!(normal.distance(vec3(0.5, 0.0, 1.0).normalize()) < 1e-6, "{normal}");
     set(&mut document, "/nodes/0/weights", json!([2.0]));
-    assert_eq!(z(&document), [-4.0; 3], "the node's weights come first");
+    assert_eq!(z(&document), [-4.0; 3], "the node's weights override the mesh's");
     set(&mut document, "/nodes/0/weights", json!([1e39]));
     assert_eq!(
         fault(&document, None).0,
@@ -171,7 +172,8 @@ fn morph_targets_are_applied_with_their_weights_at_rest() {
     );
 }
 
-/// The document's triangle, its first two vertices on joint 0 and the third half on each; joint 1 stands at x = 10.
+/// The document with a skin. The first two vertices are bound to joint 0, and the third to both joints with
+/// weights of one half. Joint 1 is at x = 10.
 fn skinned() -> Value {
     let mut document = with(&[
         ("/nodes/0", json!({ "name": "sheet", "mesh": 0, "skin": 0, "translation": [0, 0, 100] })),
@@ -188,7 +190,7 @@ fn skinned() -> Value {
             matrix[diagonal] = 1.0;
         }
     }
-    // The second joint was bound at x = 4.
+    // In the bind pose the second joint is at x = 4.
     bind[16 + 12] = -4.0;
     let bind = with_floats(&mut document, "MAT4", 2, &bind);
     set(&mut document, &format!("{PRIMITIVE}/attributes/JOINTS_0"), json!(joints));
@@ -198,14 +200,14 @@ fn skinned() -> Value {
 }
 
 #[test]
-fn skins_stand_where_their_joints_stand_at_rest() {
+fn skinned_vertices_follow_the_rest_pose_of_their_joints() {
     let positions = load(&skinned()).triangles[0].positions;
-    // The node's own translation does not count; the third vertex moves by half of 10 − 4.
+    // The node's own translation has no effect. The third vertex moves by half of 10 − 4.
     assert_eq!(positions, [vec3(0.0, 0.0, -3.0), vec3(1.0, 0.0, -3.0), vec3(3.0, 1.0, -3.0)]);
 }
 
 #[test]
-fn broken_skins_are_refused() {
+fn invalid_skins_are_refused() {
     let refused = |changes: &[(&str, Value)], expected: &str| {
         let mut document = skinned();
         for (pointer, value) in changes {
@@ -215,15 +217,15 @@ fn broken_skins_are_refused() {
     };
     let primitive = "mesh 0 \"triangle\", primitive 0";
     refused(&[("/nodes/0/skin", json!(3))], "node 0 \"sheet\" refers to skin 3, which does not exist");
-    refused(&[("/skins/0/joints", json!([2, 9]))], "skin 0: its joint 9 is no node of the scene");
-    refused(&[("/scenes/0/nodes", json!([0, 1]))], "skin 0: its joint 2 is no node of the scene");
+    refused(&[("/skins/0/joints", json!([2, 9]))], "skin 0: its joint 9 is not a node of the scene");
+    refused(&[("/scenes/0/nodes", json!([0, 1]))], "skin 0: its joint 2 is not a node of the scene");
     refused(
         &[("/skins/0/joints", json!([2, 3, 2]))],
         "skin 0: its inverse bind matrix 2 is missing or not affine",
     );
     refused(
         &[("/skins/0", json!({ "joints": [2] }))],
-        &format!("{primitive}: vertex 2 hangs on no joint, or on one that the skin does not have"),
+        &format!("{primitive}: vertex 2 is bound to no joint, or to one that the skin does not have"),
     );
     refused(
         &[(&format!("{PRIMITIVE}/attributes"), json!({ "POSITION": 0 }))],
@@ -232,7 +234,7 @@ fn broken_skins_are_refused() {
 }
 
 #[test]
-fn instances_stand_where_the_extension_places_them() {
+fn instances_are_placed_by_the_extension() {
     let mut document = with(&[
         ("/nodes/0/translation", json!([0, 0, -10])),
         ("/extensionsRequired", json!(["EXT_mesh_gpu_instancing"])),
@@ -244,7 +246,8 @@ fn instances_stand_where_the_extension_places_them() {
     let scene = load(&document);
     let corners = CORNERS.map(Vec3::from_array);
     assert_eq!(scene.triangles[0].positions, corners.map(|corner| corner - 10.0 * Vec3::Z));
-    // The second one is mirrored: two corners change places, so that the front stays where it was.
+    // The second instance is mirrored. Two of its corners are exchanged, so that the front stays where it
+    // was.
     let [a, b, c] = corners.map(|corner| corner * vec3(2.0, 2.0, -1.0) + vec3(5.0, 0.0, -10.0));
     assert_eq!(scene.triangles[1].positions, [a, c, b]);
     assert_eq!((scene.triangles.len(), scene.regions.as_slice()), (2, ["sheet".to_string()].as_slice()));

@@ -1,4 +1,4 @@
-//! What an `.obj` file and its libraries say comes out in the scene, or is refused by name.
+//! Tests that `.obj` files and their material libraries are loaded into the scene or refused.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -36,7 +36,7 @@ fn load(obj: &str, library: &str) -> Scene {
     scene::load(&written.path, None).unwrap_or_else(|error| panic!("the scene should load: {error}"))
 }
 
-/// The fault, and the name of the file that has it.
+/// The name of the file at fault and the fault.
 #[track_caller]
 fn fault(obj: &str, library: &str) -> (String, String) {
     match scene::load(&written(obj, library).path, None) {
@@ -47,7 +47,7 @@ fn fault(obj: &str, library: &str) -> (String, String) {
     }
 }
 
-/// The material of this entry.
+/// The material that a library with this entry defines.
 #[track_caller]
 fn material(entry: &str) -> Material {
     let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3 4/4\n");
@@ -60,7 +60,7 @@ fn faces_are_fans_of_triangles() {
     let [a, b, c, d] = [vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(1.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0)];
     let corners: Vec<_> = scene.triangles.iter().map(|triangle| triangle.positions).collect();
     assert_eq!(corners, [[a, b, c], [a, c, d], [a, b, d]]);
-    // The format's v runs upwards, pictures' downwards.
+    // In the format v runs upwards; in pictures it runs downwards.
     let last = scene.triangles[2].texcoords.map(|[first, _]| first);
     assert_eq!(last, [vec2(0.0, 1.0), vec2(1.0, 1.0), vec2(0.0, 0.0)]);
     assert_eq!(scene.materials[scene.triangles[0].material as usize].base_color, Vec3::splat(0.8));
@@ -68,7 +68,7 @@ fn faces_are_fans_of_triangles() {
 }
 
 #[test]
-fn normals_and_colours_are_read() {
+fn normals_and_colours_are_loaded() {
     let scene = load("v 0 0 0 1 0 0.5\nv 1 0 0\nv 0 1 0 0 0 0\nvn 0 3 4\nvn 0 0 0\nf 1//1 2//2 3\n", "");
     let triangle = &scene.triangles[0];
     assert_eq!(triangle.normals, [vec3(0.0, 0.6, 0.8), Vec3::ZERO, Vec3::ZERO]);
@@ -85,10 +85,10 @@ fn objects_and_groups_are_regions() {
 }
 
 #[test]
-fn matte_plastic_and_metal_are_told_apart() {
+fn matte_plastic_and_metal_are_recognized() {
     let matte = material("Kd 0.5 0.25 1\nKs 0 0 0\nNs 10\nillum 2");
     assert_eq!((matte.base_color, matte.specular, matte.metallic), (vec3(0.5, 0.25, 1.0), 0.0, 0.0));
-    // Without highlights in the illumination model Ks does not count.
+    // Ks is ignored if the illumination model has no highlights.
     assert_eq!(material("Kd 0.5\nKs 1 1 1\nillum 1").specular, 0.0);
     let plastic = material("Kd 0.5\nKs 0.5 0.5 0.25\nNs 30\nNi 1.45\nillum 2");
     assert_eq!((plastic.specular, plastic.specular_color), (1.0, vec3(1.0, 1.0, 0.5)));
@@ -103,14 +103,14 @@ fn matte_plastic_and_metal_are_told_apart() {
 }
 
 #[test]
-fn glass_is_solid_and_cutouts_are_not_glass() {
+fn glass_is_a_solid_and_partly_opaque_materials_are_not_glass() {
     let glass = material("Kd 0 0 0\nTf 0.9 0.8 1\nNi 1.33\nillum 7\nd 0.1");
     assert_eq!((glass.transmission, glass.roughness, glass.ior), (1.0, 0.0, 1.33));
     assert_eq!((glass.base_color, glass.alpha_mode), (vec3(0.9, 0.8, 1.0), AlphaMode::Opaque));
     let clear = Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY };
     assert_eq!(glass.volume, Some(clear));
     assert_eq!(material("Ni 1.5\nillum 4").transmission, 1.0);
-    // Exporters give the model of glass to everything that is not quite opaque.
+    // Exporters use the illumination model of glass for all materials that are not fully opaque.
     for entry in ["d 0.25\nillum 9", "Tr 0.75\nillum 4"] {
         let sheet = material(entry);
         assert_eq!((sheet.transmission, sheet.opacity, sheet.alpha_mode), (0.0, 0.25, AlphaMode::Blend));
@@ -118,12 +118,13 @@ fn glass_is_solid_and_cutouts_are_not_glass() {
 }
 
 #[test]
-fn pictures_are_read_with_their_options() {
+fn pictures_are_loaded_with_their_options() {
     let entry = "newmtl m\nmap_Kd -s 2 4 -o 0.5 0.25 -clamp on leaf one.png\nmap_Ke leaf one.png\n";
     let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3\n");
     let scene = load(&obj, entry);
     let base = scene.materials[0].base_color_texture.expect("it has a picture");
-    // At the format's (0.25, 0.5) the picture is read at (0.5 + 0.5, 2 + 0.25), which from the top is −1.25.
+    // The texture coordinate (0.25, 0.5) reads the picture at (0.5 + 0.5, 2 + 0.25). Counted from the top, v
+    // is −1.25.
     assert_eq!(base.transform.transform_point2(vec2(0.25, 0.5)), vec2(1.0, -1.25));
     let texture = &scene.textures[base.texture as usize];
     assert_eq!((texture.wrap, texture.linear), ([Wrap::ClampToEdge; 2], true));
@@ -133,7 +134,7 @@ fn pictures_are_read_with_their_options() {
 }
 
 #[test]
-fn opacity_maps_go_into_the_base_colours_alpha() {
+fn opacity_maps_become_the_alpha_of_the_base_colour() {
     let texels = |entry: &str| {
         let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3\n");
         let scene = load(&obj, &format!("newmtl m\n{entry}"));
@@ -144,13 +145,14 @@ fn opacity_maps_go_into_the_base_colours_alpha() {
     };
     // The mean of (0, 0, 51) is 17.
     assert_eq!(texels("map_d mask.png\n"), [[255; 4], [255, 255, 255, 17]]);
-    // Two columns and one row against one column and two rows: the middle of a texel falls on the second row.
+    // One picture has two columns and one row, the other one column and two rows. The centre of a texel of
+    // the first is in the second row of the other.
     assert_eq!(texels("map_Kd leaf one.png\nmap_d mask.png\n"), [[10, 20, 30, 17], [40, 50, 60, 17]]);
     assert_eq!(texels("map_Kd leaf one.png\nmap_d leaf one.png\n"), [[10, 20, 30, 255], [40, 50, 60, 255]]);
 }
 
 #[test]
-fn what_is_ignored_is_said() {
+fn ignored_statements_give_warnings() {
     let scene = load(
         &format!("{SQUARE}mtllib paint.mtl\nusemtl gone\nf 1 2 3\nl 1 2\nl 2 3\ncurv 0 1 1 2\nf 1 1 2\n"),
         "newmtl m\nmap_Bump bump.png\nrefl cube.png\n",
@@ -194,7 +196,7 @@ fn the_hash_covers_every_file() {
 }
 
 #[test]
-fn lines_that_make_no_sense_are_refused_by_number() {
+fn errors_about_lines_name_the_line_number() {
     for (lines, expected) in [
         ("v 0 0", "line 9: `v` takes at least three numbers"),
         ("v 0 0 nan", "line 9: `nan` is not a finite number"),
@@ -223,7 +225,7 @@ fn lines_that_make_no_sense_are_refused_by_number() {
 }
 
 #[test]
-fn libraries_that_make_no_sense_are_refused() {
+fn invalid_libraries_are_refused() {
     let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3\n");
     for (entry, file, expected) in [
         ("Kd 1", "paint.mtl", "line 1: no `newmtl` comes before it"),

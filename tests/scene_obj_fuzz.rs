@@ -1,6 +1,7 @@
-//! Whatever stands in an `.obj` file, its library and its rig file, loading ends with a scene or an error.
+//! Fuzz tests of the `.obj` loader: for any content of the file, its libraries and its camera file, loading
+//! ends with a scene or an error.
 //!
-//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene_obj_fuzz` looks further.
+//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene_obj_fuzz` tests more cases.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -73,7 +74,7 @@ resolution = [64, 48]
 const FILES: [(&str, &str); 4] =
     [("scene.obj", OBJ), ("a.mtl", FIRST), ("b.mtl", SECOND), ("scene.rig.toml", RIG)];
 
-/// Loads the files with one of them replaced.
+/// Loads the scene with the content of one file replaced.
 fn load(file: usize, bytes: &[u8]) -> krylux::Result<scene::Scene> {
     let picture = scene_support::png(2, 1, &[[1, 2, 3, 255], [4, 5, 6, 0]]);
     let mut files = FILES.map(|(name, text)| (name, text.as_bytes())).to_vec();
@@ -89,7 +90,7 @@ fn check(file: usize, bytes: &[u8]) {
     }
 }
 
-/// What takes the place of a word.
+/// Words that mutations insert.
 fn hostile() -> impl Strategy<Value = String> {
     prop_oneof![
         prop::sample::select(vec![
@@ -173,7 +174,8 @@ proptest! {
         file in 0..FILES.len(),
         changes in prop::collection::vec((any::<prop::sample::Index>(), hostile()), 1..5),
     ) {
-        // Words and the gaps between them, so that lines stay lines.
+        // Each word includes the white space after it, which is not changed, so that the line structure
+        // stays.
         let mut words: Vec<String> =
             FILES[file].1.split_inclusive(char::is_whitespace).map(String::from).collect();
         for (at, with) in changes {

@@ -1,4 +1,4 @@
-//! Where camera and projector stand: rig files, and the extras of glTF's camera nodes.
+//! Tests of the poses of camera and projector: camera files, and the extras of glTF's camera nodes.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -15,74 +15,75 @@ use serde_json::{Value, json};
 
 const CAMERA: &str = "[camera]\nposition = [1, 2, 3]\nlook_at = [1, 2, -5]\nvertical_fov_degrees = 90\n";
 
-/// The document seen by this rig file.
-fn by_rig(rig: &str) -> krylux::Result<Scene> {
+/// Loads the document with a camera file of this content.
+fn with_camera_file(content: &str) -> krylux::Result<Scene> {
     let document = document().to_string();
-    let written = write_files(&[("scene.gltf", document.as_bytes()), ("my.toml", rig.as_bytes())]);
-    let rig = written.folder.path().join("my.toml");
-    scene::load_with(&written.path, &LoadOptions { camera: None, rig: Some(&rig) })
+    let written = write_files(&[("scene.gltf", document.as_bytes()), ("my.toml", content.as_bytes())]);
+    let file = written.folder.path().join("my.toml");
+    scene::load_with(&written.path, &LoadOptions { camera: None, rig: Some(&file) })
 }
 
+/// Asserts that a camera file of this content is refused with the message `expected`.
 #[track_caller]
-fn refuses(rig: &str, expected: &str) {
-    match by_rig(rig) {
+fn refuses(content: &str, expected: &str) {
+    match with_camera_file(content) {
         Err(Error::Scene { path, fault, .. }) => {
-            assert!(path.ends_with("my.toml"), "the error names the rig file");
+            assert!(path.ends_with("my.toml"), "the error names the camera file");
             assert_eq!(fault, expected);
         }
-        other => panic!("not an error about the rig: {other:?}"),
+        other => panic!("not an error about the camera file: {other:?}"),
     }
 }
 
 #[test]
-fn a_rig_file_gives_the_camera_and_the_projector() {
-    let rig = format!(
+fn a_camera_file_states_the_camera_and_the_projector() {
+    let content = format!(
         "{CAMERA}aperture_radius = 0.01\nfocus_distance = 1.5\n[projector]\nposition = [0, 0, 0]\nforward = [0, -2, 0]\n\
          up = [1, 0, 0.0]\nvertical_fov_degrees = 45.5\nresolution = [64, 48]\n"
     );
-    let scene = by_rig(&rig).expect("the rig is whole");
+    let scene = with_camera_file(&content).expect("the file is valid");
     let camera = &scene.camera;
     assert_eq!((camera.position, camera.forward), (vec3(1.0, 2.0, 3.0), Vec3::NEG_Z));
     assert_eq!((camera.right, camera.up), (Vec3::X, Vec3::Y));
     assert!((camera.tan_half_fov - 1.0).abs() < 1e-6);
     assert_eq!(camera.lens, Lens { radius: 0.01, focus: 1.5 });
-    let projector = scene.projector.expect("it stands apart");
+    let projector = scene.projector.expect("the rig is not coaxial");
     assert_eq!((projector.forward, projector.up, projector.right), (Vec3::NEG_Y, Vec3::X, Vec3::Z));
     assert_eq!(projector.lens, Lens::PINHOLE);
     assert_eq!(scene.projector_resolution, Some(Resolution::new(64, 48)));
 }
 
 #[test]
-fn a_projector_where_the_camera_stands_is_coaxial() {
-    let twin = format!("{CAMERA}{}", CAMERA.replace("camera", "projector"));
-    assert_eq!(by_rig(&twin).expect("the rig is whole").projector, None);
-    let other_field =
-        twin.replace("[projector]\n", "[projector]\naperture_radius = 0.1\nfocus_distance = 1\n");
-    assert!(by_rig(&other_field).expect("the rig is whole").projector.is_some());
+fn a_projector_with_the_pose_and_lens_of_the_camera_is_coaxial() {
+    let coaxial = format!("{CAMERA}{}", CAMERA.replace("camera", "projector"));
+    assert_eq!(with_camera_file(&coaxial).expect("the file is valid").projector, None);
+    let other_lens =
+        coaxial.replace("[projector]\n", "[projector]\naperture_radius = 0.1\nfocus_distance = 1\n");
+    assert!(with_camera_file(&other_lens).expect("the file is valid").projector.is_some());
 }
 
 #[test]
-fn a_rig_file_with_a_projector_alone_leaves_the_scenes_camera() {
-    let rig = CAMERA.replace("camera", "projector");
-    let scene = by_rig(&rig).expect("the scene has a camera");
+fn a_camera_file_without_a_camera_leaves_the_scenes_camera() {
+    let content = CAMERA.replace("camera", "projector");
+    let scene = with_camera_file(&content).expect("the scene has a camera");
     assert_eq!(scene.camera.name, "eye");
-    assert_eq!(scene.projector.expect("it stands apart").position, vec3(1.0, 2.0, 3.0));
+    assert_eq!(scene.projector.expect("the rig is not coaxial").position, vec3(1.0, 2.0, 3.0));
 }
 
 #[test]
-fn a_rig_file_next_to_the_scene_is_used_unless_a_camera_is_named() {
+fn a_camera_file_next_to_the_scene_is_used_unless_a_camera_is_named() {
     let document = document().to_string();
     let written = write_files(&[("a.gltf", document.as_bytes()), ("a.rig.toml", CAMERA.as_bytes())]);
-    let load = |camera| scene::load(&written.path, camera).expect("both rigs are whole");
+    let load = |camera| scene::load(&written.path, camera).expect("both cameras are valid");
     assert_eq!(load(None).camera.position, vec3(1.0, 2.0, 3.0));
     assert_eq!(load(Some("eye")).camera.position, Vec3::ZERO);
     assert_ne!(load(None).hash, load(Some("eye")).hash);
 
-    let rig = written.folder.path().join("a.rig.toml");
-    let both = LoadOptions { camera: Some("eye"), rig: Some(&rig) };
+    let file = written.folder.path().join("a.rig.toml");
+    let both = LoadOptions { camera: Some("eye"), rig: Some(&file) };
     match scene::load_with(&written.path, &both) {
         Err(Error::Scene { fault, .. }) => {
-            assert_eq!(fault, "the rig file has a camera, but one of the scene's is asked for by name");
+            assert_eq!(fault, "the camera file has a [camera], but --camera names a camera of the scene");
         }
         other => panic!("two cameras at once: {other:?}"),
     }
@@ -91,13 +92,13 @@ fn a_rig_file_next_to_the_scene_is_used_unless_a_camera_is_named() {
 }
 
 #[test]
-fn an_obj_file_needs_a_rig_file_with_a_camera() {
+fn an_obj_file_needs_a_camera_file_with_a_camera() {
     let obj = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     let expected = "an .obj file has no camera, and no camera file gives one";
     let projector = CAMERA.replace("camera", "projector");
-    for rig in [None, Some(projector.as_str())] {
+    for content in [None, Some(projector.as_str())] {
         let mut files: Vec<(&str, &[u8])> = vec![("a.obj", obj)];
-        files.extend(rig.map(|rig| ("a.rig.toml", rig.as_bytes())));
+        files.extend(content.map(|content| ("a.rig.toml", content.as_bytes())));
         let written = write_files(&files);
         match scene::load(&written.path, None) {
             Err(Error::Scene { fault, help, .. }) => {
@@ -117,21 +118,18 @@ fn an_obj_file_needs_a_rig_file_with_a_camera() {
 }
 
 #[test]
-fn rig_files_that_make_no_sense_are_refused() {
+fn invalid_camera_files_are_refused() {
     let camera = |lines: &str| format!("[camera]\nposition = [0, 0, 0]\n{lines}\n");
-    let ahead = "forward = [0, 0, -1]\nvertical_fov_degrees = 40";
-    refuses(&camera("vertical_fov_degrees = 40"), "[camera] needs look_at or forward, one of them");
+    let view = "forward = [0, 0, -1]\nvertical_fov_degrees = 40";
+    refuses(&camera("vertical_fov_degrees = 40"), "[camera] needs either look_at or forward");
+    refuses(&camera(&format!("look_at = [1, 0, 0]\n{view}")), "[camera] needs either look_at or forward");
+    let no_direction = "[camera] has no direction of view, or one that is parallel to up";
+    refuses(&camera("look_at = [0, 0, 0]\nvertical_fov_degrees = 40"), no_direction);
+    refuses(&camera("look_at = [0, 3, 0]\nvertical_fov_degrees = 40"), no_direction);
+    refuses(&camera(&format!("{view}\nup = [0, 0, 0]")), no_direction);
+    refuses(&camera("forward = [0, 0, nan]\nvertical_fov_degrees = 40"), no_direction);
     refuses(
-        &camera(&format!("look_at = [1, 0, 0]\n{ahead}")),
-        "[camera] needs look_at or forward, one of them",
-    );
-    let nowhere = "[camera] looks nowhere, or along its own up";
-    refuses(&camera("look_at = [0, 0, 0]\nvertical_fov_degrees = 40"), nowhere);
-    refuses(&camera("look_at = [0, 3, 0]\nvertical_fov_degrees = 40"), nowhere);
-    refuses(&camera(&format!("{ahead}\nup = [0, 0, 0]")), nowhere);
-    refuses(&camera("forward = [0, 0, nan]\nvertical_fov_degrees = 40"), nowhere);
-    refuses(
-        &format!("[camera]\nposition = [1e60, 0, 0]\n{ahead}\n"),
+        &format!("[camera]\nposition = [1e60, 0, 0]\n{view}\n"),
         "[camera] stands more than 1e9 m from the origin",
     );
     for field in ["0", "180", "-1", "nan", "0.0000001"] {
@@ -141,29 +139,29 @@ fn rig_files_that_make_no_sense_are_refused() {
             &format!("[camera] has a vertical_fov_degrees of {shown}"),
         );
     }
-    refuses(&camera(&format!("{ahead}\naperture_radius = -1")), "[camera] has an aperture_radius of -1");
+    refuses(&camera(&format!("{view}\naperture_radius = -1")), "[camera] has an aperture_radius of -1");
     refuses(
-        &camera(&format!("{ahead}\naperture_radius = 0.1")),
+        &camera(&format!("{view}\naperture_radius = 0.1")),
         "[camera] has an aperture_radius, but no focus_distance",
     );
     refuses(
-        &camera(&format!("{ahead}\naperture_radius = 0.1\nfocus_distance = 0")),
+        &camera(&format!("{view}\naperture_radius = 0.1\nfocus_distance = 0")),
         "[camera] has a focus_distance of 0",
     );
-    refuses(&camera(&format!("{ahead}\nresolution = [8, 8]")), "[camera] has a resolution");
-    let projector = camera(&format!("{ahead}\nresolution = [8, 0]")).replace("camera", "projector");
+    refuses(&camera(&format!("{view}\nresolution = [8, 8]")), "[camera] has a resolution");
+    let projector = camera(&format!("{view}\nresolution = [8, 0]")).replace("camera", "projector");
     refuses(&projector, "[projector] has a resolution of 8x0");
     for broken in ["[camera", "[camera]\nfov = 3\n", "[lamp]\n"] {
-        match by_rig(broken) {
+        match with_camera_file(broken) {
             Err(Error::Scene { fault, .. }) => {
-                assert!(fault.starts_with("not a valid rig file: TOML parse error at line "), "{fault}");
+                assert!(fault.starts_with("not a valid camera file: TOML parse error at line "), "{fault}");
             }
-            other => panic!("not an error about the rig: {other:?}"),
+            other => panic!("not an error about the camera file: {other:?}"),
         }
     }
 }
 
-/// The document with a second camera node, which has these extras.
+/// The document with a second camera node that has these extras.
 fn two_cameras(extras: Value) -> Value {
     let node = json!({ "camera": 0, "name": "lamp", "translation": [1, 0, 0], "extras": extras });
     with(&[("/scenes/0/nodes", json!([0, 1, 2])), ("/nodes/2", node)])
@@ -174,15 +172,15 @@ fn a_camera_node_may_be_the_projector() {
     let mut document = two_cameras(json!({ "krylux": "projector", "resolution": [32, 16] }));
     let scene = load(&document);
     assert_eq!(scene.camera.name, "eye", "the projector is no candidate for the camera");
-    let projector = scene.projector.expect("it stands apart");
+    let projector = scene.projector.expect("the rig is not coaxial");
     assert_eq!((projector.name.as_str(), projector.position), ("lamp", Vec3::X));
     assert_eq!(scene.projector_resolution, Some(Resolution::new(32, 16)));
     set(&mut document, "/nodes/2/translation", json!([0, 0, 0]));
-    assert_eq!(load(&document).projector, None, "in the camera's place it is coaxial");
+    assert_eq!(load(&document).projector, None, "at the camera's position the rig is coaxial");
 }
 
 #[test]
-fn lenses_come_from_the_node_or_its_camera() {
+fn lenses_are_stated_by_the_node_or_its_camera() {
     let lens = |changes: &[(&str, Value)]| load(&with(changes)).camera.lens;
     assert_eq!(lens(&[]), Lens::PINHOLE);
     let open = json!({ "aperture_radius": 0.25, "focus_distance": 2 });
@@ -196,7 +194,7 @@ fn lenses_come_from_the_node_or_its_camera() {
 }
 
 #[test]
-fn extras_that_make_no_sense_are_refused() {
+fn invalid_extras_are_refused() {
     let refused = |document: Value, expected: &str| assert_eq!(fault(&document, None).0, expected);
     let projector = json!({ "krylux": "projector" });
     refused(
@@ -205,7 +203,7 @@ fn extras_that_make_no_sense_are_refused() {
     );
     refused(
         with(&[("/nodes/0/extras", projector.clone())]),
-        "node 0 \"sheet\" is marked as the projector, but is no camera",
+        "node 0 \"sheet\" is marked as the projector, but is not a camera",
     );
     refused(with(&[("/nodes/1/extras", projector.clone())]), "no camera in the scene");
     let mut both = two_cameras(projector.clone());
@@ -213,7 +211,7 @@ fn extras_that_make_no_sense_are_refused() {
     set(&mut both, "/nodes/3", json!({ "camera": 0, "name": "beam", "extras": projector }));
     refused(both, "two projectors, `lamp` and `beam`");
     for (extras, expected) in [
-        (json!({ "aperture_radius": "wide" }), "camera `eye` has an aperture_radius that is no number"),
+        (json!({ "aperture_radius": "wide" }), "camera `eye` has an aperture_radius that is not a number"),
         (json!({ "aperture_radius": -1 }), "camera `eye` has an aperture_radius of -1"),
         (json!({ "aperture_radius": 1 }), "camera `eye` has an aperture_radius, but no focus_distance"),
         (json!({ "aperture_radius": 1, "focus_distance": -2 }), "camera `eye` has a focus_distance of -2"),
@@ -227,13 +225,13 @@ fn extras_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn cameras_coincide_but_for_rounding() {
+fn cameras_coincide_up_to_rounding() {
     let camera = load(&document()).camera;
     let moved = |by: f32| Camera { position: camera.position + by * Vec3::X, ..camera.clone() };
     assert!(camera.coincides(&moved(1e-7)));
     assert!(!camera.coincides(&moved(1e-4)));
     assert!(!camera.coincides(&Camera { tan_half_fov: 1.01 * camera.tan_half_fov, ..camera.clone() }));
     assert_eq!(load(&document()).projector, None);
-    // Writing the scene anew does not matter to the rig.
+    // The camera of the same scene in another file is the same.
     assert_eq!(scene::load(&write(&document()).path, None).expect("it loads").camera, camera);
 }

@@ -1,4 +1,4 @@
-//! PNG files: 8-bit pictures out ([`Raster`]), and 8- or 16-bit pictures in as linear patterns.
+//! PNG files. Pictures are written with 8 bits ([`Raster`]); patterns are read from pictures of 8 or 16 bits.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -10,12 +10,12 @@ use super::srgb;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB decoded to linear values in \[0,1\], one channel if
-/// the file is gray, else three.
+/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The
+/// pattern has one channel if the file is gray, and three otherwise.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed, of another format, very large, or anywhere
-/// transparent.
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a
+/// transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let unusable =
@@ -25,7 +25,7 @@ pub fn read_png(path: &Path) -> Result<Image> {
     let resolution = Resolution::new(picture.width() as usize, picture.height() as usize);
     if picture.color().has_alpha() && picture.to_rgba16().pixels().any(|pixel| pixel.0[3] != u16::MAX) {
         return Err(unusable(
-            "some pixels are transparent, which means nothing in a pattern".into(),
+            "some pixels are transparent, which has no meaning in a pattern".into(),
             "remove the alpha channel",
         ));
     }
@@ -40,7 +40,8 @@ pub fn read_png(path: &Path) -> Result<Image> {
 fn decode(bytes: Vec<u8>) -> ::image::ImageResult<DynamicImage> {
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?;
     let mut decoder = reader.into_decoder()?;
-    // Within this bound lies a 16-bit RGB picture of 8192² pixels; a forged header beyond it reserves no memory.
+    // The limit allows a 16-bit RGB picture of 8192² pixels. It keeps a hostile header from allocating more
+    // memory.
     let mut limits = ::image::Limits::default();
     limits.max_alloc = Some(512 << 20);
     decoder.set_limits(limits)?;

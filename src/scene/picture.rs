@@ -1,13 +1,14 @@
-//! Decoding PNG and JPEG, within bounds.
+//! Decoding of PNG and JPEG pictures, with bounds on their size.
 
 use std::io::Cursor;
 
 use image::{ImageFormat, ImageReader, Limits};
 
-/// Pixels a side.
+/// The largest width and height of a picture in pixels.
 const MAX_SIDE: u32 = 16384;
 
-/// All pictures together. A few kilobytes of PNG can stand for any number of pixels.
+/// The largest number of texels of all pictures together. A limit is needed because a few kilobytes of PNG
+/// can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
 
 /// A decoded picture.
@@ -18,19 +19,22 @@ pub(super) struct Picture {
     pub texels: Vec<[u8; 4]>,
 }
 
-/// What is wrong with a picture: the rest of a sentence that begins with its name.
+/// Why a picture cannot be used.
 pub(super) struct Fault {
+    /// The predicate of a sentence whose subject is the picture's name.
     pub fault: String,
+    /// What to do about it.
     pub help: String,
 }
 
-/// The pictures of one scene, counted together.
+/// The decoder of one scene's pictures, which counts their texels together.
 #[derive(Default)]
 pub(super) struct Pictures {
     texels: u64,
 }
 
 impl Pictures {
+    /// Decodes the bytes of a PNG or JPEG file.
     pub(super) fn decode(&mut self, bytes: &[u8]) -> Result<Picture, Fault> {
         let Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = image::guess_format(bytes) else {
             return Err(Fault {
@@ -57,7 +61,7 @@ impl Pictures {
         let mut limits = Limits::default();
         limits.max_image_width = Some(MAX_SIDE);
         limits.max_image_height = Some(MAX_SIDE);
-        // 16-bit RGBA is the widest that PNG has.
+        // PNG's widest pixel, 16-bit RGBA, has 8 bytes.
         limits.max_alloc = Some(8 * MAX_TEXELS);
         reader.limits(limits);
         let decoded = reader.decode().map_err(broken)?.into_rgba8();

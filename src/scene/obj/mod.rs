@@ -60,7 +60,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     })
 }
 
-fn find_rig(path: &Path, options: &LoadOptions<'_>, hash: &mut ContentHash) -> Result<camera_file::CameraPair> {
+fn find_rig(
+    path: &Path,
+    options: &LoadOptions<'_>,
+    hash: &mut ContentHash,
+) -> Result<camera_file::CameraPair> {
     if let Some(name) = options.camera {
         return Err(fault(
             path,
