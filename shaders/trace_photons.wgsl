@@ -1,4 +1,4 @@
-// The specular chains of one eye: rays from it through mirrors and glass, to the surfaces behind them that scatter. One
+// The specular chains of one endpoint: rays from it through mirrors and glass, to the surfaces behind them that scatter. One
 // path per invocation; each chain that it finds goes to a slot of its own.
 #import parameters
 #import bvh
@@ -15,7 +15,7 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= parameters.paths) {
         return;
     }
-    let start = path_start(path_place(id.x));
+    let start = path_start(pixel_sample(id.x));
     let first_slot = id.x * (4u * parameters.stride + 1u);
     for (var index = 0u; index < parameters.stride; index += 1u) {
         records[first_slot + 4u * index + 1u] = vec4u(NONE);
@@ -23,7 +23,7 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
 
     var origin = start.origin;
     var direction = start.direction;
-    var footprint = footprint_at_eye(parameters.start, start.towards);
+    var footprint = footprint_at_endpoint(parameters.start, start.towards);
     // Along the chain: what it lets through, over its probability; and that probability.
     var power = vec3f(parameters.scale);
     var probability = 1.0;
@@ -68,7 +68,7 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
             direction = leaving;
             chain += 1u;
         }
-        origin = surface_leave(surface.position, select(surface.normal, -surface.normal, next.direction.z < 0.0));
+        origin = offset_origin(surface.position, select(surface.normal, -surface.normal, next.direction.z < 0.0));
     }
     records[first_slot] = vec4u(parameters.mark, 0u, 0u, 0u);
 }

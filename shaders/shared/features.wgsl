@@ -21,7 +21,7 @@ override COAXIAL_PINHOLE: bool = false;
 override ROULETTE: bool = true;
 // Where rays from and to the pinhole that both ends share are traced by lists of what can be seen from it: texels in a row of the
 // lists' raster; else 0.
-override SIGHT_SIDE: u32 = 0u;
+override LIGHT_BUFFER_SIDE: u32 = 0u;
 // One invocation traces several paths, one after the other.
 override SEVERAL_PATHS: bool = false;
 // The search tree is small: its nodes and triangles lie in one row of a texture each, and 16 bits tell nodes apart.

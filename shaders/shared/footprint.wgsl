@@ -1,7 +1,7 @@
 // How far a ray's foot moves with its image point, through mirrors and panes: ray differentials (Igehy, "Tracing Ray
 // Differentials", SIGGRAPH 1999) for flat surfaces. Its area is the inverse of the generalized density D of a point that is
 // seen by way of a specular chain.
-#import eye
+#import endpoint
 
 struct Footprint {
     // Derivatives of the foot and of the unit direction by the two coordinates of the image plane at distance 1.
@@ -12,12 +12,12 @@ struct Footprint {
 }
 
 // Of a ray that leaves a point of the lens in `direction` (local, not normalized, −z component 1).
-fn footprint_at_eye(eye: Eye, direction: vec3f) -> Footprint {
+fn footprint_at_endpoint(endpoint: Endpoint, direction: vec3f) -> Footprint {
     let scale = inverseSqrt(dot(direction, direction));
     let d = direction * scale;
     let turn_u = scale * (vec3f(1.0, 0.0, 0.0) - d.x * d);
     let turn_v = scale * (vec3f(0.0, 1.0, 0.0) - d.y * d);
-    return Footprint(vec3f(0.0), vec3f(0.0), eye_to_world(eye, turn_u), eye_to_world(eye, turn_v));
+    return Footprint(vec3f(0.0), vec3f(0.0), endpoint_to_world(endpoint, turn_u), endpoint_to_world(endpoint, turn_v));
 }
 
 // After `distance` along `direction`, on a plane with this normal.

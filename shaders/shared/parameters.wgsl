@@ -1,7 +1,7 @@
 // What one dispatch works on. Laid out as `render::parameters::Parameters`; a test compares the two.
 
 // One end of the rig: the camera, or the projector. The camera's own frame is the frame of all geometry.
-struct Eye {
+struct Endpoint {
     // Its axes: right, up, and backwards along the optical axis.
     right: vec3f,
     // Radius of the aperture; 0 is a pinhole.
@@ -20,8 +20,8 @@ struct Eye {
 
 struct Parameters {
     // Where the paths of this dispatch begin, and where their connections end.
-    start: Eye,
-    end: Eye,
+    start: Endpoint,
+    end: Endpoint,
     // The first path of this dispatch, as pixel and sample.
     first_pixel: u32,
     first_sample: u32,
@@ -47,7 +47,7 @@ struct Parameters {
     // SOBOL or INDEPENDENT.
     sampling: u32,
     // Paths that one invocation takes, one after the other.
-    paths_each: u32,
+    paths_per_invocation: u32,
     padding: u32,
 }
 

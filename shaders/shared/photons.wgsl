@@ -1,4 +1,4 @@
-// The map of an eye's specular chains: which of its pixels see a surface point through mirrors and glass. Traced by
+// The map of an endpoint's specular chains: which of its pixels see a surface point through mirrors and glass. Traced by
 // `trace_photons`, sorted into a hash grid by `render::photons`, gathered here.
 #import parameters
 #import surface
@@ -38,11 +38,18 @@ fn photon_bucket(cell: vec3i) -> u32 {
     return (mixed ^ (mixed >> 15u)) & parameters.bucket_mask;
 }
 
-// All photons within the radius, by one of them drawn in proportion to what it brings. `own` and `image` are the asker's
-// own chain where it ends here (`skip_own`): what came along that is known exactly and is left out.
-fn photons_gather(
-    surface: Surface, frame: Frame, wo: vec3f, most_surfaces: u32, skip_own: bool, own: Footprint, image: vec2f, u: f32,
-) -> Gathered {
+// The specular chain by which the gathering path itself came to the surface point.
+struct OwnChain {
+    // Light along this chain is known exactly, and photons that came along it are left out.
+    is_skipped: bool,
+    footprint: Footprint,
+    // The path's start on the image plane at distance 1.
+    image: vec2f,
+}
+
+// Gathers all photons within the radius around a surface point. `most_surfaces` bounds the surfaces of their chains, and `u` is a random
+// number in [0, 1) that draws the photon that stands for all.
+fn photons_gather(surface: Surface, frame: Frame, wo: vec3f, most_surfaces: u32, own: OwnChain, u: f32) -> Gathered {
     var found = Gathered(NONE, vec3f(0.0), vec3f(0.0), 0.0);
     var total = 0.0;
     var chosen = 1.0;
@@ -66,9 +73,9 @@ fn photons_gather(
                 || any(vec3i(floor(position * parameters.inverse_cell)) != cell)) {
                 continue;
             }
-            if (skip_own) {
-                let moved = vec2f(photon.arrival.x, photon.ground.x) - image;
-                let predicted = own.foot_u * moved.x + own.foot_v * moved.y;
+            if (own.is_skipped) {
+                let moved = vec2f(photon.arrival.x, photon.ground.x) - own.image;
+                let predicted = own.footprint.foot_u * moved.x + own.footprint.foot_v * moved.y;
                 if (dot(predicted, predicted) < 4.0 * radius * radius) {
                     continue;
                 }

@@ -1,10 +1,10 @@
 // Where a path begins: which pixel and sample it has, and the ray that they stand for.
 #import parameters
 #import sampler
-#import eye
+#import endpoint
 
 // Whose turn it is.
-struct Place {
+struct PixelSample {
     pixel: u32,
     sample: u32,
     // Column and row of the pixel.
@@ -14,7 +14,7 @@ struct Place {
 struct Start {
     pixel: u32,
     sample: u32,
-    // On the image plane at distance 1, and the direction towards it in the eye's frame.
+    // On the image plane at distance 1, and the direction towards it in the endpoint's frame.
     image: vec2f,
     towards: vec3f,
     // The ray, in the frame of all geometry.
@@ -23,15 +23,15 @@ struct Start {
 }
 
 // Of the dispatch's path `index`.
-fn path_place(index: u32) -> Place {
+fn pixel_sample(index: u32) -> PixelSample {
     let path = parameters.first_sample + index;
     let pixel = parameters.first_pixel + path / parameters.samples;
     let width = parameters.start.resolution.x;
-    return Place(pixel, path % parameters.samples, vec2u(pixel % width, pixel / width));
+    return PixelSample(pixel, path % parameters.samples, vec2u(pixel % width, pixel / width));
 }
 
 // Of the path so many behind the one there. Without divisions, which are slow.
-fn path_place_after(place: Place, paths: u32) -> Place {
+fn pixel_sample_after(place: PixelSample, paths: u32) -> PixelSample {
     var after = place;
     after.sample += paths;
     while (after.sample >= parameters.samples) {
@@ -45,11 +45,11 @@ fn path_place_after(place: Place, paths: u32) -> Place {
     return after;
 }
 
-fn path_start(place: Place) -> Start {
+fn path_start(place: PixelSample) -> Start {
     let u = sample4(place.pixel, place.sample, 0u);
-    let lens = eye_lens_point(parameters.start, u.zw);
-    let image = eye_image_point(parameters.start, vec2f(place.corner) + u.xy);
-    let towards = eye_direction(parameters.start, image, lens);
-    let direction = normalize(eye_to_world(parameters.start, towards));
-    return Start(place.pixel, place.sample, image, towards, eye_origin(parameters.start, lens), direction);
+    let lens = endpoint_lens_point(parameters.start, u.zw);
+    let image = endpoint_image_point(parameters.start, vec2f(place.corner) + u.xy);
+    let towards = endpoint_direction(parameters.start, image, lens);
+    let direction = normalize(endpoint_to_world(parameters.start, towards));
+    return Start(place.pixel, place.sample, image, towards, endpoint_origin(parameters.start, lens), direction);
 }

@@ -230,7 +230,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
 
 // A point just off the surface, on the side of its normal, from which a ray meets the surface no more: Wächter and
 // Binder, "A Fast and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems, 2019.
-fn surface_leave(position: vec3f, normal: vec3f) -> vec3f {
+fn offset_origin(position: vec3f, normal: vec3f) -> vec3f {
     let steps = vec3i(256.0 * normal);
     let stepped = bitcast<vec3f>(bitcast<vec3i>(position) + select(steps, -steps, position < vec3f(0.0)));
     return select(stepped, position + normal * 0x1p-16f, abs(position) < vec3f(0x1p-5f));

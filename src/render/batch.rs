@@ -139,7 +139,7 @@ impl<'a> Batch<'a> {
     }
 
     /// Paths whose record does not carry `mark`, so that the device never finished them; and the rays that all of them took.
-    pub(super) fn census(&self, mark: u32) -> (u64, u64) {
+    pub(super) fn unfinished_and_rays(&self, mark: u32) -> (u64, u64) {
         let of_some = |heads: &[[u32; 4]]| {
             heads.iter().fold((0, 0), |(lost, sum), head| {
                 (lost + u64::from(head[0] >> 16 != mark >> 16), sum + rays(*head))
@@ -206,7 +206,7 @@ mod tests {
             [Connection { camera: 1, projector: 6, bounces: 2, value: [0.0, 1.0, 0.0] }]
         );
         assert_eq!(connections(1), [Connection { camera: 2, projector: 2, bounces: 3, value: [1.0; 3] }]);
-        assert_eq!(batch.census(MARK), (0, 9));
+        assert_eq!(batch.unfinished_and_rays(MARK), (0, 9));
     }
 
     #[test]
@@ -241,11 +241,11 @@ mod tests {
     #[test]
     fn a_path_without_this_dispatchs_mark_is_unfinished() {
         let mut records = records();
-        assert_eq!(batch(&records).census(MARK).0, 0);
+        assert_eq!(batch(&records).unfinished_and_rays(MARK).0, 0);
         // What an earlier dispatch left there.
         records[1][0] = 4 << 16 | 5 << 8 | 3;
-        assert_eq!(batch(&records).census(MARK).0, 1);
+        assert_eq!(batch(&records).unfinished_and_rays(MARK).0, 1);
         records[0][0] = 0;
-        assert_eq!(batch(&records).census(MARK).0, 2);
+        assert_eq!(batch(&records).unfinished_and_rays(MARK).0, 2);
     }
 }

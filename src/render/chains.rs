@@ -2,7 +2,7 @@
 
 use super::dispatch::Dispatches;
 use super::geometry::GpuScene;
-use super::photons::{ChainsOf, PhotonMap};
+use super::photons::{ChainRequest, PhotonMap};
 use crate::error::Result;
 use crate::gpu::Gpu;
 
@@ -11,27 +11,27 @@ const KEPT: usize = 2;
 
 /// Maps of one scene on the device, the latest last.
 #[derive(Default)]
-pub(super) struct Chains {
-    made: Vec<(ChainsOf, PhotonMap)>,
+pub(super) struct ChainCache {
+    made: Vec<(ChainRequest, PhotonMap)>,
 }
 
-impl Chains {
+impl ChainCache {
     /// As [`PhotonMap::trace`], unless that has been done.
     pub(super) fn map(
         &mut self,
         gpu: &Gpu,
         scene: &GpuScene,
-        asked: ChainsOf,
+        request: ChainRequest,
         dispatches: &mut Dispatches,
     ) -> Result<PhotonMap> {
-        if let Some((_, map)) = self.made.iter().find(|(made, _)| *made == asked) {
+        if let Some((_, map)) = self.made.iter().find(|(made, _)| *made == request) {
             return Ok(map.clone());
         }
-        let map = PhotonMap::trace(gpu, scene, &asked, dispatches)?;
+        let map = PhotonMap::trace(gpu, scene, &request, dispatches)?;
         if self.made.len() == KEPT {
             self.made.remove(0);
         }
-        self.made.push((asked, map.clone()));
+        self.made.push((request, map.clone()));
         Ok(map)
     }
 }

@@ -32,7 +32,12 @@ const MOST_PATHS: u32 = 64;
 /// have to wait for the longest of eight. Not where chains are gathered from: lanes of one pixel had better do that together; nor where
 /// rays test each of a few triangles: it takes longer to compile than it saves. A GPU has other invocations to turn to, and the more of
 /// them, the better. Measured: see benches/README.md.
-pub(super) fn most_paths(gpu: &Gpu, scene: &SceneFeatures, gathers: bool, max_bounces: u32) -> u32 {
+pub(super) fn max_paths_per_invocation(
+    gpu: &Gpu,
+    scene: &SceneFeatures,
+    gathers: bool,
+    max_bounces: u32,
+) -> u32 {
     if gpu.summary.is_processor() && scene.few_pairs == 0 && !gathers {
         (SURFACES_OF_INVOCATION / max_bounces).clamp(1, MOST_PATHS)
     } else {
@@ -89,15 +94,15 @@ impl Work {
 /// How fast a kernel is, as far as its dispatches have told: how many paths the next one takes. Kept between the traces of a tracer,
 /// so that only the first one has to find out.
 #[derive(Debug, Default)]
-pub(super) struct Pace {
+pub(super) struct DispatchSizer {
     /// `None` as long as nothing is known: the first dispatch of a pipeline compiles it, so that its time says nothing either.
     wish: Option<u32>,
     work: Option<Work>,
     /// Invocations did not come to the end of several paths.
-    one_each: bool,
+    one_path_each: bool,
 }
 
-impl Pace {
+impl DispatchSizer {
     /// Paths of the dispatch that compiles.
     const COLD: u32 = 64;
     /// Paths of the first one that tells something.
@@ -108,7 +113,7 @@ impl Pace {
     /// A trace of such paths begins. What others took says nothing of them.
     pub(super) fn begin(&mut self, work: Work) {
         if self.work.replace(work) != Some(work) {
-            self.one_each = false;
+            self.one_path_each = false;
             self.wish = self.wish.map(|_| Self::FIRST);
         }
     }
@@ -120,18 +125,18 @@ impl Pace {
 
     /// How many of a dispatch's `paths` each invocation takes, at most `most`: so many that each core has four workgroups, which end
     /// at about the same time.
-    pub(super) fn paths_each(&self, paths: u32, most: u32) -> u32 {
-        paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_each { 1 } else { most })
+    pub(super) fn paths_per_invocation(&self, paths: u32, most: u32) -> u32 {
+        paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_path_each { 1 } else { most })
     }
 
     /// Learns that the driver gave up invocations with several paths.
-    pub(super) fn one_each(&mut self) {
-        self.one_each = true;
+    pub(super) fn one_path_each(&mut self) {
+        self.one_path_each = true;
     }
 
     /// How many dispatches the device should have at a time: a second one, so that it need not wait for the host, as soon as
     /// its size means something.
-    pub(super) fn flights(&self) -> usize {
+    pub(super) fn max_in_flight(&self) -> usize {
         if self.wish.is_some() { 2 } else { 1 }
     }
 
@@ -157,56 +162,63 @@ mod tests {
 
     const WORK: Work = Work { max_bounces: 6, stride: 6, bucket_mask: 0, gather_radius: 0.0 };
 
-    fn paced(millis: &[u64]) -> Pace {
-        let mut pace = Pace::default();
-        pace.begin(WORK);
+    fn sized(millis: &[u64]) -> DispatchSizer {
+        let mut sizer = DispatchSizer::default();
+        sizer.begin(WORK);
         for &millis in millis {
-            pace.adapt(pace.paths(u32::MAX), Duration::from_millis(millis));
+            sizer.adapt(sizer.paths(u32::MAX), Duration::from_millis(millis));
         }
-        pace
+        sizer
     }
 
     #[test]
     fn a_dispatch_grows_towards_its_target_and_not_by_leaps() {
-        assert_eq!((paced(&[]).paths(u32::MAX), paced(&[]).flights()), (64, 1), "nothing is known");
-        assert_eq!((paced(&[900]).paths(u32::MAX), paced(&[900]).flights()), (4096, 2), "that was compiling");
-        assert_eq!(paced(&[900, 50]).paths(u32::MAX), 8192);
-        assert_eq!(paced(&[900, 1]).paths(u32::MAX), 16 * 4096);
-        assert_eq!(paced(&[900, 1, 1]).paths(u32::MAX), 256 * 4096);
-        assert_eq!(paced(&[900, 1, 1, 1, 1]).paths(u32::MAX), MAX_PATHS);
-        assert_eq!(paced(&[900, 400]).paths(u32::MAX), 1024, "too long");
-        assert_eq!(paced(&[900, 1]).paths(100), 100, "no more than there is room for");
+        assert_eq!((sized(&[]).paths(u32::MAX), sized(&[]).max_in_flight()), (64, 1), "nothing is known");
+        assert_eq!(
+            (sized(&[900]).paths(u32::MAX), sized(&[900]).max_in_flight()),
+            (4096, 2),
+            "that was compiling"
+        );
+        assert_eq!(sized(&[900, 50]).paths(u32::MAX), 8192);
+        assert_eq!(sized(&[900, 1]).paths(u32::MAX), 16 * 4096);
+        assert_eq!(sized(&[900, 1, 1]).paths(u32::MAX), 256 * 4096);
+        assert_eq!(sized(&[900, 1, 1, 1, 1]).paths(u32::MAX), MAX_PATHS);
+        assert_eq!(sized(&[900, 400]).paths(u32::MAX), 1024, "too long");
+        assert_eq!(sized(&[900, 1]).paths(100), 100, "no more than there is room for");
     }
 
     #[test]
     fn an_invocation_takes_several_paths_where_there_are_enough_for_all_cores() {
         let cores = cores();
-        let mut pace = Pace::default();
-        assert_eq!([64, 256 * cores, 10 * 256 * cores].map(|paths| pace.paths_each(paths, 64)), [1, 1, 10]);
-        assert_eq!(pace.paths_each(1000 * 256 * cores, 64), 64);
-        pace.begin(WORK);
-        pace.one_each();
-        pace.begin(WORK);
-        assert_eq!(pace.paths_each(1000 * 256 * cores, 64), 1, "the driver gave several up");
-        pace.begin(Work { max_bounces: 2, ..WORK });
-        assert_eq!(pace.paths_each(1000 * 256 * cores, 64), 64);
+        let mut sizer = DispatchSizer::default();
+        assert_eq!(
+            [64, 256 * cores, 10 * 256 * cores].map(|paths| sizer.paths_per_invocation(paths, 64)),
+            [1, 1, 10]
+        );
+        assert_eq!(sizer.paths_per_invocation(1000 * 256 * cores, 64), 64);
+        sizer.begin(WORK);
+        sizer.one_path_each();
+        sizer.begin(WORK);
+        assert_eq!(sizer.paths_per_invocation(1000 * 256 * cores, 64), 1, "the driver gave several up");
+        sizer.begin(Work { max_bounces: 2, ..WORK });
+        assert_eq!(sizer.paths_per_invocation(1000 * 256 * cores, 64), 64);
     }
 
     #[test]
     fn the_last_paths_of_a_trace_teach_nothing_unless_they_were_too_many() {
-        let mut pace = paced(&[900, 1]);
-        pace.adapt(64, Duration::from_millis(2));
-        assert_eq!(pace.paths(u32::MAX), 16 * 4096);
-        pace.adapt(6400, Duration::from_millis(200));
-        assert_eq!(pace.paths(u32::MAX), 3200);
+        let mut sizer = sized(&[900, 1]);
+        sizer.adapt(64, Duration::from_millis(2));
+        assert_eq!(sizer.paths(u32::MAX), 16 * 4096);
+        sizer.adapt(6400, Duration::from_millis(200));
+        assert_eq!(sizer.paths(u32::MAX), 3200);
     }
 
     #[test]
     fn the_next_trace_goes_on_where_the_last_one_ended_unless_its_paths_are_others() {
-        let mut pace = paced(&[900, 1]);
-        pace.begin(WORK);
-        assert_eq!(pace.paths(u32::MAX), 16 * 4096);
-        pace.begin(Work { max_bounces: 64, ..WORK });
-        assert_eq!((pace.paths(u32::MAX), pace.flights()), (4096, 2));
+        let mut sizer = sized(&[900, 1]);
+        sizer.begin(WORK);
+        assert_eq!(sizer.paths(u32::MAX), 16 * 4096);
+        sizer.begin(Work { max_bounces: 64, ..WORK });
+        assert_eq!((sizer.paths(u32::MAX), sizer.max_in_flight()), (4096, 2));
     }
 }

@@ -9,8 +9,8 @@ pub(super) struct Features {
     pub(super) lenses: bool,
     pub(super) coaxial_pinhole: bool,
     pub(super) roulette: bool,
-    /// Texels in a row of the lists by which rays from and to the one pinhole go ([`super::sight`]); 0 where they do not.
-    pub(super) sight_side: u32,
+    /// Texels in a row of the lists by which rays from and to the one pinhole go ([`super::light_buffer`]); 0 where they do not.
+    pub(super) light_buffer_side: u32,
     /// One invocation traces several paths, one after the other.
     pub(super) several_paths: bool,
 }
@@ -49,7 +49,7 @@ impl Features {
             ("LENSES", flag(self.lenses)),
             ("COAXIAL_PINHOLE", flag(self.coaxial_pinhole)),
             ("ROULETTE", flag(self.roulette)),
-            ("SIGHT_SIDE", f64::from(self.sight_side)),
+            ("LIGHT_BUFFER_SIDE", f64::from(self.light_buffer_side)),
             ("SEVERAL_PATHS", flag(self.several_paths)),
             ("SMALL_TREE", flag(small_tree)),
             ("FEW_PAIRS", f64::from(few_pairs)),
@@ -78,7 +78,7 @@ mod tests {
             lenses: true,
             coaxial_pinhole: true,
             roulette: true,
-            sight_side: 128,
+            light_buffer_side: 128,
             several_paths: true,
         };
         let module = crate::gpu::shader::module("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));

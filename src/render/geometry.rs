@@ -138,7 +138,7 @@ fn pack_pairs(scene: &Scene, frame: &PinholeFrame, pairs: &[Pair]) -> (Vec<[u32;
     let mut corners = Vec::new();
     for pair in pairs {
         let triangles: Vec<Triangle> =
-            pair.triangles().map(|(turned, _)| turned.of(&scene.triangles)).collect();
+            pair.triangles().map(|(rotated, _)| rotated.of(&scene.triangles)).collect();
         // Both have the same.
         let Triangle { material, region, .. } = triangles[0];
         let needs_corners = textured[material as usize] || !triangles.iter().all(is_plain);

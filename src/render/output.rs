@@ -11,12 +11,12 @@ use crate::gpu::readback::{Readback, Results};
 
 /// Where a kernel's parameters and results lie.
 #[derive(Clone)]
-pub(super) struct Landing {
+pub(super) struct StagingBuffers {
     parameters: wgpu::Buffer,
     results: Results,
 }
 
-impl Landing {
+impl StagingBuffers {
     /// Room for `bytes` of results.
     pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self> {
         let results = Results::new(gpu, "path records", bytes)?;
@@ -34,20 +34,20 @@ impl Landing {
 
 /// What a kernel writes to, with all that it reads bound to it. One dispatch at a time.
 pub(super) struct Output {
-    landing: Landing,
+    staging: StagingBuffers,
     scene_group: wgpu::BindGroup,
     output_group: wgpu::BindGroup,
 }
 
 impl Output {
-    /// Results of `kernel` over `scene` in `landing`, with these chains to gather from and lists to see by.
+    /// Results of `kernel` over `scene` in `staging`, with these chains to gather from and lists to see by.
     pub(super) fn new(
         gpu: &Gpu,
         kernel: &Pipeline,
         scene: &GpuScene,
         chains: &PhotonBuffers,
-        sight: &wgpu::TextureView,
-        landing: Landing,
+        light_buffer: &wgpu::TextureView,
+        staging: StagingBuffers,
     ) -> Result<Self> {
         gpu.guarded("bindings", || {
             let view = wgpu::BindingResource::TextureView;
@@ -55,7 +55,7 @@ impl Output {
                 gpu,
                 &kernel.scene_layout,
                 [
-                    landing.parameters.as_entire_binding(),
+                    staging.parameters.as_entire_binding(),
                     view(&scene.nodes),
                     view(&scene.pairs),
                     view(&scene.materials),
@@ -69,17 +69,17 @@ impl Output {
                 gpu,
                 &kernel.output_layout,
                 [
-                    landing.results.buffer.as_entire_binding(),
+                    staging.results.buffer.as_entire_binding(),
                     chains.photons.as_entire_binding(),
                     chains.buckets.as_entire_binding(),
-                    view(sight),
+                    view(light_buffer),
                 ],
             );
-            Self { landing: landing.clone(), scene_group, output_group }
+            Self { staging: staging.clone(), scene_group, output_group }
         })
     }
 
-    /// Hands the device one dispatch of `parameters.paths`, `parameters.paths_each` to an invocation, of whose results the first
+    /// Hands the device one dispatch of `parameters.paths`, `parameters.paths_per_invocation` to an invocation, of whose results the first
     /// `bytes` are wanted.
     pub(super) fn launch(
         &self,
@@ -89,23 +89,23 @@ impl Output {
         bytes: u64,
     ) -> Result<Readback> {
         let submission = gpu.guarded("dispatch", || {
-            gpu.queue.write_buffer(&self.landing.parameters, 0, bytemuck::bytes_of(parameters));
+            gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(&kernel.pipeline);
             pass.set_bind_group(0, &self.scene_group, &[]);
             pass.set_bind_group(1, &self.output_group, &[]);
-            pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_each), 1, 1);
+            pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_per_invocation), 1, 1);
             drop(pass);
-            self.landing.results.submit(gpu, encoder, bytes)
+            self.staging.results.submit(gpu, encoder, bytes)
         })?;
-        Ok(self.landing.results.request(bytes, submission))
+        Ok(self.staging.results.request(bytes, submission))
     }
 
-    /// Waits for a dispatch of this output's, and returns its results. Drop the view and call [`Output::release`] before the
-    /// next one.
-    pub(super) fn land(&self, gpu: &Gpu, flight: Readback) -> Result<wgpu::BufferView> {
-        self.landing.results.wait(gpu, flight)
+    /// Waits for a dispatch that this output launched, and returns its results. Drop the view and call [`Output::release`] before the
+    /// next launch.
+    pub(super) fn wait(&self, gpu: &Gpu, in_flight: Readback) -> Result<wgpu::BufferView> {
+        self.staging.results.wait(gpu, in_flight)
     }
 
     /// Launches a dispatch and waits for it.
@@ -116,11 +116,11 @@ impl Output {
         parameters: &Parameters,
         bytes: u64,
     ) -> Result<wgpu::BufferView> {
-        self.land(gpu, self.launch(gpu, kernel, parameters, bytes)?)
+        self.wait(gpu, self.launch(gpu, kernel, parameters, bytes)?)
     }
 
     pub(super) fn release(&self) {
-        self.landing.results.release();
+        self.staging.results.release();
     }
 }
 

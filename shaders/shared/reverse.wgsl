@@ -13,7 +13,7 @@ fn bsdf_reverse_density(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
 }
 
 // Probability with which light that comes along `wi` meets the surface instead of passing straight on.
-fn bsdf_meeting(bsdf: Bsdf, wi: vec3f) -> f32 {
+fn bsdf_interaction(bsdf: Bsdf, wi: vec3f) -> f32 {
     if (!PASSABLE) {
         return 1.0;
     }
