@@ -1,18 +1,19 @@
-// What the reverse of a path needs to know of a surface.
+// What the balance heuristic needs to know about the reverse of a path at one surface: densities and probabilities.
 #import features
 #import bsdf
 
-// Refractive index of the medium that `wi` runs in.
+// Refractive index of the medium in which the direction `wi` runs.
 fn bsdf_index_along(bsdf: Bsdf, wi: vec3f) -> f32 {
     return select(bsdf.eta_t, bsdf.eta_o, wi.z > 0.0);
 }
 
-// Density, per étendue n² cosθ dω, with which the reverse of a path that came along `wo` and left along `wi` is sampled.
+// Density, per étendue n² cosθ dω of wo, with which the reverse path samples wo when it arrives along wi. The path itself arrived along
+// wo and left along wi.
 fn bsdf_reverse_density(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
     return bsdf_reverse_pdf(bsdf, wo, wi) / (bsdf.eta_o * bsdf.eta_o * wo.z);
 }
 
-// Probability with which light that comes along `wi` meets the surface instead of passing straight on.
+// Probability with which the surface interacts with light along `wi`, instead of letting it pass straight through.
 fn bsdf_interaction(bsdf: Bsdf, wi: vec3f) -> f32 {
     if (!PASSABLE) {
         return 1.0;

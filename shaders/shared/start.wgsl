@@ -1,9 +1,9 @@
-// Where a path begins: which pixel and sample it has, and the ray that they stand for.
+// The start of a path: its pixel, its sample, and its first ray.
 #import parameters
 #import sampler
 #import endpoint
 
-// Whose turn it is.
+// Identifies a path: one sample of one pixel of the endpoint at which paths start.
 struct PixelSample {
     pixel: u32,
     sample: u32,
@@ -14,15 +14,15 @@ struct PixelSample {
 struct Start {
     pixel: u32,
     sample: u32,
-    // On the image plane at distance 1, and the direction towards it in the endpoint's frame.
+    // The start point on the image plane at distance 1, and the direction towards it in the endpoint's frame, not normalized.
     image: vec2f,
     towards: vec3f,
-    // The ray, in the frame of all geometry.
+    // The first ray, in the frame of all geometry. The direction is normalized.
     origin: vec3f,
     direction: vec3f,
 }
 
-// Of the dispatch's path `index`.
+// Pixel and sample of the dispatch's path `index`. Paths are numbered pixel by pixel, sample by sample.
 fn pixel_sample(index: u32) -> PixelSample {
     let path = parameters.first_sample + index;
     let pixel = parameters.first_pixel + path / parameters.samples;
@@ -30,9 +30,9 @@ fn pixel_sample(index: u32) -> PixelSample {
     return PixelSample(pixel, path % parameters.samples, vec2u(pixel % width, pixel / width));
 }
 
-// Of the path so many behind the one there. Without divisions, which are slow.
-fn pixel_sample_after(place: PixelSample, paths: u32) -> PixelSample {
-    var after = place;
+// Pixel and sample of the path that comes `paths` later. It uses no division, which is slow.
+fn pixel_sample_after(earlier: PixelSample, paths: u32) -> PixelSample {
+    var after = earlier;
     after.sample += paths;
     while (after.sample >= parameters.samples) {
         after.sample -= parameters.samples;
@@ -45,11 +45,12 @@ fn pixel_sample_after(place: PixelSample, paths: u32) -> PixelSample {
     return after;
 }
 
-fn path_start(place: PixelSample) -> Start {
-    let u = sample4(place.pixel, place.sample, 0u);
+// The start of a path: uniform over the area of the pixel on the image plane, and over the area of the lens.
+fn path_start(which: PixelSample) -> Start {
+    let u = sample4(which.pixel, which.sample, 0u);
     let lens = endpoint_lens_point(parameters.start, u.zw);
-    let image = endpoint_image_point(parameters.start, vec2f(place.corner) + u.xy);
+    let image = endpoint_image_point(parameters.start, vec2f(which.corner) + u.xy);
     let towards = endpoint_direction(parameters.start, image, lens);
     let direction = normalize(endpoint_to_world(parameters.start, towards));
-    return Start(place.pixel, place.sample, image, towards, endpoint_origin(parameters.start, lens), direction);
+    return Start(which.pixel, which.sample, image, towards, endpoint_origin(parameters.start, lens), direction);
 }

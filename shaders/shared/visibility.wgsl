@@ -1,10 +1,12 @@
-// What light a connection loses on its way.
+// Visibility along a connection: how much light reaches the other endpoint.
 #import bvh
 #import surface
 #import medium
 #import light_buffer
 
-// From a point just off a triangle of pair `own`. `value` is what gets through; `probability` that a sampled path had passed all that it passes.
+// Transmission from a point just off a triangle of pair `own` to `target_point`. `value` is the share of light that arrives;
+// `probability` is the probability with which a sampled path would have passed straight through every surface on the way. `rays` counts
+// the rays traced.
 fn connection_transmission(own: u32, origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
     let direction = normalize(target_point - origin);
     var light = Pass(vec3f(1.0), 1.0);
@@ -13,7 +15,7 @@ fn connection_transmission(own: u32, origin: vec3f, target_point: vec3f, rays: p
         let reach = distance(origin, target_point);
         var met: Hit;
         if (LIGHT_BUFFER_SIDE > 0u) {
-            // The target is the pinhole, and that is where all geometry has its origin.
+            // The target is the pinhole, and the pinhole is the origin of all geometry.
             met = light_buffer_trace(origin.xy / -origin.z, origin, direction, reach, own, true);
         } else {
             met = bvh_trace(origin, direction, reach, true);
