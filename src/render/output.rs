@@ -1,4 +1,4 @@
-//! The buffers that a kernel's results come back through.
+//! The buffers of a kernel's parameters and results, and its dispatches.
 
 use wgpu::BufferUsages;
 
@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::readback::{Readback, Results};
 
-/// Where a kernel's parameters and results lie.
+/// The staging buffers of one dispatch: its parameters, and its results. Clones share them.
 #[derive(Clone)]
 pub(super) struct StagingBuffers {
     parameters: wgpu::Buffer,
@@ -26,13 +26,13 @@ impl StagingBuffers {
         Ok(Self { parameters, results })
     }
 
-    /// For how many bytes of results there is room.
+    /// The room for results, in bytes.
     pub(super) fn bytes(&self) -> u64 {
         self.results.buffer.size()
     }
 }
 
-/// What a kernel writes to, with all that it reads bound to it. One dispatch at a time.
+/// The bindings of a kernel: its staging buffers, and everything that it reads. It serves one dispatch at a time.
 pub(super) struct Output {
     staging: StagingBuffers,
     scene_group: wgpu::BindGroup,
@@ -40,7 +40,7 @@ pub(super) struct Output {
 }
 
 impl Output {
-    /// Results of `kernel` over `scene` in `staging`, with these chains to gather from and lists to see by.
+    /// Binds `scene`, the photon map `chains`, the light buffer and `staging` to `kernel`.
     pub(super) fn new(
         gpu: &Gpu,
         kernel: &Pipeline,
@@ -79,8 +79,8 @@ impl Output {
         })
     }
 
-    /// Hands the device one dispatch of `parameters.paths`, `parameters.paths_per_invocation` to an invocation, of whose results the first
-    /// `bytes` are wanted.
+    /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each invocation, and requests the first
+    /// `bytes` of its results.
     pub(super) fn launch(
         &self,
         gpu: &Gpu,
@@ -119,11 +119,13 @@ impl Output {
         self.wait(gpu, self.launch(gpu, kernel, parameters, bytes)?)
     }
 
+    /// Makes the results writable again for the device, after their view has been dropped.
     pub(super) fn release(&self) {
         self.staging.results.release();
     }
 }
 
+/// The resources as bindings 0, 1, and so on.
 fn bind_group<const N: usize>(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
