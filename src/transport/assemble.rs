@@ -80,13 +80,13 @@ fn run<const C: usize>(
     })?;
     rows.close()?;
     // Combining needs the most memory.
-    tracer.rest();
+    tracer.release_buffers();
 
     let rig = RigShape { camera, projector: tracer.projector_resolution(settings), symmetric };
     let direct = if symmetric { direct.estimates } else { Vec::new() };
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, rows: sums } = combine(&rows.strips, rig, bounces.len(), &direct);
+    let Combined { layers, rows: sums } = combine(&rows.chunks, rig, bounces.len(), &direct);
     drop(rows);
     let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
     let mut layers: Vec<Layer> = bounces.iter().zip(layers).map(tiled).collect();

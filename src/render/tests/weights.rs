@@ -113,7 +113,7 @@ fn photos(
     let mut one = |seed: u32| {
         let settings = TraceSettings { seed, ..*settings };
         let mut photo = vec![0.0; SIDE * SIDE];
-        let mut strategies = tracer.stage().strategies(&settings).expect("the scene fits");
+        let mut strategies = tracer.strategy_builder().strategies(&settings).expect("the scene fits");
         if camera_alone {
             strategies.truncate(1);
             // As if the projector had no samples: every weight becomes 1.

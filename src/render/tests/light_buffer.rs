@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::left::{Left, left};
+use super::path_records::{PathRecord, path_records};
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, Triangle, builtin};
@@ -11,30 +11,30 @@ use crate::scene::{Scene, Triangle, builtin};
 #[derive(Clone, Copy)]
 struct By {
     /// Those from and to the pinhole by its lists.
-    sight: bool,
+    light_buffer: bool,
     /// The others by testing every pair of triangles.
     each: bool,
 }
 
-const TREE: By = By { sight: false, each: false };
+const TREE: By = By { light_buffer: false, each: false };
 
 /// All paths of a scene, by the lists, by every pair or by the tree.
-fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<Left> {
+fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<PathRecord> {
     let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
-    let pairs = tracer.stage().scene.pairs_in_order.len() as u32;
-    let mut strategies = tracer.stage().strategies(settings).expect("the settings are sound");
+    let pairs = tracer.strategy_builder().scene.pairs_in_order.len() as u32;
+    let mut strategies = tracer.strategy_builder().strategies(settings).expect("the settings are sound");
     assert_eq!(strategies.len(), 1, "{}: a coaxial pinhole", scene.path.display());
     let strategy = &mut strategies[0];
     assert!(
-        strategy.features.sight_side > 0,
+        strategy.features.light_buffer_side > 0,
         "{}: nothing here lets light straight through",
         scene.path.display()
     );
-    if !by.sight {
-        strategy.features.sight_side = 0;
+    if !by.light_buffer {
+        strategy.features.light_buffer_side = 0;
     }
     strategy.features.scene.few_pairs = if by.each { pairs } else { 0 };
-    left(&mut tracer, strategy)
+    path_records(&mut tracer, strategy)
 }
 
 fn shipped(name: &str) -> Scene {
@@ -48,7 +48,8 @@ fn every_triangle_tested_finds_what_the_tree_finds() {
     // Few triangles and more, with a mirror, and with a ceiling that rays meet at all angles.
     for scene in [shipped("corner"), shipped("mirror"), shipped("zigzag"), shipped("cornell")] {
         let settings = TraceSettings::new(Resolution::new(56, 40), 16);
-        let [each, tree] = [By { sight: false, each: true }, TREE].map(|by| paths(&scene, &settings, by));
+        let [each, tree] =
+            [By { light_buffer: false, each: true }, TREE].map(|by| paths(&scene, &settings, by));
         assert_eq!(tree.len(), 56 * 40 * 16);
         let different = each.iter().zip(&tree).filter(|(a, b)| a != b).count();
         assert_eq!(different, 0, "{}, of {} paths", scene.path.display(), tree.len());
@@ -68,7 +69,8 @@ fn lists_find_what_the_tree_finds() {
     for scene in &scenes {
         // Not square, so that both tangents count.
         let settings = TraceSettings::new(Resolution::new(56, 40), 16);
-        let [with, without] = [By { sight: true, each: false }, TREE].map(|by| paths(scene, &settings, by));
+        let [with, without] =
+            [By { light_buffer: true, each: false }, TREE].map(|by| paths(scene, &settings, by));
         assert_eq!(with.len(), 56 * 40 * 16);
         let different = with.iter().zip(&without).filter(|(a, b)| a != b).count();
         assert_eq!(different, 0, "{}, of {} paths", scene.path.display(), with.len());
@@ -87,7 +89,10 @@ fn a_small_trees_layout_finds_what_a_large_ones_does() {
         let settings = TraceSettings::new(Resolution::new(40, 56), 16);
         let layout = |scene: &Scene| {
             let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a driver");
-            tracer.stage().strategies(&settings).expect("sound settings")[0].features.scene.small_tree
+            tracer.strategy_builder().strategies(&settings).expect("sound settings")[0]
+                .features
+                .scene
+                .small_tree
         };
         assert!(layout(&small) && !layout(&large), "{}", small.path.display());
         let [of_small, of_large] = [&small, &large].map(|scene| paths(scene, &settings, TREE));

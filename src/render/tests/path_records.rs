@@ -4,13 +4,13 @@ use crate::render::strategy::Strategy;
 use crate::render::{Batch, TraceSummary, Tracer};
 
 /// Of one path, as bits: rays, direct light, ambient light and connections.
-pub(super) type Left = (u64, [u32; 3], [u32; 3], Vec<(u32, u32, [u32; 3])>);
+pub(super) type PathRecord = (u64, [u32; 3], [u32; 3], Vec<(u32, u32, [u32; 3])>);
 
 /// All paths of a strategy, in their order.
-pub(super) fn left(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Left> {
-    let mut left = Vec::new();
+pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<PathRecord> {
+    let mut records = Vec::new();
     let mut visit = |batch: &Batch<'_>| {
-        left.extend((0..batch.len()).map(|path| {
+        records.extend((0..batch.len()).map(|path| {
             let connections = batch.connections(path).map(|connection| {
                 (connection.camera, connection.projector, connection.value.map(f32::to_bits))
             });
@@ -23,5 +23,5 @@ pub(super) fn left(tracer: &mut Tracer, strategy: &Strategy) -> Vec<Left> {
     tracer
         .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut visit)
         .expect("the scene can be traced");
-    left
+    records
 }

@@ -18,9 +18,9 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use polygon::{Corner, InverseDepth, clip, covers, extent_in_band};
 
-/// Marks a word of the raster as where a list is, and one of a list as not its last. As `SIGHT_GOES_ON` in
-/// `shaders/shared/sight.wgsl`.
-const GOES_ON: u32 = 1 << 31;
+/// Marks a word of the raster as where a list is, and one of a list as not its last. As `LIST_CONTINUES` in
+/// `shaders/shared/light_buffer.wgsl`.
+const LIST_CONTINUES: u32 = 1 << 31;
 /// In texels: rays this near to a texel count as its own.
 const MARGIN: f64 = 1.0 / 32.0;
 /// Relative: a triangle that is behind another one by less is not hidden.
@@ -35,11 +35,11 @@ pub(super) fn side(pairs: usize) -> u32 {
 
 /// The lists on the device, by the field of view that they were made for.
 #[derive(Default)]
-pub(super) struct Sights {
+pub(super) struct LightBuffers {
     made: HashMap<[u32; 2], wgpu::TextureView>,
 }
 
-impl Sights {
+impl LightBuffers {
     /// Of a scene seen from its pinhole; made when they are first asked for.
     pub(super) fn lists(
         &mut self,
@@ -63,7 +63,7 @@ pub(super) fn none(gpu: &Gpu) -> Result<wgpu::TextureView> {
     gpu.texel_array("no lists of what the pinhole sees", &[])
 }
 
-/// Makes the lists, as `shaders/shared/sight.wgsl` reads them. `pairs` are in the pinhole's frame (looking along −z) and in the order of
+/// Makes the lists, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the pinhole's frame (looking along −z) and in the order of
 /// the search tree's leaves, `tangent` is half the extent of the image plane at distance 1.
 fn lists(pairs: &[Pair], tangent: [f32; 2]) -> Vec<[u32; 4]> {
     let mut raster = Raster::new(pairs, tangent);
@@ -200,14 +200,14 @@ impl Raster {
             list.extend(&self.everywhere);
             list.retain(|&pair| std::mem::replace(&mut listed_in[pair as usize], texel + 1) <= texel);
             words[texel] = match list[..] {
-                [] => GOES_ON,
+                [] => LIST_CONTINUES,
                 [only] => only,
                 [ref others @ .., last] => {
                     // The texture's limit is far below 2³¹ words, and is checked when it is made.
                     let begin = words.len() as u32;
-                    words.extend(others.iter().map(|pair| pair | GOES_ON));
+                    words.extend(others.iter().map(|pair| pair | LIST_CONTINUES));
                     words.push(last);
-                    begin | GOES_ON
+                    begin | LIST_CONTINUES
                 }
             };
         }
