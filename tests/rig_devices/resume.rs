@@ -81,8 +81,8 @@ fn opened_without_the_stamp_it_would_not() {
 fn open_devices_give_the_same_frames_on_another_thread() {
     let rig = restless();
     let shots = shots(&rig);
-    let here = capture(&mut LiveFrames::new(open_after(&rig, None), 0.04, 8), &shots);
-    let mut live = LiveFrames::new(open_after(&rig, None), 0.04, 8);
+    let here = capture(&mut LiveFrames::new(open_after(&rig, None), 0.04, 12), &shots);
+    let mut live = LiveFrames::new(open_after(&rig, None), 0.04, 12);
     let there = std::thread::spawn({
         let shots = shots.clone();
         move || capture(&mut live, &shots)

@@ -1,4 +1,4 @@
-//! The three handles of a virtual bench: all of one world.
+//! The virtual projector, camera and clock: three handles on one simulated world.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -56,7 +56,7 @@ impl Camera for VirtualCameraHandle {
         let [shortest, longest] = self.info.exposures;
         let mut set = exposure;
         if self.step > 0.0 {
-            // To the nearest that is still in range.
+            // The nearest multiple that is in range.
             let [fewest, most] = [(shortest / self.step).ceil(), (longest / self.step).floor()];
             set = (exposure / self.step).round().clamp(fewest, most.max(fewest)) * self.step;
         }

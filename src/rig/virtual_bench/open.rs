@@ -16,7 +16,7 @@ use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, Stamp};
 use crate::transport::Transport;
 
 impl VirtualRig {
-    /// The projector, as it presents itself.
+    /// The projector's properties.
     pub fn projector_info(&self) -> ProjectorInfo {
         let (resolution, spec) = (self.scene.size(), &self.projector);
         ProjectorInfo {
@@ -28,7 +28,7 @@ impl VirtualRig {
         }
     }
 
-    /// The camera, as it presents itself.
+    /// The camera's properties.
     pub fn camera_info(&self) -> CameraInfo {
         let spec = &self.camera;
         let size = spec.size.map(|[width, height]| Resolution::new(width, height));
@@ -41,15 +41,15 @@ impl VirtualRig {
         }
     }
 
-    /// Opens the rig on this light transport, that of its [`scene`](Self::scene), of [`channels`](Self::channels) channels. The
-    /// screen shows level 0. `after` the last frame of an earlier session it goes on as if that had never ended (see
-    /// [`Projector::restore`](crate::rig::Projector::restore)).
+    /// Opens the rig on `light`, the light transport of its [`scene`](Self::scene) with at least [`channels`](Self::channels)
+    /// channels. The screen shows level 0. With `after`, the last frame of an earlier session, the rig continues as if that session
+    /// had never ended (see [`Projector::restore`](crate::rig::Projector::restore)).
     ///
-    /// The light transport's units do not matter: the camera's sensitivity is relative to the white photo.
+    /// The units of the light transport do not matter: the camera's sensitivity is relative to the white photo.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the transport does not fit, or white is dark; and what keeps the transport from being
-    /// photographed.
+    /// [`Error::Rig`] when the light transport has another size or too few channels, or the white photo is dark; an error of
+    /// `light` when it cannot be photographed.
     pub fn open(&self, light: Box<dyn Transport + Send>, after: Option<Stamp>) -> Result<Devices> {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());

@@ -1,6 +1,6 @@
 //! The helper program: which `krylux` program is started to own a projector's window.
 //!
-//! The window lives in a process of its own, so that a crash or a hang of the X connection, or an interrupt in the terminal,
+//! The window lives in a separate process, so that a crash or a hang of the X connection, or an interrupt in the terminal,
 //! does not end the measurement. That process is always the `krylux` program, started as `krylux projector`. A program that
 //! is not krylux never starts itself: it names the `krylux` program, or has it found.
 

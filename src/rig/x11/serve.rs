@@ -1,4 +1,4 @@
-//! The helper process: it owns the window, and does as the pipe says.
+//! The helper process: it owns the window and answers the requests that arrive through a pipe.
 
 use std::io::{Read, Write};
 
@@ -8,10 +8,10 @@ use super::wire::{self, Reply, Request};
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
-/// Answers requests until the pipe ends; then the window is gone.
+/// Answers requests from `from` on `to` until `from` ends; then the window closes. This is the whole work of the helper process.
 ///
 /// # Errors
-/// What keeps the pipe from being read or written.
+/// An error of reading or writing the pipe. Errors of the projector are sent as replies.
 pub fn serve(mut from: impl Read, mut to: impl Write) -> std::io::Result<()> {
     let mut screen = None;
     while let Some((request, payload)) = wire::receive(&mut from)? {

@@ -1,6 +1,7 @@
-//! A USB3 Vision camera that is played behind the place where bytes leave for the bus: its registers, and a frame for each trigger.
+//! Tests on a simulated USB3 Vision camera. It replaces the USB transfer: it has the camera's registers and sends a frame for each
+//! trigger.
 //!
-//! The layouts are GenCP's (1.2, tables 4 to 12 and 15) and those that `viva_u3v::registers` names.
+//! The layouts are those of GenCP (1.2, tables 4 to 12 and 15) and of `viva_u3v::registers`.
 #![allow(clippy::panic, reason = "a failed test panics")]
 
 use std::collections::VecDeque;
@@ -19,9 +20,9 @@ use crate::image::Resolution;
 use crate::rig::genicam::{Abilities, Triggered};
 use crate::rig::{Camera, Colour, PixelFormat, WallClock};
 
-const XML: &[u8] = include_bytes!("played.xml");
+const XML: &[u8] = include_bytes!("simulated.xml");
 
-/// Where its registers are.
+/// The addresses of the registers.
 const SBRM: u64 = 0x800;
 const SIRM: u64 = 0x900;
 const MANIFEST: u64 = 0x1000;
@@ -34,13 +35,13 @@ const LATCH: u64 = 0x403C;
 const LATCHED: u64 = 0x4040;
 const XML_AT: u64 = 0x1_0000;
 
-/// Its endpoints.
+/// The USB endpoints.
 const CONTROL_OUT: u8 = 0x01;
 const CONTROL_IN: u8 = 0x81;
 const STREAM_IN: u8 = 0x82;
 
-/// The camera, as the bus sees it.
-struct Played {
+/// The simulated camera.
+struct SimulatedCamera {
     began: Instant,
     state: Mutex<State>,
 }
@@ -48,12 +49,12 @@ struct Played {
 struct State {
     memory: Vec<u8>,
     answers: VecDeque<Vec<u8>>,
-    /// Leaders, payloads and trailers on their way.
+    /// Leaders, payloads and trailers that are not yet read.
     stream: VecDeque<Vec<u8>>,
     frames: u64,
 }
 
-/// The count of a photosite, of 12 bits.
+/// The 12-bit count of a photosite.
 fn count(site: usize) -> u16 {
     (site * 37 % 4096) as u16
 }
@@ -68,7 +69,7 @@ impl State {
         u32::from_le_bytes(*bytes)
     }
 
-    /// The bytes of a frame as it is set: two photosites in three, or one in one, with the upper 8 bits.
+    /// The bytes of a frame in the format that is set: Mono12p with two counts in three bytes, or the upper 8 bits of each count.
     fn pixels(&self) -> Vec<u8> {
         let counts = (0..(self.word(WIDTH) * self.word(HEIGHT)) as usize).map(count);
         if self.word(FORMAT) == 0x0108_0009 {
@@ -83,7 +84,7 @@ impl State {
             .collect()
     }
 
-    /// What follows from a write.
+    /// Carries out what a write to the address `at` causes.
     fn follow(&mut self, at: u64, ticks: u64) {
         let payload = self.pixels();
         self.put(SIRM + sirm::REQUIRED_PAYLOAD_SIZE, &(payload.len() as u64).to_le_bytes());
@@ -106,7 +107,7 @@ impl State {
     }
 }
 
-impl Played {
+impl SimulatedCamera {
     fn new() -> Arc<Self> {
         let state = State {
             memory: vec![0; XML_AT as usize + XML.len()],
@@ -114,8 +115,8 @@ impl Played {
             stream: VecDeque::new(),
             frames: 0,
         };
-        let played = Arc::new(Self { began: Instant::now(), state: Mutex::new(state) });
-        let mut state = played.state();
+        let simulated = Arc::new(Self { began: Instant::now(), state: Mutex::new(state) });
+        let mut state = simulated.state();
         let (word, wide) =
             (|value: u32| value.to_le_bytes().to_vec(), |value: u64| value.to_le_bytes().to_vec());
         for (at, bytes) in [
@@ -145,11 +146,11 @@ impl Played {
             state.put(at, &bytes);
         }
         drop(state);
-        played
+        simulated
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().expect("nobody fails while holding it")
+        self.state.lock().expect("no thread panics while it holds the state")
     }
 
     fn is_streaming(&self) -> bool {
@@ -157,7 +158,7 @@ impl Played {
     }
 }
 
-impl UsbTransfer for Played {
+impl UsbTransfer for SimulatedCamera {
     fn bulk_write(&self, endpoint: u8, data: &[u8], _: Duration) -> std::result::Result<usize, U3vError> {
         assert_eq!((endpoint, &data[..4]), (CONTROL_OUT, &b"U3VC"[..]));
         let half = |at: usize| u16::from_le_bytes([data[at], data[at + 1]]);
@@ -171,7 +172,7 @@ impl UsbTransfer for Played {
                 state.follow(at, self.began.elapsed().as_nanos() as u64);
                 Vec::new()
             }
-            other => panic!("command {other:#x} is not of those that a camera needs"),
+            other => panic!("command {other:#x} is not simulated"),
         };
         let head = [0_u16, command + 1, answer.len() as u16, number].map(u16::to_le_bytes);
         state.answers.push_back([&b"U3VC"[..], &head.concat(), &answer].concat());
@@ -193,7 +194,7 @@ impl UsbTransfer for Played {
                 other => panic!("there is no endpoint {other:#x}"),
             };
             if let Some(mut bytes) = queue.pop_front() {
-                // What a transfer has no room for comes with the next.
+                // Bytes that do not fit the buffer are left for the next transfer.
                 let rest = bytes.split_off(bytes.len().min(buffer.len()));
                 if !rest.is_empty() {
                     queue.push_front(rest);
@@ -210,14 +211,14 @@ impl UsbTransfer for Played {
     }
 }
 
-impl Port for Arc<Played> {
-    type Wire = Played;
+impl Port for Arc<SimulatedCamera> {
+    type Wire = SimulatedCamera;
 
     fn place(&self) -> String {
-        "on a played bus".into()
+        "on a simulated bus".into()
     }
 
-    fn open(&self) -> Result<Described<U3vRegisterIo<Played>>> {
+    fn open(&self) -> Result<Described<U3vRegisterIo<SimulatedCamera>>> {
         let device = U3vDevice::open(Arc::clone(self), CONTROL_IN, CONTROL_OUT, Some(STREAM_IN), None);
         Ok(open_u3v_device(device.expect("its registers are whole")).expect("its description is whole").0)
     }
@@ -227,16 +228,20 @@ fn spec(pixel_format: PixelFormat) -> Usb3Spec {
     Usb3Spec { pixel_format, colour: Colour::Luma, timeout: 60.0, ..Usb3Spec::new(64, 48) }
 }
 
-fn open(played: &Arc<Played>, spec: &Usb3Spec, clock: WallClock) -> Result<Triggered<OnUsb<Arc<Played>>>> {
-    Triggered::open(OnUsb(Arc::clone(played)), spec.settings(), spec.info(), clock, 41)
+fn open(
+    simulated: &Arc<SimulatedCamera>,
+    spec: &Usb3Spec,
+    clock: WallClock,
+) -> Result<Triggered<OnUsb<Arc<SimulatedCamera>>>> {
+    Triggered::open(OnUsb(Arc::clone(simulated)), spec.settings(), spec.info(), clock, 41)
 }
 
 #[test]
 fn frames_come_by_triggers_with_their_counts_numbers_and_times() {
-    let (played, clock) = (Played::new(), WallClock::starting_at(100.0));
+    let (simulated, clock) = (SimulatedCamera::new(), WallClock::starting_at(100.0));
     let mut gray = spec(PixelFormat::Mono12p);
     gray.colour = Colour::default();
-    let mut camera = open(&played, &gray, clock).expect("it can do that");
+    let mut camera = open(&simulated, &gray, clock).expect("it can do that");
     assert_eq!(camera.configure(0.02).expect("within range"), 0.02);
     let expected: Vec<u16> = (0..64 * 48).map(count).collect();
     for number in 42..46 {
@@ -247,19 +252,19 @@ fn frames_come_by_triggers_with_their_counts_numbers_and_times() {
         assert_eq!(found.exposure, 0.02);
         assert!(found.started >= before && found.started <= clock.seconds(), "{}", found.started);
     }
-    // Numbers go on where a camera that is opened anew begins again.
+    // A camera that is opened again starts its own numbers anew; those of the rig continue.
     camera.restart().expect("it is there");
     assert!(camera.capture().expect("it is there").expect("it comes").id > 45);
-    assert!(played.is_streaming());
+    assert!(simulated.is_streaming());
     drop(camera);
-    assert!(!played.is_streaming(), "it is let go");
+    assert!(!simulated.is_streaming(), "the camera is released");
 }
 
 #[test]
 fn a_colour_cameras_cells_become_pixels() {
-    let played = Played::new();
+    let simulated = SimulatedCamera::new();
     let spec = Usb3Spec { size: [8, 4], ..spec(PixelFormat::BayerRG8) };
-    let mut camera = open(&played, &spec, WallClock::starting_at(0.0)).expect("it can do that");
+    let mut camera = open(&simulated, &spec, WallClock::starting_at(0.0)).expect("it can do that");
     let found = camera.capture().expect("it is there").expect("it comes");
     let site = |x: usize, y: usize| count(y * 8 + x) >> 4;
     let cell = |x: usize, y: usize| site(x, y) + site(x + 1, y) + site(x, y + 1) + site(x + 1, y + 1);
@@ -268,20 +273,20 @@ fn a_colour_cameras_cells_become_pixels() {
 }
 
 #[test]
-fn its_abilities_are_told_and_its_limits_named() {
-    let played = Played::new();
-    let abilities = Abilities::of(&played.open().expect("it is there"));
-    // It tells neither how large its sensor is, nor of a gain.
+fn abilities_are_read_and_errors_name_limits() {
+    let simulated = SimulatedCamera::new();
+    let abilities = Abilities::of(&simulated.open().expect("it is there"));
+    // The camera describes neither the size of its sensor nor a gain.
     assert_eq!(abilities.to_string(), "Mono12p, BayerRG8; exposures 0.00002 to 2 s");
-    let refused = |spec: &Usb3Spec| match open(&played, spec, WallClock::starting_at(0.0)) {
+    let refused = |spec: &Usb3Spec| match open(&simulated, spec, WallClock::starting_at(0.0)) {
         Ok(_) => panic!("it is refused"),
         Err(error) => error.to_string(),
     };
     let message = refused(&spec(PixelFormat::BayerGB12));
     assert!(
-        message.contains("on a played bus has no pixel format BayerGB12")
+        message.contains("on a simulated bus has no pixel format BayerGB12")
             && message.contains("Mono12p, BayerRG8")
     );
     let message = refused(&Usb3Spec { size: [66, 48], ..spec(PixelFormat::BayerRG8) });
-    assert!(message.contains("Width of the camera on a played bus is 2 to 64 in steps of 2"), "{message}");
+    assert!(message.contains("Width of the camera on a simulated bus is 2 to 64 in steps of 2"), "{message}");
 }
