@@ -1,6 +1,7 @@
 //! Patterns and photos: dense `f32` rasters in linear radiometric units.
 
 mod blur;
+pub(crate) mod codec;
 
 pub use blur::Blur;
 
