@@ -1,6 +1,6 @@
 //! The author's labels of regions: `extras.region` of nodes, meshes and primitives.
 
-use gltf::json;
+use gltf_json as json;
 
 use super::Document;
 use crate::error::Result;

@@ -1,7 +1,7 @@
 //! The node graph: which nodes the scene places where.
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
-use gltf::json;
+use gltf_json as json;
 
 use super::labels::{self, Label};
 use super::{Document, called};

@@ -1,6 +1,6 @@
 //! The extensions by which light gets through a surface, from their JSON.
 
-use gltf::json;
+use gltf_json as json;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
