@@ -174,3 +174,84 @@ fn open_jpeg(bytes: &[u8], color: ColorSpace) -> Result<JpegDecoder<ZCursor<&[u8
     decoder.decode_headers().map_err(|error| error.to_string())?;
     Ok(decoder)
 }
+
+#[cfg(test)]
+mod tests {
+    use image::{DynamicImage, ExtendedColorType, ImageFormat};
+
+    use super::*;
+
+    const BYTES: [u8; 48] = {
+        let mut bytes = [0; 48];
+        let mut at = 0;
+        while at < bytes.len() {
+            bytes[at] = (at * 37 % 256) as u8;
+            at += 1;
+        }
+        bytes
+    };
+
+    fn agrees(format: Format, file: &[u8], what: &str) {
+        let other: DynamicImage = image::load_from_memory(file).expect("it is a whole picture");
+        let size = format.size(file).expect("it has a size");
+        assert_eq!((size, Format::of(file)), ((other.width(), other.height()), Some(format)), "{what}");
+        let decode = || format.decode(file, 1 << 20).expect("it is a whole picture");
+        let rgba: Vec<[u8; 4]> = other.to_rgba8().pixels().map(|pixel| pixel.0).collect();
+        assert_eq!(decode().into_rgba8(), rgba, "{what}");
+        let deep = match decode().channels {
+            1 => other.to_luma16().into_raw(),
+            2 => other.to_luma_alpha16().into_raw(),
+            3 => other.to_rgb16().into_raw(),
+            _ => other.to_rgba16().into_raw(),
+        };
+        let ours = decode();
+        assert_eq!(
+            (ours.has_color(), ours.has_alpha()),
+            (other.color().has_color(), other.color().has_alpha())
+        );
+        assert_eq!(ours.into_sixteen_bits(), deep, "{what}");
+        assert!(format.decode(file, 5).is_err(), "more than five bytes: {what}");
+    }
+
+    #[test]
+    fn pixels_are_those_of_an_independent_reader() {
+        for color in [
+            ExtendedColorType::L8,
+            ExtendedColorType::La8,
+            ExtendedColorType::Rgb8,
+            ExtendedColorType::Rgba8,
+            ExtendedColorType::L16,
+            ExtendedColorType::La16,
+            ExtendedColorType::Rgb16,
+            ExtendedColorType::Rgba16,
+        ] {
+            let width = 48 * 8 / u32::from(color.bits_per_pixel()) / 2;
+            let mut file = Cursor::new(Vec::new());
+            image::write_buffer_with_format(&mut file, &BYTES, width, 2, color, ImageFormat::Png)
+                .expect("PNG holds any of these");
+            agrees(Format::Png, file.get_ref(), &format!("{color:?}"));
+        }
+        for (color, width) in [(ExtendedColorType::L8, 24), (ExtendedColorType::Rgb8, 8)] {
+            let mut file = Cursor::new(Vec::new());
+            image::write_buffer_with_format(&mut file, &BYTES, width, 2, color, ImageFormat::Jpeg)
+                .expect("JPEG holds either");
+            agrees(Format::Jpeg, file.get_ref(), &format!("{color:?}"));
+        }
+    }
+
+    #[test]
+    fn mutilated_files_are_errors_or_pictures() {
+        let mut jpeg = Cursor::new(Vec::new());
+        image::write_buffer_with_format(&mut jpeg, &BYTES, 8, 2, ExtendedColorType::Rgb8, ImageFormat::Jpeg)
+            .expect("JPEG holds any RGB picture");
+        let whole = jpeg.into_inner();
+        assert_eq!(Format::of(b"GIF89a"), None);
+        assert!(Format::Jpeg.decode(&whole[..20], 1 << 20).is_err());
+        for at in 0..whole.len() {
+            let _ = Format::Jpeg.decode(&whole[..at], 1 << 20);
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0xff;
+            let _ = Format::Jpeg.decode(&bytes, 1 << 20);
+        }
+    }
+}
