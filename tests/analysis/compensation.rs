@@ -2,11 +2,9 @@
 //! about what clipping does.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod common;
-
 use std::sync::OnceLock;
 
-use common::{load, reference, settings, trace, tracer};
+use crate::common::{load, reference, settings, trace, tracer};
 use krylux::Result;
 use krylux::analysis::compensate::compensate;
 use krylux::analysis::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};

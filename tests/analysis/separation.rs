@@ -1,8 +1,6 @@
 //! Low-rank relighting, separation and probing on shipped scenes, against what the simulator knows exactly.
 
-mod common;
-
-use common::{csr, load, rms, settings, trace, tracer};
+use crate::common::{csr, load, rms, settings, trace, tracer};
 use krylux::analysis::Probing;
 use krylux::analysis::low_rank::{LowRankCapture, capture, error_curve, optimal_errors};
 use krylux::analysis::probe::probe;

@@ -1,11 +1,9 @@
 //! Separation, relighting, probing and comparison as a user meets them: outputs, messages, exit status.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use common::{root, scene_path};
+use crate::common::{root, scene_path};
 use krylux::image::{Image, Resolution};
 use krylux::report::{npy, picture};
 use tempfile::TempDir;

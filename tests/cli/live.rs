@@ -1,15 +1,13 @@
 //! What is seen of a run: images in a viewer while it goes on, every photo on its page, and the same photos asked anew. On a rig in
 //! front of a matrix, so that no graphics device is needed.
 
-mod program;
-
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::net::TcpListener;
 use std::path::Path;
 
+use crate::program::{self, answer, folder, inside, krylux, text};
 use krylux::report::npy;
-use program::{answer, folder, inside, krylux, text};
 use serde_json::Value;
 use tempfile::TempDir;
 

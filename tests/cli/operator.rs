@@ -1,11 +1,9 @@
 //! Where products come from, as a user chooses it: matrix or tracing, memory, cache, sampler, layers.
 
-mod common;
-
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::scene_path;
+use crate::common::{self, scene_path};
 use krylux::report::{npy, sparse};
 use krylux::sparse::Csr;
 use tempfile::TempDir;

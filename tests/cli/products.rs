@@ -1,11 +1,9 @@
 //! Where products are taken, as a user chooses it.
 
-mod common;
-
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::{root, scene_path};
+use crate::common::{root, scene_path};
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -1,8 +1,7 @@
 //! `krylux reproduce`: all figures run, from the program alone, and what the page says follows from the numbers.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod program;
-
+use crate::program;
 use std::path::Path;
 use std::process::Output;
 

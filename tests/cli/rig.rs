@@ -1,14 +1,11 @@
 //! The program on rig files: the same verbs, other sources of photos.
 
-mod common;
-mod program;
-
 use std::path::{Path, PathBuf};
 
-use common::{root, scene_path};
+use crate::common::{root, scene_path};
+use crate::program::{self, folder, inside, krylux, labels_of_rooms, summary, text};
 use krylux::report::{npy, sparse};
 use krylux::sparse::Csr;
-use program::{folder, inside, krylux, labels_of_rooms, summary, text};
 use serde_json::Value;
 use tempfile::TempDir;
 

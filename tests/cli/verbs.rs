@@ -1,15 +1,12 @@
 //! The program as a user meets it: outputs, messages, exit status.
 
-mod common;
-mod program;
-
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use common::scene_path;
+use crate::common::scene_path;
+use crate::program::{self, command, folder, inside, text};
 use krylux::report::{npy, picture};
-use program::{command, folder, inside, text};
 use tempfile::TempDir;
 
 fn run(arguments: &[&str]) -> Output {

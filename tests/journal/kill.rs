@@ -1,8 +1,6 @@
 //! Runs of the real program on a virtual rig, killed at any moment, damaged, resumed, repeated: never a photo lost or taken
 //! twice, never another result.
 
-mod program;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;
@@ -10,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::program::{self, text};
 use krylux::journal::{Journal, Key, Kind};
-use program::text;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

@@ -1,9 +1,7 @@
 //! Arnoldi on operators that are not symmetric, against the dense eigensolver.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod krylov_support;
-
-use krylov_support::{Dense, general_gallery, spread};
+use crate::krylov_support::{Dense, general_gallery, spread};
 use krylux::krylov::{
     Arnoldi, EigsMethod, EigsOptions, Factorization, Lanczos, Start, Status, Step, Which, dot, eigs,
     keep_going,

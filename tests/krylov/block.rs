@@ -1,9 +1,7 @@
 //! Block Lanczos: repeated eigenvalues, dependent starts, invariant subspaces, stopping within a block.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod krylov_support;
-
-use krylov_support::{Dense, spread};
+use crate::krylov_support::{Dense, spread};
 use krylux::Error;
 use krylux::krylov::{
     BlockLanczos, EigsMethod, EigsOptions, Factorization, Lanczos, Start, Status, Step, Which, dot, eigs,

@@ -2,11 +2,9 @@
 //! doing nothing.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod krylov_gallery;
-
 use std::sync::Arc;
 
-use krylov_gallery::{Dense, defocused, diagonal, light_like, misfit, random, turned};
+use crate::krylov_gallery::{Dense, defocused, diagonal, light_like, misfit, random, turned};
 use krylux::Error;
 use krylux::krylov::{
     Constraint, METHODS, Method, Solution, SolveOptions, Status, Surrogate, keep_solving, norm, solve,

@@ -1,9 +1,7 @@
 //! Every eigenvalue method on the gallery, against the dense eigensolver: values, residuals, bounds, verdicts, products.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod krylov_support;
-
-use krylov_support::{Dense, Noisy, spread, symmetric_gallery};
+use crate::krylov_support::{Dense, Noisy, spread, symmetric_gallery};
 use krylux::Error;
 use krylux::krylov::{
     Eigs, EigsMethod, EigsOptions, Factorization, Lanczos, Relaxation, Start, Status, Verdict, Which, eigs,

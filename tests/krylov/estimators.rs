@@ -1,9 +1,7 @@
 //! Estimators from few products, against the dense truth: photo counts, lack of bias, and honest error estimates.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod krylov_support;
-
-use krylov_support::{Dense, general_gallery, spread, symmetric_gallery};
+use crate::krylov_support::{Dense, general_gallery, spread, symmetric_gallery};
 use krylux::Error;
 use krylux::krylov::{
     Estimate, LowRankOptions, SelfAdjoint, diagonal, dot, hutch_plus_plus, hutchinson, norm, nystrom,

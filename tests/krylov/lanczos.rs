@@ -1,13 +1,10 @@
 //! Lanczos and `eigs` on a gallery of small matrices, against the dense eigensolver.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod comb;
-mod krylov_support;
-
 use std::ops::ControlFlow;
 
-use comb::Comb;
-use krylov_support::{Dense, spread};
+use crate::comb::Comb;
+use crate::krylov_support::{Dense, spread};
 use krylux::Error;
 use krylux::krylov::{
     Eigs, EigsOptions, Factorization, Lanczos, Start, Status, Step, Verdict, Which, dot, eigs, eigs_from,

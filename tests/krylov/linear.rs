@@ -1,14 +1,11 @@
 //! Solvers of linear systems on the named gallery, against dense solutions; what each costs, and what it survives.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod comb;
-mod krylov_gallery;
-
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use comb::Comb;
-use krylov_gallery::{Dense, Named, diagonal, gallery, light_like, misfit, named, random, turned};
+use crate::comb::Comb;
+use crate::krylov_gallery::{Dense, Named, diagonal, gallery, light_like, misfit, named, random, turned};
 use krylux::krylov::{
     Constraint, Diagonal, Given, METHODS, Method, Multiscale, Preconditioner, Side, Solution, SolveOptions,
     Status, dot, keep_solving, norm, solve, solve_adjoint, solve_from,

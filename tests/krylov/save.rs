@@ -1,9 +1,7 @@
 //! Factorizations on disk: resumed to the same bits, damage found; and no long vector allocated within a step.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod krylov_support;
-
-use krylov_support::{Dense, Noisy, spread};
+use crate::krylov_support::{Dense, Noisy, spread};
 use krylux::krylov::{
     Arnoldi, BlockLanczos, EigsOptions, Factorization, Lanczos, RitzPair, Start, Which, eigs_from, keep_going,
 };

@@ -1,9 +1,7 @@
 //! Against SciPy, on exported matrices of three scenes: residual histories, eigenvalues, and how many products they take.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod common;
-
-use common::root;
+use crate::common::root;
 use krylux::Result;
 use krylux::analysis::SegmentOptions;
 use krylux::analysis::segment::segment;

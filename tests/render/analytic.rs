@@ -1,13 +1,11 @@
 //! Photos of scenes whose light is known in closed form.
 
-mod common;
-
 use std::f64::consts::PI;
 use std::ops::Range;
 
 use glam::{DMat3, DVec3, Quat, Vec3, dvec3, vec3};
 
-use common::{csr, keep_going, mean_and_error, rms, settings, trace, tracer};
+use crate::common::{csr, keep_going, mean_and_error, rms, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{Sampler, TraceSettings};
 use krylux::scene::{Camera, Scene, Triangle, builtin};

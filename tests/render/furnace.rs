@@ -1,8 +1,6 @@
 //! A furnace: in a closed room whose walls glow evenly, everything that loses no light is invisible.
 
-mod common;
-
-use common::keep_going;
+use crate::common::{self, keep_going};
 use glam::{Vec3, vec3};
 use krylux::image::Resolution;
 use krylux::render::TraceSettings;

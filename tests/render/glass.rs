@@ -1,10 +1,8 @@
 //! Panes before a wall: what they leave of the light, by Fresnel and Snell.
 
-mod common;
-
 use std::f64::consts::PI;
 
-use common::{keep_going, mean_and_error, tracer};
+use crate::common::{keep_going, mean_and_error, tracer};
 use glam::{Vec3, vec3};
 use krylux::image::Resolution;
 use krylux::render::TraceSettings;

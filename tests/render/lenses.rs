@@ -1,8 +1,6 @@
 //! Thin lenses: how large the blur is, and what is sharp.
 
-mod common;
-
-use common::{keep_going, mean_and_error, tracer};
+use crate::common::{self, keep_going, mean_and_error, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::TraceSettings;
 use krylux::scene::{Lens, builtin};

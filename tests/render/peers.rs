@@ -1,9 +1,7 @@
 //! Whole photos of lenses, rigs apart, rough metal, paper and glass against independent renderers, by z-test: our noise
 //! from independent seeds, theirs from their files. `tests/reference/peer` says how those were made.
 
-mod common;
-
-use common::{keep_going, mean_and_error, reference, rms, root, tracer};
+use crate::common::{self, keep_going, mean_and_error, reference, rms, root, tracer};
 use krylux::image::Resolution;
 use krylux::render::TraceSettings;
 use krylux::scene::{self, Lens, Scene};

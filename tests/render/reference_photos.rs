@@ -1,8 +1,6 @@
 //! Photos against an independent renderer, by z-test: our noise from independent seeds, the reference's from its files.
 
-mod common;
-
-use common::{checker, keep_going, load, mean_and_error, reference, rms, settings, tracer};
+use crate::common::{checker, keep_going, load, mean_and_error, reference, rms, settings, tracer};
 use krylux::image::Image;
 use krylux::transport::{Channels, Simulated, Transport, assemble};
 

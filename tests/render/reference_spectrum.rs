@@ -1,8 +1,6 @@
 //! Spectra of the transport matrices against those of an independent renderer's.
 
-mod common;
-
-use common::{csr, load, reference, settings, trace, tracer};
+use crate::common::{csr, load, reference, settings, trace, tracer};
 use faer::{Mat, Side};
 use krylux::transport::{Channels, Part, TransportMatrix};
 

@@ -1,8 +1,6 @@
 //! Mirrors and glass: light that a path tracer of one direction misses, against closed forms.
 
-mod common;
-
-use common::{csr, keep_going, reference, root};
+use crate::common::{self, csr, keep_going, reference, root};
 use glam::vec3;
 use krylux::image::{Image, Resolution};
 use krylux::render::{Gather, TraceSettings};

@@ -3,9 +3,7 @@
 //! The rig is that of `assets/rigs/realistic.toml`, with a calibration that is exactly known; the scenes are zigzag and the 90° corner, at
 //! 64x64 pixels.
 
-mod common;
-mod rig_support;
-
+use crate::rig_support::{self, Stage, known, labels, realistic, target};
 use krylux::analysis::plan::{Planner, Twin};
 use krylux::analysis::{CompensateOptions, SegmentOptions};
 use krylux::image::Resolution;
@@ -15,7 +13,6 @@ use krylux::operator::Operator;
 use krylux::rig::{VirtualRig, VirtualScene};
 use krylux::sparse::Csr;
 use krylux::transport::{Given, Part};
-use rig_support::{Stage, known, labels, realistic, target};
 
 /// Noise of other seeds than that of calibration.
 const SEEDS: [u64; 3] = [101, 102, 103];

@@ -2,11 +2,9 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-mod scene_support;
-
+use crate::scene_support::{self, data_uri, document, fault, png, try_load, with, write, write_bytes};
 use krylux::error::Error;
 use krylux::scene;
-use scene_support::{data_uri, document, fault, png, try_load, with, write, write_bytes};
 use serde_json::{Value, json};
 
 /// Asserts the fault of the document that these changes make.

@@ -4,11 +4,9 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-mod scene_support;
-
+use crate::scene_support::{self, fuzz};
 use krylux::scene::{self, builtin};
 use proptest::prelude::*;
-use scene_support::fuzz;
 use serde_json::{Value, json};
 
 fn check(bytes: &[u8]) {

@@ -2,11 +2,11 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-mod scene_support;
-
+use crate::scene_support::{
+    CORNERS, buffer, data_uri, document, glb, load, png, set, with, write, write_bytes,
+};
 use glam::{Vec2, Vec3, vec2, vec3};
 use krylux::scene::{self, Scene, TextureRef, Wrap};
-use scene_support::{CORNERS, buffer, data_uri, document, glb, load, png, set, with, write, write_bytes};
 use serde_json::{Value, json};
 
 fn corners() -> [Vec3; 3] {

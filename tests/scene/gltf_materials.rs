@@ -2,11 +2,9 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-mod scene_support;
-
+use crate::scene_support::{data_uri, document, fault, load, png, with};
 use glam::{Vec3, vec2, vec3};
 use krylux::scene::{AlphaMode, Scene, TextureRef, Volume};
-use scene_support::{data_uri, document, fault, load, png, with};
 use serde_json::{Value, json};
 
 const PRIMITIVE: &str = "/meshes/0/primitives/0";

@@ -2,11 +2,9 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-mod scene_support;
-
+use crate::scene_support::{CORNERS, data_uri, document, fault, load, set, with};
 use glam::{Vec3, vec3};
 use krylux::scene::Triangle;
-use scene_support::{CORNERS, data_uri, document, fault, load, set, with};
 use serde_json::{Value, json};
 
 /// Adds `values` as an accessor of this shape in a buffer of its own; its index.

@@ -2,12 +2,10 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-mod scene_support;
-
+use crate::scene_support::{Written, png, write_files};
 use glam::{Vec3, vec2, vec3};
 use krylux::error::Error;
 use krylux::scene::{self, AlphaMode, Material, Scene, Volume, Wrap};
-use scene_support::{Written, png, write_files};
 
 const RIG: &[u8] = b"[camera]
 position = [0, 0, 2]

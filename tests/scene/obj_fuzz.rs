@@ -4,11 +4,9 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-mod scene_support;
-
+use crate::scene_support::{self, fuzz};
 use krylux::scene;
 use proptest::prelude::*;
-use scene_support::fuzz;
 
 const OBJ: &str = "mtllib a.mtl b.mtl
 o left

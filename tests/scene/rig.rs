@@ -2,15 +2,13 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-mod scene_support;
-
 use std::path::Path;
 
+use crate::scene_support::{document, fault, load, set, with, write, write_files};
 use glam::{Vec3, vec3};
 use krylux::error::Error;
 use krylux::image::Resolution;
 use krylux::scene::{self, Camera, Lens, LoadOptions, Scene};
-use scene_support::{document, fault, load, set, with, write, write_files};
 use serde_json::{Value, json};
 
 const CAMERA: &str = "[camera]\nposition = [1, 2, 3]\nlook_at = [1, 2, -5]\nvertical_fov_degrees = 90\n";

@@ -1,11 +1,9 @@
 //! Matrices on disk: the same bits again, other settings apart, damage noticed, limits kept, company survived.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use common::{load, settings, trace, tracer};
+use crate::common::{self, load, settings, trace, tracer};
 use krylux::cache::{Cache, Found, Key, LIMIT};
 use krylux::image::Resolution;
 use krylux::render::{Sampler, TraceSettings, Tracer};

@@ -1,8 +1,6 @@
 //! The noise that a run states, against the spread of independent runs; and what the sampler saves of it.
 
-mod common;
-
-use common::{csr, keep_going, load, settings, trace, tracer};
+use crate::common::{csr, keep_going, load, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{Sampler, TraceSettings};
 use krylux::transport::{Assembled, Channels, Noise, Part, Retraced};

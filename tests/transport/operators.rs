@@ -1,10 +1,8 @@
 //! Products by replay and by tracing anew, with the matrix and with its transpose.
 
-mod common;
-
 use std::ops::ControlFlow;
 
-use common::{csr, keep_going, load, magnitudes, random_vector, settings, trace, tracer};
+use crate::common::{csr, keep_going, load, magnitudes, random_vector, settings, trace, tracer};
 use krylux::image::Resolution;
 use krylux::krylov::{EigsMethod, EigsOptions, eigs};
 use krylux::operator::{Adjoint, Operator, Symmetry};

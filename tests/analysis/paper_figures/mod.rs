@@ -7,15 +7,8 @@
 //! | 11, 12 | compensation in focus and out of it | `compensation` |
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-mod common;
-
-#[path = "paper_figures/bench.rs"]
 mod bench;
-#[path = "paper_figures/beyond.rs"]
 mod beyond;
-#[path = "paper_figures/compensation.rs"]
 mod compensation;
-#[path = "paper_figures/eigenvectors.rs"]
 mod eigenvectors;
-#[path = "paper_figures/segmentation.rs"]
 mod segmentation;

@@ -3,10 +3,6 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-#[cfg(unix)]
-#[path = "../x_server/mod.rs"]
-mod x_server;
-
 mod files;
 #[cfg(unix)]
 mod program;

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use krylux::report::npy;
 
-use crate::studio::{SENSOR, Studio, counts};
+use super::studio::{SENSOR, Studio, counts};
 use crate::x_server::XServer;
 
 #[test]

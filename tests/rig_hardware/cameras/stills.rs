@@ -6,7 +6,7 @@ use krylux::image::Resolution;
 use krylux::rig::{Camera, Colour, Gphoto2, Gphoto2Spec, Tiles, WallClock};
 use serde_json::Value;
 
-use crate::studio::{SENSOR, Studio, counts};
+use super::studio::{SENSOR, Studio, counts};
 
 #[test]
 fn a_photo_is_the_decoders_counts_at_the_speed_that_was_set() {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use krylux::rig::{Camera, Gphoto2Spec};
 
-use crate::studio::{SENSOR, Studio, counts};
+use super::studio::{SENSOR, Studio, counts};
 
 /// Why the camera is not opened.
 #[track_caller]

@@ -5,7 +5,7 @@ use std::time::Duration;
 use krylux::measure::Shots;
 use krylux::rig::WallClock;
 
-use crate::support::{Lamp, address, camera, expected, frame, live, refused, scene, shot, spec};
+use super::support::{Lamp, address, camera, expected, frame, live, refused, scene, shot, spec};
 
 #[test]
 fn with_two_packets_lost_in_a_hundred_every_photo_is_right() {

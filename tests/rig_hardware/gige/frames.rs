@@ -6,8 +6,8 @@ use krylux::image::Resolution;
 use krylux::measure::Shots;
 use krylux::rig::{Camera, Colour, Frame, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
 
+use super::support::{Lamp, SIZE, address, camera, expected, frame, live, scene, shot, spec};
 use crate::gige_camera::GigeCamera;
-use crate::support::{Lamp, SIZE, address, camera, expected, frame, live, scene, shot, spec};
 
 #[test]
 fn counts_are_the_scenes_in_every_gray_format() {

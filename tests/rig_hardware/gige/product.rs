@@ -6,8 +6,8 @@ use krylux::operator::Operator;
 use krylux::rig::{Bench, Camera, Colour, GigeSpec, GigeVision, PixelFormat, Projector, WallClock};
 use krylux::transport::Part;
 
+use super::support::{Lamp, SIZE, address, scene, spec};
 use crate::gige_camera::GigeCamera;
-use crate::support::{Lamp, SIZE, address, scene, spec};
 
 #[test]
 fn a_product_through_a_bayer_camera_is_that_of_the_scenes_matrix() {

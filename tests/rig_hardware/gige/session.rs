@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use krylux::rig::{Camera, GigeSpec, GigeVision, PixelFormat, WallClock};
 
+use super::support::{Lamp, address, camera, refused, scene, spec};
 use crate::gige_camera::GigeCamera;
-use crate::support::{Lamp, address, camera, refused, scene, spec};
 
 fn open(spec: &GigeSpec) -> krylux::Result<GigeVision> {
     GigeVision::open(spec, WallClock::starting_at(0.0), 0)

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use krylux::image::Resolution;
 use krylux::rig::{Frame, Helper, Projector, WallClock, X11Monitor, X11Projector, X11Spec};
 
+use super::{helper, on, open, refused, spec};
 use crate::x_server::XServer;
-use crate::{helper, on, open, refused, spec};
 
 fn gray(level: u16) -> Frame {
     Frame::filled(Resolution::new(16, 12), 1, level)

@@ -3,8 +3,8 @@
 use krylux::image::Resolution;
 use krylux::rig::{Frame, Projector, X11Spec};
 
+use super::{on, open, spec};
 use crate::x_server::XServer;
-use crate::{on, open, spec};
 
 /// All levels of each channel alone, and of all three together: a row for each.
 fn all_levels(shift: usize) -> Frame {

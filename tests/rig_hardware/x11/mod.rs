@@ -2,16 +2,13 @@
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
-#[path = "../x_server/mod.rs"]
-mod x_server;
-
 mod faults;
 mod levels;
 
 use std::time::Duration;
 
+use crate::x_server::XServer;
 use krylux::rig::{Helper, WallClock, X11Monitor, X11Projector, X11Spec};
-use x_server::XServer;
 
 fn helper() -> Helper {
     Helper { patience: Duration::from_secs(8), ..Helper::of(env!("CARGO_BIN_EXE_krylux")) }
