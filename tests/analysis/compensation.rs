@@ -2,9 +2,7 @@
 //! about what clipping does.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
-use std::sync::OnceLock;
-
-use crate::common::{load, reference, settings, trace, tracer};
+use crate::common::{load, reference, settings, trace, traced, tracer};
 use krylux::Result;
 use krylux::analysis::compensate::compensate;
 use krylux::analysis::{CompensateOptions, Compensation, CompensationRow, Precondition, Wish};
@@ -17,8 +15,7 @@ const SIDE: usize = 64;
 
 /// The corner of two white walls at 90°.
 fn corner() -> &'static Assembled {
-    static CORNER: OnceLock<Assembled> = OnceLock::new();
-    CORNER.get_or_init(|| trace(&mut tracer(&load("corner")), settings(SIDE, 256, 6, 0), Channels::Luma))
+    traced("corner", settings(SIDE, 256, 6, 0), Channels::Luma)
 }
 
 fn gray(values: &[f64], side: usize) -> Image {

@@ -1,6 +1,6 @@
 //! Low-rank relighting, separation and probing on shipped scenes, against what the simulator knows exactly.
 
-use crate::common::{csr, load, rms, settings, trace, tracer};
+use crate::common::{csr, rms, settings, traced};
 use krylux::analysis::Probing;
 use krylux::analysis::low_rank::{LowRankCapture, capture, error_curve, optimal_errors};
 use krylux::analysis::probe::probe;
@@ -16,16 +16,15 @@ use rand_pcg::Pcg64;
 const SIDE: usize = 64;
 
 /// `(A, G, direct)` of a shipped scene at 64×64.
-fn scene(name: &str) -> (Csr, Csr, Vec<f64>) {
-    let scene = load(name);
-    let traced = trace(&mut tracer(&scene), settings(SIDE, 64, 6, 0), Channels::Luma).matrix;
-    let direct = csr(&traced, Part::Direct, 0);
+fn scene(name: &'static str) -> (Csr, Csr, Vec<f64>) {
+    let traced = &traced(name, settings(SIDE, 64, 6, 0), Channels::Luma).matrix;
+    let direct = csr(traced, Part::Direct, 0);
     let mut diagonal = vec![0.0; SIDE * SIDE];
     direct.entries().for_each(|(row, column, weight)| {
         assert_eq!(row, column, "direct light of coaxial pinholes is a diagonal");
         diagonal[row] += weight;
     });
-    (csr(&traced, Part::Full, 0), csr(&traced, Part::Global, 0), diagonal)
+    (csr(traced, Part::Full, 0), csr(traced, Part::Global, 0), diagonal)
 }
 
 fn symmetric(csr: &Csr) -> SparseOperator {

@@ -1,6 +1,8 @@
 //! The transport matrix as an operator: symmetric, linear, repeatable, and the same whether replayed or traced anew.
 
-use crate::common::{checker, csr, keep_going, load, magnitudes, random_vector, settings, trace, tracer};
+use crate::common::{
+    self, checker, csr, keep_going, load, magnitudes, random_vector, settings, trace, tracer,
+};
 use krylux::image::{Image, Resolution};
 use krylux::render::{TraceSettings, Tracer};
 use krylux::transport::{Assembled, Channels, Part, Retraced, Simulated, Transport, TransportMatrix};
@@ -9,8 +11,8 @@ use krylux::transport::{Assembled, Channels, Part, Retraced, Simulated, Transpor
 const SCENES: [(&str, Channels); 3] =
     [("corner", Channels::Luma), ("zigzag", Channels::Luma), ("cornell", Channels::Rgb)];
 
-fn traced(name: &str, channels: Channels) -> Assembled {
-    trace(&mut tracer(&load(name)), settings(20, 24, 6, 7), channels)
+fn traced(name: &'static str, channels: Channels) -> &'static Assembled {
+    common::traced(name, settings(20, 24, 6, 7), channels)
 }
 
 fn product(matrix: &TransportMatrix, part: Part, channel: usize, x: &[f64]) -> Vec<f64> {
@@ -22,10 +24,10 @@ fn product(matrix: &TransportMatrix, part: Part, channel: usize, x: &[f64]) -> V
 #[test]
 fn every_part_is_symmetric_to_the_last_bit_and_never_negative() {
     for (name, channels) in SCENES {
-        let matrix = traced(name, channels).matrix;
+        let matrix = &traced(name, channels).matrix;
         for channel in 0..channels.count() {
             for part in [Part::Full, Part::Direct, Part::Global] {
-                let csr = csr(&matrix, part, channel);
+                let csr = csr(matrix, part, channel);
                 assert!(csr.is_symmetric(), "{name}: {part:?} of channel {channel}");
                 assert!(
                     csr.entries().all(|(.., weight)| weight.is_finite() && weight >= 0.0),
@@ -37,7 +39,7 @@ fn every_part_is_symmetric_to_the_last_bit_and_never_negative() {
             // Not by way of `is_symmetric`: the same statement, entry by entry, in a dense square.
             let n = matrix.resolution().pixels();
             let mut dense = vec![0.0; n * n];
-            csr(&matrix, Part::Full, channel).entries().for_each(|(row, column, weight)| {
+            csr(matrix, Part::Full, channel).entries().for_each(|(row, column, weight)| {
                 dense[row * n + column] = weight;
             });
             for row in 0..n {
@@ -56,16 +58,16 @@ fn every_part_is_symmetric_to_the_last_bit_and_never_negative() {
 #[test]
 fn products_are_linear() {
     for (name, channels) in SCENES {
-        let matrix = traced(name, channels).matrix;
+        let matrix = &traced(name, channels).matrix;
         let n = matrix.resolution().pixels();
         let [x, y] = [random_vector(n, 1), random_vector(n, 2)];
         let (alpha, beta) = (1.7, -0.3);
         let combined: Vec<f64> = x.iter().zip(&y).map(|(x, y)| alpha * x + beta * y).collect();
         for channel in 0..channels.count() {
             for part in [Part::Full, Part::Direct, Part::Global] {
-                let csr = csr(&matrix, part, channel);
-                let together = product(&matrix, part, channel, &combined);
-                let [ax, ay] = [&x, &y].map(|v| product(&matrix, part, channel, v));
+                let csr = csr(matrix, part, channel);
+                let together = product(matrix, part, channel, &combined);
+                let [ax, ay] = [&x, &y].map(|v| product(matrix, part, channel, v));
                 let [mx, my] = [&x, &y].map(|v| magnitudes(&csr, v));
                 for row in 0..n {
                     // A sum of m products is off by at most m ε Σ|a x| (Higham 2002, eq. 3.5); three such sums, and
@@ -84,15 +86,15 @@ fn products_are_linear() {
 #[test]
 fn products_agree_with_the_exported_matrix() {
     for (name, channels) in SCENES {
-        let matrix = traced(name, channels).matrix;
+        let matrix = &traced(name, channels).matrix;
         let x = random_vector(matrix.resolution().pixels(), 3);
         for channel in 0..channels.count() {
             for part in [Part::Full, Part::Direct, Part::Global] {
-                let csr = csr(&matrix, part, channel);
+                let csr = csr(matrix, part, channel);
                 let mut by_entries = vec![0.0; x.len()];
                 csr.entries().for_each(|(row, column, weight)| by_entries[row] += weight * x[column]);
                 let magnitudes = magnitudes(&csr, &x);
-                let applied = product(&matrix, part, channel, &x);
+                let applied = product(matrix, part, channel, &x);
                 for row in 0..x.len() {
                     // The full matrix adds direct and global light on the diagonal in f32: half a unit in its last place.
                     let bound = f64::from(f32::EPSILON) * magnitudes[row];
@@ -107,11 +109,11 @@ fn products_agree_with_the_exported_matrix() {
 #[test]
 fn the_direct_part_is_what_the_global_part_leaves_of_the_whole() {
     for (name, channels) in SCENES {
-        let matrix = traced(name, channels).matrix;
+        let matrix = &traced(name, channels).matrix;
         let x = random_vector(matrix.resolution().pixels(), 4);
         for channel in 0..channels.count() {
             let [full, direct, global] =
-                [Part::Full, Part::Direct, Part::Global].map(|part| product(&matrix, part, channel, &x));
+                [Part::Full, Part::Direct, Part::Global].map(|part| product(matrix, part, channel, &x));
             for row in 0..x.len() {
                 assert_eq!(direct[row], f64::from(matrix.direct(channel)[row]) * x[row]);
                 // One f64 addition, of terms that may cancel.
@@ -211,7 +213,7 @@ fn a_replayed_photo_is_the_retraced_one() {
 #[test]
 fn a_photo_under_one_lit_pixel_is_that_pixels_row() {
     for (name, channels) in SCENES {
-        let mut rig = Simulated { traced: traced(name, channels) };
+        let mut rig = Simulated { traced: trace(&mut tracer(&load(name)), settings(20, 24, 6, 7), channels) };
         let resolution = rig.photo_resolution();
         let n = resolution.pixels();
         for pixel in [0, 7 * 20 + 3, n / 2 + 10, n - 1] {
@@ -237,11 +239,11 @@ fn a_photo_under_one_lit_pixel_is_that_pixels_row() {
 
 #[test]
 fn luminance_is_the_weighted_sum_of_the_colours() {
-    let [gray, color] = [Channels::Luma, Channels::Rgb].map(|channels| traced("cornell", channels).matrix);
+    let [gray, color] = [Channels::Luma, Channels::Rgb].map(|channels| &traced("cornell", channels).matrix);
     let x = random_vector(gray.resolution().pixels(), 9);
-    let luma = product(&gray, Part::Full, 0, &x);
-    let planes = [0, 1, 2].map(|channel| product(&color, Part::Full, channel, &x));
-    let magnitudes = magnitudes(&csr(&gray, Part::Full, 0), &x);
+    let luma = product(gray, Part::Full, 0, &x);
+    let planes = [0, 1, 2].map(|channel| product(color, Part::Full, channel, &x));
+    let magnitudes = magnitudes(&csr(gray, Part::Full, 0), &x);
     for row in 0..x.len() {
         let sum = 0.2126 * planes[0][row] + 0.7152 * planes[1][row] + 0.0722 * planes[2][row];
         // Weighted before or after the sums over paths, and rounded to f32 in either.

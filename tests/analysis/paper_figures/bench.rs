@@ -1,7 +1,5 @@
 //! The corner, in focus and out of it, and a target for it.
 
-use std::sync::OnceLock;
-
 use krylux::Result;
 use krylux::analysis::{CompensateOptions, CompensationRow, Wish};
 use krylux::image::{Blur, Image, Resolution};
@@ -9,14 +7,13 @@ use krylux::krylov::{Method, SolveOptions, dot, keep_solving, norm, solve_adjoin
 use krylux::operator::{Adjoint, Operator, Symmetry};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part};
 
-use crate::common::{load, reference, settings, trace, tracer};
+use crate::common::{reference, settings, traced};
 
 pub const SIDE: usize = 64;
 pub const SIZE: Resolution = Resolution { width: SIDE, height: SIDE };
 
 pub fn corner() -> &'static Assembled {
-    static CORNER: OnceLock<Assembled> = OnceLock::new();
-    CORNER.get_or_init(|| trace(&mut tracer(&load("corner")), settings(SIDE, 256, 6, 0), Channels::Luma))
+    traced("corner", settings(SIDE, 256, 6, 0), Channels::Luma)
 }
 
 pub fn part(part: Part) -> MatrixOperator<'static> {

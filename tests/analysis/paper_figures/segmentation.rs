@@ -1,5 +1,7 @@
 //! Figures 4, 6 and 8: which pixels share a group.
 
+use std::sync::OnceLock;
+
 use krylux::analysis::segment::{evidence, feature_view, segment};
 use krylux::analysis::{
     Blurred, DirectMethod, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
@@ -17,6 +19,17 @@ use crate::common::{load, settings, trace, tracer};
 struct Traced {
     traced: Assembled,
     truth: Vec<u8>,
+}
+
+/// The two folds at this size, traced once for all tests.
+fn folds(side: usize) -> &'static Traced {
+    static FOLDS: [OnceLock<Traced>; 2] = [const { OnceLock::new() }; 2];
+    let cell = match side {
+        48 => &FOLDS[0],
+        64 => &FOLDS[1],
+        _ => unreachable!("the figures have one of these sizes"),
+    };
+    cell.get_or_init(|| Traced::new(&load("zigzag"), side, 256))
 }
 
 impl Traced {
@@ -83,7 +96,7 @@ fn told_by_row_and_column(labels: &[u8], truth: &[u8], side: usize) -> [f64; 2] 
 
 #[test]
 fn figure_4_two_folds_are_told_apart_by_few_photos_and_then_cut_across() {
-    let folds = Traced::new(&load("zigzag"), 64, 256);
+    let folds = folds(64);
     let found = folds.segmentation(50, 10, &[2, 6, 10]);
     let two = purity(labels(&found, 2), &folds.truth);
     let fewest = (4..=50).find(|&photos| {
@@ -132,10 +145,10 @@ fn figure_4_bent_sheets_are_cut_into_horizontal_bands_and_sharp_folds_at_their_c
         assert!(cut <= straight, "{cut} {straight}");
     }
     // The zigzag's halves have eigenvalues above the continuous part of an infinite fold's spectrum, 0.79, and finer bands have none.
-    let folds = Traced::new(&load("zigzag"), side, 256);
+    let folds = folds(side);
     let found = folds.segmentation(50, 10, &[4, 10]);
     let [row, column] = told_by_row_and_column(labels(&found, 4), &folds.truth, side);
-    let [cut, straight] = cut_and_straight_cut(&folds, labels(&found, 10), 10, side);
+    let [cut, straight] = cut_and_straight_cut(folds, labels(&found, 10), 10, side);
     println!(
         "fig4: folds, 4 groups told by row {row:.3} and column {column:.3}; cut of 10 {cut:.3}, of straight bands {straight:.3}"
     );
@@ -147,7 +160,7 @@ fn figure_4_bent_sheets_are_cut_into_horizontal_bands_and_sharp_folds_at_their_c
 
 #[test]
 fn figure_5_pixels_of_one_fold_lie_together_and_those_of_the_other_far_away() {
-    let folds = Traced::new(&load("zigzag"), 48, 256);
+    let folds = folds(48);
     let found = folds.segmentation(30, 10, &[2]);
     // Two pixels of the left fold, near the top, on either side of its valley; and the mirror image of the first.
     let view = feature_view(&found, Resolution::new(48, 48), &[(6, 10), (18, 10), (41, 10)]).unwrap();
@@ -225,7 +238,7 @@ fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
 
 #[test]
 fn direct_light_may_be_measured_in_place_of_being_known_and_both_sides_be_blurred() {
-    let folds = Traced::new(&load("zigzag"), 48, 256);
+    let folds = folds(48);
     let resolution = Resolution::new(48, 48);
     let mut white = vec![0.0; 48 * 48];
     krylux::operator::Operator::apply(&mut folds.part(Part::Direct), &vec![1.0; 48 * 48], &mut white)
