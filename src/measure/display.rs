@@ -3,7 +3,7 @@
 //! Light is linear, so nothing is lost when every product is booked on the pattern that was shown. What differs from the
 //! wish is the error of rounding to levels; how it spreads over the pixels is for [`DitherBy`] to choose.
 //!
-//! Measured on 24×24 pixels of rank-one indirect light, 8 bits and gamma 2.2, as the relative error of a product (`tests/measure_stages/quantization.rs`):
+//! Measured on 24×24 pixels of rank-one indirect light, 8 bits and gamma 2.2, as the relative error of a product (`tests/rig/stages/quantization.rs`):
 //!
 //! | vector | part | nearest | random | diffusion |
 //! |---|---|---|---|---|

@@ -1,6 +1,6 @@
 //! Whatever the bytes, loading ends with a scene or an error: no panic, no endless loop, no runaway memory.
 //!
-//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene_gltf_fuzz` looks further.
+//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene gltf_fuzz` looks further.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 

@@ -1,6 +1,6 @@
 //! Whatever stands in an `.obj` file, its library and its rig file, loading ends with a scene or an error.
 //!
-//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene_obj_fuzz` looks further.
+//! `KRYLUX_FUZZ_CASES=100000 cargo test --release --test scene obj_fuzz` looks further.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
