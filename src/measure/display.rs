@@ -6,7 +6,7 @@
 //! over the pixels.
 //!
 //! The relative error of a product, measured on 24×24 pixels of rank-one indirect light with 8 bits and gamma
-//! 2.2 (`tests/measure_stages/quantization.rs`):
+//! 2.2 (`tests/rig/stages/quantization.rs`):
 //!
 //! | vector | part | nearest | random | diffusion |
 //! |---|---|---|---|---|
