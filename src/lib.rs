@@ -64,6 +64,7 @@ pub mod image;
 pub mod io;
 pub mod journal;
 pub mod krylov;
+pub mod lab;
 pub mod measure;
 pub mod observer;
 pub mod operator;

@@ -2,11 +2,14 @@
 
 use std::path::Path;
 
+use super::console::Console;
+
 /// Opens `report` without waiting for the browser. Where there is no opener, or no screen, a note says where the report is: the run itself
 /// is done.
-pub(super) fn open(report: &Path) {
+pub(super) fn open(report: &Path, console: &Console) {
     if let Err(why) = try_open(report) {
-        eprintln!("note: {} is not opened: {why}; open it in a browser", report.display());
+        let report = report.display();
+        console.note(format_args!("note: {report} is not opened: {why}; open it in a browser"));
     }
 }
 

@@ -1,8 +1,6 @@
 //! The transport matrix as an operator: symmetric, linear, repeatable, and the same whether replayed or traced anew.
 
-use crate::common::{
-    self, checker, csr, load, magnitudes, random_vector, settings, trace, tracer,
-};
+use crate::common::{self, checker, csr, load, magnitudes, random_vector, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{TraceSettings, Tracer};
 use krylux::transport::{Assembled, Channels, Part, Retraced, Simulated, Transport, TransportMatrix};

@@ -2,16 +2,15 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
 use serde_json::{Value, json};
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::live::LiveArgs;
 use super::super::options::OutputArgs;
+use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::analysis::align::{AlignOptions, Alignment, Round, align};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::io::png::Raster;
 use crate::measure::FrameSource;
@@ -70,10 +69,10 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     drop(shots);
     match ended {
         // Ctrl-C is how one stops aligning.
-        Err(error) if !matches!(error.downcast_ref(), Some(Error::Interrupted)) => return Err(error),
+        Err(error) if !matches!(error, Error::Interrupted) => return Err(error),
         _ => {}
     }
-    let Some(round) = &last.round else { return Err(Error::Interrupted.into()) };
+    let Some(round) = &last.round else { return Err(Error::Interrupted) };
     let is_aligned = matches!(round, Round::Found(found) if found.is_aligned(&options));
     if matches!(round, Round::Found(_)) {
         console.say(format_args!("wrote     {}", args.file.display()))?;

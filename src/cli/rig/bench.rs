@@ -2,14 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
-
 use super::super::console::Console;
+use super::super::opening::Opening;
 use super::super::options::{SourceArgs, ViewArgs};
-use super::super::rig_source::RigSource;
-use super::super::source::is_rig;
 use super::super::trace::{SizeArgs, TraceArgs};
-use crate::error::Error;
+use crate::error::{Error, Result};
+use crate::lab::{RigSource, SourceKind};
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
 
@@ -45,16 +43,16 @@ impl RigArgs {
     /// Reads the file alone.
     pub(super) fn source(&self, console: &Console) -> Result<RigSource> {
         require_rig(&self.rig, "RIG")?;
-        let view = ViewArgs { camera: None, camera_file: None };
         let trace = TraceArgs::for_looking(SizeArgs::default(), self.adapter.clone());
-        RigSource::uncalibrated(&SourceArgs { source: self.rig.clone(), view }, &trace, console)
+        let source = SourceArgs { source: self.rig.clone(), view: ViewArgs::default() };
+        Opening::new(&source, &trace).builder(console).open_uncalibrated_rig()
     }
 }
 
 impl Bench {
     /// Opens the devices. Frames come until the user asks to stop: then as [`Error::Interrupted`].
-    pub(super) fn open(&mut self, console: &Console) -> crate::Result<Box<dyn FrameSource>> {
-        let mut shots = self.source.opener(console)(None)?;
+    pub(super) fn open(&mut self, console: &Console) -> Result<Box<dyn FrameSource>> {
+        let mut shots = self.source.opener()(None)?;
         shots.set_settle(self.settle());
         Ok(Box::new(Interruptible { shots, console: console.clone() }))
     }
@@ -80,15 +78,14 @@ impl Bench {
 /// # Errors
 /// [`Error::Option`].
 pub(super) fn require_rig(path: &Path, argument: &str) -> Result<()> {
-    if is_rig(path) {
+    if SourceKind::of(path) == SourceKind::Rig {
         return Ok(());
     }
     Err(Error::Option {
         option: argument.into(),
         fault: format!("{} is no rig", path.display()),
         help: "give a rig file (.toml): this verb asks devices".into(),
-    }
-    .into())
+    })
 }
 
 /// Frames until the user asks to stop.
@@ -106,7 +103,7 @@ impl FrameSource for Interruptible {
         self.shots.camera()
     }
 
-    fn capture(&mut self, shot: &CaptureRequest) -> crate::Result<RawFrame> {
+    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
         if self.console.check().is_break() {
             return Err(Error::Interrupted);
         }

@@ -2,21 +2,18 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
+use super::super::Outcome;
 use super::super::console::Console;
-use super::super::journal;
-use super::super::options::{OutputArgs, RunArgs, SourceArgs};
-use super::super::rig_source::RigSource;
-use super::super::run_folder::RunFolder;
+use super::super::opening::Opening;
+use super::super::options::{OutputArgs, SourceArgs};
 use super::super::trace::TraceArgs;
-use super::super::{Outcome, simulation};
 use super::bench::require_rig;
-use crate::measure::calibrate::{CalibrateOptions, MapBy, calibrate};
-use crate::measure::{FrameSource, JournaledFrames};
-use crate::report::calibration;
+use crate::error::Result;
+use crate::lab::{Calibrated, RunOptions};
+use crate::measure::calibrate::{CalibrateOptions, MapBy};
 
 /// Measure a rig's devices from captures alone: responses, noise, pixel map, latency, drift
 #[derive(clap::Args)]
@@ -55,31 +52,8 @@ enum MapArg {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let path = &args.source.source;
-    require_rig(path, "SOURCE")?;
-    let mut rig = RigSource::uncalibrated(&args.source, &args.trace, console)?;
-    let folder = args
-        .folder
-        .clone()
-        .or_else(|| rig.file.calibration.clone())
-        .unwrap_or_else(|| path.with_file_name(format!("{}-calibration", simulation::short_name(path))));
-    let wanted =
-        RunArgs { folder: Some(folder), overwrite: args.overwrite, open: false, resume: args.resume };
-    let mut folder = RunFolder::create(&wanted, "calibration", console)?;
-    rig.describe(&mut folder.manifest);
-    let outcome = measure(args, console, &mut rig, &mut folder);
-    folder.close(outcome)
-}
-
-fn measure(
-    args: &Args,
-    console: &Console,
-    rig: &mut RigSource,
-    folder: &mut RunFolder,
-) -> Result<(Outcome, String)> {
-    let journal = folder.journal(&rig.identity()?, console)?;
-    let warn = journal::warning(&journal, console);
-    let mut shots = JournaledFrames::new(journal, rig.opener(console))?.reporting(warn);
+    require_rig(&args.source.source, "SOURCE")?;
+    let rig = Opening::new(&args.source, &args.trace).builder(console).open_uncalibrated_rig()?;
     let options = CalibrateOptions {
         takes: args.takes,
         map: args.map.map(|map| match map {
@@ -87,33 +61,21 @@ fn measure(
             MapArg::Checkerboard => MapBy::Checkerboard,
         }),
     };
-    let (found, report) = calibrate(&mut shots, &options, &mut |step| {
-        console.detail(format_args!("measuring {step}"));
-        console.check()
-    })?;
-    found.save(&folder.path)?;
-    calibration::write(&folder.path, &found, &report)?;
-    let effort = shots.effort();
-    folder.manifest.photos = effort.taken + effort.replayed;
-    let lines = report.lines();
-    say(&lines, console)?;
-    let title = format!("{} · calibration", rig.name());
-    let seconds = folder.seconds();
-    calibration::write_page(&folder.path, (title, &lines), (&found, &report), &folder.manifest, seconds)?;
-    console.say(format_args!("wrote     {}", folder.path.display()))?;
-    if rig.file.calibration.as_deref() != Some(folder.path.as_path()) {
+    let folder = args.folder.clone().unwrap_or_else(|| rig.calibration_folder());
+    let run = RunOptions { folder: Some(folder), overwrite: args.overwrite, resume: args.resume };
+    let Calibrated { report, effort, folder, .. } = rig.calibrate(&options, &run)?;
+    for [of, text] in report.lines() {
+        console.say(format_args!("{of:<9} {text}"))?;
+    }
+    console.say(format_args!("wrote     {}", folder.display()))?;
+    if !rig.names_calibration(&folder) {
         console.note(format_args!(
             "note: name it in {} as `calibration = {:?}` (relative to that file), and every verb will use it",
             rig.file.path.display(),
-            folder.path.file_name().unwrap_or(folder.path.as_os_str())
+            folder.file_name().unwrap_or(folder.as_os_str())
         ));
     }
-    console.summary(
-        &json!({ "verb": "rig calibrate", "folder": folder.path, "effort": effort, "report": report }),
-    )?;
-    Ok((Outcome::Done, "calibrated".into()))
-}
-
-fn say(lines: &[[String; 2]], console: &Console) -> Result<()> {
-    lines.iter().try_for_each(|[of, text]| console.say(format_args!("{of:<9} {text}")))
+    console
+        .summary(&json!({ "verb": "rig calibrate", "folder": folder, "effort": effort, "report": report }))?;
+    Ok(Outcome::Done)
 }

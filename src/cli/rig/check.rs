@@ -3,14 +3,13 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use anyhow::Result;
 use serde_json::json;
 
 use super::super::Outcome;
 use super::super::console::Console;
 use super::super::options::OutputArgs;
 use super::bench::{Bench, RigArgs, require_rig};
-use crate::error::Error;
+use crate::error::Result;
 use crate::measure::rig_check::{self, Finding, Findings, RigToCheck};
 use crate::rig::Helper;
 
@@ -58,7 +57,7 @@ fn check(args: &Args, console: &Console, say: &mut rig_check::Report<'_>) -> Res
     let source = match args.rig.source(console) {
         Ok(source) => source,
         // Only errors of the rig are findings.
-        Err(error) => return Ok(rig_check::unreadable(error.downcast::<Error>()?, say)?),
+        Err(error) => return Ok(rig_check::unreadable(error, say)?),
     };
     let file = source.file.clone();
     let mut bench = Bench { source, known: None };

@@ -4,16 +4,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
 use serde_json::json;
 
 use super::super::Outcome;
-use super::super::console::{Bar, Console};
-use super::super::live::LiveArgs;
+use super::super::console::Console;
 use super::super::options::OutputArgs;
 use super::super::pattern::Pattern;
+use super::super::progress::Bar;
+use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::measure::FrameSource;
 use crate::measure::preview::{self, CountRange, FrameFigures, Preview};
@@ -62,10 +62,10 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     drop(frames);
     match ended {
         // Ctrl-C is how a preview ends.
-        Err(error) if !matches!(error.downcast_ref(), Some(Error::Interrupted)) => return Err(error),
+        Err(error) if !matches!(error, Error::Interrupted) => return Err(error),
         _ => {}
     }
-    let Some(figures) = last else { return Err(Error::Interrupted.into()) };
+    let Some(figures) = last else { return Err(Error::Interrupted) };
     console.say(format_args!("wrote     {}", args.file.display()))?;
     console.summary(&json!({ "verb": "rig preview", "file": args.file, "figures": figures }))?;
     Ok(Outcome::Done)
@@ -150,7 +150,7 @@ struct Picture<'a> {
 
 impl Picture<'_> {
     /// Writes a frame, unless the one before was written a moment ago. The `last` frame is always written.
-    fn show(&mut self, raw: &RawFrame, range: &CountRange, last: bool) -> crate::Result<()> {
+    fn show(&mut self, raw: &RawFrame, range: &CountRange, last: bool) -> Result<()> {
         if !last && self.written.is_some_and(|written| written.elapsed() < EVERY) {
             return Ok(());
         }
