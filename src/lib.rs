@@ -5,17 +5,69 @@
 //! what follows from them are had from a few dozen photos, without ever measuring `A` itself. The method is
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
 //!
-//! # The map
+//! # Five lines
 //!
-//! Data flows one way; a module uses only those below it.
+//! [`lab`] is the door: [`open`] takes a scene, a rig file, the folder of an earlier run, or a matrix.
 //!
-//! ```text
-//! cli → report → analysis → krylov → operator, sparse, image
-//!     ↘      ↘          ↘ transport → render → gpu, scene → image
-//!      cache → report, transport
-//!      measure → rig, journal, operator
-//!      paper → analysis, transport, measure
 //! ```
+//! use krylux::analysis::{SegmentOptions, segment::segment};
+//! use krylux::krylov::{EigsOptions, eigs};
+//! use krylux::transport::Part;
+//!
+//! fn ask(source: &str, folder: &std::path::Path) -> krylux::Result<()> {
+//!     let mut lab = krylux::open(source)?;
+//!     let mut global = lab.operator(Part::Global)?;
+//!     let pairs = eigs(&mut global, &EigsOptions { count: 4, ..EigsOptions::default() })?;
+//!     let groups = segment(&mut global, &SegmentOptions::groups([2, 6]))?;
+//!     lab.save(folder, &groups)?;
+//!     // Two regions exchange no light, so that the eigenvalue 1 of the normalized graph comes twice.
+//!     assert!(pairs.values.len() == 4 && groups.eigenvalues[1] > 0.99);
+//!     Ok(())
+//! }
+//!
+//! # fn main() -> krylux::Result<()> {
+//! # let folder = tempfile::tempdir().expect("a temporary folder can be made");
+//! ask("assets/scenes/zigzag/scene.glb", &folder.path().join("scene"))?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! [`Lab::builder`](lab::Lab::builder) sets what differs from the defaults. With a folder, every photo is in its journal before it is used, and
+//! the folder is a source for further questions. The same lines run on a rig and on a run:
+//!
+//! ```
+//! use krylux::analysis::{SegmentOptions, segment::segment};
+//! use krylux::lab::Lab;
+//! use krylux::transport::Part;
+//!
+//! # fn main() -> krylux::Result<()> {
+//! # let folder = tempfile::tempdir().expect("a temporary folder can be made");
+//! let run = folder.path().join("rig");
+//! let mut rig = Lab::builder("assets/rigs/ideal.toml").size(24, 24).folder(&run).open()?;
+//! let options = SegmentOptions { photos: 12, eigenvectors: 4, ..SegmentOptions::groups([2]) };
+//! let first = segment(&mut rig.operator(Part::Global)?, &options)?;
+//! rig.finish(&first)?;
+//!
+//! // The photos of the run answer again, with no rig attached.
+//! let mut replay = krylux::open(&run)?;
+//! let again = segment(&mut replay.operator(Part::Global)?, &options)?;
+//! assert_eq!(first.labels, again.labels);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Examples
+//!
+//! | `cargo run --release --example …` | shows |
+//! |---|---|
+//! | `segment` | groups of pixels that exchange light, with the report |
+//! | `compensate` | what to project so that a scene looks like a target |
+//! | `own_matrix` | eigenpairs of a matrix or a function of your own ([`krylov`], [`operator::Closure`]) |
+//! | `own_camera` | a projector and a camera of your own behind the traits of [`rig`] |
+//! | `relight_run` | a scene relit from the folder of a finished run |
+//! | `sweep_albedo` | one number over twenty values of a material ([`scene`], [`Lab::builder_of_scene`](lab::Lab::builder_of_scene)) |
+//!
+//! # The map
 //!
 //! | in the paper | here |
 //! |---|---|
@@ -28,32 +80,36 @@
 //! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
 //! | the figures | [`paper`] makes them again, and holds them to bounds |
 //!
-//! Units, conventions and the symmetric estimator stand in [`render`] and [`transport`].
+//! Units, conventions and the symmetric estimator are described in [`render`] and [`transport`].
 //!
-//! # From a scene to its groups
+//! # The rooms
 //!
+//! Data flows one way: a room imports only rooms below it. This is the whole list, from the top down; a test compares it with the sources.
+//!
+//! <!-- rooms: begin -->
+//! ```text
+//! cli       → paper, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, error
+//! paper     → report, analysis, measure, rig, transport, render, scene, krylov, io, sparse, operator, observer, image, error
+//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, error
+//! report    → analysis, measure, rig, krylov, io, image, error
+//! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error
+//! cache     → transport, render, scene, gpu, io, image, error
+//! measure   → rig, transport, render, io, operator, journal, image, error
+//! rig       → transport, image, error
+//! transport → render, gpu, io, sparse, operator, journal, observer, image, error
+//! render    → scene, gpu, observer, image, error
+//! scene     → image, error
+//! gpu       → error
+//! krylov    → operator, observer, error
+//! io        → sparse, image, error
+//! sparse    → operator, error
+//! operator  → observer, error
+//! journal   → error
+//! observer  →
+//! image     → error
+//! error     →
 //! ```
-//! use std::path::Path;
-//!
-//! use krylux::analysis::{SegmentOptions, segment::segment};
-//! use krylux::image::Resolution;
-//! use krylux::render::{TraceSettings, Tracer};
-//! use krylux::transport::{Channels, MatrixOperator, Part, assemble};
-//!
-//! # fn main() -> krylux::Result<()> {
-//! let scene = krylux::scene::load(Path::new("assets/scenes/zigzag/scene.glb"), None)?;
-//! let mut tracer = Tracer::new(&scene, None)?;
-//! let settings = TraceSettings::new(Resolution::new(32, 32), 64);
-//! let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
-//!
-//! let mut global = MatrixOperator::new(&traced.matrix, Part::Global, 0);
-//! let options = SegmentOptions { photos: 20, groups: vec![2], ..SegmentOptions::default() };
-//! let found = segment(&mut global, &options)?;
-//! // Two regions exchange no light, so the eigenvalue 1 comes twice.
-//! assert!(found.photos == 20 && found.eigenvalues[1] > 0.999);
-//! # Ok(())
-//! # }
-//! ```
+//! <!-- rooms: end -->
 
 pub mod analysis;
 pub mod cache;
@@ -77,3 +133,4 @@ pub mod sparse;
 pub mod transport;
 
 pub use error::{Error, Result};
+pub use lab::open;

@@ -87,18 +87,3 @@ pub(crate) fn block(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
 pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     vectors.iter_mut().map(Vec::as_mut_slice).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sparse::SparseOperator;
-
-    #[test]
-    fn operators_that_own_their_data_can_move_to_another_thread() {
-        fn assert_send<T: Send>() {}
-        assert_send::<SparseOperator>();
-        assert_send::<crate::analysis::LowRank>();
-        assert_send::<crate::transport::MatrixOperator<'_>>();
-        assert_send::<Closure<fn(&[f64], &mut [f64]) -> Result<()>>>();
-    }
-}

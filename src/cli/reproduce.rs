@@ -14,8 +14,7 @@ use super::opener;
 use super::options::{OutputArgs, RunArgs};
 use crate::error::{Error, Result};
 use crate::lab::{RunFolder, SharedObserver};
-use crate::paper::{self, Bench, BenchOptions, Figure, Reproduced, Rig};
-use crate::report::gallery::Gallery;
+use crate::paper::{self, Bench, BenchOptions, Figure, Gallery, Reproduced, Rig};
 
 /// Make the paper's figures again: pictures, numbers and a page that holds them beside what the paper says
 #[derive(clap::Args)]

@@ -558,5 +558,9 @@ mod tests {
         fn is_send<T: Send>() {}
         is_send::<Lab>();
         is_send::<LabOperator>();
+        is_send::<crate::sparse::SparseOperator>();
+        is_send::<crate::analysis::LowRank>();
+        is_send::<crate::transport::MatrixOperator<'_>>();
+        is_send::<crate::operator::Closure<fn(&[f64], &mut [f64]) -> Result<()>>>();
     }
 }

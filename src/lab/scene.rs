@@ -49,10 +49,12 @@ impl SceneSource {
         Ok(Self::new(scene, tracer, trace, settings, observer))
     }
 
-    /// A scene that a program made.
+    /// A scene that a program made. Its matrix is neither looked up in the cache nor kept there, since the scene may differ from the file that its
+    /// hash names.
     pub(super) fn in_memory(scene: Scene, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
         let tracer = Tracer::new(&scene, settings.adapter.as_deref())?;
-        Ok(Self::new(scene, tracer, settings.trace.for_scene(), settings, observer))
+        let source = Self::new(scene, tracer, settings.trace.for_scene(), settings, observer);
+        Ok(Self { cache: None, ..source })
     }
 
     fn new(

@@ -172,12 +172,11 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::krylov::{EigsOptions, eigs};
-    use crate::observer::OnStep;
+    use crate::observer::{Estimate, OnStep};
     use crate::operator::Closure;
 
     #[test]
-    fn a_relay_changes_what_the_observer_sees() -> Result<()> {
+    fn a_relay_changes_what_the_observer_sees() {
         let mut ramp = Closure::new(9, 9, Symmetry::Symmetric, |x: &[f64], y: &mut [f64]| {
             y.iter_mut().zip(x).enumerate().for_each(|(i, (y, x))| *y = i as f64 * x);
             Ok(())
@@ -190,14 +189,16 @@ mod tests {
                 ControlFlow::Continue(())
             });
             let mut observed = Observed::new(&mut ramp, &observer);
-            let mut relayed = Relayed::new(&mut observed, |observer: &dyn Observer, step: &Step<'_>| {
+            let relayed = Relayed::new(&mut observed, |observer: &dyn Observer, step: &Step<'_>| {
                 stages.push(step.stage);
                 observer.step(&Step { done: step.done + 100, ..*step })
             });
-            eigs(&mut relayed, &EigsOptions { count: 1, products: 3, ..EigsOptions::default() })?;
+            for done in 1..=3 {
+                let step = Step { stage: "photos", done, total: 3, estimate: Estimate::None };
+                assert!(relayed.observer().step(&step).is_continue());
+            }
         }
         assert_eq!(seen, [101, 102, 103]);
         assert_eq!(stages, ["photos"; 3]);
-        Ok(())
     }
 }

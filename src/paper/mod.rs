@@ -15,6 +15,8 @@
 //! | 11 | compensation in focus, at five photos | `fig11` |
 //! | 12 | compensation of a projector out of focus, at twelve | `fig12` |
 //! | 13 | bit planes of a projector of one bit | `fig13` |
+//!
+//! [`Gallery`] writes the page that shows the figures beside what the paper says of them.
 
 mod bench;
 mod check;
@@ -34,6 +36,7 @@ mod fig6;
 mod fig8;
 mod fig9;
 mod figure;
+mod gallery;
 mod groups;
 mod purity;
 mod stage;
@@ -42,6 +45,7 @@ mod target;
 pub use bench::{Bench, BenchOptions, Rig};
 pub use check::{Check, Limit};
 pub use figure::{Content, Curve, Curves, Figure, Panel, Reproduced, Shot, Strip};
+pub use gallery::Gallery;
 
 use crate::error::Result;
 

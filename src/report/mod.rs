@@ -7,7 +7,6 @@
 //! | every photo of a run on one sheet | [`strip`] |
 //! | the arrays, pictures and page of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | pictures for setting up a bench | [`preview`], [`alignment`] |
-//! | the paper's figures beside what the paper says of them | [`gallery`] |
 //! | images in an external viewer while they come | [`viewer`] |
 //!
 //! Files are written through [`crate::io`].
@@ -21,7 +20,6 @@ pub mod compensation;
 pub mod contact_sheet;
 pub mod eigenpairs;
 mod figure;
-pub mod gallery;
 pub mod html;
 mod notes;
 mod oklab;
@@ -32,12 +30,12 @@ pub mod preview;
 pub mod probing;
 pub mod relighting;
 mod residuals;
-mod run;
+pub(crate) mod run;
 pub mod scatter;
 pub mod segmentation;
 pub mod separation;
 pub mod solution;
-mod spectrum;
+pub(crate) mod spectrum;
 mod svg;
 pub mod viewer;
 

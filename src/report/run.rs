@@ -6,24 +6,24 @@ use crate::io::manifest::ProductsOn;
 use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
 
 /// The files of a run's folder, noted by name as they are asked for.
-pub(super) struct Files<'a> {
+pub(crate) struct Files<'a> {
     folder: &'a Path,
-    pub(super) names: Vec<String>,
+    pub(crate) names: Vec<String>,
 }
 
 impl<'a> Files<'a> {
-    pub(super) fn new(folder: &'a Path) -> Self {
+    pub(crate) fn new(folder: &'a Path) -> Self {
         Self { folder, names: Vec::new() }
     }
 
-    pub(super) fn path(&mut self, name: &str) -> PathBuf {
+    pub(crate) fn path(&mut self, name: &str) -> PathBuf {
         self.names.push(name.to_owned());
         self.folder.join(name)
     }
 }
 
 /// The facts of a run, as far as its record has them, with `more` of its own after those of the scene.
-pub(super) fn facts(
+pub(crate) fn facts(
     manifest: &RunManifest,
     photos: usize,
     more: impl IntoIterator<Item = (&'static str, String)>,

@@ -38,7 +38,7 @@ pub(super) fn layers(resolution: Resolution, vectors: &[Vec<f64>]) -> Result<Vec
 }
 
 /// A plane of values as a gray image.
-pub(super) fn narrowed(resolution: Resolution, values: &[f64]) -> Result<Image> {
+pub(crate) fn narrowed(resolution: Resolution, values: &[f64]) -> Result<Image> {
     Image::new(resolution, 1, values.iter().map(|&value| value as f32).collect())
 }
 

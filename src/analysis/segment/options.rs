@@ -61,6 +61,11 @@ impl Default for SegmentOptions {
 }
 
 impl SegmentOptions {
+    /// The default options with these numbers of groups, all from the same photos.
+    pub fn groups(groups: impl IntoIterator<Item = usize>) -> Self {
+        Self { groups: groups.into_iter().collect(), ..Self::default() }
+    }
+
     pub(super) fn check(&self) -> Result<()> {
         let refuse = |option: &str, fault: String, help: &str| {
             Err(Error::Option { option: option.into(), fault, help: help.into() })

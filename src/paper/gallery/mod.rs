@@ -5,13 +5,13 @@ mod pictures;
 
 use std::path::Path;
 
-use super::html::{Block, Measured, Outcome, Report, Section, Verdict};
-use super::plot::{LinePlot, Series};
-use super::run::{self, Files};
 use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::measure::RunManifest;
 use crate::paper::{Curves, Figure, Reproduced};
+use crate::report::html::{Block, Measured, Outcome, Report, Section, Verdict};
+use crate::report::plot::{LinePlot, Series};
+use crate::report::run::{self, Files};
 
 /// Figures made again, with what belongs beside them. One figure may be there several times, by several rigs.
 #[derive(Clone, Debug)]
