@@ -2,14 +2,14 @@
 
 use gltf::json;
 
-use super::{Document, called, extensions, uri};
+use super::{Document, extensions, object_name, uri};
 use crate::error::{Error, Result};
 
 /// Reads every buffer of the file.
 pub(super) fn load(document: &mut Document) -> Result<()> {
     for index in 0..document.root.buffers.len() {
         let buffer = &document.root.buffers[index];
-        let what = called("buffer", index, buffer.name.as_ref());
+        let what = object_name("buffer", index, buffer.name.as_ref());
         let expected = buffer.byte_length.0;
         let bytes = match buffer.uri.clone() {
             Some(uri) => uri::read(document, &what, &uri)?,

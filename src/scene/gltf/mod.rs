@@ -24,7 +24,7 @@ mod primitive;
 mod regions;
 mod skin;
 mod textures;
-mod through;
+mod transmission;
 mod uri;
 mod vertices;
 
@@ -141,7 +141,7 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
 }
 
 /// The name of an object of the file in messages, such as `mesh 3 "lamp"`.
-fn called(kind: &str, index: usize, name: Option<&String>) -> String {
+fn object_name(kind: &str, index: usize, name: Option<&String>) -> String {
     match name {
         Some(name) if !name.is_empty() => format!("{kind} {index} \"{name}\""),
         _ => format!("{kind} {index}"),
