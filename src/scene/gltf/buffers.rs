@@ -31,7 +31,7 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
 fn missing(document: &Document, what: &str) -> Error {
     match extensions::compression(document) {
         Some(name) => document.fault(
-            format!("{what} has no data of its own: the file is compressed with {name}"),
+            format!("{what} has no uncompressed data: the file is compressed with {name}"),
             extensions::advice(name),
         ),
         None => document.fault(
