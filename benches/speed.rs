@@ -1,11 +1,9 @@
 //! How fast tracing, products and a whole run are, as ratios taken in one process. `cargo bench`; see `benches/README.md`.
 
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use krylux::analysis::{Capture, SegmentOptions};
 use krylux::image::{Image, Resolution};
-use krylux::krylov::keep_going;
 use krylux::render::{TraceSettings, TraceSummary, Tracer};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Retraced, Transport, assemble};
@@ -38,7 +36,7 @@ fn settings(side: usize, samples: u32) -> TraceSettings {
 }
 
 fn trace(tracer: &mut Tracer, settings: &TraceSettings) -> krylux::Result<Assembled> {
-    assemble(tracer, settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))
+    assemble(tracer, settings, Channels::Luma)
 }
 
 /// Paths and rays per second, by the number of triangles.
@@ -89,11 +87,8 @@ fn whole_run(name: &str, scene: &Scene) -> Outcome {
             Ok(())
         })?;
         let retraced = time(|| {
-            let mut progress = |_| ControlFlow::Continue(());
             let channels = Channels::Luma;
-            Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress }
-                .photograph(&white)
-                .map(drop)
+            Retraced { tracer: &mut tracer, settings, channels }.photograph(&white).map(drop)
         })?;
         let tracing = traced.summary.tracing.as_secs_f64();
         let one = twenty.as_secs_f64() / 20.0;
@@ -116,7 +111,7 @@ fn capture(traced: &Assembled) -> krylux::Result<Capture> {
     let mut operator = MatrixOperator::new(&traced.matrix, Part::Global, 0);
     let mut capture =
         Capture::new(SegmentOptions { photos: 50, tolerance: 0.0, ..SegmentOptions::default() })?;
-    capture.run(&mut operator, &mut keep_going)?;
+    capture.run(&mut operator)?;
     assert_eq!(capture.photos(), 50, "the run is to take 50 photos");
     Ok(capture)
 }

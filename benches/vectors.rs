@@ -1,13 +1,10 @@
 //! What the Krylov methods' own vector work costs beside the products that they ask for, at 512×512. `cargo bench`; see
 //! `benches/README.md`.
 
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
-use krylux::krylov::{
-    Factorization, ForwardOnly, Lanczos, Method, SolveOptions, Start, keep_solving, solve_from,
-};
+use krylux::krylov::{Factorization, ForwardOnly, Lanczos, Method, SolveOptions, Start, solve_from};
 use krylux::operator::{Operator, Symmetry};
 use krylux::render::{TraceSettings, Tracer};
 use krylux::scene::builtin;
@@ -34,7 +31,7 @@ fn main() -> Outcome {
     ] {
         let mut tracer = Tracer::new(&scene, None)?;
         let settings = TraceSettings::new(Resolution::new(SIDE, SIDE), 64);
-        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
+        let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
         println!("{name}: {:.1} million entries", traced.matrix.nonzeros() as f64 / 1e6);
         let matrix = MatrixOperator::new(&traced.matrix, Part::Full, 0);
         orthogonalization(matrix.clone())?;
@@ -116,7 +113,7 @@ fn solvers(matrix: MatrixOperator<'_>) -> Outcome {
         let mut solver = method.solver(n, &wish, &options)?;
         timed.inside = Duration::ZERO;
         let start = Instant::now();
-        let found = solve_from(solver.as_mut(), &mut ForwardOnly(&mut timed), &options, &mut keep_solving)?;
+        let found = solve_from(solver.as_mut(), &mut ForwardOnly(&mut timed), &options)?;
         let own = start.elapsed().saturating_sub(timed.inside).as_secs_f64() / found.stats.products as f64;
         let product = timed.inside.as_secs_f64() / found.stats.products as f64;
         println!(

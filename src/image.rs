@@ -1,6 +1,7 @@
 //! Images: patterns and photos as dense `f32` rasters in linear radiometric units.
 
 mod blur;
+pub(crate) mod codec;
 
 pub use blur::Blur;
 

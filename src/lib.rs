@@ -33,7 +33,6 @@
 //! # From a scene to its groups
 //!
 //! ```
-//! use std::ops::ControlFlow;
 //! use std::path::Path;
 //!
 //! use krylux::analysis::{SegmentOptions, segment::segment};
@@ -45,11 +44,11 @@
 //! let scene = krylux::scene::load(Path::new("assets/scenes/zigzag/scene.glb"), None)?;
 //! let mut tracer = Tracer::new(&scene, None)?;
 //! let settings = TraceSettings::new(Resolution::new(32, 32), 64);
-//! let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
+//! let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
 //!
 //! let mut global = MatrixOperator::new(&traced.matrix, Part::Global, 0);
 //! let options = SegmentOptions { photos: 20, groups: vec![2], ..SegmentOptions::default() };
-//! let found = segment(&mut global, &options, &mut krylux::krylov::keep_going)?;
+//! let found = segment(&mut global, &options)?;
 //! // Two regions exchange no light, so the eigenvalue 1 comes twice.
 //! assert!(found.photos == 20 && found.eigenvalues[1] > 0.999);
 //! # Ok(())

@@ -1,7 +1,5 @@
 //! Keys of traced matrices.
 
-use std::fmt::Write;
-
 use crate::gpu::{AdapterSummary, shader};
 use crate::render::TraceSettings;
 use crate::scene::Scene;
@@ -57,11 +55,7 @@ impl Key {
         part(&format!("{:?}", scene.materials));
         part(&format!("{settings:?} {channels:?} {split}"));
         part(&format!("{} {} {}", adapter.name, adapter.driver, adapter.driver_version));
-        let mut hex = String::new();
-        for byte in &hasher.finalize().as_bytes()[..HEX_DIGITS / 2] {
-            // Writing to a string cannot fail.
-            let _ = write!(hex, "{byte:02x}");
-        }
+        let hex = hasher.finalize().to_hex()[..HEX_DIGITS].to_owned();
         let label = format!(
             "{}, {}, {} samples, {} bounces, seed {}",
             scene.path.display(),

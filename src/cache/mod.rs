@@ -195,7 +195,7 @@ fn key_of(path: &Path) -> Option<String> {
     (is_key && matches!(rest, "luma.npz" | "r.npz" | "g.npz" | "b.npz")).then(|| key.to_owned())
 }
 
-/// `.KEY.luma.npz.PID-COUNT.tmp`, as atomic writing names what is not whole yet.
+/// Whether a file is a temporary one of atomic writing, `.KEY.luma.npz.RANDOM.tmp`.
 fn is_unfinished(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let parts = name
@@ -234,7 +234,7 @@ mod tests {
         for other in ["matrix.npz", "0123.luma.npz", &format!("{key}.txt"), &format!("{key}x.r.npz"), key] {
             assert_eq!(key_of(&path(other)), None, "{other}");
         }
-        assert!(is_unfinished(&path(&format!(".{key}.g.npz.12-3.tmp"))));
+        assert!(is_unfinished(&path(&format!(".{key}.g.npz.a7Xk2Q.tmp"))));
         for other in [".thesis.tmp", &format!("{key}.g.npz"), &format!(".{key}.g.npz"), ".a.b.tmp"] {
             assert!(!is_unfinished(&path(other)), "{other}");
         }

@@ -1,6 +1,7 @@
 //! One channel of a light, as the Krylov methods multiply with it.
 
 use std::cell::RefCell;
+use std::sync::Arc;
 
 use super::console::Console;
 use crate::image::Resolution;
@@ -35,12 +36,9 @@ impl ChannelOperator<'_> {
             Self::Replayed(operator) => work(operator),
             Self::Kept(operator) => work(operator),
             Self::Retraced { tracer, settings, channels, part, channel, console, ahead } => {
-                let retraced = Retraced {
-                    tracer: &mut tracer.borrow_mut(),
-                    settings: *settings,
-                    channels: *channels,
-                    progress: &mut |_| console.check(),
-                };
+                let tracer = &mut tracer.borrow_mut();
+                tracer.observe(Arc::new((*console).clone()));
+                let retraced = Retraced { tracer, settings: *settings, channels: *channels };
                 work(&mut RetracedOperator { retraced, part: *part, channel: *channel, ahead })
             }
             Self::Measured { measurement, part, channel } => {

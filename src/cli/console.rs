@@ -1,17 +1,17 @@
 //! What the user sees while a verb runs: results on stdout, progress and notes on stderr.
 
-use std::cell::Cell;
 use std::fmt::Display;
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::options::OutputArgs;
+use crate::observer::{Observer, Step};
 
 /// Where text goes, and whether the user has asked to stop.
 #[derive(Clone)]
@@ -118,7 +118,7 @@ impl Console {
         }
         bar.set_prefix(what);
         bar.enable_steady_tick(Duration::from_millis(200));
-        Bar { console: self.clone(), bar, total: Cell::new(0) }
+        Bar { console: self.clone(), bar, total: AtomicU64::new(0) }
     }
 }
 
@@ -133,7 +133,7 @@ const PHOTOS: &str = "{prefix:<9} {bar:16} {pos:>3}/{len}  {elapsed} gone, {eta}
 pub(super) struct Bar {
     console: Console,
     bar: ProgressBar,
-    total: Cell<u64>,
+    total: AtomicU64,
 }
 
 impl Bar {
@@ -144,11 +144,24 @@ impl Bar {
 
     /// `done` of `total` steps are done.
     pub(super) fn at(&self, done: u64, total: u64) -> ControlFlow<()> {
-        if self.total.replace(total) != total {
+        if self.total.swap(total, Ordering::Relaxed) != total {
             self.bar.set_length(total);
         }
         self.bar.set_position(done);
         self.console.check()
+    }
+}
+
+/// Stops where the user asks for that.
+impl Observer for Console {
+    fn step(&self, _: &Step<'_>) -> ControlFlow<()> {
+        self.check()
+    }
+}
+
+impl Observer for Bar {
+    fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
+        self.at(step.done, step.total)
     }
 }
 

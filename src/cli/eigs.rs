@@ -17,7 +17,9 @@ use super::source::Source;
 use super::trace::TraceArgs;
 use crate::image::Resolution;
 use crate::io::sparse;
-use crate::krylov::{Eigs, EigsMethod, EigsOptions, PairStatus, Progress, Start, Which, eigs};
+use crate::krylov::{Eigs, EigsMethod, EigsOptions, PairStatus, Start, Which, eigs};
+use crate::observer::{OnStep, Step};
+use crate::operator::Observed;
 use crate::report::contact_sheet::ContactSheet;
 use crate::report::eigenpairs::EigenpairsRun;
 use crate::sparse::SparseOperator;
@@ -144,12 +146,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             .and_then(|()| {
                 let bar = console.photos();
                 let options = args.question.options(args.trace.seed(), None);
-                Ok(folder.timed("photos", |_| {
-                    eigs(&mut operator, &options, &mut |step| {
-                        bar.say(&bound(step));
-                        bar.at(step.products as u64, step.budget as u64)
-                    })
-                })?)
+                let observer = OnStep::new(|step: &Step<'_>| {
+                    bar.say(&step.estimate.to_string());
+                    bar.at(step.done, step.total)
+                });
+                let mut operator = Observed::new(&mut operator, &observer);
+                Ok(folder.timed("photos", |_| eigs(&mut operator, &options))?)
             })
             .and_then(|found| {
                 interrupted(console)?;
@@ -173,7 +175,8 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         live.expect(options.products);
         let found = folder.timed("photos", |_| {
             light.with_operator(args.question.part(), console, |operator| {
-                eigs(&mut live.watch(0, operator), &options, &mut |step| live.so_far(bound(step)))
+                let observer = OnStep::new(|step: &Step<'_>| live.so_far(step.estimate));
+                eigs(&mut Observed::new(&mut live.watch(0, operator), &observer), &options)
             })
         });
         live.pause();
@@ -187,16 +190,6 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn is_matrix(source: &Path) -> bool {
     let extension = source.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     matches!(extension.as_deref(), Some("npz" | "mtx" | "npy"))
-}
-
-/// How far the eigenvalues are off at most, as of now.
-pub(super) fn bound(step: &Progress<'_>) -> String {
-    let worst = step.residuals.iter().copied().fold(0.0, f64::max);
-    match step.residuals.len() {
-        0 => String::new(),
-        1 => format!("eigenvalue within {worst:.1e}"),
-        count => format!("{count} eigenvalues within {worst:.1e}"),
-    }
 }
 
 fn interrupted(console: &Console) -> Result<()> {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use glam::Vec3;
+use indicatif::HumanCount;
 use serde_json::json;
 
 use super::console::Console;
@@ -73,7 +74,7 @@ fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
     console.say(format_args!("scene     {}", scene.path.display()))?;
     console.say(format_args!(
         "  shape   {} triangles, {:.3} x {:.3} x {:.3} m",
-        simulation::grouped(scene.triangles.len() as u64),
+        HumanCount(scene.triangles.len() as u64),
         (high - low).x,
         (high - low).y,
         (high - low).z

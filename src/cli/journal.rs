@@ -41,7 +41,7 @@ pub(super) fn say_damages(journal: &Journal, console: &Console) {
 }
 
 /// Says of each record that is found damaged when it is asked for.
-pub(super) fn warning(journal: &Journal, console: &Console) -> impl FnMut(&Damage) + 'static {
+pub(super) fn warning(journal: &Journal, console: &Console) -> impl FnMut(&Damage) + Send + 'static {
     let (path, console) = (journal.path().to_path_buf(), console.clone());
     move |damage| console.note(format_args!("warning: {}: {damage}; it is taken again", path.display()))
 }

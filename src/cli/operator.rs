@@ -99,6 +99,9 @@ impl CacheArgs {
 }
 
 /// A number of bytes: `8GiB`, `500MB`, `1.5G` or `1000`.
+///
+/// It is read here because a single letter is a power of 1024, as in other programs' memory limits; `parse-size` and `bytesize` take it
+/// for a power of 1000.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Bytes(pub(super) u64);
 

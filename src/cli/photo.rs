@@ -15,7 +15,7 @@ use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
 use super::pattern::Pattern;
 use super::rig_source::RigSource;
 use super::run_folder::RunFolder;
-use super::simulation::Simulation;
+use super::simulation::{Simulation, with_bar};
 use super::source::{self, Source};
 use super::trace::TraceArgs;
 use crate::image::Image;
@@ -128,10 +128,9 @@ fn of_scene(args: &Args, simulation: &mut Simulation, pattern: &Image, console: 
         let photo = Simulated { traced }.photograph(pattern)?;
         return Ok(Taken { photo, noise, of: "the white photo", facts, rig: None });
     }
-    let bar = console.bar("tracing");
-    let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
-    let mut rig = Retraced { tracer: &mut simulation.tracer, settings, channels, progress: &mut progress };
-    let (photo, error) = rig.photograph_with_error(pattern)?;
+    let (photo, error) = with_bar(&mut simulation.tracer, console, |tracer| {
+        Retraced { tracer, settings, channels }.photograph_with_error(pattern)
+    })?;
     let noise = (settings.samples > 1).then(|| norm(&error) / norm(&photo));
     Ok(Taken { photo, noise: noise.filter(|noise| noise.is_finite()), of: "the photo", facts, rig: None })
 }

@@ -12,6 +12,7 @@ use super::trace::TraceArgs;
 use super::{Outcome, compensate, eigs, segment};
 use crate::analysis::plan::{Cost, Planner};
 use crate::error::Error;
+use crate::observer::{OnStep, Step};
 use crate::transport::Channels;
 
 /// Predict photos, time and error of a verb on a rig, from its virtual twin
@@ -66,11 +67,13 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         Question::Compensate(_) | Question::Eigs(_) => None,
     };
     let twin = rig.twin(console)?;
+    let observer = OnStep::new(|_: &Step<'_>| console.check());
     let planner = Planner {
         rig: rig.devices()?,
         twin: &twin,
         calibration: &rig.calibration,
         measurement: &rig.file.measurement,
+        observer: &observer,
     };
     // Not the seed of the rig itself: a prediction must not know the noise.
     let seeds = (1..=args.trials).map(|trial| planner.rig.seed.wrapping_add(trial));
@@ -115,9 +118,8 @@ fn of_segment(
 ) -> Result<Trials> {
     let (part, options) = (question.part(), question.options(args.trace.seed(), None));
     let ideal = planner.ideal_segmentation(part, &options)?;
-    let trials = each(seeds, console, &mut |seed| {
-        planner.segmentation(part, &options, &ideal, labels, seed, &mut |_| console.check())
-    })?;
+    let trials =
+        each(seeds, console, &mut |seed| planner.segmentation(part, &options, &ideal, labels, seed))?;
     let mut figures = Vec::new();
     for (index, groups) in options.groups.iter().enumerate() {
         let agreement = trials.iter().map(|trial| trial.agreement[index].1);
@@ -141,9 +143,7 @@ fn of_compensate(
     options.check()?;
     let target = question.target(planner.rig.scene.size(), Channels::Luma)?;
     let ideal = planner.ideal_compensation(&target, &options)?;
-    let trials = each(seeds, console, &mut |seed| {
-        planner.compensation(&ideal, &options, seed, &mut |_| console.check())
-    })?;
+    let trials = each(seeds, console, &mut |seed| planner.compensation(&ideal, &options, seed))?;
     let figures = vec![
         ("residual".into(), trials.iter().map(|trial| trial.residual).collect()),
         (
@@ -170,9 +170,7 @@ fn of_eigs(
 ) -> Result<Trials> {
     let (part, options) = (question.part(), question.options(args.trace.seed(), None));
     let ideal = planner.ideal_eigenpairs(part, &options)?;
-    let trials = each(seeds, console, &mut |seed| {
-        planner.eigenvalues(part, &options, &ideal, seed, &mut |_| console.check())
-    })?;
+    let trials = each(seeds, console, &mut |seed| planner.eigenvalues(part, &options, &ideal, seed))?;
     let of = |index: usize| trials.iter().filter_map(move |trial| trial.errors.get(index).copied()).collect();
     let name = |index: usize| format!("error of eigenvalue {}, relative to the largest", index + 1);
     let figures = (0..ideal.values.len()).map(|index| (name(index), of(index))).collect();

@@ -1,7 +1,7 @@
 //! `krylux reproduce`: the paper's figures, made again and held to bounds.
 
 use std::path::PathBuf;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
 use anyhow::Result;
@@ -107,8 +107,7 @@ fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(
     for &rig in args.rigs() {
         let options = BenchOptions { rig, quick: args.quick, adapter: args.adapter.clone() };
         let bar = console.bar("tracing");
-        let mut watch = |done, total| bar.at(done, total);
-        let mut bench = Bench::new(options, &mut watch);
+        let mut bench = Bench::new(options, Arc::new(bar));
         for figure in args.figures() {
             let start = Instant::now();
             let one = paper::reproduce(figure, &mut bench)?;

@@ -5,7 +5,6 @@ mod bench;
 mod calibrate;
 mod cameras;
 mod check;
-mod figures;
 mod list;
 mod preview;
 

@@ -152,7 +152,7 @@ impl RigSource {
             RigKind::Virtual(rig) => rig,
             RigKind::Hardware(rig) => {
                 return Box::new(move |after| {
-                    let bench = rig.open(&Helper::this_program()?, after)?;
+                    let bench = rig.open(&Helper::find()?, after)?;
                     Ok(Box::new(LiveFrames::new(bench, settle, tries)))
                 });
             }

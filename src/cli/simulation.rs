@@ -1,9 +1,11 @@
 //! From a scene file to its light transport matrix, with everything that the user should see on the way.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
+use indicatif::HumanCount;
 
 use super::console::Console;
 use super::noise;
@@ -123,10 +125,9 @@ impl Simulation {
         let traced = match cached {
             Some(cached) => cached,
             None => {
-                let bar = console.bar("tracing");
-                let (tracer, settings) = (&mut self.tracer, &self.settings);
-                transport::assemble_layers(tracer, settings, channels, split, &mut |progress| {
-                    bar.at(progress.done, progress.total)
+                let settings = &self.settings;
+                with_bar(&mut self.tracer, console, |tracer| {
+                    transport::assemble_layers(tracer, settings, channels, split)
                 })?
             }
         };
@@ -135,12 +136,12 @@ impl Simulation {
         } else {
             console.say(format_args!(
                 "traced    {} light paths, from the cache",
-                grouped(traced.summary.paths)
+                HumanCount(traced.summary.paths)
             ))?;
         }
         console.say(format_args!(
             "matrix    {} entries, {:.1} MiB, {:.2} s in all",
-            grouped(traced.matrix.nonzeros() as u64),
+            HumanCount(traced.matrix.nonzeros() as u64),
             traced.matrix.bytes() as f64 / f64::from(1 << 20),
             start.elapsed().as_secs_f64()
         ))?;
@@ -199,23 +200,10 @@ fn say_traced(summary: &TraceSummary, console: &Console) -> Result<()> {
     ));
     console.say(format_args!(
         "traced    {} light paths, {} rays in {seconds:.2} s ({:.2} M rays/s)",
-        grouped(summary.paths),
-        grouped(summary.rays),
+        HumanCount(summary.paths),
+        HumanCount(summary.rays),
         summary.rays as f64 / seconds.max(1e-9) / 1e6
     ))
-}
-
-/// `1048576` as `1,048,576`.
-pub(super) fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
 }
 
 /// A short name for a file: its own, or its folder's where it is just called `scene`.
@@ -230,10 +218,10 @@ pub(super) fn short_name(path: &Path) -> String {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn numbers_are_grouped_by_thousands() {
-        assert_eq!([0, 999, 1000, 1048576].map(super::grouped), ["0", "999", "1,000", "1,048,576"]);
-    }
+/// Lets `work` trace with a progress bar, which also stops it where the user asks for that.
+pub(super) fn with_bar<T>(tracer: &mut Tracer, console: &Console, work: impl FnOnce(&mut Tracer) -> T) -> T {
+    tracer.observe(Arc::new(console.bar("tracing")));
+    let done = work(tracer);
+    tracer.observe(Arc::new(()));
+    done
 }

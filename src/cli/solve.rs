@@ -12,6 +12,8 @@ use super::run_folder::RunFolder;
 use crate::error::Error;
 use crate::io::{npy, sparse};
 use crate::krylov::{Method, SolveOptions, Status, solve_adjoint};
+use crate::observer::{OnStep, Step};
+use crate::operator::Observed;
 use crate::report::solution::SolutionRun;
 use crate::sparse::SparseOperator;
 
@@ -84,9 +86,8 @@ fn answer(
     };
     let bar = console.bar("products");
     let found = folder.timed("products", |_| {
-        solve_adjoint(args.method, operator, rhs, &options, &mut |step| {
-            bar.at(step.products as u64, step.budget as u64)
-        })
+        let observer = OnStep::new(|step: &Step<'_>| bar.at(step.done, step.total));
+        solve_adjoint(args.method, &mut Observed::new(operator, &observer), rhs, &options)
     })?;
     drop(bar);
     if console.check().is_break() {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ::image::{ColorType, ImageEncoder};
+use png::{BitDepth, ColorType, Compression, Encoder, Filter};
 
 use super::atomic;
 use crate::error::{Error, Result};
@@ -89,8 +89,14 @@ impl Raster {
             return Err(refused(self.resolution.to_string()));
         };
         let mut file = Vec::new();
-        ::image::codecs::png::PngEncoder::new(&mut file)
-            .write_image(&self.bytes, columns, rows, ColorType::Rgb8.into())
+        let mut encoder = Encoder::new(&mut file, columns, rows);
+        encoder.set_color(ColorType::Rgb);
+        encoder.set_depth(BitDepth::Eight);
+        encoder.set_compression(Compression::Fast);
+        encoder.set_filter(Filter::Adaptive);
+        encoder
+            .write_header()
+            .and_then(|mut writer| writer.write_image_data(&self.bytes))
             .map_err(|error| refused(format!("{} ({error})", self.resolution)))?;
         Ok(file)
     }

@@ -7,20 +7,20 @@ use super::stage::Set;
 use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
 use crate::error::Result;
-use crate::krylov::{dot, keep_going, norm};
+use crate::krylov::{dot, norm};
 use crate::operator::Recorded;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
 const PHOTOS: usize = 50;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
     let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
     let (photos, degree, shots) = bench.with_rig(&stage, Part::Global, |operator| {
         let mut recorded = Recorded::new(operator);
-        let found = segment(&mut recorded, &options, &mut keep_going)?;
+        let found = segment(&mut recorded, &options)?;
         let shots: Vec<Shot> = recorded.products.into_iter().map(Shot::from).collect();
         Ok((found.photos, found.degree, shots))
     })?;

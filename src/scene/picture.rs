@@ -1,8 +1,6 @@
 //! Decoding of PNG and JPEG pictures, with bounds on their size.
 
-use std::io::Cursor;
-
-use image::{ImageFormat, ImageReader, Limits};
+use crate::image::codec::Format;
 
 /// The largest width and height of a picture in pixels.
 const MAX_SIDE: u32 = 16384;
@@ -10,6 +8,9 @@ const MAX_SIDE: u32 = 16384;
 /// The largest number of texels of all pictures together. A limit is needed because a few kilobytes of PNG
 /// can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
+
+/// Bytes of one decoded picture: 16-bit RGBA is the widest that PNG has, 8 bytes a pixel.
+const MOST_BYTES: usize = 8 << 27;
 
 /// A decoded picture.
 pub(super) struct Picture {
@@ -36,18 +37,17 @@ pub(super) struct Pictures {
 impl Pictures {
     /// Decodes the bytes of a PNG or JPEG file.
     pub(super) fn decode(&mut self, bytes: &[u8]) -> Result<Picture, Fault> {
-        let Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = image::guess_format(bytes) else {
+        let Some(format) = Format::of(bytes) else {
             return Err(Fault {
                 fault: "is neither PNG nor JPEG".into(),
                 help: "export the scene with PNG or JPEG pictures".into(),
             });
         };
-        let broken = |error: image::ImageError| Fault {
+        let broken = |error: String| Fault {
             fault: format!("cannot be decoded: {error}"),
             help: "save the picture again as PNG or JPEG".into(),
         };
-        let (width, height) =
-            ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(broken)?;
+        let (width, height) = format.size(bytes).map_err(broken)?;
         self.texels = self.texels.saturating_add(u64::from(width) * u64::from(height));
         if width > MAX_SIDE || height > MAX_SIDE || width == 0 || height == 0 || self.texels > MAX_TEXELS {
             return Err(Fault {
@@ -57,15 +57,7 @@ impl Pictures {
                 ),
             });
         }
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
-        // PNG's widest pixel, 16-bit RGBA, has 8 bytes.
-        limits.max_alloc = Some(8 * MAX_TEXELS);
-        reader.limits(limits);
-        let decoded = reader.decode().map_err(broken)?.into_rgba8();
-        let texels = decoded.pixels().map(|pixel| pixel.0).collect();
-        Ok(Picture { width: decoded.width(), height: decoded.height(), texels })
+        let decoded = format.decode(bytes, MOST_BYTES).map_err(broken)?;
+        Ok(Picture { width: decoded.width, height: decoded.height, texels: decoded.into_rgba8() })
     }
 }

@@ -22,7 +22,7 @@ mod inverse;
 mod model;
 mod saved;
 
-pub use capture::{CaptureStep, LowRankCapture, capture, smooth_starts};
+pub use capture::{LowRankCapture, capture, smooth_starts};
 pub use error_curve::{ErrorRow, error_curve, optimal_errors};
 pub use from_products::{estimated_direct, from_products};
 pub use inverse::{Cancelled, cancel_interreflections};

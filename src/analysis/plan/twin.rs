@@ -20,7 +20,7 @@ pub enum Twin {
 
 impl Twin {
     /// For a rig to be opened on.
-    pub fn transport(&self) -> Box<dyn Transport> {
+    pub fn transport(&self) -> Box<dyn Transport + Send> {
         match self {
             Self::Traced(traced) => Box::new(Arc::clone(traced)),
             Self::Explicit(given) => Box::new(given.clone()),
@@ -140,11 +140,26 @@ impl Operator for TwinOperator<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.inner().apply(x, y)
     }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.inner().apply_block(xs, ys)
+    }
+
+    fn block_size(&self) -> usize {
+        match self {
+            Self::Traced(operator) => operator.block_size(),
+            Self::Explicit(operator) => operator.block_size(),
+        }
+    }
 }
 
 impl Adjoint for TwinOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.inner().apply_adjoint(y, x)
+    }
+
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.inner().apply_adjoint_block(ys, xs)
     }
 }
 

@@ -36,7 +36,6 @@ pub use regions::Regions;
 pub use segmentation::{MASKED, Segmentation};
 
 use crate::error::Result;
-use crate::krylov::Monitor;
 use crate::operator::Operator;
 
 /// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the
@@ -46,12 +45,8 @@ use crate::operator::Operator;
 ///
 /// # Errors
 /// As [`Capture::new`], [`Capture::run`] and [`Capture::segmentation`].
-pub fn segment(
-    global: &mut dyn Operator,
-    options: &SegmentOptions,
-    monitor: &mut Monitor<'_>,
-) -> Result<Segmentation> {
+pub fn segment<O: Operator + ?Sized>(global: &mut O, options: &SegmentOptions) -> Result<Segmentation> {
     let mut capture = Capture::new(options.clone())?;
-    capture.run(global, monitor)?;
+    capture.run(global)?;
     capture.segmentation()
 }

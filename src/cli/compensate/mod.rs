@@ -22,7 +22,8 @@ use crate::analysis::{CompensateOptions, Compensation, MethodRun, Prior, Target}
 use crate::error::Error;
 use crate::image::Image;
 use crate::io::model;
-use crate::krylov::SolveProgress;
+use crate::observer::{OnStep, Step};
+use crate::operator::Observed;
 use crate::report::compensation::{CompensationExtras, CompensationRun};
 use crate::report::contact_sheet::ContactSheet;
 use crate::transport::{Channels, Part};
@@ -115,12 +116,13 @@ fn answer(
     live.expect(1 + options.photos);
     let found = folder.timed("photos", |_| {
         light.with_channels(Part::Full, console, |channels| {
+            let observer = OnStep::new(|step: &Step<'_>| live.so_far(step.estimate));
             let mut channels = live.watch_all(channels);
-            let mut watch =
-                |step: &SolveProgress<'_>| live.so_far(format_args!("relative residual {:.4}", step.best));
-            let found = compensate_with(&mut channels, &wish, &options, &prior, &mut watch)?;
+            let mut channels: Vec<_> =
+                channels.iter_mut().map(|channel| Observed::new(channel, &observer)).collect();
+            let found = compensate_with(&mut channels, &wish, &options, &prior)?;
             let methods = if args.compare_methods {
-                compare_methods(&mut channels, &wish, &options, &prior, &mut watch)?
+                compare_methods(&mut channels, &wish, &options, &prior)?
             } else {
                 Vec::new()
             };

@@ -12,16 +12,16 @@ use super::channel::ChannelOperator;
 use super::console::Console;
 use super::journal;
 use super::measured::Measured;
+use super::simulation::with_bar;
 use crate::error::Error;
 use crate::image::{Image, Resolution};
 use crate::io::manifest::ProductsOn;
 use crate::journal::Key;
 use crate::measure::RigRecord;
-use crate::operator::Adjoint;
+use crate::operator::{Adjoint, Operator};
 use crate::render::{TraceSettings, Tracer};
 use crate::transport::{
-    Assembled, Bounces, Channels, JournaledOperator, MatrixOperator, Noise, Part, Retraced, Simulated,
-    Transport,
+    Assembled, Bounces, Channels, MatrixOperator, Noise, Part, Retraced, Simulated, Transport,
 };
 
 /// What photos are taken by. For equal settings the first two give equal photos, to rounding.
@@ -91,7 +91,8 @@ impl<'a> Light<'a> {
         let known = journal.borrow().damages().len();
         let result = inner.with_own_channels(part, console, |channels| {
             let kept = channels.iter_mut().enumerate().map(|(channel, inner)| {
-                ChannelOperator::Kept(JournaledOperator::new(journal, name(part, channel), inner))
+                let shape = ([inner.rows(), inner.cols()], inner.symmetry());
+                ChannelOperator::Journaled { journal, name: name(part, channel), inner: Some(inner), shape }
             });
             work(&mut kept.collect::<Vec<_>>())
         });
@@ -114,7 +115,7 @@ impl<'a> Light<'a> {
                 let symmetry = about.symmetry();
                 let operator = |channel| {
                     let name = name(part, channel);
-                    ChannelOperator::Kept(JournaledOperator::replay(journal, name, size, symmetry))
+                    ChannelOperator::Journaled { journal, name, inner: None, shape: (size, symmetry) }
                 };
                 work(&mut (0..*channels).map(operator).collect::<Vec<_>>())
             }
@@ -128,8 +129,8 @@ impl<'a> Light<'a> {
                 let tracer = RefCell::new(&mut **tracer);
                 let operator = |channel| {
                     let (settings, channels) = (*settings, *channels);
-                    let (tracer, ahead) = (&tracer, Default::default());
-                    ChannelOperator::Retraced { tracer, settings, channels, part, channel, console, ahead }
+                    let tracer = &tracer;
+                    ChannelOperator::Retraced { tracer, settings, channels, part, channel, console }
                 };
                 work(&mut (0..channels.count()).map(operator).collect::<Vec<_>>())
             }
@@ -202,11 +203,10 @@ impl<'a> Light<'a> {
         match self {
             Self::Replayed(rig) => Ok(rig.photograph(pattern)?),
             Self::Retraced { tracer, settings, channels } => {
-                let bar = console.bar("tracing");
-                let mut progress = |progress: crate::render::Progress| bar.at(progress.done, progress.total);
-                let mut rig =
-                    Retraced { tracer, settings: *settings, channels: *channels, progress: &mut progress };
-                Ok(rig.photograph(pattern)?)
+                let (settings, channels) = (*settings, *channels);
+                Ok(with_bar(tracer, console, |tracer| {
+                    Retraced { tracer, settings, channels }.photograph(pattern)
+                })?)
             }
             Self::Measured(rig) => Ok(rig.measurement.photograph(pattern)?.to_image()?),
             Self::Kept(kept) => {

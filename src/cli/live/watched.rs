@@ -1,6 +1,7 @@
 //! An operator whose photos are seen as they are taken.
 
 use super::Live;
+use crate::observer::Observer;
 use crate::operator::{Adjoint, Operator, Symmetry};
 
 /// Hands on every product, and shows it.
@@ -28,8 +29,17 @@ impl<O: Adjoint + ?Sized> Operator for Watched<'_, O> {
         self.live.seen(self.channel, x, y, false)
     }
 
-    fn announce(&mut self, xs: &[Vec<f64>]) {
-        self.operator.announce(xs);
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> crate::Result<()> {
+        self.operator.apply_block(xs, ys)?;
+        xs.iter().zip(ys).try_for_each(|(x, y)| self.live.seen(self.channel, x, y, false))
+    }
+
+    fn block_size(&self) -> usize {
+        self.operator.block_size()
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self.operator.observer()
     }
 }
 
@@ -39,7 +49,8 @@ impl<O: Adjoint + ?Sized> Adjoint for Watched<'_, O> {
         self.live.seen(self.channel, y, x, true)
     }
 
-    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
-        self.operator.announce_adjoint(ys);
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> crate::Result<()> {
+        self.operator.apply_adjoint_block(ys, xs)?;
+        ys.iter().zip(xs).try_for_each(|(y, x)| self.live.seen(self.channel, y, x, true))
     }
 }

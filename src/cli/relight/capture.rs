@@ -5,16 +5,16 @@ use anyhow::Result;
 use super::super::console::Console;
 use super::super::light::{Light, direct_diagonal};
 use super::super::live::Live;
-use super::super::noise::percent;
 use crate::analysis::LowRank;
 use crate::analysis::low_rank::SavedModel;
 use crate::analysis::low_rank::{
-    CaptureStep, ErrorRow, LowRankCapture, capture, error_curve as curve_of, optimal_errors, smooth_starts,
+    ErrorRow, LowRankCapture, capture, error_curve as curve_of, optimal_errors, smooth_starts,
 };
 use crate::error::Error;
 use crate::image::Resolution;
 use crate::krylov::{LowRankOptions, Start, randomized_svd};
-use crate::operator::{Operator, Symmetry};
+use crate::observer::{OnStep, Step};
+use crate::operator::{Observed, Operator, Symmetry};
 use crate::report::relighting::RankRow;
 use crate::sparse::Csr;
 use crate::transport::Part;
@@ -59,17 +59,13 @@ pub(super) fn model(
     live.expect(photos);
     let channels = light.with_channels(Part::Global, console, |channels| {
         let mut found = Vec::new();
-        let mut watch = |step: CaptureStep| {
-            // A run that is to be stopped ends with the next photo.
-            let _ = live.so_far(format_args!("{} % of the last photo was new", percent(step.news)));
-        };
+        let observer = OnStep::new(|step: &Step<'_>| live.so_far(step.estimate));
         for (operator, direct) in live.watch_all(channels).iter_mut().zip(direct) {
+            let operator = &mut Observed::new(operator, &observer);
             // A coaxial rig's photos come back to where they were projected from.
             found.push(match direct {
-                Direct::Diagonal(diagonal) => capture(operator, &diagonal, &options, &mut watch)?,
-                Direct::Matrix(matrix) => {
-                    capture(operator, &[], &options, &mut watch)?.with_direct_matrix(matrix)?
-                }
+                Direct::Diagonal(diagonal) => capture(operator, &diagonal, &options)?,
+                Direct::Matrix(matrix) => capture(operator, &[], &options)?.with_direct_matrix(matrix)?,
             });
         }
         crate::Result::Ok(found)

@@ -13,10 +13,6 @@ use crate::error::Error;
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
 
-/// Seconds between a frame's confirmation and its photo where neither a calibration nor the file says: projectors that process their
-/// picture show it some frames late.
-const CAREFUL: f64 = 0.1;
-
 /// Which rig.
 #[derive(clap::Args)]
 pub(super) struct RigArgs {
@@ -39,7 +35,7 @@ impl RigArgs {
     /// Reads the file and the calibration that it names. One that cannot be used is named, and left aside.
     pub(super) fn read(&self, console: &Console) -> Result<Bench> {
         let source = self.source(console)?;
-        let known = calibration(&source).transpose();
+        let known = source.file.load_calibration().transpose();
         if let Err(why) = &known {
             console.note(format_args!("note: the calibration is left aside: {why}"));
         }
@@ -57,7 +53,7 @@ impl RigArgs {
 
 impl Bench {
     /// Opens the devices. Frames come until the user asks to stop: then as [`Error::Interrupted`].
-    pub(super) fn open(&mut self, console: &Console) -> Result<Box<dyn FrameSource>> {
+    pub(super) fn open(&mut self, console: &Console) -> crate::Result<Box<dyn FrameSource>> {
         let mut shots = self.source.opener(console)(None)?;
         shots.set_settle(self.settle());
         Ok(Box::new(Interruptible { shots, console: console.clone() }))
@@ -65,26 +61,18 @@ impl Bench {
 
     /// Seconds between a frame's confirmation and its photo.
     pub(super) fn settle(&self) -> f64 {
-        let measured = self.known.as_ref().map(|known| known.stability.settle);
-        self.source.file.measurement.settle.or(measured).unwrap_or(CAREFUL)
+        self.source.file.settle(self.known.as_ref())
     }
 
     /// The exposure that is given, or the longest that the rig file gives.
     pub(super) fn exposure(&self, given: Option<f64>) -> Option<f64> {
-        given.or(self.source.file.measurement.exposures.last().copied())
+        given.or(self.source.file.longest_exposure())
     }
 
     /// The rig file's name.
     pub(super) fn name(&self) -> String {
         self.source.name()
     }
-}
-
-/// The calibration that a rig's file names; none where it names none.
-pub(super) fn calibration(source: &RigSource) -> Option<crate::Result<Calibration>> {
-    let folder = source.file.calibration.as_ref()?;
-    let (projector, camera) = (source.file.kind.projector_info(), source.file.kind.camera_info());
-    Some(Calibration::load(folder).and_then(|known| known.check(&projector, &camera).map(|()| known)))
 }
 
 /// That a source, given as this argument, is a rig.

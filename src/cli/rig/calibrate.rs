@@ -14,7 +14,7 @@ use super::super::run_folder::RunFolder;
 use super::super::trace::TraceArgs;
 use super::super::{Outcome, simulation};
 use super::bench::require_rig;
-use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, calibrate};
+use crate::measure::calibrate::{CalibrateOptions, MapBy, calibrate};
 use crate::measure::{FrameSource, JournaledFrames};
 use crate::report::calibration;
 
@@ -28,11 +28,12 @@ pub(in super::super) struct Args {
     /// Frames averaged for each level and pattern
     #[arg(long, value_name = "N", default_value_t = 2)]
     takes: u32,
-    /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera is the coarser one]
+    /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera is the
+    /// coarser one]
     #[arg(long, value_enum)]
     map: Option<MapArg>,
-    /// Where the calibration goes; name it as `calibration` in the rig file [default: what the rig file names, or
-    /// NAME-calibration beside it]
+    /// Where the calibration goes; name it as `calibration` in the rig file [default: what the rig file
+    /// names, or NAME-calibration beside it]
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     folder: Option<PathBuf>,
     /// Calibrate anew into a folder that holds a calibration's photos, and throw these away
@@ -94,7 +95,7 @@ fn measure(
     calibration::write(&folder.path, &found, &report)?;
     let effort = shots.effort();
     folder.manifest.photos = effort.taken + effort.replayed;
-    let lines = lines(&report);
+    let lines = report.lines();
     say(&lines, console)?;
     let title = format!("{} · calibration", rig.name());
     let seconds = folder.seconds();
@@ -115,69 +116,4 @@ fn measure(
 
 fn say(lines: &[[String; 2]], console: &Console) -> Result<()> {
     lines.iter().try_for_each(|[of, text]| console.say(format_args!("{of:<9} {text}")))
-}
-
-/// What was measured, line by line: of what, and the figures.
-fn lines(report: &CalibrationReport) -> Vec<[String; 2]> {
-    let (camera, map, stability) = (&report.camera, &report.map, &report.stability);
-    let percent = |share: f64| 100.0 * share;
-    let mut lines = Vec::new();
-    let mut say = |of: &str, text: String| lines.push([of.to_owned(), text]);
-    say("camera", format!("black level {} DN, read noise {} DN", camera.black, camera.read_noise));
-    let well = if camera.plateau_reached { "" } else { " at least: it was never full" };
-    say("", format!("gain {} electrons per DN, full well {} electrons{well}", camera.gain, camera.full_well));
-    let response = if camera.linear { "linear" } else { "bent, and straightened" };
-    let departure = percent(camera.departure);
-    say("", format!("response {response} (departs by {departure:.2} % of the range beyond noise)"));
-    say(
-        "",
-        format!("{} DN/s without a pattern; white fills it in {:.4} s", camera.dark_rate, camera.exposure),
-    );
-    for (channel, projector) in report.projector.iter().enumerate() {
-        say(
-            "projector",
-            format!(
-                "channel {channel}: gamma {}, which leaves {:.3} % of white; black and ambient {} % of white",
-                projector.gamma,
-                percent(projector.gamma_residual),
-                projector.black.scaled(100.0)
-            ),
-        );
-    }
-    let by = match map.by {
-        MapBy::GrayCode => "Gray codes",
-        MapBy::Checkerboard => "a checkerboard",
-    };
-    let kind = if map.lens.is_some() { "homography and lens" } else { "pixel by pixel: no common map fits" };
-    say("pixels", format!("by {by}, {} points, {kind}", map.points));
-    say(
-        "",
-        format!(
-            "within {:.3} pixels of the projector (points scatter by {:.2}); {:.1} % unreliable, {:.1} % unseen",
-            map.error,
-            map.rms,
-            percent(map.unreliable),
-            percent(map.masked)
-        ),
-    );
-    say(
-        "stability",
-        format!(
-            "light is there after {} s; drifts {} % per hour (watched for {:.0} s)",
-            stability.settle,
-            stability.drift_per_hour.scaled(100.0),
-            stability.watched
-        ),
-    );
-    say("", format!("noise of one white photo {:.3} % a pixel", percent(stability.white_noise)));
-    say(
-        "frames",
-        format!(
-            "{} taken, {} refused, in {:.0} s of the rig's time",
-            report.effort.taken,
-            report.effort.dropped + report.effort.repeated + report.effort.late,
-            report.effort.seconds
-        ),
-    );
-    lines
 }

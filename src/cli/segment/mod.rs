@@ -10,7 +10,6 @@ use serde_json::json;
 use super::Outcome;
 use super::about;
 use super::console::Console;
-use super::eigs::bound;
 use super::live::{Live, LiveArgs};
 use super::operator::OperatorArgs;
 use super::options::{OutputArgs, RunArgs, SourceArgs};
@@ -19,6 +18,8 @@ use super::source::Source;
 use super::trace::TraceArgs;
 use crate::analysis::Capture;
 use crate::analysis::segment::feature_view;
+use crate::observer::{OnStep, Step};
+use crate::operator::Observed;
 use crate::report::segmentation::{SegmentationExtras, SegmentationRun};
 use crate::transport::Channels;
 use photos::{Graph, LightArgs};
@@ -86,7 +87,8 @@ fn segment(
     live.expect(photos + graph.beside(&args.question));
     let taken = folder.timed("photos", |_| {
         light.with_operator(graph.part, console, |operator| {
-            graph.photograph(&mut live.watch(0, operator), &mut capture, &mut |step| live.so_far(bound(step)))
+            let observer = OnStep::new(|step: &Step<'_>| live.so_far(step.estimate));
+            graph.photograph(&mut Observed::new(&mut live.watch(0, operator), &observer), &mut capture)
         })
     });
     live.pause();

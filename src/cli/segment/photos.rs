@@ -11,7 +11,6 @@ use crate::analysis::{
 };
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
-use crate::krylov::Monitor;
 use crate::operator::Operator;
 use crate::transport::Part;
 
@@ -138,16 +137,11 @@ impl Graph {
     }
 
     /// Takes all photos with `operator`, of [`Graph::part`].
-    pub(super) fn photograph(
-        &self,
-        operator: &mut dyn Operator,
-        capture: &mut Capture,
-        monitor: &mut Monitor<'_>,
-    ) -> Result<Taken> {
+    pub(super) fn photograph(&self, operator: &mut dyn Operator, capture: &mut Capture) -> Result<Taken> {
         let direct =
             self.direct.map(|by| measure_direct(operator, self.resolution, by, self.seed)).transpose()?;
         let mut work = |operator: &mut dyn Operator| -> Result<(Segmentation, Vec<Evidence>)> {
-            capture.run(operator, monitor)?;
+            capture.run(operator)?;
             let segmentation = capture.segmentation()?;
             let counts = segmentation.labels.iter().filter(|_| self.evidence);
             let evidence = counts.map(|(_, labels)| evidence(operator, labels)).collect::<Result<_>>()?;

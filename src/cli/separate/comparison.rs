@@ -50,7 +50,7 @@ pub(super) fn compare(
         let most = COUNTS[COUNTS.len() - 1];
         let start = Some(Start::Rademacher { seed });
         let options = LowRankCapture { photos: most, start, ..LowRankCapture::default() };
-        let one = |operator| capture(operator, &[], &options, &mut |_| {});
+        let one = |operator| capture(operator, &[], &options);
         channels.iter_mut().map(|operator| one(operator)).collect::<crate::Result<Vec<_>>>()
     })?;
     for photos in COUNTS {

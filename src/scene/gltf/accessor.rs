@@ -1,9 +1,9 @@
 //! Accessors: typed, strided arrays in buffer views. They are checked when they are opened, and then read
 //! element by element.
 
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
+use gltf_json::validation::Checked;
 
 use super::{Document, buffers, extensions};
 use crate::error::Result;

@@ -1,6 +1,6 @@
 //! Buffers and buffer views.
 
-use gltf::json;
+use gltf_json as json;
 
 use super::{Document, extensions, object_name, uri};
 use crate::error::{Error, Result};

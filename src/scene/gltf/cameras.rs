@@ -1,8 +1,8 @@
 //! The rig's camera and projector, from the file's camera nodes or a camera file.
 
 use glam::DVec3;
-use gltf::json;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::validation::Checked;
 
 use super::extras::Extras;
 use super::nodes::Placed;

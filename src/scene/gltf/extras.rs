@@ -1,7 +1,7 @@
 //! The extras of camera nodes and of their cameras: `krylux`, `aperture_radius`, `focus_distance` and
 //! `resolution`.
 
-use gltf::json;
+use gltf_json as json;
 
 use super::Document;
 use crate::error::Result;

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 use glam::DAffine3;
-use gltf::json::mesh::Mode;
-use gltf::json::validation::Checked;
+use gltf_json::mesh::Mode;
+use gltf_json::validation::Checked;
 
 use super::labels::{self, Label};
 use super::materials::Materials;

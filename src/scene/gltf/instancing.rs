@@ -1,8 +1,8 @@
 //! `EXT_mesh_gpu_instancing`: a node that places its mesh many times.
 
 use glam::{DAffine3, DQuat, DVec3};
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
 use serde::Deserialize;
 
 use super::Document;

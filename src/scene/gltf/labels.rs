@@ -1,6 +1,6 @@
 //! Region labels by the scene's author: `extras.region` of nodes, meshes and primitives.
 
-use gltf::json;
+use gltf_json as json;
 
 use super::Document;
 use crate::error::Result;

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use gltf::json;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::validation::Checked;
 
 use super::checks::Checks;
 use super::textures::{TextureUse, Textures};

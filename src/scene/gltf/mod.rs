@@ -32,7 +32,7 @@ use std::cell::RefCell;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use gltf::json;
+use gltf_json as json;
 
 use super::source::{ContentHash, Warnings, fault};
 use super::{LoadOptions, Scene, camera_file};
@@ -119,7 +119,7 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     let version = |version: &str| {
         fault(path, format!("glTF version `{version}` is not supported"), "export the scene as glTF 2.0")
     };
-    let error = match json::deserialize::from_slice::<json::Root>(text) {
+    let error = match json::Root::from_slice(text) {
         Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
         Ok(root) => return Err(version(&root.asset.version)),
         Err(error) => error,
@@ -135,7 +135,8 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
         return Err(version(other));
     }
     match value.as_object_mut().and_then(|members| members.remove("animations")) {
-        Some(_) => serde_json::from_value(value).map_err(|_| broken),
+        // As text once more, because the reader of text is compiled already, and this is rare.
+        Some(_) => json::Root::from_str(&value.to_string()).map_err(|_| broken),
         None => Err(broken),
     }
 }

@@ -1,7 +1,7 @@
 //! The node graph: the nodes of the default scene and their world transforms.
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
-use gltf::json;
+use gltf_json as json;
 
 use super::labels::{self, Label};
 use super::{Document, object_name};

@@ -1,9 +1,9 @@
 //! The triangles of a primitive as triples of vertex indices.
 
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::mesh::Mode;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
+use gltf_json::mesh::Mode;
+use gltf_json::validation::Checked;
 
 use super::Document;
 use super::accessor::{self, Array};

@@ -4,10 +4,10 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 use glam::{DAffine3, DMat3, DVec3};
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::mesh::Semantic;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
+use gltf_json::mesh::Semantic;
+use gltf_json::validation::Checked;
 
 use super::accessor::{self, Array};
 use super::nodes::Placed;

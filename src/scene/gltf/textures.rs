@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 
 use glam::{Affine2, Mat2, Vec2};
-use gltf::json;
-use gltf::json::extensions::texture::TextureTransform;
-use gltf::json::texture::{MagFilter, WrappingMode};
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::extensions::texture::TextureTransform;
+use gltf_json::texture::{MagFilter, WrappingMode};
+use gltf_json::validation::Checked;
 
 use super::{Document, buffers, object_name, uri};
 use crate::error::Result;

@@ -1,6 +1,6 @@
 //! Material extensions for light that passes through a surface, parsed from their JSON.
 
-use gltf::json;
+use gltf_json as json;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 

@@ -2,10 +2,10 @@
 //! rest weights.
 
 use glam::{Vec2, Vec3};
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::mesh::Semantic;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
+use gltf_json::mesh::Semantic;
+use gltf_json::validation::Checked;
 
 use super::Document;
 use super::accessor::{self, Array};
