@@ -135,7 +135,7 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
         return Err(version(other));
     }
     match value.as_object_mut().and_then(|members| members.remove("animations")) {
-        // As text once more, because the reader of text is compiled already, and this is rare.
+        // The rest is parsed from text again. This case is rare, and a parser of values would be more code to compile.
         Some(_) => json::Root::from_str(&value.to_string()).map_err(|_| broken),
         None => Err(broken),
     }
