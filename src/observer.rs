@@ -161,13 +161,14 @@ mod tests {
     #[test]
     fn a_closure_sees_each_step_and_stops_the_computation() {
         let mut seen = Vec::new();
-        let observer = OnStep::new(|step: &Step<'_>| {
-            seen.push(step.done);
-            if step.done < 2 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-        });
-        let step = |done| Step { stage: "photos", done, total: 3, estimate: Estimate::None };
-        assert!(observer.step(&step(1)).is_continue() && observer.step(&step(2)).is_break());
-        drop(observer);
+        {
+            let observer = OnStep::new(|step: &Step<'_>| {
+                seen.push(step.done);
+                if step.done < 2 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            });
+            let step = |done| Step { stage: "photos", done, total: 3, estimate: Estimate::None };
+            assert!(observer.step(&step(1)).is_continue() && observer.step(&step(2)).is_break());
+        }
         assert_eq!(seen, [1, 2]);
     }
 }

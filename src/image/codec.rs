@@ -1,7 +1,7 @@
 //! Decoding of PNG and JPEG files.
 //!
-//! The decoders are called directly: the crates that offer many formats behind one interface also bring colour
-//! management, which nothing here needs and which takes longer to compile than both decoders together.
+//! The decoders are called directly. Crates that offer many formats behind one interface also depend on colour
+//! management, which is not needed here and takes longer to compile than both decoders together.
 
 use std::io::Cursor;
 
@@ -20,11 +20,11 @@ pub(crate) enum Format {
 
 /// A decoded picture, row by row from the top left.
 pub(crate) struct Decoded {
-    /// Pixels in a row.
+    /// The number of columns.
     pub width: u32,
-    /// Rows.
+    /// The number of rows.
     pub height: u32,
-    /// Samples per pixel: gray, gray and alpha, RGB, or RGBA.
+    /// The number of samples per pixel: 1 (gray), 2 (gray and alpha), 3 (RGB) or 4 (RGBA).
     pub channels: usize,
     samples: Samples,
 }
@@ -36,7 +36,7 @@ enum Samples {
 }
 
 impl Format {
-    /// The format that the first bytes of a file announce.
+    /// The format of a file, recognized by its first bytes.
     pub(crate) fn of(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
             Some(Self::Png)
@@ -47,10 +47,10 @@ impl Format {
         }
     }
 
-    /// Reads width and height, in pixels, without decoding the pixels.
+    /// Reads the width and height in pixels, without decoding the pixels.
     ///
     /// # Errors
-    /// The decoder's own words when the file is malformed.
+    /// The message of the decoder when the file is malformed.
     pub(crate) fn size(self, bytes: &[u8]) -> Result<(u32, u32), String> {
         match self {
             Self::Png => {
@@ -62,31 +62,32 @@ impl Format {
         }
     }
 
-    /// Decodes the picture. A header that asks for more than `most_bytes` of pixels is refused before any memory is
-    /// reserved for them.
+    /// Decodes the picture. A header that states more than `max_bytes` bytes of pixels is refused before memory is
+    /// allocated for them.
     ///
     /// # Errors
-    /// The decoder's own words when the file is malformed or too large.
-    pub(crate) fn decode(self, bytes: &[u8], most_bytes: usize) -> Result<Decoded, String> {
+    /// The message of the decoder when the file is malformed or too large.
+    pub(crate) fn decode(self, bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
         match self {
-            Self::Png => decode_png(bytes, most_bytes),
-            Self::Jpeg => decode_jpeg(bytes, most_bytes),
+            Self::Png => decode_png(bytes, max_bytes),
+            Self::Jpeg => decode_jpeg(bytes, max_bytes),
         }
     }
 }
 
 impl Decoded {
-    /// Whether pixels have red, green and blue rather than gray alone.
+    /// Whether the pixels are RGB and not gray.
     pub(crate) fn has_color(&self) -> bool {
         self.channels >= 3
     }
 
-    /// Whether a pixel's last sample is its opacity.
+    /// Whether the last sample of a pixel is its opacity.
     pub(crate) fn has_alpha(&self) -> bool {
         self.channels.is_multiple_of(2)
     }
 
-    /// All samples, interleaved, with 16 bits each; 8-bit samples keep their ratio to full scale.
+    /// All samples, interleaved, with 16 bits each. 8-bit samples are scaled by 257, so that full scale stays full
+    /// scale.
     pub(crate) fn into_sixteen_bits(self) -> Vec<u16> {
         match self.samples {
             Samples::Eight(samples) => samples.into_iter().map(|sample| u16::from(sample) * 257).collect(),
@@ -94,7 +95,7 @@ impl Decoded {
         }
     }
 
-    /// All pixels as RGBA with 8 bits a sample, rounded to nearest; opaque where the file has no alpha.
+    /// All pixels as RGBA with 8 bits per sample, rounded to nearest. Pixels are opaque if the file has no alpha.
     pub(crate) fn into_rgba8(self) -> Vec<[u8; 4]> {
         let samples = match self.samples {
             Samples::Eight(samples) => samples,
@@ -114,15 +115,16 @@ impl Decoded {
     }
 }
 
-fn decode_png(bytes: &[u8], most_bytes: usize) -> Result<Decoded, String> {
-    let words = |error: png::DecodingError| error.to_string();
-    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: most_bytes });
-    // Palettes, transparent colours and fewer than 8 bits become plain samples; 16 bits stay 16.
+/// Decodes a PNG file with at most `max_bytes` bytes of pixels.
+fn decode_png(bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
+    let message = |error: png::DecodingError| error.to_string();
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: max_bytes });
+    // Palettes, transparent colours and samples of fewer than 8 bits are expanded to samples of 8 bits.
     decoder.set_transformations(Transformations::EXPAND);
-    // Neither is used, and both can be forged.
+    // Text and colour profiles are not used, and a hostile file may have very large ones.
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
-    let mut reader = decoder.read_info().map_err(words)?;
+    let mut reader = decoder.read_info().map_err(message)?;
     let (color, depth) = reader.output_color_type();
     let channels = match color {
         ColorType::Grayscale | ColorType::Indexed => 1,
@@ -130,9 +132,9 @@ fn decode_png(bytes: &[u8], most_bytes: usize) -> Result<Decoded, String> {
         ColorType::Rgb => 3,
         ColorType::Rgba => 4,
     };
-    let size = reader.output_buffer_size().filter(|&size| size <= most_bytes);
+    let size = reader.output_buffer_size().filter(|&size| size <= max_bytes);
     let mut buffer = vec![0; size.ok_or("the picture is too large")?];
-    reader.next_frame(&mut buffer).map_err(words)?;
+    reader.next_frame(&mut buffer).map_err(message)?;
     let samples = match depth {
         BitDepth::Sixteen => Samples::Sixteen(
             buffer.as_chunks().0.iter().map(|&big_endian| u16::from_be_bytes(big_endian)).collect(),
@@ -143,28 +145,30 @@ fn decode_png(bytes: &[u8], most_bytes: usize) -> Result<Decoded, String> {
     Ok(Decoded { width, height, channels, samples })
 }
 
-fn decode_jpeg(bytes: &[u8], most_bytes: usize) -> Result<Decoded, String> {
+/// Decodes a JPEG file with at most `max_bytes` bytes of pixels.
+fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
     let header = open_jpeg(bytes, ColorSpace::RGB)?;
     let (width, height) = jpeg_size(&header)?;
     let gray = header.input_colorspace() == Some(ColorSpace::Luma);
     let (color, channels) = if gray { (ColorSpace::Luma, 1) } else { (ColorSpace::RGB, 3) };
     // A JPEG file has at most 65,535 pixels a side, so this product cannot overflow.
-    if width as usize * height as usize * channels > most_bytes {
+    if width as usize * height as usize * channels > max_bytes {
         return Err("the picture is too large".into());
     }
     let samples = open_jpeg(bytes, color)?.decode().map_err(|error| error.to_string())?;
     Ok(Decoded { width, height, channels, samples: Samples::Eight(samples) })
 }
 
+/// The width and height of a JPEG file.
 fn jpeg_size(header: &JpegDecoder<ZCursor<&[u8]>>) -> Result<(u32, u32), String> {
     let info = header.info().ok_or("the header states no size")?;
     Ok((u32::from(info.width), u32::from(info.height)))
 }
 
-/// Reads the headers of a JPEG file whose pixels are to be decoded to `color`.
+/// Reads the headers of a JPEG file whose pixels will be decoded to `color`.
 fn open_jpeg(bytes: &[u8], color: ColorSpace) -> Result<JpegDecoder<ZCursor<&[u8]>>, String> {
-    // The format alone bounds the sides here, and callers bound the memory. A file that was cut short is decoded as far
-    // as it goes, as viewers do.
+    // The sides are bounded by the format, and the memory by the callers. A file that is cut short is decoded up to
+    // the cut, as by viewers.
     let options = DecoderOptions::default()
         .jpeg_set_out_colorspace(color)
         .set_strict_mode(false)
@@ -191,6 +195,7 @@ mod tests {
         bytes
     };
 
+    /// Asserts that the decoded file equals that of the crate `image`.
     fn agrees(format: Format, file: &[u8], what: &str) {
         let other: DynamicImage = image::load_from_memory(file).expect("it is a whole picture");
         let size = format.size(file).expect("it has a size");
@@ -214,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_are_those_of_an_independent_reader() {
+    fn decoded_pixels_equal_those_of_the_image_crate() {
         for color in [
             ExtendedColorType::L8,
             ExtendedColorType::La8,
@@ -240,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn mutilated_files_are_errors_or_pictures() {
+    fn damaged_files_give_errors_or_pictures() {
         let mut jpeg = Cursor::new(Vec::new());
         image::write_buffer_with_format(&mut jpeg, &BYTES, 8, 2, ExtendedColorType::Rgb8, ImageFormat::Jpeg)
             .expect("JPEG holds any RGB picture");

@@ -8,12 +8,12 @@ use crate::error::{Error, Result};
 use crate::image::codec::Format;
 use crate::image::{Image, Resolution};
 
-/// Bytes of decoded pixels. Within this bound lies a 16-bit RGB picture of 8192² pixels; a forged header beyond it
-/// reserves no memory.
-const MOST_BYTES: usize = 512 << 20;
+/// The largest size of decoded pixels in bytes. It allows a 16-bit RGB picture of 8192² pixels, and keeps a
+/// hostile header from allocating more memory.
+const MAX_BYTES: usize = 512 << 20;
 
-/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB decoded to linear values in \[0,1\], one channel if
-/// the file is gray, else three.
+/// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The
+/// pattern has one channel if the file is gray, and three otherwise.
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a
@@ -24,7 +24,7 @@ pub fn read_png(path: &Path) -> Result<Image> {
         |fault: String, help: &str| Error::Data { path: path.to_path_buf(), fault, help: help.into() };
     let picture = Format::of(&bytes)
         .ok_or_else(|| "the file is neither PNG nor JPEG".to_owned())
-        .and_then(|format| format.decode(&bytes, MOST_BYTES))
+        .and_then(|format| format.decode(&bytes, MAX_BYTES))
         .map_err(|fault| unusable(fault, "give a PNG (8 or 16 bits) or JPEG file"))?;
     let resolution = Resolution::new(picture.width as usize, picture.height as usize);
     let (color, alpha, channels) = (picture.has_color(), picture.has_alpha(), picture.channels);
@@ -35,8 +35,8 @@ pub fn read_png(path: &Path) -> Result<Image> {
             "remove the alpha channel",
         ));
     }
-    let kept = if color { 3 } else { 1 };
+    let colors = if color { 3 } else { 1 };
     let linear = |&sample: &u16| srgb::decode_srgb(f32::from(sample) / f32::from(u16::MAX));
-    let samples = samples.chunks_exact(channels).flat_map(|pixel| pixel[..kept].iter().map(linear));
-    Image::new(resolution, kept, samples.collect())
+    let samples = samples.chunks_exact(channels).flat_map(|pixel| pixel[..colors].iter().map(linear));
+    Image::new(resolution, colors, samples.collect())
 }

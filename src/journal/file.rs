@@ -120,7 +120,7 @@ impl Journal {
         let entry = &self.entries[index];
         let length = usize::try_from(entry.length).map_err(|_| Error::Journal {
             path: self.path.clone(),
-            fault: format!("a record of {} bytes does not fit this machine's memory", entry.length),
+            fault: format!("a record of {} bytes does not fit into the address space", entry.length),
             help: "open it on a 64-bit machine".into(),
         })?;
         let mut payload = vec![0; length];
@@ -192,7 +192,7 @@ impl Journal {
     fn write_unless_held(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         if self.holds(key) {
             return Err(self.refusal(
-                format!("a {} of this key is there already", kind.name()),
+                format!("the journal already has a {} with this key", kind.name()),
                 "this is a fault of the program: please report it",
             ));
         }

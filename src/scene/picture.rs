@@ -9,8 +9,8 @@ const MAX_SIDE: u32 = 16384;
 /// can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
 
-/// Bytes of one decoded picture: 16-bit RGBA is the widest that PNG has, 8 bytes a pixel.
-const MOST_BYTES: usize = 8 << 27;
+/// The largest size of one decoded picture in bytes. PNG's widest pixel, 16-bit RGBA, has 8 bytes.
+const MAX_BYTES: usize = 8 << 27;
 
 /// A decoded picture.
 pub(super) struct Picture {
@@ -57,7 +57,7 @@ impl Pictures {
                 ),
             });
         }
-        let decoded = format.decode(bytes, MOST_BYTES).map_err(broken)?;
+        let decoded = format.decode(bytes, MAX_BYTES).map_err(broken)?;
         Ok(Picture { width: decoded.width, height: decoded.height, texels: decoded.into_rgba8() })
     }
 }

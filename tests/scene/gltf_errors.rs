@@ -284,7 +284,7 @@ fn compressed_meshes_without_a_fallback_are_refused() {
     draco["accessors"][0].as_object_mut().expect("an accessor").remove("bufferView");
     assert_eq!(
         fault(&draco, None).0,
-        "mesh 0 \"triangle\", primitive 0: POSITION has no data of its own: the file is compressed with \
+        "mesh 0 \"triangle\", primitive 0: POSITION has no uncompressed data: the file is compressed with \
          KHR_draco_mesh_compression"
     );
     draco["extensionsUsed"] = json!([]);
@@ -297,7 +297,7 @@ fn compressed_meshes_without_a_fallback_are_refused() {
             ("/extensionsUsed", json!(["EXT_meshopt_compression"])),
             ("/buffers/1", json!({ "byteLength": 8 })),
         ],
-        "buffer 1 has no data of its own: the file is compressed with EXT_meshopt_compression",
+        "buffer 1 has no uncompressed data: the file is compressed with EXT_meshopt_compression",
     );
     refuses(
         &[("/buffers/1", json!({ "byteLength": 8 }))],

@@ -1,7 +1,7 @@
 //! SciPy's `.npz`: a ZIP archive of the three arrays, the shape and the format's name.
 //!
-//! The archive is put together here because `npyz`, which writes its arrays, brings version 0.6 of `zip` for archives of its own; this one
-//! is made by version 9.
+//! The archive is assembled here and not by the crate `npyz`, which writes its arrays: `npyz` depends on
+//! version 0.6 of the crate `zip`, and krylux uses version 9.
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};

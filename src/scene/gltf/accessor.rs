@@ -107,7 +107,7 @@ pub(super) fn open<'a>(
         None => {
             return Err(match extensions::compression(document) {
                 Some(name) => document.fault(
-                    format!("{what} has no data of its own: the file is compressed with {name}"),
+                    format!("{what} has no uncompressed data: the file is compressed with {name}"),
                     extensions::advice(name),
                 ),
                 None => {

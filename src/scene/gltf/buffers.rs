@@ -2,14 +2,14 @@
 
 use gltf_json as json;
 
-use super::{Document, called, extensions, uri};
+use super::{Document, extensions, object_name, uri};
 use crate::error::{Error, Result};
 
 /// Reads every buffer of the file.
 pub(super) fn load(document: &mut Document) -> Result<()> {
     for index in 0..document.root.buffers.len() {
         let buffer = &document.root.buffers[index];
-        let what = called("buffer", index, buffer.name.as_ref());
+        let what = object_name("buffer", index, buffer.name.as_ref());
         let expected = buffer.byte_length.0;
         let bytes = match buffer.uri.clone() {
             Some(uri) => uri::read(document, &what, &uri)?,
@@ -31,7 +31,7 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
 fn missing(document: &Document, what: &str) -> Error {
     match extensions::compression(document) {
         Some(name) => document.fault(
-            format!("{what} has no data of its own: the file is compressed with {name}"),
+            format!("{what} has no uncompressed data: the file is compressed with {name}"),
             extensions::advice(name),
         ),
         None => document.fault(

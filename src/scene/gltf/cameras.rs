@@ -6,7 +6,7 @@ use gltf_json::validation::Checked;
 
 use super::extras::Extras;
 use super::nodes::Placed;
-use super::{Document, called};
+use super::{Document, object_name};
 use crate::error::Result;
 use crate::scene::Camera;
 use crate::scene::camera::tan_half;
@@ -70,7 +70,7 @@ fn candidates<'a>(
     for placed in placed {
         let node = &document.root.nodes[placed.node];
         let extras = Extras::of(&node.extras);
-        let what = || called("node", placed.node, node.name.as_ref());
+        let what = || object_name("node", placed.node, node.name.as_ref());
         let is_projector = extras.is_projector(document, &what)?;
         let Some(index) = node.camera.map(|camera| camera.value()) else {
             if is_projector {

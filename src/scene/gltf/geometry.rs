@@ -15,7 +15,7 @@ use super::pose::{Pose, Transform};
 use super::primitive::Corners;
 use super::skin::{Influences, Skins};
 use super::vertices::Vertices;
-use super::{Document, called, instancing};
+use super::{Document, instancing, object_name};
 use crate::error::{Error, Result};
 use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
@@ -54,14 +54,14 @@ pub(super) fn assemble(
     for (position, node) in placed.iter().enumerate() {
         let source = &document.root.nodes[node.node];
         let Some(index) = source.mesh.map(|mesh| mesh.value()) else { continue };
-        let node_name = called("node", node.node, source.name.as_ref());
+        let node_name = object_name("node", node.node, source.name.as_ref());
         let Some(mesh) = document.root.meshes.get(index) else {
             return Err(document.fault(
                 format!("{node_name} refers to mesh {index}, which does not exist"),
                 "the file is damaged: export it again",
             ));
         };
-        let mesh_name = called("mesh", index, mesh.name.as_ref());
+        let mesh_name = object_name("mesh", index, mesh.name.as_ref());
         let primitives = mesh.primitives.len();
         let mesh_label = assembly.label(document, &mesh_name, index, None)?;
         assembly.count_placements(document, primitives)?;

@@ -6,9 +6,9 @@ use gltf_json as json;
 use gltf_json::validation::Checked;
 
 use super::checks::Checks;
-use super::textures::{Textures, Use};
-use super::through::Through;
-use super::{Document, called};
+use super::textures::{TextureUse, Textures};
+use super::transmission::TransmissionExtensions;
+use super::{Document, object_name};
 use crate::error::Result;
 use crate::scene::{AlphaMode, Material};
 
@@ -65,82 +65,110 @@ impl Materials {
                 "the file is damaged: export it again",
             ));
         };
-        let what = called("material", index, source.name.as_ref());
+        let what = object_name("material", index, source.name.as_ref());
         check_extensions(document, &what, &source)?;
 
-        let pbr = &source.pbr_metallic_roughness;
-        let extensions = source.extensions.clone().unwrap_or_default();
-        let through = Through::read(document, &what, &extensions.others)?;
-        let specular = extensions.specular.unwrap_or_default();
-        let strength = extensions.emissive_strength.map_or(1.0, |strength| strength.emissive_strength.0);
+        let extensions = source.extensions.as_ref().map(|extensions| extensions.others.clone());
+        let transmission = TransmissionExtensions::read(document, &what, &extensions.unwrap_or_default())?;
         let checked = Checks { document, what: &what };
-        let [red, green, blue, alpha] = pbr.base_color_factor.0;
-        let mut material = Material {
-            name: source.name.clone().unwrap_or_else(|| called("material", index, None)),
-            base_color: checked.fractions("baseColorFactor", [red, green, blue])?,
-            opacity: checked.fraction("alpha in baseColorFactor", alpha)?,
-            alpha_mode: alpha_mode(&checked, &source)?,
-            metallic: checked.fraction("metallicFactor", pbr.metallic_factor.0)?,
-            roughness: checked.fraction("roughnessFactor", pbr.roughness_factor.0)?,
-            specular: checked.fraction("specularFactor", specular.specular_factor.0)?,
-            specular_color: checked.not_negative("specularColorFactor", specular.specular_color_factor.0)?,
-            ior: checked.ior(extensions.ior.unwrap_or_default().ior.0)?,
-            emission: checked
-                .not_negative("emissiveFactor", source.emissive_factor.0.map(|factor| factor * strength))?,
-            double_sided: source.double_sided,
-            ..Material::default()
-        };
-        through.check_into(&checked, &mut material)?;
-        if let Some(normal) = &source.normal_texture {
-            material.normal_scale = checked.finite("normalTexture.scale", normal.scale)?;
-        }
+        let mut material = factors(&checked, index, &source, &transmission)?;
+        self.refer_to_textures(document, &what, &source, &transmission, &mut material)?;
+        Ok(material)
+    }
 
-        let normal = source.normal_texture.as_ref().map(Use::of_normal);
+    /// Sets the textures of `material`. `what` names the material in messages.
+    fn refer_to_textures(
+        &mut self,
+        document: &mut Document,
+        what: &str,
+        source: &json::Material,
+        transmission: &TransmissionExtensions,
+        material: &mut Material,
+    ) -> Result<()> {
+        let normal = source.normal_texture.as_ref().map(TextureUse::of_normal);
         if let Some(None) = normal {
             return Err(document.fault(
                 format!("{what}: the KHR_texture_transform of its normal texture cannot be read"),
                 "the file is damaged: export it again",
             ));
         }
-        for (role, slot, info) in [
-            ("base colour", &mut material.base_color_texture, pbr.base_color_texture.as_ref().map(Use::of)),
+        let pbr = &source.pbr_metallic_roughness;
+        let specular = specular(source);
+        let of = |info: &Option<json::texture::Info>| info.as_ref().map(TextureUse::of);
+        for (role, slot, texture) in [
+            ("base colour", &mut material.base_color_texture, of(&pbr.base_color_texture)),
             (
                 "metallic-roughness",
                 &mut material.metallic_roughness_texture,
-                pbr.metallic_roughness_texture.as_ref().map(Use::of),
+                of(&pbr.metallic_roughness_texture),
             ),
             ("normal", &mut material.normal_texture, normal.flatten()),
-            ("emissive", &mut material.emission_texture, source.emissive_texture.as_ref().map(Use::of)),
-            ("specular", &mut material.specular_texture, specular.specular_texture.as_ref().map(Use::of)),
-            (
-                "specular colour",
-                &mut material.specular_color_texture,
-                specular.specular_color_texture.as_ref().map(Use::of),
-            ),
-            (
-                "transmission",
-                &mut material.transmission_texture,
-                through.transmission.texture.as_ref().map(Use::of),
-            ),
+            ("emissive", &mut material.emission_texture, of(&source.emissive_texture)),
+            ("specular", &mut material.specular_texture, of(&specular.specular_texture)),
+            ("specular colour", &mut material.specular_color_texture, of(&specular.specular_color_texture)),
+            ("transmission", &mut material.transmission_texture, of(&transmission.regular.texture)),
             (
                 "diffuse transmission",
                 &mut material.diffuse_transmission_texture,
-                through.diffuse.texture.as_ref().map(Use::of),
+                of(&transmission.diffuse.texture),
             ),
             (
                 "diffuse transmission colour",
                 &mut material.diffuse_transmission_color_texture,
-                through.diffuse.color_texture.as_ref().map(Use::of),
+                of(&transmission.diffuse.color_texture),
             ),
         ] {
-            if let Some(info) = info {
-                *slot = Some(self.textures.refer(document, &what, role, &info)?);
+            if let Some(texture) = texture {
+                *slot = Some(self.textures.refer(document, what, role, &texture)?);
             }
         }
-        Ok(material)
+        Ok(())
     }
 }
 
+/// The material number `index` of the file without its textures.
+fn factors(
+    checked: &Checks<'_>,
+    index: usize,
+    source: &json::Material,
+    transmission: &TransmissionExtensions,
+) -> Result<Material> {
+    let pbr = &source.pbr_metallic_roughness;
+    let extensions = source.extensions.as_ref();
+    let specular = specular(source);
+    let ior = extensions.and_then(|extensions| extensions.ior.clone()).unwrap_or_default();
+    let strength = extensions
+        .and_then(|extensions| extensions.emissive_strength.as_ref())
+        .map_or(1.0, |strength| strength.emissive_strength.0);
+    let [red, green, blue, alpha] = pbr.base_color_factor.0;
+    let mut material = Material {
+        name: source.name.clone().unwrap_or_else(|| object_name("material", index, None)),
+        base_color: checked.fractions("baseColorFactor", [red, green, blue])?,
+        opacity: checked.fraction("alpha in baseColorFactor", alpha)?,
+        alpha_mode: alpha_mode(checked, source)?,
+        metallic: checked.fraction("metallicFactor", pbr.metallic_factor.0)?,
+        roughness: checked.fraction("roughnessFactor", pbr.roughness_factor.0)?,
+        specular: checked.fraction("specularFactor", specular.specular_factor.0)?,
+        specular_color: checked.not_negative("specularColorFactor", specular.specular_color_factor.0)?,
+        ior: checked.ior(ior.ior.0)?,
+        emission: checked
+            .not_negative("emissiveFactor", source.emissive_factor.0.map(|factor| factor * strength))?,
+        double_sided: source.double_sided,
+        ..Material::default()
+    };
+    transmission.check_into(checked, &mut material)?;
+    if let Some(normal) = &source.normal_texture {
+        material.normal_scale = checked.finite("normalTexture.scale", normal.scale)?;
+    }
+    Ok(material)
+}
+
+/// `KHR_materials_specular` of a material, or its defaults.
+fn specular(source: &json::Material) -> json::extensions::material::Specular {
+    source.extensions.as_ref().and_then(|extensions| extensions.specular.clone()).unwrap_or_default()
+}
+
+/// The alpha mode of a material.
 fn alpha_mode(checked: &Checks<'_>, source: &json::Material) -> Result<AlphaMode> {
     Ok(match source.alpha_mode {
         Checked::Valid(json::material::AlphaMode::Opaque) => AlphaMode::Opaque,
@@ -168,7 +196,7 @@ fn check_extensions(document: &mut Document, what: &str, source: &json::Material
             super::extensions::advice("KHR_materials_unlit"),
         ));
     }
-    for name in others.keys().filter(|name| !super::through::SUPPORTED.contains(&name.as_str())) {
+    for name in others.keys().filter(|name| !super::transmission::SUPPORTED.contains(&name.as_str())) {
         let warning = format!("{name} is not supported and ignored; {what} uses it first");
         document.warnings.add_once(name, warning);
     }

@@ -24,7 +24,7 @@ mod primitive;
 mod regions;
 mod skin;
 mod textures;
-mod through;
+mod transmission;
 mod uri;
 mod vertices;
 
@@ -135,14 +135,14 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
         return Err(version(other));
     }
     match value.as_object_mut().and_then(|members| members.remove("animations")) {
-        // As text once more, because the reader of text is compiled already, and this is rare.
+        // The rest is parsed from text again. This case is rare, and a parser of values would be more code to compile.
         Some(_) => json::Root::from_str(&value.to_string()).map_err(|_| broken),
         None => Err(broken),
     }
 }
 
 /// The name of an object of the file in messages, such as `mesh 3 "lamp"`.
-fn called(kind: &str, index: usize, name: Option<&String>) -> String {
+fn object_name(kind: &str, index: usize, name: Option<&String>) -> String {
     match name {
         Some(name) if !name.is_empty() => format!("{kind} {index} \"{name}\""),
         _ => format!("{kind} {index}"),

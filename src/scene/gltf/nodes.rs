@@ -4,7 +4,7 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use gltf_json as json;
 
 use super::labels::{self, Label};
-use super::{Document, called};
+use super::{Document, object_name};
 use crate::error::Result;
 
 /// A node of the scene and its world transform.
@@ -32,11 +32,11 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
         let transform = parent * local_transform(document, index, node)?;
         if !transform.is_finite() {
             return Err(document.fault(
-                format!("{}: its transform is not finite", called("node", index, node.name.as_ref())),
+                format!("{}: its transform is not finite", object_name("node", index, node.name.as_ref())),
                 "correct the node's matrix, translation, rotation or scale",
             ));
         }
-        let what = called("node", index, node.name.as_ref());
+        let what = object_name("node", index, node.name.as_ref());
         let label = labels::label(document, &what, &node.extras)?.or(inherited);
         let children = document.root.nodes[index].children.as_deref().unwrap_or_default();
         stack.extend(children.iter().rev().map(|child| (child.value(), transform, label.clone())));
@@ -61,7 +61,7 @@ fn roots(document: &mut Document) -> Result<Vec<usize>> {
     };
     let roots = scene.nodes.iter().map(|node| node.value()).collect();
     if count > 1 {
-        let used = called("scene", index, scene.name.as_ref());
+        let used = object_name("scene", index, scene.name.as_ref());
         document.warnings.add(format!("the file has {count} scenes; only {used} is used"));
     }
     Ok(roots)
@@ -72,7 +72,7 @@ fn roots(document: &mut Document) -> Result<Vec<usize>> {
 fn check_forest(document: &Document, roots: &[usize]) -> Result<()> {
     let help = "the file is damaged: nodes must form a tree; export it again";
     let nodes = &document.root.nodes;
-    let name = |index: usize| called("node", index, nodes[index].name.as_ref());
+    let name = |index: usize| object_name("node", index, nodes[index].name.as_ref());
     let mut parents: Vec<Option<usize>> = vec![None; nodes.len()];
     for (index, node) in nodes.iter().enumerate() {
         for child in node.children.iter().flatten() {
@@ -133,7 +133,7 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
         // glTF requires an affine matrix. The tolerance is for exporters that round.
         if !last.abs_diff_eq(glam::DVec4::W, 1e-6) {
             return Err(document.fault(
-                format!("{}: its matrix is not affine", called("node", index, node.name.as_ref())),
+                format!("{}: its matrix is not affine", object_name("node", index, node.name.as_ref())),
                 "the last row of a node's matrix must be 0 0 0 1",
             ));
         }
@@ -145,7 +145,10 @@ fn local_transform(document: &Document, index: usize, node: &json::Node) -> Resu
     let length = rotation.length();
     if !(length.is_finite() && length > 1e-6) {
         return Err(document.fault(
-            format!("{}: its rotation is not a unit quaternion", called("node", index, node.name.as_ref())),
+            format!(
+                "{}: its rotation is not a unit quaternion",
+                object_name("node", index, node.name.as_ref())
+            ),
             "correct the node's rotation",
         ));
     }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use super::geometry::Surface;
 use super::labels::Label;
 use super::nodes::Placed;
-use super::{Document, called};
+use super::{Document, object_name};
 use crate::error::Result;
 use crate::scene::Triangle;
 
@@ -73,7 +73,7 @@ fn by_node(document: &Document, placed: &[Placed], surfaces: &[Surface]) -> Nami
             let node = placed[surface.placed].node;
             *region_of_node.entry(node).or_insert_with(|| {
                 let given = document.root.nodes[node].name.as_ref();
-                let mut name = given.cloned().unwrap_or_else(|| called("node", node, None));
+                let mut name = given.cloned().unwrap_or_else(|| object_name("node", node, None));
                 if !taken.insert(name.clone()) {
                     name = format!("{name} (node {node})");
                 }

@@ -11,7 +11,7 @@ use gltf_json::validation::Checked;
 
 use super::accessor::{self, Array};
 use super::nodes::Placed;
-use super::{Document, called};
+use super::{Document, object_name};
 use crate::error::Result;
 
 /// The largest number of attribute pairs `JOINTS_n` and `WEIGHTS_n`, of four joints each.
@@ -50,7 +50,7 @@ impl Skins {
         let Some(skin) = document.root.skins.get(index) else {
             return Err(document.fault(format!("{user} refers to skin {index}, which does not exist"), help));
         };
-        let what = called("skin", index, skin.name.as_ref());
+        let what = object_name("skin", index, skin.name.as_ref());
         let inverse_bind = match skin.inverse_bind_matrices {
             None => None,
             Some(accessor) => {

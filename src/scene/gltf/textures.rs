@@ -8,7 +8,7 @@ use gltf_json::extensions::texture::TextureTransform;
 use gltf_json::texture::{MagFilter, WrappingMode};
 use gltf_json::validation::Checked;
 
-use super::{Document, buffers, called, uri};
+use super::{Document, buffers, object_name, uri};
 use crate::error::Result;
 use crate::scene::picture::{Fault, Picture, Pictures};
 use crate::scene::{Texture, TextureRef, Wrap};
@@ -24,13 +24,13 @@ pub(super) struct Textures {
 }
 
 /// A reference to a texture in a material of the file.
-pub(super) struct Use {
+pub(super) struct TextureUse {
     index: usize,
     set: u32,
     transform: TextureTransform,
 }
 
-impl Use {
+impl TextureUse {
     /// A reference to a texture other than the normal texture.
     pub(super) fn of(info: &json::texture::Info) -> Self {
         let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.clone());
@@ -57,7 +57,7 @@ impl Textures {
         document: &mut Document,
         material: &str,
         role: &str,
-        info: &Use,
+        info: &TextureUse,
     ) -> Result<TextureRef> {
         let set = info.transform.tex_coord.unwrap_or(info.set);
         if set > 1 {
@@ -85,7 +85,7 @@ impl Textures {
                 document.fault(format!("{user} refers to texture {index}, which does not exist"), help)
             );
         };
-        let what = called("texture", index, texture.name.as_ref());
+        let what = object_name("texture", index, texture.name.as_ref());
         let (wrap, linear) = sampler(document, &what, &texture)?;
         let source = texture.source.value();
         if let Some(&position) = self.index_of.get(&(source, wrap, linear)) {
@@ -120,7 +120,7 @@ impl Textures {
         image: &json::Image,
     ) -> Result<(String, Picture)> {
         let file_name = image.uri.as_ref().filter(|uri| !uri.starts_with("data:"));
-        let what = called("image", index, image.name.as_ref().or(file_name));
+        let what = object_name("image", index, image.name.as_ref().or(file_name));
         let bytes = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => uri::read(document, &what, uri)?,
             (None, Some(view)) => buffers::view(document, &what, view)?.0.to_vec(),

@@ -51,13 +51,13 @@ struct Medium {
 
 /// The three extensions of a material; defaults for those that it does not have.
 #[derive(Default)]
-pub(super) struct Through {
-    pub transmission: Transmission,
+pub(super) struct TransmissionExtensions {
+    pub regular: Transmission,
     pub diffuse: DiffuseTransmission,
     medium: Medium,
 }
 
-impl Through {
+impl TransmissionExtensions {
     /// Parses the extensions of the material that `what` names.
     pub(super) fn read(
         document: &Document,
@@ -65,7 +65,7 @@ impl Through {
         extensions: &serde_json::Map<String, json::Value>,
     ) -> Result<Self> {
         Ok(Self {
-            transmission: read(document, what, extensions, TRANSMISSION)?,
+            regular: read(document, what, extensions, TRANSMISSION)?,
             diffuse: read(document, what, extensions, DIFFUSE_TRANSMISSION)?,
             medium: read(document, what, extensions, VOLUME)?,
         })
@@ -73,7 +73,7 @@ impl Through {
 
     /// Checks the factors and stores them in `material`.
     pub(super) fn check_into(&self, checked: &Checks<'_>, material: &mut Material) -> Result<()> {
-        material.transmission = checked.fraction("transmissionFactor", self.transmission.factor)?;
+        material.transmission = checked.fraction("transmissionFactor", self.regular.factor)?;
         material.diffuse_transmission = checked.fraction("diffuseTransmissionFactor", self.diffuse.factor)?;
         if let Some(color) = self.diffuse.color {
             material.diffuse_transmission_color =
