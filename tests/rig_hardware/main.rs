@@ -1,4 +1,5 @@
-//! A rig of real protocols: a window of a real X server, and a camera on the network that sees what the server shows.
+//! A rig on real protocols: the projector is a window of a real X server, and a GigE Vision camera on the loopback interface sees what
+//! the server shows.
 
 #![cfg(feature = "gige")]
 #![allow(clippy::panic, reason = "a failed test panics")]

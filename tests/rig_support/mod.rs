@@ -75,8 +75,8 @@ impl Stage {
 
 /// A calibration as `krylux rig calibrate` finds it, in front of this scene.
 fn captured(rig: &VirtualRig, twin: &Twin) -> Calibration {
-    let bench = rig.open(twin.transport(), None).expect("it fits its scene");
-    let mut shots = LiveFrames::new(bench, 0.0, MeasureOptions::default().tries);
+    let devices = rig.open(twin.transport(), None).expect("it fits its scene");
+    let mut shots = LiveFrames::new(devices, 0.0, MeasureOptions::default().tries);
     let mut go_on = |_| ControlFlow::Continue(());
     calibrate(&mut shots, &CalibrateOptions::default(), &mut go_on).expect("it can be calibrated").0
 }

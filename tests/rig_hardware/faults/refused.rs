@@ -1,11 +1,11 @@
-//! What is wrong from the beginning: the program says so before it takes a photo.
+//! Faults that exist from the beginning: the program names them before it takes a photo.
 
 use krylux::rig::{Camera, CameraSpec, GigeVision, WallClock};
 
 use super::Run;
 use crate::program::assert_error;
 
-/// What the program says when it refuses.
+/// Asserts that the program refuses with a message that has these parts.
 #[track_caller]
 fn refused(run: &Run, parts: &[&str]) {
     let message = assert_error(&run.again(), parts);
@@ -66,7 +66,7 @@ fn exposures_that_the_camera_cannot_do_are_named_with_those_that_it_can() {
 }
 
 #[test]
-fn a_scene_that_is_too_bright_is_named_with_what_would_help() {
+fn a_scene_that_is_too_bright_is_named_with_advice() {
     let run = Run::new(53);
     // White fills half of the counts in 4 ms.
     run.replace("exposures = [1e-4, 1.0]", "exposures = [0.012, 1.0]");
