@@ -68,7 +68,7 @@ impl Row {
         let screen = format!("{}x{}x24", shown[0] + 64, shown[1] + 64);
         let server = XServer::with(&["-screen", "0", &screen, "-fakescreenfps", &refreshes.to_string()]);
         let address = own_address(1);
-        let camera = GigeCamera::start(address, sheet(exposure)?, server.eye([32, 32], magnify, SIZE));
+        let camera = GigeCamera::start(address, sheet(exposure)?, server.view([32, 32], magnify, SIZE));
         let projector = X11Spec {
             display: Some(server.display.clone()),
             frame_time: 1.0 / f64::from(refreshes),

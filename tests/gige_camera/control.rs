@@ -117,7 +117,7 @@ fn write(
         PACKET_SIZE => {
             registers.set(PACKET_SIZE, value & 0x4000_FFFF);
             if value & 0x8000_0000 != 0 {
-                // A packet of this size, headers of the network included, to see whether it gets through.
+                // Sends a test packet of this size, including the network's headers, so that the receiver sees whether it arrives.
                 let size = ((value & 0xFFFF) as usize).saturating_sub(28);
                 let _ = shared.stream.send_to(&vec![0; size], registers.destination());
             }
@@ -141,7 +141,7 @@ fn write(
             OK
         }
         TRIGGER => {
-            // While it exposes a trigger is missed, as by other cameras.
+            // A trigger during an exposure is ignored, as by real cameras.
             if registers.acquiring && !registers.exposing {
                 registers.exposing = true;
                 let _ = triggers.send(());

@@ -1,9 +1,9 @@
-//! A GigE Vision camera on the loopback interface: the real protocol (control with privilege and heartbeat, stream with packets
-//! that can be lost and sent again), a small GenICam description, and a simulated scene before its sensor.
+//! A simulated GigE Vision camera on the loopback interface. It has the real protocol (control with privilege and heartbeat, a stream
+//! whose packets can be lost and sent again), a small GenICam description, and a simulated scene in front of its sensor.
 //!
 //! | part | file |
 //! |---|---|
-//! | registers, and who may write them | `registers` |
+//! | registers and the privilege to write them | `registers` |
 //! | commands on the control channel | `control` |
 //! | exposures and packets of frames | `stream` |
 //! | counts as bytes of a pixel format | `pixels` |
@@ -32,17 +32,17 @@ use registers::Registers;
 /// The port of the control channel.
 const PORT: u16 = 3956;
 
-/// An address of this process's own: the same tests may run at the same time from another folder.
+/// An address that only this process uses: the same tests may run at the same time from another folder.
 pub fn own_address(last: u8) -> Ipv4Addr {
     let [_, _, high, low] = std::process::id().to_be_bytes();
-    // Addresses that begin with 127.0 are those of other tests.
+    // Other tests use addresses that begin with 127.0.
     Ipv4Addr::new(127, 16 + high % 224, low, last)
 }
 
-/// What stands before the camera.
+/// The scene in front of the camera.
 #[derive(Clone)]
 pub struct Scene {
-    /// The devices' imperfections; its camera's pixels and bits are the sensor's.
+    /// The imperfections of the devices; the pixels and bits of its camera are those of the sensor.
     pub rig: VirtualRig,
     pub matrix: Csr,
 }
@@ -53,27 +53,27 @@ pub struct GigeCamera {
     threads: Vec<JoinHandle<()>>,
 }
 
-/// What the threads share.
+/// The state that the threads share.
 struct Shared {
     registers: Mutex<Registers>,
     stream: UdpSocket,
     stop: AtomicBool,
-    /// Chance that a packet is lost, in millionths, and what decides.
+    /// The probability that a packet is lost, in millionths, and the random generator.
     loss: AtomicU64,
     chance: Mutex<Pcg64>,
-    /// Frames to come that were exposed at the trigger before.
+    /// The number of coming frames that will have been exposed at the previous trigger.
     stale: AtomicU32,
     lost: AtomicU64,
     looks: AtomicU64,
     frames: AtomicU64,
     /// Nanoseconds from the end of an exposure to its counts.
     computing: AtomicU64,
-    /// Since it was switched on: its clock.
+    /// When the camera was switched on, which is the origin of its clock.
     began: Instant,
 }
 
 impl GigeCamera {
-    /// Switches it on. What the projector shows is told by `look`, again and again while a frame is exposed; nothing: black.
+    /// Switches the camera on. `look` returns the frame on screen, and is called again and again during an exposure; `None` is black.
     pub fn start(
         address: Ipv4Addr,
         scene: Scene,
@@ -105,44 +105,45 @@ impl GigeCamera {
         Self { shared, threads }
     }
 
-    /// Loses each packet with this chance from now on, those sent again included.
+    /// From now on, loses each packet with this probability, including those that are sent again.
     pub fn lose(&self, chance: f64) {
         self.shared.loss.store((1e6 * chance) as u64, Ordering::Relaxed);
     }
 
-    /// Packets lost so far.
+    /// The number of packets lost so far.
     pub fn lost(&self) -> u64 {
         self.shared.lost.load(Ordering::Relaxed)
     }
 
-    /// Looks at the pattern so far: one at the beginning of an exposure, one at its end, and some between.
+    /// The number of looks at the pattern so far: at the beginning and the end of each exposure, and some in between.
     pub fn looks(&self) -> u64 {
         self.shared.looks.load(Ordering::Relaxed)
     }
 
-    /// Seconds from the end of an exposure to its counts, of all frames: looking and computing, which a real camera need not do.
+    /// Seconds from the end of exposures to their counts, for all frames together: the time of the simulation, which a real camera does
+    /// not take.
     pub fn computing(&self) -> f64 {
         1e-9 * self.shared.computing.load(Ordering::Relaxed) as f64
     }
 
-    /// Frames exposed so far.
+    /// The number of frames exposed so far.
     pub fn frames(&self) -> u64 {
         self.shared.frames.load(Ordering::Relaxed)
     }
 
-    /// Answers the next triggers with what was exposed at the trigger before, as a camera does whose queue was not empty.
+    /// Answers the next triggers with frames of the previous trigger, as a camera does whose queue was not empty.
     pub fn be_late(&self, frames: u32) {
         self.shared.stale.store(frames, Ordering::Relaxed);
     }
 }
 
 impl GigeCamera {
-    /// Switches it off, as if its power failed: nobody is told.
+    /// Switches the camera off without notice, as a power failure does.
     pub fn stop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
             let ended = thread.join();
-            // A panic of its own is the test's.
+            // A panic in the camera fails the test.
             if ended.is_err() && !std::thread::panicking() {
                 panic!("the camera failed");
             }
@@ -165,7 +166,7 @@ impl Shared {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Nanoseconds of its clock.
+    /// The time of the camera's clock in nanoseconds.
     fn ticks(&self) -> u64 {
         self.began.elapsed().as_nanos() as u64
     }
@@ -179,7 +180,7 @@ impl Shared {
             self.lost.fetch_add(1, Ordering::Relaxed);
             return;
         }
-        // A receiver that is gone is no fault of the camera.
+        // A receiver that has ended is not an error of the camera.
         let _ = self.stream.send_to(packet, to);
     }
 }

@@ -1,6 +1,6 @@
-//! Pixel formats: their codes (EMVA, GenICam Pixel Format Values), and counts packed as each says.
+//! Pixel formats: their codes (EMVA, GenICam Pixel Format Values), and the packing of counts.
 
-/// What the camera offers. Bits 16 to 23 of a code are the bits that a pixel takes.
+/// The camera's pixel formats. Bits 16 to 23 of a code are the number of bits of a pixel.
 const OFFERED: [(&str, u32); 25] = [
     ("Mono8", 0x0108_0001),
     ("Mono10", 0x0110_0003),
@@ -37,13 +37,13 @@ pub fn is_offered(code: u32) -> bool {
     name(code).is_some()
 }
 
-/// The code of gray pixels that hold counts of so many bits.
+/// The code of the gray format with this number of bits.
 pub fn gray(bits: u32) -> u32 {
     let name = format!("Mono{}", if bits > 12 { 16 } else { bits });
     OFFERED.iter().find(|(offered, _)| **offered == name).expect("cameras count to 8, 10, 12 or 16 bits").1
 }
 
-/// Entries of the camera's description.
+/// The entries of the pixel formats in the camera's description.
 pub fn entries() -> String {
     let entry = |(name, code): &(&str, u32)| {
         format!("<EnumEntry Name=\"{name}\"><Value>0x{code:08X}</Value></EnumEntry>\n    ")
@@ -51,12 +51,12 @@ pub fn entries() -> String {
     OFFERED.iter().map(entry).collect()
 }
 
-/// Bytes of so many pixels.
+/// The number of bytes of this number of pixels.
 pub fn bytes(code: u32, pixels: u32) -> u32 {
     (pixels * (code >> 16 & 0xFF)).div_ceil(8)
 }
 
-/// Counts of `bits` bits as this format's bytes; what it has no room for is cut off below.
+/// Packs counts of `bits` bits into this format; low bits that do not fit are dropped.
 pub fn pack(code: u32, bits: u32, counts: &[u16]) -> Vec<u8> {
     let name = name(code).expect("only what is offered is set");
     let digits: String = name.chars().filter(char::is_ascii_digit).collect();
@@ -72,7 +72,7 @@ pub fn pack(code: u32, bits: u32, counts: &[u16]) -> Vec<u8> {
     one_after_another(counts, taken)
 }
 
-/// From bit 0 of byte 0 on, each in `taken` bits.
+/// Packs counts without gaps from bit 0 of byte 0 on, each in `taken` bits.
 fn one_after_another(counts: impl Iterator<Item = u32>, taken: u32) -> Vec<u8> {
     let (mut bytes, mut waiting, mut held) = (Vec::new(), 0_u64, 0);
     for count in counts {
@@ -90,7 +90,8 @@ fn one_after_another(counts: impl Iterator<Item = u32>, taken: u32) -> Vec<u8> {
     bytes
 }
 
-/// Two in three bytes: their high bytes outside, their low bits between, those of the first in the lower half.
+/// Packs pairs of counts into three bytes: the high bits in the outer bytes, the low bits in the middle byte, the first count's in the
+/// lower half.
 fn in_pairs(counts: &[u32], room: u32) -> Vec<u8> {
     let (low, mask) = (room - 8, (1 << (room - 8)) - 1);
     let mut bytes = Vec::new();

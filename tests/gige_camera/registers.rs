@@ -1,4 +1,4 @@
-//! The camera's registers: those that GigE Vision fixes, and the features of `camera.xml`.
+//! The camera's registers: those that GigE Vision defines, and the features of `camera.xml`.
 
 use std::collections::VecDeque;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -31,7 +31,7 @@ const MOST_WIDTH: u32 = 0x2_0050;
 const MOST_HEIGHT: u32 = 0x2_0054;
 pub const GAMMA: u32 = 0x2_0058;
 
-/// Packets of the last frames, for those that are asked for again.
+/// The packets of the last frames, which may be requested again.
 pub struct Sent {
     pub block: u16,
     pub packets: Vec<Vec<u8>>,
@@ -39,7 +39,7 @@ pub struct Sent {
 
 pub struct Registers {
     memory: Vec<u8>,
-    /// Who controls it, and when it was heard last.
+    /// The program that controls the camera, and when it was last heard.
     pub owner: Option<(SocketAddr, Instant)>,
     pub acquiring: bool,
     pub exposing: bool,
@@ -62,7 +62,7 @@ impl Registers {
             (0x0024, u32::from(address)),
             (0x0034, 0xFF00_0000),
             (0x0904, 1),
-            // It writes memory, and sends packets again.
+            // The capabilities: writing memory, and sending packets again.
             (0x0934, 0x0000_0006),
             (HEARTBEAT, 3000),
             (0x093C, 0),
@@ -73,7 +73,7 @@ impl Registers {
             (MOST_WIDTH, sensor.width as u32),
             (MOST_HEIGHT, sensor.height as u32),
             (PIXEL_FORMAT, pixels::gray(bits)),
-            // As many are when they are switched on.
+            // Many cameras have this setting when they are switched on.
             (GAMMA, 1),
         ] {
             registers.set(at, value);
@@ -112,12 +112,12 @@ impl Registers {
         self.put(at as usize, &value.to_be_bytes());
     }
 
-    /// None outside of what there is.
+    /// Reads memory. `None`: the address is outside of it.
     pub fn read(&self, at: u32, length: usize) -> Option<&[u8]> {
         self.memory.get(at as usize..at as usize + length)
     }
 
-    /// Whether there is memory.
+    /// Writes memory; returns whether the address is inside of it.
     pub fn write(&mut self, at: u32, bytes: &[u8]) -> bool {
         let fits = at as usize + bytes.len() <= END;
         if fits {
@@ -127,7 +127,7 @@ impl Registers {
         fits
     }
 
-    /// What follows from others.
+    /// Updates the registers that depend on others.
     fn update(&mut self) {
         let pixels = self.get(WIDTH) * self.get(HEIGHT);
         self.set(PAYLOAD, pixels::bytes(self.get(PIXEL_FORMAT), pixels));
@@ -136,13 +136,13 @@ impl Registers {
         self.put(EXPOSURE as usize, &exposure.to_be_bytes());
     }
 
-    /// Where the stream goes.
+    /// The address that the stream is sent to.
     pub fn destination(&self) -> SocketAddr {
         let port = self.get(0x0D00) as u16;
         SocketAddr::from((Ipv4Addr::from(self.get(0x0D18)), port))
     }
 
-    /// Forgets an owner that was not heard for the time of its heartbeat.
+    /// Releases the camera if its owner was not heard during the heartbeat's timeout.
     pub fn expire(&mut self) {
         let patience = Duration::from_millis(self.get(HEARTBEAT).into());
         if self.owner.is_some_and(|(_, heard)| heard.elapsed() > patience) {

@@ -1,4 +1,4 @@
-//! The sensor and the stream: for each trigger an exposure, and its frame in packets.
+//! The sensor and the stream: each trigger causes an exposure, whose frame is sent in packets.
 
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -12,13 +12,13 @@ use super::registers::{
 };
 use super::{Scene, Shared, pixels};
 
-/// Frames whose packets can be asked for again.
+/// The number of frames whose packets can be requested again.
 const KEPT: usize = 4;
 
-/// From one look at the pattern to the next while the sensor is open.
+/// The time between two looks at the pattern during an exposure.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// What was on screen during an exposure: each pattern, and in how many looks it was seen.
+/// The patterns on screen during an exposure, with the number of looks in which each was seen.
 type Seen = Vec<(Frame, usize)>;
 
 pub fn serve(
@@ -29,9 +29,9 @@ pub fn serve(
 ) {
     let size = scene.rig.scene.size();
     let light = ExplicitMatrix::new(scene.matrix.clone(), size).expect("the matrix fits the scene");
-    let mut bench = scene.rig.open(Box::new(light), None).expect("the scene can be seen");
+    let mut devices = scene.rig.open(Box::new(light), None).expect("the scene can be seen");
     let black = Frame::filled(size, scene.rig.projector.channels, 0);
-    // What was seen last, and when.
+    // The pattern that was seen last, and when.
     let mut before: (Seen, u64) = (vec![(black.clone(), 1)], 0);
     while !shared.stops() {
         match triggers.recv_timeout(Duration::from_millis(20)) {
@@ -53,7 +53,7 @@ pub fn serve(
             frame
         });
         let (seen, ticks) = if is_late.is_ok() { (before.0, before.1 + 1) } else { (seen, ticks) };
-        let counts = see(&mut bench, &seen, exposure * gain);
+        let counts = see(&mut devices, &seen, exposure * gain);
         let late = began.elapsed().saturating_sub(open);
         shared.computing.fetch_add(late.as_nanos() as u64, Ordering::Relaxed);
         let mut registers = shared.registers();
@@ -63,7 +63,7 @@ pub fn serve(
         if !registers.acquiring {
             continue;
         }
-        // Number 0 is not used.
+        // The number 0 is reserved.
         registers.block = registers.block.checked_add(1).unwrap_or(1);
         let to = registers.destination();
         let sent = packets(&registers, &counts, scene, ticks);
@@ -77,7 +77,7 @@ pub fn serve(
     }
 }
 
-/// Looks at the pattern for as long as the sensor is open, its beginning and its end included.
+/// Looks at the pattern during an exposure, including its beginning and its end.
 fn watch(open: Duration, mut look: impl FnMut() -> Frame) -> Seen {
     let began = Instant::now();
     let mut seen: Seen = vec![(look(), 1)];
@@ -95,13 +95,13 @@ fn watch(open: Duration, mut look: impl FnMut() -> Frame) -> Seen {
     }
 }
 
-/// Counts of the whole sensor: of one pattern as they are, of several in proportion to how often each was seen. Its time is
-/// simulated: nothing but the exposure passes.
-fn see(bench: &mut Devices, seen: &Seen, exposure: f64) -> Vec<u16> {
-    bench.camera.configure(exposure).expect("the sensor does what the registers do");
+/// The counts of the whole sensor, as the mean over the patterns weighted by how often each was seen. The virtual rig that computes
+/// them has simulated time, in which only the exposure passes.
+fn see(devices: &mut Devices, seen: &Seen, exposure: f64) -> Vec<u16> {
+    devices.camera.configure(exposure).expect("the sensor does what the registers do");
     let mut photo = |frame: &Frame| {
-        bench.projector.restore(frame).expect("it fits the screen");
-        bench.camera.capture().expect("it is never gone").expect("no frame is dropped").counts
+        devices.projector.restore(frame).expect("it fits the screen");
+        devices.camera.capture().expect("it is never gone").expect("no frame is dropped").counts
     };
     if let [(only, _)] = &seen[..] {
         return photo(only);
@@ -117,7 +117,7 @@ fn see(bench: &mut Devices, seen: &Seen, exposure: f64) -> Vec<u16> {
     sums.into_iter().map(|sum: f64| sum.round() as u16).collect()
 }
 
-/// A frame's leader, data and trailer.
+/// The leader, the data and the trailer of a frame.
 fn packets(registers: &Registers, counts: &[u16], scene: &Scene, ticks: u64) -> Sent {
     let format = registers.get(PIXEL_FORMAT);
     let sensor = scene.rig.camera_info();
@@ -125,7 +125,7 @@ fn packets(registers: &Registers, counts: &[u16], scene: &Scene, ticks: u64) -> 
         [WIDTH, HEIGHT, OFFSET_X, OFFSET_Y].map(|register| registers.get(register) as usize);
     let (size, bits) = (sensor.resolution, sensor.bits);
     let most = f64::from((1_u32 << bits) - 1);
-    // Whoever forgets to switch it off has bent counts.
+    // A receiver that does not switch gamma off gets nonlinear counts.
     let bend = |count: u16| match registers.get(GAMMA) {
         0 => count,
         _ => ((f64::from(count) / most).powf(1.0 / 2.2) * most) as u16,
@@ -143,7 +143,7 @@ fn packets(registers: &Registers, counts: &[u16], scene: &Scene, ticks: u64) -> 
     }
     let mut trailer = vec![0, 0, 0, 1];
     trailer.extend((height as u32).to_be_bytes());
-    // Of what a packet may take, the network's headers and the stream's own go off.
+    // The headers of the network and of the stream are part of the packet size.
     let stride = (registers.get(PACKET_SIZE) & 0xFFFF) as usize - 36;
     let mut packets = vec![packet(registers.block, 1, 0, &leader)];
     for part in bytes.chunks(stride) {

@@ -1,7 +1,7 @@
-//! From photons to answers with every imperfection on, and what each stage earns: without it, the answer is worse.
+//! Segmentation and compensation on a rig with every imperfection, and the gain of each measuring stage: without the stage, the result
+//! is worse.
 //!
-//! The rig is that of `assets/rigs/realistic.toml`, with a calibration that is exactly known; the scenes are zigzag and the 90° corner, at
-//! 64x64 pixels.
+//! The rig is that of `assets/rigs/realistic.toml`; the scenes are zigzag and the 90° corner, at 64x64 pixels.
 
 use crate::rig_support::{self, Stage, known, labels, realistic, target};
 use krylux::analysis::plan::{Planner, Twin};
@@ -13,15 +13,15 @@ use krylux::rig::{VirtualRig, VirtualScene};
 use krylux::sparse::Csr;
 use krylux::transport::{ExplicitMatrix, Part};
 
-/// Noise of other seeds than that of calibration.
+/// The seeds of the noise, which differ from the seed of calibration.
 const SEEDS: [u64; 3] = [101, 102, 103];
 
-/// The question of the tests on zigzag.
+/// The segmentation of the tests on zigzag.
 fn two_groups() -> SegmentOptions {
     SegmentOptions { photos: 40, groups: vec![2], eigenvectors: 4, ..SegmentOptions::default() }
 }
 
-/// The adjusted Rand index against the true labels, and the patterns shown.
+/// The adjusted Rand index against the true labels, and the number of patterns shown.
 fn segmented(
     stage: &Stage,
     rig: &VirtualRig,
@@ -36,7 +36,7 @@ fn segmented(
     (trial.truth[0].1, trial.cost.patterns)
 }
 
-/// By which share the residual of the pattern shown is above that of the best one.
+/// The share by which the residual of the compensation exceeds that of the optimum.
 fn compensated(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, seed: u64) -> f64 {
     let options = CompensateOptions { photos: 20, ..CompensateOptions::default() };
     let planner = stage.planner(rig, measurement);
@@ -65,7 +65,7 @@ fn the_corner_is_compensated_within_a_tenth_of_the_optimum_with_every_imperfecti
     }
 }
 
-/// `A x` of a part as the rig has it, for a smooth signed `x`.
+/// The product of a part's operator, measured with the rig, and a smooth signed vector.
 fn product(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, part: Part, seed: u64) -> Vec<f64> {
     let calibration = known(rig);
     let planner = Planner { calibration: &calibration, ..stage.planner(rig, measurement) };
@@ -75,7 +75,7 @@ fn product(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, part: 
     y
 }
 
-/// Three waves along x, two along y: signed, and smooth as the eigenvectors of scenes are.
+/// A vector with three waves along x and two along y: signed and smooth, like the eigenvectors of scenes.
 fn waves() -> Vec<f64> {
     let side = rig_support::SIDE;
     let turn = |at: usize, waves: f64| std::f64::consts::TAU * waves * at as f64 / side as f64;
@@ -84,7 +84,7 @@ fn waves() -> Vec<f64> {
         .collect()
 }
 
-/// `min_s ‖y − s t‖ / ‖y‖`: how far it is from the truth, whatever the units.
+/// The relative error `min_s ‖y − s t‖ / ‖y‖` of `y` against the truth `t`, which does not depend on their units.
 fn error(y: &[f64], truth: &[f64]) -> f64 {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     (1.0 - dot(y, truth).powi(2) / (dot(y, y) * dot(truth, truth))).max(0.0).sqrt()
@@ -101,7 +101,7 @@ fn truth(stage: &Stage, part: Part) -> Vec<f64> {
 type Switch = fn(&mut MeasureOptions);
 
 #[test]
-fn each_stage_that_answers_need_makes_them_worse_when_it_is_off() {
+fn results_are_worse_without_each_stage_that_they_need() {
     let off: [(&str, Switch); 3] = [
         ("ambient", |options| options.ambient = false),
         ("response", |options| options.response = false),
@@ -120,17 +120,17 @@ fn each_stage_that_answers_need_makes_them_worse_when_it_is_off() {
         switch(&mut other);
         let [score, excess] = [score(&one), excess(&other)];
         println!("{name:<24} {score:>18.4} {:>21.1}%", 100.0 * excess);
-        // Each of them at least doubles what devices cost a compensation, which is below a tenth of the optimum.
+        // Without each of these stages, the excess of the residual, which is below a tenth of the optimum, at least doubles.
         assert!(excess >= all_excess + 0.1, "{name}: {excess} without, {all_excess} with");
-        // The segmentation forgives ambient light, which it never sees in differences of photos.
+        // Ambient light does not disturb the segmentation, because it cancels in differences of photos.
         assert!(name == "ambient" || score <= all_score - 0.03, "{name}: {score} without, {all_score} with");
     }
 }
 
 #[test]
-fn each_stage_lowers_the_error_of_a_product_where_its_imperfection_is() {
+fn each_stage_lowers_the_error_that_its_imperfection_causes() {
     let stage = realistic("zigzag");
-    // Vignetting has no stage: it would hide all others.
+    // No stage corrects vignetting, whose error would hide all others.
     let mut plain = stage.rig.clone();
     (plain.projector.vignetting, plain.camera.vignetting) = (0.0, 0.0);
     let with = |change: fn(&mut VirtualRig)| {
@@ -185,7 +185,7 @@ fn each_stage_lowers_the_error_of_a_product_where_its_imperfection_is() {
     }
 }
 
-/// The error of a product after thirty others, when the lamp has changed.
+/// The error of a product that is measured after thirty others, when the lamp has changed.
 fn late(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, truth: &[f64]) -> f64 {
     let calibration = known(rig);
     let planner = Planner { calibration: &calibration, ..stage.planner(rig, measurement) };
@@ -201,7 +201,7 @@ fn late(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, truth: &[
     let mut operator = stage.twin.operator(Part::Full, 0).expect("well formed");
     operator.apply(&vec![1.0; y.len()], &mut full).expect("it cannot fail");
     let norm = |a: &[f64]| a.iter().map(|a| a * a).sum::<f64>().sqrt();
-    // The units are those of the first white photo: a lamp that got dimmer shows.
+    // The units are those of the first white photo, so that the lamp's change appears as an error.
     let scale = norm(&white) / norm(&full);
     let difference: Vec<f64> = y.iter().zip(truth).map(|(y, truth)| y - scale * truth).collect();
     norm(&difference) / norm(&y)
@@ -222,7 +222,7 @@ fn bracketed_exposures_see_dark_pixels_of_a_scene_of_high_range() {
     let mut rig = VirtualRig::ideal(VirtualScene::Matrix { path: "range.npz".into(), size });
     (rig.camera.bits, rig.camera.shot_noise, rig.camera.read_noise) = (14, true, 5.0);
     let calibration = known(&rig);
-    // The mean relative error of the darkest quarter, by white.
+    // The mean relative error of the quarter of pixels that is darkest in the white photo.
     let dark_error = |brackets: u32| {
         let measurement = MeasureOptions { brackets, ..MeasureOptions::default() };
         let planner = Planner {

@@ -1,4 +1,4 @@
-//! The bench: two rooms that exchange no light, before a projector and a camera.
+//! The scene and the devices of these tests: two rooms that exchange no light, in front of a projector and a camera.
 
 use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
@@ -15,15 +15,15 @@ use crate::x_server::XServer;
 /// Pixels on a side.
 pub const SIDE: usize = 12;
 
-/// The monitor's pixels for one of a pattern's, on a side.
+/// Monitor pixels on a side of a pattern pixel.
 pub const MAGNIFY: usize = 7;
 
-/// Two rooms before the devices.
+/// The matrix of the two rooms.
 pub fn rooms() -> Csr {
     program::rooms(SIDE, 20.0)
 }
 
-/// The devices without fault or noise; white fills half of 16 bits in 4 ms.
+/// Devices without faults or noise; white fills half of 16 bits in 4 ms.
 pub fn devices(matrix: &Path) -> VirtualRig {
     let scene = VirtualScene::Matrix { path: PathBuf::from(matrix), size: Resolution::new(SIDE, SIDE) };
     let mut rig = VirtualRig::ideal(scene);
@@ -32,36 +32,36 @@ pub fn devices(matrix: &Path) -> VirtualRig {
     rig
 }
 
-/// The same with little noise, as calibration needs some to tell the gain from.
+/// The same devices with a little noise, from which calibration finds the gain.
 pub fn noisy(matrix: &Path) -> VirtualRig {
     let mut rig = devices(matrix);
     (rig.camera.shot_noise, rig.camera.full_well, rig.camera.read_noise) = (true, 1e7, 100.0);
     rig
 }
 
-/// A server with two monitors, and a camera that sees what is on the second.
+/// A server with two monitors, and a camera that sees the second one.
 pub struct Stage {
     pub address: Ipv4Addr,
     pub server: XServer,
     pub camera: GigeCamera,
     pub hardware: HardwareRig,
-    /// The devices' imperfections.
+    /// The imperfections of the devices.
     rig: VirtualRig,
 }
 
 impl Stage {
-    /// Switches the camera on: a new session, as after its power failed.
+    /// Switches the camera on with a new state, as after a power failure.
     pub fn switch_camera_on(&mut self) {
         self.camera = camera(self.address, &self.rig, &self.server);
     }
 }
 
-/// The stage of one test, with these devices: tests run at the same time.
+/// The stage of one test with these devices. `last` selects the camera's address, because tests run at the same time.
 pub fn stage(last: u8, rig: &VirtualRig) -> Stage {
     stage_at(last, rig, None)
 }
 
-/// As [`stage`], on this display.
+/// As [`stage`], on the X server of this display.
 pub fn stage_at(last: u8, rig: &VirtualRig, display: Option<&str>) -> Stage {
     let server = display.map_or_else(|| XServer::start(400, 200), |display| XServer::at(display, 400, 200));
     monitors(&server);
@@ -85,7 +85,7 @@ pub fn stage_at(last: u8, rig: &VirtualRig, display: Option<&str>) -> Stage {
     }
 }
 
-/// The server's monitors, of which the second is the projector.
+/// Adds the server's two monitors; the second one is the projector.
 pub fn monitors(server: &XServer) {
     server.add_monitor("desk", [0, 0, 200, 200]);
     server.add_monitor("beamer", [200, 0, 200, 200]);
@@ -93,11 +93,11 @@ pub fn monitors(server: &XServer) {
 
 fn camera(address: Ipv4Addr, rig: &VirtualRig, server: &XServer) -> GigeCamera {
     let corner = (200 - SIDE * MAGNIFY) as i16 / 2;
-    let eye = server.eye([200 + corner, corner], MAGNIFY, Resolution::new(SIDE, SIDE));
-    GigeCamera::start(address, Scene { rig: rig.clone(), matrix: rooms() }, eye)
+    let view = server.view([200 + corner, corner], MAGNIFY, Resolution::new(SIDE, SIDE));
+    GigeCamera::start(address, Scene { rig: rig.clone(), matrix: rooms() }, view)
 }
 
-/// The file of the rig of real protocols.
+/// Writes the rig file of the real protocols; `more` are lines before its tables.
 pub fn rig_file(folder: &Path, stage: &Stage, more: &str) -> String {
     let path = folder.join("real.toml");
     let projector = &stage.hardware.projector;
@@ -118,5 +118,5 @@ pub fn labels(run: &Path) -> Vec<f64> {
     npy::read_npy(&run.join("labels-2.npy")).expect("it is written").values
 }
 
-/// How a segmentation into two groups is asked for.
+/// The options of a segmentation into two groups.
 pub const QUESTION: [&str; 6] = ["--photos", "12", "--groups", "2", "--eigenvectors", "3"];

@@ -1,4 +1,4 @@
-//! The verbs at the bench on real protocols: `rig preview`, `rig align`, `rig check`, and what `rig list` tells of a camera.
+//! The verbs of `rig` on real protocols: `rig preview`, `rig align`, `rig check` and `rig list`.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 use crate::bench::{MAGNIFY, SIDE, Stage, noisy, stage};
 use crate::program::{krylux, verdict as summary};
 
-/// A session with the bench of one test.
+/// The devices and the folder of one test.
 struct Session {
     folder: TempDir,
     stage: Stage,
@@ -27,7 +27,7 @@ impl Session {
         self.folder.path().join(name).display().to_string()
     }
 
-    /// The rig's file with lines before the tables, and in that of the projector.
+    /// Writes the rig file; `more` are lines before its tables, `of_projector` lines in `[projector]`.
     fn rig(&self, more: &str, of_projector: &str) -> String {
         let projector = &self.stage.hardware.projector;
         let display = projector.display.as_deref().unwrap_or_default();
@@ -44,7 +44,7 @@ impl Session {
     }
 }
 
-/// Names and grades of what a check found that is not ok, with what is said of each.
+/// The name and the text of each finding of a check that is not ok.
 #[track_caller]
 fn wrong(said: &Value) -> Vec<(String, String)> {
     let findings = said["findings"].as_array().expect("a list");
@@ -59,7 +59,7 @@ fn wrong(said: &Value) -> Vec<(String, String)> {
 }
 
 #[test]
-fn a_bench_is_previewed_aligned_calibrated_and_checked() {
+fn a_rig_is_previewed_aligned_calibrated_and_checked() {
     let session = Session::new(201);
     let rig = session.rig("", "monitor_size = [200, 200]");
     let picture = session.inside("preview.png");
@@ -82,7 +82,7 @@ fn a_bench_is_previewed_aligned_calibrated_and_checked() {
     let (said, status) = summary(&["rig", "check", &rig, "-o", &session.inside("out")]);
     println!("checked in {:?}", began.elapsed());
     let wrong = wrong(&said);
-    // A machine that has other work may lose frames or take them late, which is named: nothing else may be wrong.
+    // A busy machine may lose frames or take them late, which is reported; nothing else may be wrong.
     assert!(status == 0 && wrong.iter().all(|(name, _)| name == "frames"), "{wrong:?}");
     let text = said.to_string();
     for part in [
@@ -95,7 +95,7 @@ fn a_bench_is_previewed_aligned_calibrated_and_checked() {
 }
 
 #[test]
-fn each_device_that_is_not_as_it_should_be_is_named_and_the_other_is_looked_at_all_the_same() {
+fn a_faulty_device_is_named_and_the_other_one_is_checked_too() {
     let session = Session::new(202);
     let out = session.inside("out");
     let rig = session.rig("", "monitor_size = [1920, 1080]");
@@ -106,7 +106,7 @@ fn each_device_that_is_not_as_it_should_be_is_named_and_the_other_is_looked_at_a
     assert_eq!((&said["whole"], said.to_string().contains("Mono16")), (&Value::from(false), true));
 
     let rig = session.rig("", "monitor_size = [200, 200]");
-    // Another program has the camera.
+    // Another program holds the camera.
     let held = session.stage.hardware.open_camera().expect("it is free");
     let (said, status) = summary(&["rig", "check", &rig, "-o", &out]);
     drop(held);
@@ -118,7 +118,7 @@ fn each_device_that_is_not_as_it_should_be_is_named_and_the_other_is_looked_at_a
 }
 
 #[test]
-fn ctrl_c_leaves_both_devices_free() {
+fn ctrl_c_releases_both_devices() {
     let session = Session::new(203);
     let (rig, picture) = (session.rig("", ""), session.inside("preview.png"));
     let mut program = Command::new(env!("CARGO_BIN_EXE_krylux"))
@@ -142,14 +142,14 @@ fn ctrl_c_leaves_both_devices_free() {
     };
     assert_eq!(status.code(), Some(0));
     assert!(session.stage.server.windows().is_empty(), "the projector's window is gone");
-    // The camera was released, not left to its heartbeat.
+    // The camera was released; otherwise it would stay held until its heartbeat runs out.
     let (said, _) = summary(&["rig", "preview", &rig, "--frames", "1", "-o", &picture]);
     assert_eq!(said["figures"]["frame"], 1);
     image::open(&picture).expect("it is a whole picture");
 }
 
 #[test]
-fn the_list_tells_what_a_camera_can_do_also_while_it_is_held() {
+fn the_list_shows_what_a_camera_can_do_even_while_it_is_held() {
     let session = Session::new(204);
     let rig = session.rig("", "");
     let held = session.stage.hardware.open_camera().expect("it is free");

@@ -1,4 +1,4 @@
-//! From captures to an operator, through all protocols.
+//! From captures to an operator on real protocols.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -12,7 +12,7 @@ use krylux::transport::Part;
 use crate::bench::{SIDE, noisy, rooms, stage};
 
 #[test]
-fn calibrated_from_captures_alone_a_product_is_that_of_the_scenes_matrix() {
+fn a_product_calibrated_from_captures_alone_is_that_of_the_scenes_matrix() {
     let began = std::time::Instant::now();
     let mut rig = noisy(Path::new("rooms.npz"));
     rig.projector.gamma = Some(2.2);
@@ -35,6 +35,6 @@ fn calibrated_from_captures_alone_a_product_is_that_of_the_scenes_matrix() {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let error = (1.0 - dot(&y, &truth).powi(2) / (dot(&y, &y) * dot(&truth, &truth))).max(0.0).sqrt();
     println!("relative error of a product {error:.5}, after {:?}", began.elapsed());
-    // Of 8 bits through a gamma of 2.2, as nearest levels: rounding alone is 3e-3.
+    // Rounding to 8 bits through a gamma of 2.2 alone is an error of 3e-3.
     assert!(error < 0.01, "{error}");
 }

@@ -1,4 +1,4 @@
-//! Rig files of real devices: what stands in them, and what is refused.
+//! Rig files of real devices: how they are read, and which are refused.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ fn refused(text: &str) -> String {
 }
 
 #[test]
-fn a_rig_of_real_devices_is_read_and_the_rest_has_a_default() {
+fn a_rig_file_of_real_devices_has_defaults() {
     let file = from(WHOLE).expect("it is whole");
     assert_eq!(file.calibration.as_deref(), Some(Path::new("folder/found")));
     assert_eq!(file.measurement.settle, Some(0.05));
@@ -49,7 +49,7 @@ fn a_rig_of_real_devices_is_read_and_the_rest_has_a_default() {
 }
 
 #[test]
-fn what_is_misspelt_or_out_of_range_is_named() {
+fn misspelt_keys_and_values_out_of_range_are_named() {
     for (part, to, expected) in [
         (
             "monitor = ",

@@ -1,4 +1,4 @@
-//! Photos through all protocols against what the scene's matrix says.
+//! Photos on real protocols, compared with the scene's matrix.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::bench::{SIDE, Stage, devices, rooms, stage};
 
 const FULL: f64 = 65535.0;
 
-/// As much of white as a frame's pixel has.
+/// Frames of random levels.
 fn frames(count: u64) -> Vec<Arc<Frame>> {
     (0..count)
         .map(|seed| {
@@ -24,7 +24,7 @@ fn frames(count: u64) -> Vec<Arc<Frame>> {
         .collect()
 }
 
-/// What the scene's matrix says of a frame, as counts that need not be whole.
+/// The expected counts of a frame from the scene's matrix, before rounding.
 fn truth(rig: &VirtualRig, frame: &Frame, exposure: f64) -> Vec<f64> {
     let photo = |light: &dyn Fn(usize) -> f64| {
         let mut photo = vec![0.0; SIDE * SIDE];
@@ -33,7 +33,7 @@ fn truth(rig: &VirtualRig, frame: &Frame, exposure: f64) -> Vec<f64> {
     };
     let mut white = photo(&|_| 1.0);
     white.sort_by(f64::total_cmp);
-    // As `VirtualCamera` says: the brightest but 1 in 100 fills half of the range.
+    // As `VirtualCamera` documents, the 99th percentile of white fills half of the range.
     let bright = white[(white.len() - 1) * 99 / 100];
     let scale = FULL * rig.camera.white_fill * exposure / (rig.camera.white_exposure * bright);
     photo(&|pixel| f64::from(frame.levels()[pixel]) / 255.0).into_iter().map(|light| scale * light).collect()
@@ -49,7 +49,7 @@ fn capture(live: &mut LiveFrames, frame: &Arc<Frame>, exposure: f64) -> RawFrame
 }
 
 #[test]
-fn without_noise_every_photo_is_within_rounding_of_the_scenes_matrix() {
+fn without_noise_every_photo_equals_the_product_up_to_rounding() {
     let rig = devices(Path::new("rooms.npz"));
     let stage = stage(1, &rig);
     let mut live = LiveFrames::new(open(&stage), 0.0, 3);
@@ -65,7 +65,7 @@ fn without_noise_every_photo_is_within_rounding_of_the_scenes_matrix() {
     }
     let each = began.elapsed().as_secs_f64() / frames.len() as f64;
     println!("worst {worst:.4} DN; {:.1} ms for each photo of 5.5 ms on average", 1e3 * each);
-    // Half a count is rounding; light is handed on in single precision, which is 65535 / 2^24 of a count.
+    // Rounding is half a count; light in single precision adds an error of 65535 / 2^24 counts.
     assert!(worst <= 0.51, "{worst} DN");
     assert_eq!(live.effort().late, 0);
 }
@@ -90,12 +90,12 @@ fn noise_is_as_large_as_the_camera_says() {
     }
     let rms = (squares / samples).sqrt();
     println!("rms z {rms:.4} of {samples} samples");
-    // The mean of 5760 squares scatters by 1.9 %, its root by 0.9 %: five of those.
+    // The standard deviation of the mean of 5760 squares is 1.9 %, that of its root 0.9 %; the bound is five of these.
     assert!((rms - 1.0).abs() < 0.05, "{rms}");
 }
 
 #[test]
-fn where_the_time_goes_is_told_and_adds_up() {
+fn the_times_of_a_photos_parts_add_up() {
     let rig = devices(Path::new("rooms.npz"));
     let stage = stage(3, &rig);
     let mut live = LiveFrames::new(open(&stage), 0.002, 3);
@@ -106,7 +106,7 @@ fn where_the_time_goes_is_told_and_adds_up() {
     println!("{} (each photo)", times.each(effort.taken));
     assert!((times.sum() - effort.seconds).abs() < 1e-9, "{effort:?}");
     assert!((times.expose - 20.0 * 0.004).abs() < 1e-9, "{times:?}");
-    // A frame is not shown at once, but at a refresh: this server's is at least half of one away.
+    // A frame is shown at a refresh, which on this server is on average half an interval away.
     assert!(times.refresh + times.settle >= 20.0 * (0.007 + 0.002), "{times:?}");
     assert!(times.show > 0.0 && times.transfer > 0.0, "{times:?}");
 }

@@ -1,4 +1,4 @@
-//! The program from calibration to report, on the protocols and on the same devices simulated.
+//! The command line from calibration to report, on the real protocols and on a virtual rig with the same devices.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::bench::{QUESTION, SIDE, labels, noisy, rig_file, rooms, stage};
 use crate::program::{krylux, labels_of_rooms, summary};
 
-/// The file of the same devices, simulated.
+/// Writes the rig file of the virtual rig with the same devices.
 fn simulated(folder: &Path, more: &str) -> String {
     sparse::write(&folder.join("rooms.npz"), &rooms()).expect("the folder can be written");
     let path = folder.join("simulated.toml");
@@ -29,7 +29,7 @@ fn segment(rig: &str, run: &Path) -> Value {
 }
 
 #[test]
-fn from_calibration_to_report_the_answers_are_those_of_the_simulated_rig() {
+fn results_from_calibration_to_report_equal_those_of_the_virtual_rig() {
     let began = Instant::now();
     let folder = TempDir::new().expect("a temporary folder can be made");
     let stage = stage(10, &noisy(Path::new("rooms.npz")));
@@ -76,7 +76,7 @@ fn from_calibration_to_report_the_answers_are_those_of_the_simulated_rig() {
 }
 
 #[test]
-fn the_list_names_what_a_rig_file_may_name() {
+fn the_list_names_monitors_and_cameras() {
     let folder = TempDir::new().expect("a temporary folder can be made");
     let stage = stage(12, &noisy(Path::new("rooms.npz")));
     let said = summary(&["rig", "list", &rig_file(folder.path(), &stage, "")]);
@@ -96,13 +96,13 @@ fn the_list_names_what_a_rig_file_may_name() {
         "{abilities}"
     );
     assert_eq!(abilities["exposures"], serde_json::json!([2e-5, 2.0]));
-    // Without a server there is nothing to show on, which is said.
+    // A server that cannot be reached is named.
     let output = krylux(&["rig", "list", "--display", ":4094"]);
     assert!(output.status.success() && String::from_utf8_lossy(&output.stderr).contains(":4094"));
 }
 
 #[test]
-fn what_needs_a_simulated_scene_says_so_on_real_devices() {
+fn verbs_that_need_a_scene_refuse_real_devices() {
     let folder = TempDir::new().expect("a temporary folder can be made");
     let path = folder.path().join("rig.toml");
     let text = "kind = \"hardware\"\n[projector]\nkind = \"x11\"\nsize = [8, 8]\n\

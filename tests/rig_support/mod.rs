@@ -1,4 +1,4 @@
-//! Rigs on shipped scenes: each scene is traced once for all tests of a binary.
+//! Virtual rigs on shipped scenes. Each scene is traced once for all tests of a binary.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
 use std::ops::ControlFlow;
@@ -15,10 +15,10 @@ use krylux::transport::{Assembled, Channels};
 
 use crate::common;
 
-/// Pixels on a side.
+/// The width and height in pixels.
 pub const SIDE: usize = 64;
 
-/// A scene in front of a rig, with what is known of that rig.
+/// A scene in front of a rig, and the rig's calibration.
 pub struct Stage {
     pub rig: VirtualRig,
     pub measurement: MeasureOptions,
@@ -26,7 +26,7 @@ pub struct Stage {
     pub calibration: Calibration,
 }
 
-/// The rig of `assets/rigs/realistic.toml`, every imperfection on, calibrated from captures alone.
+/// The rig of `assets/rigs/realistic.toml` with every imperfection, calibrated from captures alone.
 pub fn realistic(scene: &'static str) -> &'static Stage {
     static STAGES: Mutex<Vec<(&'static str, &'static Stage)>> = Mutex::new(Vec::new());
     let mut stages = STAGES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -67,22 +67,21 @@ pub fn target() -> Image {
 }
 
 impl Stage {
-    /// To plan with these options in the place of the file's.
+    /// A planner with these options, which replace those of the file.
     pub fn planner<'a>(&'a self, rig: &'a VirtualRig, measurement: &'a MeasureOptions) -> Planner<'a> {
         Planner { rig, twin: &self.twin, calibration: &self.calibration, measurement, observer: &() }
     }
 }
 
-/// A calibration as `krylux rig calibrate` finds it, in front of this scene.
+/// The calibration that `krylux rig calibrate` finds in front of this scene.
 fn captured(rig: &VirtualRig, twin: &Twin) -> Calibration {
-    let bench = rig.open(twin.transport(), None).expect("it fits its scene");
-    let mut shots = LiveFrames::new(bench, 0.0, MeasureOptions::default().tries);
+    let devices = rig.open(twin.transport(), None).expect("it fits its scene");
+    let mut shots = LiveFrames::new(devices, 0.0, MeasureOptions::default().tries);
     let mut go_on = |_| ControlFlow::Continue(());
     calibrate(&mut shots, &CalibrateOptions::default(), &mut go_on).expect("it can be calibrated").0
 }
 
-/// A calibration from what the rig's file says: what captures would find, but for their noise. Vignetting and blur are in no
-/// calibration.
+/// The calibration that follows from the rig file: the result of noiseless captures. No calibration contains vignetting and blur.
 pub fn known(rig: &VirtualRig) -> Calibration {
     let (projector, camera) = (rig.projector_info(), rig.camera_info());
     let mut calibration = Calibration::ideal(&projector, &camera);
@@ -117,7 +116,7 @@ pub fn known(rig: &VirtualRig) -> Calibration {
     let registration = &mut calibration.registration;
     (registration.starts, registration.pixels, registration.weights) = (vec![0], Vec::new(), Vec::new());
     for row in rows {
-        // Camera pixels that lie mostly in it.
+        // The weights favour camera pixels that lie mostly inside the projector pixel.
         let sum: f64 = row.values().map(|share| share * share).sum();
         for (pixel, share) in row {
             registration.pixels.push(pixel);

@@ -1,4 +1,4 @@
-//! An X server without a screen, and a look at what is on it.
+//! An X server without a screen (Xvfb), and access to its pixels and windows.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
 use std::io::{BufRead, BufReader};
@@ -12,7 +12,7 @@ use x11rb::protocol::randr::{ConnectionExt as _, MonitorInfo};
 use x11rb::protocol::xproto::{ConnectionExt as _, Window};
 use x11rb::rust_connection::RustConnection;
 
-/// An X server of our own; it ends with the test.
+/// A running Xvfb, which ends with the test.
 pub struct XServer {
     process: Child,
     pub display: String,
@@ -21,7 +21,7 @@ pub struct XServer {
 }
 
 impl XServer {
-    /// With so many pixels of 24 bits.
+    /// A server with a screen of this size and 24 bits per pixel.
     pub fn start(width: u16, height: u16) -> Self {
         Self::of_depth(width, height, 24)
     }
@@ -30,15 +30,15 @@ impl XServer {
         Self::with(&["-screen", "0", &format!("{width}x{height}x{depth}")])
     }
 
-    /// One with this display and 24 bits, which may have belonged to another one before.
+    /// A server on this display with 24 bits per pixel. The display may have belonged to an earlier server.
     pub fn at(display: &str, width: u16, height: u16) -> Self {
         Self::with(&[display, "-screen", "0", &format!("{width}x{height}x24")])
     }
 
-    /// With these arguments.
+    /// A server with these arguments.
     pub fn with(arguments: &[&str]) -> Self {
         let mut process = Command::new("Xvfb")
-            // It says itself which number was free.
+            // The server chooses a free display number, and prints it.
             .args(["-displayfd", "1", "-nolisten", "tcp", "-noreset"])
             .args(arguments)
             .stdout(Stdio::piped())
@@ -54,7 +54,7 @@ impl XServer {
         Self { process, display, connection, root }
     }
 
-    /// Names a part of the picture as a monitor.
+    /// Defines a part of the screen as a monitor.
     pub fn add_monitor(&self, name: &str, [x, y, width, height]: [i16; 4]) {
         let name = self
             .connection
@@ -78,7 +78,7 @@ impl XServer {
         self.connection.randr_set_monitor(self.root, monitor).expect("sent").check().expect("it fits");
     }
 
-    /// Switches its monitor off and on, as by a cable that is loose.
+    /// Switches the monitor off and on, as a loose cable does.
     pub fn interrupt(&self) {
         let resources = self
             .connection
@@ -98,7 +98,7 @@ impl XServer {
         }
     }
 
-    /// Red, green and blue of these pixels: columns, then rows.
+    /// Red, green and blue of the pixels in a rectangle (left, top, width, height), row by row.
     pub fn pixels(&self, [x, y, width, height]: [i16; 4]) -> Vec<[u8; 3]> {
         let (image, _) =
             Image::get(&self.connection, self.root, x, y, width as u16, height as u16).expect("inside");
@@ -109,9 +109,9 @@ impl XServer {
         (0..width as usize * height as usize).map(pixel).collect()
     }
 
-    /// A look at a gray pattern, whose pixels are squares of so many of the server's, on a side. None while there is no server: the
-    /// next one with this display is looked at again.
-    pub fn eye(
+    /// A function that reads a gray pattern from the screen; each pattern pixel is a square with `magnify` screen pixels on a side. It
+    /// returns `None` while there is no server, and connects to the next server on this display.
+    pub fn view(
         &self,
         [x, y]: [i16; 2],
         magnify: usize,
@@ -130,7 +130,7 @@ impl XServer {
         let mut connected = connect();
         move || {
             let image = connected.as_ref().and_then(look).or_else(|| {
-                // That server is gone.
+                // That server has ended.
                 connected = connect();
                 connected.as_ref().and_then(look)
             })?;
@@ -141,7 +141,7 @@ impl XServer {
         }
     }
 
-    /// The windows on it.
+    /// The windows on the screen.
     pub fn windows(&self) -> Vec<Window> {
         self.connection.query_tree(self.root).expect("sent").reply().expect("answered").children
     }
@@ -164,7 +164,7 @@ impl XServer {
         window
     }
 
-    /// Draws a rectangle on a window, as a program does that does not know whose it is.
+    /// Draws a rectangle on a window that belongs to another program.
     pub fn scribble(&self, window: Window) {
         use x11rb::protocol::xproto::{CreateGCAux, Rectangle};
         let gc = self.connection.generate_id().expect("there is one");
@@ -177,7 +177,7 @@ impl XServer {
             .expect("it is there");
     }
 
-    /// As if it crashed.
+    /// Kills the server, as a crash does.
     pub fn kill(&mut self) {
         self.process.kill().expect("it lives");
         self.process.wait().expect("it ends");
@@ -186,7 +186,7 @@ impl XServer {
 
 impl Drop for XServer {
     fn drop(&mut self) {
-        // It may have been killed already.
+        // The server may have been killed already.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

@@ -32,7 +32,10 @@ pub struct FoundCamera {
 /// [`Error::Rig`](crate::Error::Rig) when no request can be sent.
 pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
     let failed = |why: GenicamError| {
-        camera_fault(format!("cameras cannot be looked for: {why}"), "check that the computer has a network")
+        camera_fault(
+            format!("cameras cannot be searched for: {why}"),
+            "check that the computer has a network",
+        )
     };
     let mut found =
         blocking::discover_with(ANSWER, &DiscoveryOptions::new().include_loopback(true)).map_err(failed)?;

@@ -42,7 +42,7 @@ impl Port for Usb3Spec {
 pub(super) fn devices() -> Result<Vec<U3vDeviceInfo>> {
     discover().map_err(|why| {
         camera_fault(
-            format!("USB cameras cannot be looked for: {why}"),
+            format!("USB cameras cannot be searched for: {why}"),
             "check that the computer has USB, and that /sys is mounted",
         )
     })
@@ -60,7 +60,7 @@ fn choose(mut devices: Vec<U3vDeviceInfo>, serial: Option<&str>) -> Result<U3vDe
         (1, _) => Ok(devices.remove(0)),
         (0, None) => Err(refused(
             "no USB3 Vision camera is plugged in".into(),
-            "check its cable and power; `krylux rig list` names those there are".into(),
+            "check its cable and power; `krylux rig list` names the cameras that are plugged in".into(),
         )),
         (0, Some(serial)) => Err(refused(
             format!("no USB3 Vision camera has the serial number {serial}"),

@@ -63,7 +63,7 @@ impl VirtualRig {
             Sensor::new(&self.camera, camera.resolution, self.seed, &white).ok_or_else(|| Error::Rig {
                 device: camera.name.clone(),
                 fault: "it sees nothing even when the projector shows white".into(),
-                help: "correct where camera and projector stand, or the camera's shift, scale or homography"
+                help: "correct the poses of camera and projector, or the camera's shift, scale or homography"
                     .into(),
             })?;
         let own_light = view.unlit()?;

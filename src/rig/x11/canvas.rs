@@ -50,7 +50,7 @@ impl Canvas {
         let Resolution { width, height } = frame.resolution();
         let mut rows =
             Image::allocate_native((width * self.magnify) as u16, height as u16, self.depth, &self.setup)
-                .map_err(|why| lost("take a picture of its own depth", &why))?;
+                .map_err(|why| lost("give the format of its pixels", &why))?;
         for at in 0..width * height {
             let pixel = self.pixel(frame, at);
             let (x, y) = (at % width * self.magnify, at / width);

@@ -2,7 +2,7 @@
 //!
 //! The window lives in a separate process, so that a crash or a hang of the X connection, or an interrupt in the terminal,
 //! does not end the measurement. That process is always the `krylux` program, started as `krylux projector`. A program that
-//! is not krylux never starts itself: it names the `krylux` program, or has it found.
+//! is not krylux never starts itself as its own helper: it names the `krylux` program, or [`Helper::find`] searches for it.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};

@@ -56,8 +56,8 @@ impl X11Spec {
 }
 
 /// Why a projector cannot be driven from a Wayland session.
-const WAYLAND: &str = "a Wayland session shows windows as its compositor likes: an X server on top of it (XWayland) scales them, and \
-                       does not say when a frame is on screen";
+const WAYLAND: &str = "the compositor of a Wayland session may scale and recolour windows, and its X server (XWayland) does not say \
+                       when a frame is on screen";
 
 /// Connects to a server, which must drive its monitors itself: XWayland is refused.
 pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
@@ -66,10 +66,10 @@ pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> 
         no_server(&name, std::env::var_os("WAYLAND_DISPLAY").is_some(), &why.to_string())
     })?;
     let extension = connection.extension_information("XWAYLAND");
-    if extension.map_err(|why| lost("name its extensions", &why))?.is_some() {
+    if extension.map_err(|why| lost("list its extensions", &why))?.is_some() {
         return Err(fault(
             format!("this X server is XWayland, which cannot project: {WAYLAND}"),
-            "log in to an X11 session, or give the projector an Xorg of its own: display = \":1\" in [projector]",
+            "log in to an X11 session, or start a separate Xorg for the projector: display = \":1\" in [projector]",
         ));
     }
     Ok((connection, screen))
@@ -81,7 +81,7 @@ fn no_server(name: &str, is_wayland: bool, why: &str) -> Error {
     match (name.is_empty(), is_wayland) {
         (true, true) => fault(
             format!("there is no X server, but Wayland, which is not supported: {WAYLAND}"),
-            "log in to an X11 session, or give the projector an Xorg of its own: display = \":1\" in [projector]",
+            "log in to an X11 session, or start a separate Xorg for the projector: display = \":1\" in [projector]",
         ),
         (true, false) => fault("there is no X server: DISPLAY is not set", help),
         (false, _) => fault(format!("the X server \"{name}\" cannot be reached: {why}"), help),
@@ -190,7 +190,7 @@ pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
 
 /// Checks that levels reach this monitor unchanged: its gamma ramp is a straight line, and it has no transform.
 pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<()> {
-    let asked = "tell a monitor's gamma ramp and transform";
+    let asked = "report a monitor's gamma ramp and transform";
     let sent = |why: x11rb::errors::ConnectionError| lost(asked, &why);
     let reply = |why: x11rb::errors::ReplyError| lost(asked, &why);
     let name = &monitor.name;

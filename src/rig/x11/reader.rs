@@ -51,5 +51,5 @@ impl Reader {
 }
 
 fn failed(why: &dyn std::fmt::Display) -> Error {
-    lost("read its picture back", why)
+    lost("let its screen be read back", why)
 }

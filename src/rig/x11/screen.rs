@@ -55,7 +55,7 @@ impl Screen {
             let known = connection.extension_information(extension).map_err(opening)?;
             if known.is_none() {
                 return Err(fault(
-                    format!("the X server has no {name} extension, by which it confirms what is on screen"),
+                    format!("the X server has no {name} extension, which is needed to confirm frames"),
                     "use the system's own X server (Xorg), not a remote or nested one",
                 ));
             }
@@ -137,7 +137,7 @@ impl Screen {
         let confirmed = self.watch.completed(&self.connection, self.serial, true)?;
         if confirmed.skipped {
             return Err(fault(
-                "the X server passed a frame over for a later one",
+                "the X server skipped a frame in favour of a later one",
                 "let no other program draw on the projector's window",
             ));
         }

@@ -62,10 +62,7 @@ impl Watch {
         while !self.mapped {
             self.look(connection)?;
             if began.elapsed() > PATIENCE {
-                return Err(fault(
-                    "the X server does not show the projector's window",
-                    "start the server anew",
-                ));
+                return Err(fault("the X server does not show the projector's window", "restart the server"));
             }
             std::thread::sleep(POLL);
         }
@@ -106,8 +103,8 @@ impl Watch {
         self.drain(connection)?;
         if self.trouble == Some(Trouble::Hidden) {
             // A window that is closed is hidden first. Once the server has answered a request, both events have arrived.
-            let asked = connection.get_input_focus().map_err(|why| untold(&why))?;
-            asked.reply().map_err(|why| untold(&why))?;
+            let asked = connection.get_input_focus().map_err(|why| unreported(&why))?;
+            asked.reply().map_err(|why| unreported(&why))?;
             self.drain(connection)?;
         }
         let trouble = self.trouble.take().or(self.obscured.then_some(Trouble::Covered));
@@ -115,7 +112,7 @@ impl Watch {
         let (what, help) = match trouble {
             Trouble::Closed => ("was closed", "leave it alone while photos are taken"),
             Trouble::Hidden => ("was hidden", "leave it alone while photos are taken"),
-            Trouble::Moved => ("was moved or resized", "switch the window manager's placing of it off"),
+            Trouble::Moved => ("was moved or resized", "keep the window manager from placing it"),
             Trouble::Covered => (
                 "is covered by another one",
                 "keep other windows, notifications and screen savers off its monitor",
@@ -135,7 +132,7 @@ impl Watch {
     }
 
     fn drain(&mut self, connection: &RustConnection) -> Result<()> {
-        while let Some(event) = connection.poll_for_event().map_err(|why| untold(&why))? {
+        while let Some(event) = connection.poll_for_event().map_err(|why| unreported(&why))? {
             self.note(&event);
         }
         Ok(())
@@ -179,6 +176,6 @@ impl Watch {
     }
 }
 
-fn untold(why: &dyn std::fmt::Display) -> Error {
-    lost("tell what happens to the window", why)
+fn unreported(why: &dyn std::fmt::Display) -> Error {
+    lost("report events of the window", why)
 }

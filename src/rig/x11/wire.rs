@@ -70,7 +70,7 @@ pub(super) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<O
         u32::from_le_bytes([lengths[at], lengths[at + 1], lengths[at + 2], lengths[at + 3]]) as usize
     });
     if header > LONGEST || payload > LONGEST {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, "a message too long"));
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "the message is too long"));
     }
     let mut read = |length: usize| {
         let mut bytes = vec![0; length];

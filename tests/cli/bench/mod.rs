@@ -1,4 +1,4 @@
-//! The verbs at the bench, on virtual devices: `rig preview`, `rig align`, `rig check`, through the program.
+//! The verbs `rig preview`, `rig align` and `rig check` on virtual devices, run by the command line.
 
 mod align;
 mod check;

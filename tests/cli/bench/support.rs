@@ -1,4 +1,4 @@
-//! A wall and a thing before it, seen by a camera that may stand beside the projector.
+//! A virtual rig in front of a wall and an object, whose camera may have an offset from the projector.
 
 use std::path::Path;
 
@@ -8,17 +8,17 @@ use tempfile::TempDir;
 
 pub use crate::program::{command, folder, inside, krylux, text, verdict as summary};
 
-/// Pixels of the projector on a side.
+/// The width and height of the projector in pixels.
 pub const SIDE: usize = 32;
 
-/// Columns and rows of the thing, from the first to the one past the last: a good tenth of the field.
+/// The half-open ranges of the object's columns and rows; the object covers a good tenth of the field.
 const THING: [[usize; 2]; 2] = [[11, 22], [10, 21]];
 
-/// Of all light that falls into the scene, each pixel gets so much by way of the others.
+/// The share of all light that each pixel receives through the other pixels.
 const INDIRECT: f64 = 0.15;
 
-/// What the camera sees when it stands so many pixels of parallax to the right of the projector, and below it: the thing is seen that
-/// much further left and up. What lies behind it for the projector is in its shadow.
+/// The matrix of a camera whose offset to the right of the projector and below it causes a parallax of `aside` pixels: it sees the
+/// object further to the left and up. The wall behind the object, as seen from the projector, is in shadow.
 pub fn wall(aside: [i32; 2]) -> Csr {
     let within = |x: i32, y: i32| {
         [x, y].iter().zip(THING).all(|(&at, [from, to])| at >= from as i32 && at < to as i32)
@@ -44,7 +44,8 @@ pub fn wall(aside: [i32; 2]) -> Csr {
     Csr::new(pixels, starts, columns, weights).expect("well formed")
 }
 
-/// A rig before it, with noise, and a camera of twice as many pixels; `more` stands in its file's tables by name.
+/// Writes the file of a rig in front of the wall, with noise, and a camera with twice the projector's width and height. `more` has
+/// lines for the file's tables, by the table's name.
 pub fn rig(folder: &TempDir, aside: [i32; 2], more: &[(&str, &str)]) -> String {
     sparse::write(&folder.path().join("wall.npz"), &wall(aside)).expect("the folder can be written");
     let of = |table: &str| -> String {
@@ -65,7 +66,7 @@ pub fn rig(folder: &TempDir, aside: [i32; 2], more: &[(&str, &str)]) -> String {
     path.display().to_string()
 }
 
-/// Red, green and blue of a picture that was written.
+/// The width and the red, green and blue values of a picture file.
 pub fn pixels(path: &str) -> (usize, Vec<[u8; 3]>) {
     let picture = image::open(Path::new(path)).expect("it is a whole picture").to_rgb8();
     (picture.width() as usize, picture.pixels().map(|pixel| pixel.0).collect())

@@ -1,4 +1,4 @@
-//! Frames that are lost, come twice or too early, and a camera that hangs: noticed, taken anew within the limit, reported.
+//! Frames that are lost, repeated or too early, and a camera that hangs: each is noticed, retried within the limit, and reported.
 
 use krylux::Error;
 use krylux::measure::{Effort, FrameSource, LiveFrames, Times};
@@ -6,7 +6,7 @@ use krylux::rig::{Faults, VirtualRig};
 
 use super::support::{capture, counts, flat, live, open, rig, shot, show};
 
-/// A rig whose frames tell by their counts which pattern was on, and how often it was exposed.
+/// A rig whose counts identify the pattern that was on screen, and whose noise identifies the frame.
 fn telling() -> VirtualRig {
     let mut rig = rig(6, 5);
     (rig.projector.latency, rig.projector.frame_time) = (0.05, 0.02);
@@ -15,16 +15,16 @@ fn telling() -> VirtualRig {
     rig
 }
 
-/// Shoots `shots` patterns, `takes` times each; each must be its own pattern, and each frame another.
+/// Captures `shots` patterns, `takes` times each. Each photo must be of its own pattern, and each frame must be different.
 fn capture_all(live: &mut LiveFrames, rig: &VirtualRig, shots: u16, takes: u32) -> Effort {
     let mut seen: Vec<(u64, Vec<u16>)> = Vec::new();
     for (index, take) in (0..shots).flat_map(|index| (0..takes).map(move |take| (index, take))) {
-        // Levels that are three apart, each after a very different one.
+        // The levels are three apart, and each follows a very different one.
         let level = (3 * index * 37) % 256;
         let frame = live.capture(&shot(rig, level, 0.1, take)).expect("within the tries");
         let mean = frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / 30.0;
         let found = mean / (0.8 * 65535.0) * 255.0;
-        // Some 3000 electrons for each level: 30 pixels tell the level to 0.05.
+        // There are about 3000 electrons per level: the mean of 30 pixels has a standard error of 0.05 levels.
         assert!((found - f64::from(level)).abs() < 0.5, "level {found} for {level}");
         assert!(seen.last().is_none_or(|(id, _)| frame.id > *id), "numbers grow");
         assert!(level == 0 || seen.iter().all(|(_, counts)| *counts != frame.counts), "another exposure");
@@ -34,11 +34,11 @@ fn capture_all(live: &mut LiveFrames, rig: &VirtualRig, shots: u16, takes: u32) 
 }
 
 #[test]
-fn without_faults_each_photo_takes_one_frame_and_takes_share_a_showing() {
+fn without_faults_each_photo_takes_one_frame_and_all_takes_share_one_display() {
     let rig = telling();
     let mut live = live(&rig, 0.05, 1);
     let effort = capture_all(&mut live, &rig, 10, 3);
-    // Each pattern: 0.02 s to show, 0.05 s to settle, three exposures.
+    // Each pattern takes 0.02 s to show, 0.05 s to settle, and three exposures.
     let seconds = 10.0 * (0.02 + 0.05 + 3.0 * 0.1);
     assert!((effort.seconds - seconds).abs() < 1e-9, "{}", effort.seconds);
     let Effort { seconds, times, .. } = effort;
@@ -52,7 +52,7 @@ fn without_faults_each_photo_takes_one_frame_and_takes_share_a_showing() {
 }
 
 #[test]
-fn of_lost_repeated_late_and_early_frames_none_is_taken_for_a_photo() {
+fn lost_repeated_late_and_early_frames_are_never_accepted() {
     let mut rig = telling();
     for seed in 0..8 {
         rig.seed = seed;
@@ -65,7 +65,7 @@ fn of_lost_repeated_late_and_early_frames_none_is_taken_for_a_photo() {
 }
 
 #[test]
-fn frames_that_are_named_are_refused_and_counted_one_by_one() {
+fn faults_given_by_frame_numbers_are_refused_and_counted() {
     let mut rig = telling();
     rig.faults = Faults {
         dropped_frames: vec![2],
@@ -82,7 +82,7 @@ fn frames_that_are_named_are_refused_and_counted_one_by_one() {
 }
 
 #[test]
-fn a_first_frame_that_would_repeat_does_not_come() {
+fn a_repetition_of_no_frame_is_a_dropped_frame() {
     let mut rig = telling();
     rig.faults.repeated_frames = vec![1];
     let effort = capture_all(&mut live(&rig, 0.05, 2), &rig, 1, 1);
@@ -90,16 +90,16 @@ fn a_first_frame_that_would_repeat_does_not_come() {
 }
 
 #[test]
-fn a_camera_that_freezes_is_restarted_once_for_a_photo() {
+fn a_camera_that_hangs_is_restarted_once_per_photo() {
     let mut rig = telling();
     rig.faults.freeze_after = vec![0, 5, 6];
     let effort = capture_all(&mut live(&rig, 0.05, 4), &rig, 10, 1);
-    // Two of four tries, then the restart.
+    // The camera is restarted after two of four tries.
     assert_eq!((effort.taken, effort.restarts, effort.dropped), (10, 3, 6));
 }
 
 #[test]
-fn a_camera_that_freezes_for_good_is_given_up_by_name() {
+fn a_camera_that_hangs_for_good_is_given_up_and_named() {
     let mut rig = telling();
     rig.faults = Faults { freeze_after: vec![3], freeze_for_good: true, ..Faults::default() };
     let mut live = live(&rig, 0.05, 5);
@@ -119,19 +119,19 @@ fn a_camera_that_freezes_for_good_is_given_up_by_name() {
 }
 
 #[test]
-fn a_camera_that_only_repeats_is_restarted_and_then_given_up() {
+fn a_camera_that_only_repeats_frames_is_restarted_and_then_given_up() {
     let mut rig = telling();
     rig.faults.repeated_frames = (2..100).collect();
     let mut live = live(&rig, 0.05, 6);
     capture_all(&mut live, &rig, 1, 1);
-    // The same frame, so that nothing but its number tells a repetition.
+    // The same frame again, so that only its number reveals the repetition.
     let fault = live.capture(&shot(&rig, 0, 0.1, 1)).err().map(|error| error.to_string());
     assert!(fault.is_some_and(|fault| fault.contains("6 came a second time")));
     assert_eq!((live.effort().repeated, live.effort().restarts), (6, 1));
 }
 
 #[test]
-fn a_camera_whose_frames_are_always_early_is_given_up_with_another_advice() {
+fn a_camera_whose_frames_are_always_early_is_given_up_with_advice_on_settling() {
     let mut rig = telling();
     rig.faults.early = 1.0;
     let fault = live(&rig, 0.05, 4).capture(&shot(&rig, 9, 0.1, 0)).err().map(|error| error.to_string());
@@ -139,7 +139,7 @@ fn a_camera_whose_frames_are_always_early_is_given_up_with_another_advice() {
 }
 
 #[test]
-fn within_the_tries_means_within_the_tries() {
+fn the_number_of_tries_is_exact() {
     let mut rig = telling();
     rig.faults.dropped_frames = vec![1, 2];
     assert!(live(&rig, 0.05, 2).capture(&shot(&rig, 9, 0.1, 0)).is_err());
@@ -147,31 +147,31 @@ fn within_the_tries_means_within_the_tries() {
 }
 
 #[test]
-fn without_settling_the_pattern_before_comes_through() {
-    // What the checks are for: here they have nothing to go by.
+fn without_a_settle_time_the_previous_pattern_is_seen() {
+    // This is the error that the settle time prevents: without it no check can notice the old pattern.
     let rig = telling();
     let mut hasty = live(&rig, 0.0, 1);
     hasty.capture(&shot(&rig, 255, 0.1, 0)).expect("nothing goes wrong");
     hasty.capture(&shot(&rig, 255, 0.1, 1)).expect("nothing goes wrong");
     let frame = hasty.capture(&shot(&rig, 0, 0.1, 0)).expect("no check fails");
     let share = f64::from(frame.counts[0]) / (0.8 * 65535.0);
-    // The first half of the exposure saw white.
+    // The screen was white during the first half of the exposure.
     assert!((share - 0.5).abs() < 0.01, "{share}");
 }
 
 #[test]
-fn without_the_policy_a_late_frame_shows_the_pattern_before_and_a_repeated_one_comes_twice() {
+fn without_the_policy_late_frames_show_the_previous_pattern_and_repeated_frames_arrive() {
     let mut rig = telling();
     (rig.faults.late_frames, rig.faults.repeated_frames) = (vec![2], vec![4]);
-    let mut bench = show(open(&rig), &rig, 255, 0.1);
-    let white = counts(&mut bench)[0];
-    let shown = bench.projector.show(&flat(&rig, 0)).expect("it fits");
-    bench.clock.sleep(0.05);
-    let late = capture(&mut bench);
+    let mut devices = show(open(&rig), &rig, 255, 0.1);
+    let white = counts(&mut devices)[0];
+    let shown = devices.projector.show(&flat(&rig, 0)).expect("it fits");
+    devices.clock.sleep(0.05);
+    let late = capture(&mut devices);
     assert!(f64::from(late.counts[0]) > 0.9 * white && late.id == 2 && late.started < shown.at);
-    let dark = capture(&mut bench);
+    let dark = capture(&mut devices);
     assert_eq!((dark.id, dark.counts[0]), (3, 0));
-    bench.projector.show(&flat(&rig, 255)).expect("it fits");
-    bench.clock.sleep(0.05);
-    assert_eq!(capture(&mut bench), dark, "white is on");
+    devices.projector.show(&flat(&rig, 255)).expect("it fits");
+    devices.clock.sleep(0.05);
+    assert_eq!(capture(&mut devices), dark, "white is on");
 }

@@ -1,4 +1,4 @@
-//! Rig files: what is shipped loads, and what is wrong is named.
+//! Rig files: the shipped ones load, and errors name what is wrong.
 
 use std::path::{Path, PathBuf};
 
@@ -39,7 +39,7 @@ fn refused(text: &str) -> [String; 2] {
 }
 
 #[test]
-fn every_shipped_rig_loads_and_its_scene_is_there() {
+fn every_shipped_rig_loads_and_its_scene_exists() {
     for name in ["ideal.toml", "realistic.toml", "one-bit.toml", "faulty.toml"] {
         let file = shipped(name);
         let VirtualScene::File { path, size, .. } = &virtual_rig(&file).scene else {
@@ -52,7 +52,7 @@ fn every_shipped_rig_loads_and_its_scene_is_there() {
 }
 
 #[test]
-fn the_shipped_rigs_are_what_their_names_say() {
+fn the_shipped_rigs_match_their_names() {
     let file = shipped("realistic.toml");
     let rig = virtual_rig(&file);
     assert_eq!((rig.projector.bits, rig.projector.gamma, rig.camera.bits), (8, Some(2.2), 14));
@@ -72,7 +72,7 @@ fn the_shipped_rigs_are_what_their_names_say() {
 }
 
 #[test]
-fn a_rig_file_needs_little_and_paths_are_relative_to_it() {
+fn a_rig_file_has_defaults_and_relative_paths() {
     let file =
         from(&WHOLE.replace("[scene]", "calibration = \"found\"\nseed = 9\n[scene]")).expect("it is whole");
     assert_eq!(file.calibration, Some(PathBuf::from("folder/found")));
@@ -146,7 +146,7 @@ fn values_out_of_range_are_named_with_their_range() {
 }
 
 #[test]
-fn a_file_of_another_kind_is_told_apart() {
+fn a_file_of_another_kind_is_recognized() {
     let pose = "[camera]\nposition = [0, 0, 0]\n";
     assert!(refused(pose)[1].contains("--camera-file"), "a file of poses is recognized");
     assert_eq!(refused("")[0], "it does not say what kind of rig it describes");
@@ -163,12 +163,12 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn whatever_stands_in_a_rig_file_it_loads_or_is_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn random_bytes_are_refused_without_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         let _ = RigFile::from_bytes(Path::new("a.toml"), &bytes);
     }
 
     #[test]
-    fn a_shipped_rig_with_damage_loads_or_is_refused_by_name(
+    fn a_damaged_shipped_rig_loads_or_its_error_names_the_file(
         name in prop::sample::select(vec!["realistic.toml", "faulty.toml"]),
         edits in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>(), "[\\PC\n]{0,6}"), 1..4),
     ) {

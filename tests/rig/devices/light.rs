@@ -1,4 +1,4 @@
-//! From levels to the light on the sensor.
+//! The conversion of levels to light on the sensor.
 
 use krylux::Error;
 use krylux::image::Resolution;
@@ -7,17 +7,17 @@ use krylux::rig::{Ambient, Drift, Frame, VirtualRig};
 
 use super::support::{Sheet, counts, diagonal, flat, live, open, rig, shot, show};
 
-/// What white counts in 0.1 s on a rig without fault.
+/// The count of white after 0.1 s on a rig without imperfections.
 const WHITE: f64 = 0.5 * 65535.0;
 
-/// The count of pixel 0 with this level on screen for 0.1 s, relative to white's.
+/// The count of pixel 0 after 0.1 s with this level on screen, relative to the count of white.
 fn relative(rig: &VirtualRig, level: u16) -> f64 {
     counts(&mut show(open(rig), rig, level, 0.1))[0] / WHITE
 }
 
 #[track_caller]
 fn assert_close(found: f64, expected: f64) {
-    // A count is rounded to half a unit, of 32768.
+    // Rounding changes a count of up to 32768 by at most half a unit.
     assert!((found - expected).abs() <= 0.51 / WHITE, "{found} for {expected}");
 }
 
@@ -56,13 +56,13 @@ fn a_projector_of_few_bits_has_few_levels() {
         let highest = ((1_u32 << bits) - 1) as u16;
         assert_close(relative(&rig, highest), 1.0);
         assert_close(relative(&rig, highest / 2), f64::from(highest / 2) / f64::from(highest));
-        let mut bench = open(&rig);
-        let fault = bench.projector.show(&flat(&rig, highest + 1));
+        let mut devices = open(&rig);
+        let fault = devices.projector.show(&flat(&rig, highest + 1));
         assert!(matches!(fault, Err(Error::Rig { .. })), "there is no level beyond the highest");
     }
-    let mut bench = open(&rig(2, 2));
-    assert!(bench.projector.show(&Frame::filled(Resolution::new(3, 2), 1, 0)).is_err(), "another size");
-    assert!(bench.projector.show(&Frame::filled(Resolution::new(2, 2), 3, 0)).is_err(), "another colour");
+    let mut devices = open(&rig(2, 2));
+    assert!(devices.projector.show(&Frame::filled(Resolution::new(3, 2), 1, 0)).is_err(), "another size");
+    assert!(devices.projector.show(&Frame::filled(Resolution::new(2, 2), 3, 0)).is_err(), "another colour");
 }
 
 #[test]
@@ -80,26 +80,26 @@ fn vignetting_of_both_devices_multiplies() {
 fn ambient_light_is_relative_to_white_and_swings() {
     let mut rig = rig(3, 3);
     rig.ambient = Ambient { level: 0.1, variation: 0.5, period: 4.0 };
-    let mut bench = show(open(&rig), &rig, 0, 0.1);
+    let mut devices = show(open(&rig), &rig, 0, 0.1);
     for expected in [1.0, 1.5, 1.0, 0.5] {
-        // The exposure's middle lies 0.05 s after its beginning.
+        // The middle of the exposure is 0.05 s after its beginning.
         let phase = std::f64::consts::TAU * 0.05 / 4.0;
         let bound = 0.1 * 0.5 * phase + 0.51 / WHITE;
-        let found = counts(&mut bench)[0] / WHITE;
+        let found = counts(&mut devices)[0] / WHITE;
         assert!((found - 0.1 * expected).abs() <= bound, "{found} for {expected}");
-        bench.clock.sleep(0.9);
+        devices.clock.sleep(0.9);
     }
 }
 
 #[test]
-fn over_an_exposure_of_whole_periods_a_swing_averages_out() {
+fn a_variation_averages_out_over_an_exposure_of_whole_periods() {
     let mut rig = rig(2, 2);
     rig.ambient = Ambient { level: 0.2, variation: 1.0, period: 0.02 };
-    let mut bench = show(open(&rig), &rig, 0, 0.1);
-    bench.clock.sleep(0.0123);
-    assert_close(counts(&mut bench)[0] / WHITE, 0.2);
-    bench.camera.configure(0.005).expect("within the range");
-    let found = counts(&mut bench)[0] / WHITE / 0.05;
+    let mut devices = show(open(&rig), &rig, 0, 0.1);
+    devices.clock.sleep(0.0123);
+    assert_close(counts(&mut devices)[0] / WHITE, 0.2);
+    devices.camera.configure(0.005).expect("within the range");
+    let found = counts(&mut devices)[0] / WHITE / 0.05;
     assert!((found - 0.2).abs() > 0.05, "within a quarter of it, it does not: {found}");
 }
 
@@ -107,60 +107,60 @@ fn over_an_exposure_of_whole_periods_a_swing_averages_out() {
 fn brightness_drifts_with_time() {
     let mut rig = rig(2, 2);
     rig.drift = Drift { per_hour: -0.1, ..Drift::default() };
-    let mut bench = show(open(&rig), &rig, 255, 0.1);
-    bench.clock.sleep(7200.0);
-    let found = counts(&mut bench)[0] / WHITE;
-    // 0.05 s of the exposure go by as well.
+    let mut devices = show(open(&rig), &rig, 255, 0.1);
+    devices.clock.sleep(7200.0);
+    let found = counts(&mut devices)[0] / WHITE;
+    // Half of the exposure, 0.05 s, passes until its middle.
     assert!((found - 0.8).abs() < 0.51 / WHITE + 0.1 * 0.05 / 3600.0, "{found}");
     rig.drift = Drift { per_hour: 0.0, swing: 0.25, period: 40.0 };
-    let mut bench = show(open(&rig), &rig, 255, 0.1);
-    bench.clock.sleep(10.0 - 0.05);
-    assert_close(counts(&mut bench)[0] / WHITE, 1.25);
+    let mut devices = show(open(&rig), &rig, 255, 0.1);
+    devices.clock.sleep(10.0 - 0.05);
+    assert_close(counts(&mut devices)[0] / WHITE, 1.25);
 }
 
 #[test]
-fn while_the_frame_changes_a_photo_is_a_mix_of_both() {
+fn a_photo_during_a_change_of_frames_mixes_both() {
     let mut rig = rig(2, 2);
     (rig.projector.latency, rig.projector.frame_time) = (0.03, 0.02);
-    let mut bench = show(open(&rig), &rig, 0, 0.1);
-    let asked = bench.clock.now();
-    let shown = bench.projector.show(&flat(&rig, 255)).expect("it fits");
+    let mut devices = show(open(&rig), &rig, 0, 0.1);
+    let asked = devices.clock.now();
+    let shown = devices.projector.show(&flat(&rig, 255)).expect("it fits");
     assert_eq!(shown.at, asked + 0.02, "a frame is confirmed at the next refresh");
-    // Of 0.1 s, the old frame's light has the first 0.03, then, 0.02 s later, the rest of it.
-    assert_close(counts(&mut bench)[0] / WHITE, 0.7);
-    assert_close(counts(&mut bench)[0] / WHITE, 1.0);
+    // The old frame's light lasts for the first 0.03 s of the exposure of 0.1 s.
+    assert_close(counts(&mut devices)[0] / WHITE, 0.7);
+    assert_close(counts(&mut devices)[0] / WHITE, 1.0);
     // Three frames within one exposure.
-    bench.projector.show(&flat(&rig, 0)).expect("it fits");
-    bench.projector.show(&flat(&rig, 51)).expect("it fits");
+    devices.projector.show(&flat(&rig, 0)).expect("it fits");
+    devices.projector.show(&flat(&rig, 51)).expect("it fits");
     // 0.01 s of white, 0.02 s of black, 0.07 s of a fifth.
-    assert_close(counts(&mut bench)[0] / WHITE, 0.1 + 0.7 * 0.2);
+    assert_close(counts(&mut devices)[0] / WHITE, 0.1 + 0.7 * 0.2);
 }
 
 #[test]
-fn colours_meet_in_the_cameras_channels() {
+fn channels_of_the_projector_reach_channels_of_the_camera() {
     let mut rig = rig(2, 2);
     let size = rig.scene.size();
     let sheet = |glow| Box::new(Sheet { size, colour: [0.25, 1.0, 0.5], glow });
     rig.camera.channels = 3;
-    let mut bench = show(rig.open(sheet([0.0; 3]), None).expect("it fits"), &rig, 255, 0.1);
-    counts(&mut bench).chunks(3).for_each(|rgb| {
+    let mut devices = show(rig.open(sheet([0.0; 3]), None).expect("it fits"), &rig, 255, 0.1);
+    counts(&mut devices).chunks(3).for_each(|rgb| {
         rgb.iter().zip([0.25, 1.0, 0.5]).for_each(|(count, colour)| assert_close(count / WHITE, colour));
     });
     rig.projector.channels = 3;
-    let mut bench = show(rig.open(sheet([0.0, 0.0, 0.125]), None).expect("it fits"), &rig, 0, 0.1);
+    let mut devices = show(rig.open(sheet([0.0, 0.0, 0.125]), None).expect("it fits"), &rig, 0, 0.1);
     let red: Vec<u16> = [255, 0, 0].repeat(4);
-    bench.projector.show(&Frame::new(size, 3, red).expect("as many levels")).expect("it fits");
-    // The scene's own light is there whatever is shown.
-    counts(&mut bench).chunks(3).for_each(|rgb| {
+    devices.projector.show(&Frame::new(size, 3, red).expect("as many levels")).expect("it fits");
+    // The scene's own light does not depend on the frame.
+    counts(&mut devices).chunks(3).for_each(|rgb| {
         rgb.iter().zip([0.25, 0.0, 0.125]).for_each(|(count, colour)| assert_close(count / WHITE, colour));
     });
-    // A gray camera weighs them by luminance, and is as sensitive as its own white photo asks for.
+    // A gray camera weights the channels by luminance; its own white photo sets its sensitivity.
     (rig.projector.channels, rig.camera.channels) = (3, 1);
-    let mut bench = show(rig.open(sheet([0.0; 3]), None).expect("it fits"), &rig, 0, 0.1);
+    let mut devices = show(rig.open(sheet([0.0; 3]), None).expect("it fits"), &rig, 0, 0.1);
     let green: Vec<u16> = [0, 255, 0].repeat(4);
-    bench.projector.show(&Frame::new(size, 3, green).expect("as many levels")).expect("it fits");
+    devices.projector.show(&Frame::new(size, 3, green).expect("as many levels")).expect("it fits");
     let share = 0.7152 / (0.2126 * 0.25 + 0.7152 + 0.0722 * 0.5);
-    assert_close(counts(&mut bench)[0] / WHITE, share);
+    assert_close(counts(&mut devices)[0] / WHITE, share);
     let fault = rig.open(diagonal(size, |_| 1.0), None).err().map(|error| error.to_string());
     assert!(fault.is_some_and(|fault| fault.contains("its scene is gray")));
 }

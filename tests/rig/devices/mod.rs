@@ -1,4 +1,4 @@
-//! Virtual devices do to light what their description says, and what goes wrong with them is noticed.
+//! Virtual devices: they change light as their description says, and their faults are noticed.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 

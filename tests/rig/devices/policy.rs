@@ -1,4 +1,4 @@
-//! Which frames are trusted, from a camera that does as the test says.
+//! Which frames are accepted, tested with a scripted camera.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
@@ -13,7 +13,7 @@ use super::support::{open, rig, shot};
 /// What the camera was told, in order.
 type Log = Arc<Mutex<Vec<&'static str>>>;
 
-/// A camera that hands out what is written.
+/// A camera that returns the scripted frames.
 struct Scripted {
     info: CameraInfo,
     frames: VecDeque<Option<RawFrame>>,
@@ -53,7 +53,7 @@ fn frame(id: u64, started: f64) -> RawFrame {
     }
 }
 
-/// The policy with 0.5 s to settle and four tries, and what the camera was told.
+/// A frame source with a settle time of 0.5 s and four tries, and the log of the camera's calls.
 fn scripted(frames: Vec<Option<RawFrame>>) -> (LiveFrames, Log) {
     with_exposure(frames, 0.1)
 }
@@ -66,7 +66,7 @@ fn with_exposure(frames: Vec<Option<RawFrame>>, set: f64) -> (LiveFrames, Log) {
     (LiveFrames::new(Devices { projector, camera, clock }, 0.5, 4), log)
 }
 
-/// Numbers of the frames that were taken for three photos of one pattern.
+/// The numbers of the frames that were accepted for three photos of one pattern.
 fn taken(live: &mut LiveFrames) -> Vec<u64> {
     (0..3)
         .map_while(|take| live.capture(&shot(&rig(2, 2), 7, 0.1, take)).ok())
@@ -75,7 +75,7 @@ fn taken(live: &mut LiveFrames) -> Vec<u64> {
 }
 
 #[test]
-fn a_frame_counts_from_the_moment_that_the_pattern_has_settled() {
+fn frames_are_accepted_after_the_pattern_has_settled() {
     let frames = [frame(1, 0.0), frame(2, 0.4999), frame(3, 0.5), frame(4, 0.7), frame(5, 0.8)];
     let (mut live, log) = scripted(frames.into_iter().map(Some).collect());
     assert_eq!(taken(&mut live), [3, 4, 5]);
@@ -91,7 +91,7 @@ fn a_frame_counts_from_the_moment_that_the_pattern_has_settled() {
 }
 
 #[test]
-fn a_number_that_does_not_grow_is_a_repetition_whatever_its_time() {
+fn a_number_that_does_not_increase_is_a_repetition() {
     let frames = [frame(5, 1.0), frame(5, 2.0), frame(9, 3.0), frame(4, 4.0), frame(10, 5.0)];
     let (mut live, _) = scripted(frames.into_iter().map(Some).collect());
     assert_eq!(taken(&mut live), [5, 9, 10]);
@@ -99,7 +99,7 @@ fn a_number_that_does_not_grow_is_a_repetition_whatever_its_time() {
 }
 
 #[test]
-fn a_time_that_does_not_grow_is_late_whatever_its_number() {
+fn a_time_that_does_not_increase_is_late() {
     let frames = [frame(1, 2.0), frame(2, 1.0), frame(3, 1.9), frame(4, 3.0), frame(5, 4.0)];
     let (mut live, _) = scripted(frames.into_iter().map(Some).collect());
     assert_eq!(taken(&mut live), [1, 4, 5]);
@@ -107,7 +107,7 @@ fn a_time_that_does_not_grow_is_late_whatever_its_number() {
 }
 
 #[test]
-fn after_a_restart_numbers_begin_anew_and_time_tells_a_repetition() {
+fn after_a_restart_repetitions_are_recognized_by_their_time() {
     let frames =
         vec![Some(frame(70, 1.0)), None, None, Some(frame(1, 1.0)), Some(frame(1, 2.0)), Some(frame(2, 3.0))];
     let (mut live, log) = scripted(frames);
@@ -118,7 +118,7 @@ fn after_a_restart_numbers_begin_anew_and_time_tells_a_repetition() {
 }
 
 #[test]
-fn a_frame_exposed_otherwise_than_was_set_is_from_before() {
+fn a_frame_with_another_exposure_is_late() {
     let other = RawFrame { exposure: 0.2, ..frame(1, 1.0) };
     let (mut live, _) =
         scripted(vec![Some(other), Some(frame(2, 2.0)), Some(frame(3, 3.0)), Some(frame(4, 4.0))]);
@@ -127,7 +127,7 @@ fn a_frame_exposed_otherwise_than_was_set_is_from_before() {
 }
 
 #[test]
-fn frames_that_make_no_sense_are_errors_at_once() {
+fn invalid_frames_are_errors_without_a_retry() {
     let short = RawFrame { counts: vec![0; 3], ..frame(1, 1.0) };
     let wide = RawFrame { resolution: Resolution::new(4, 1), ..frame(1, 1.0) };
     let timeless = RawFrame { started: f64::NAN, ..frame(1, 1.0) };

@@ -1,4 +1,4 @@
-//! A bench that is opened after an earlier session's last frame goes on as if that had never ended.
+//! A rig that is opened with the last frame of an earlier session continues as if that session had never ended.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use krylux::rig::{Ambient, Drift, Faults, Frame, RawFrame, Stamp, VirtualRig};
 
 use super::support::{open_after, rig};
 
-/// Everything that depends on time or chance, at once.
+/// A rig with every imperfection that depends on time or chance.
 fn restless() -> VirtualRig {
     let mut rig = rig(7, 5);
     rig.seed = 11;
@@ -28,7 +28,7 @@ fn restless() -> VirtualRig {
     rig
 }
 
-/// Photos of several patterns at several exposures, with takes; the same pattern returns.
+/// Requests for photos of several patterns at several exposures, with several takes; patterns recur.
 fn shots(rig: &VirtualRig) -> Vec<CaptureRequest> {
     let size = rig.scene.size();
     let frame = |index: usize| {
@@ -50,7 +50,7 @@ fn capture(live: &mut LiveFrames, shots: &[CaptureRequest]) -> Vec<RawFrame> {
 }
 
 #[test]
-fn wherever_it_stops_it_goes_on_to_the_last_bit() {
+fn a_resumed_session_has_the_same_frames_wherever_the_first_one_stopped() {
     let rig = restless();
     let shots = shots(&rig);
     let mut live = LiveFrames::new(open_after(&rig, None), 0.04, 12);
@@ -69,7 +69,7 @@ fn wherever_it_stops_it_goes_on_to_the_last_bit() {
 }
 
 #[test]
-fn opened_without_the_stamp_it_would_not() {
+fn without_the_stamp_a_resumed_session_has_other_frames() {
     let rig = restless();
     let shots = shots(&rig);
     let whole = capture(&mut LiveFrames::new(open_after(&rig, None), 0.04, 12), &shots);

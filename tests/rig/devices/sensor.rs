@@ -1,4 +1,4 @@
-//! From light to counts: noise, quantization, saturation, exposure; and where pixels look.
+//! The conversion of light to counts (noise, quantization, saturation, exposure), and the misregistration of pixels.
 
 use krylux::Error;
 use krylux::image::Resolution;
@@ -6,26 +6,26 @@ use krylux::rig::{Devices, VirtualRig};
 
 use super::support::{capture, counts, diagonal, moments, open, rig, show};
 
-/// A rig with a noisy camera, on a scene whose pixels run from dark to white.
+/// A rig with a noisy camera, on a scene whose pixels are a ramp from dark to white.
 fn noisy() -> (VirtualRig, Devices) {
     let mut rig = rig(40, 25);
     let camera = &mut rig.camera;
     (camera.bits, camera.black_level, camera.shot_noise, camera.read_noise) = (14, 200.0, true, 5.0);
     (camera.white_fill, camera.dark_current) = (0.9, 30.0);
-    let bench = rig.open(diagonal(rig.scene.size(), |pixel| pixel as f64 / 999.0), None);
-    let bench = show(bench.expect("it fits"), &rig, 255, 0.1);
-    (rig, bench)
+    let devices = rig.open(diagonal(rig.scene.size(), |pixel| pixel as f64 / 999.0), None);
+    let devices = show(devices.expect("it fits"), &rig, 255, 0.1);
+    (rig, devices)
 }
 
 #[test]
 fn mean_and_variance_of_counts_are_those_of_the_model() {
-    let (_, mut bench) = noisy();
+    let (_, mut devices) = noisy();
     const FRAMES: usize = 400;
     let electrons_per_count = 60_000.0 / (16383.0 - 200.0);
-    // The brightest pixel but 1 in 100 of 1000: number 989.
+    // The 99th percentile of 1000 pixels is pixel 989.
     let electrons = |pixel: usize| 0.9 * 60_000.0 * pixel as f64 / 989.0 + 30.0 * 0.1;
     let (mut mean_squares, mut variance_squares, mut variance_sum) = (0.0, 0.0, 0.0);
-    let moments = moments(&mut bench, FRAMES);
+    let moments = moments(&mut devices, FRAMES);
     for (pixel, [mean, variance]) in moments.iter().enumerate() {
         let expected = 200.0 + electrons(pixel) / electrons_per_count;
         let noise = (electrons(pixel) + 25.0) / electrons_per_count.powi(2) + 1.0 / 12.0;
@@ -34,7 +34,7 @@ fn mean_and_variance_of_counts_are_those_of_the_model() {
         variance_squares += z * z;
         variance_sum += z;
     }
-    // The root of the mean of 1000 squares of standard normal variates is 1 ± 0.022; five of that.
+    // The root mean square of 1000 standard normal variates is 1 ± 0.022; the bound is five of these.
     let pixels = moments.len() as f64;
     let [mean, variance] = [mean_squares, variance_squares].map(|squares: f64| (squares / pixels).sqrt());
     println!(
@@ -46,19 +46,19 @@ fn mean_and_variance_of_counts_are_those_of_the_model() {
 }
 
 #[test]
-fn in_the_dark_counts_are_single_photons() {
+fn dim_light_has_poisson_counts() {
     let mut rig = rig(50, 40);
     // One electron for each count.
     let camera = &mut rig.camera;
     (camera.bits, camera.black_level, camera.full_well, camera.shot_noise) = (10, 23.0, 1000.0, true);
     (camera.white_fill, camera.white_exposure) = (0.0015, 1.0);
-    let mut bench = show(open(&rig), &rig, 255, 1.0);
-    let frames: Vec<f64> = (0..50).flat_map(|_| counts(&mut bench)).map(|count| count - 23.0).collect();
+    let mut devices = show(open(&rig), &rig, 255, 1.0);
+    let frames: Vec<f64> = (0..50).flat_map(|_| counts(&mut devices)).map(|count| count - 23.0).collect();
     let total = frames.len() as f64;
     let mut probability = (-1.5_f64).exp();
     for photons in 0..8 {
         let share = frames.iter().filter(|&&count| count == f64::from(photons)).count() as f64 / total;
-        // Five standard errors of a share of 100,000.
+        // Five standard errors of a relative frequency in 100,000 counts.
         let bound = 5.0 * (probability / total).sqrt();
         assert!((share - probability).abs() < bound, "{photons}: {share} for {probability}");
         probability *= 1.5 / f64::from(photons + 1);
@@ -66,7 +66,7 @@ fn in_the_dark_counts_are_single_photons() {
 }
 
 #[test]
-fn noise_is_another_in_each_frame_and_pixel_and_the_same_in_each_run() {
+fn noise_differs_between_frames_and_pixels_and_repeats_between_runs() {
     let ((_, mut first), (_, mut again)) = (noisy(), noisy());
     let frames = [capture(&mut first), capture(&mut first)];
     assert_eq!(frames, [capture(&mut again), capture(&mut again)]);
@@ -78,25 +78,25 @@ fn noise_is_another_in_each_frame_and_pixel_and_the_same_in_each_run() {
         .collect();
     let correlation: f64 = residual.iter().map(|[left, right]| left * right).sum::<f64>()
         / residual.iter().map(|[left, right]| left.hypot(*right).powi(2) / 2.0).sum::<f64>();
-    // 500 pairs of neighbours, whose variances differ: a standard error of up to 0.06.
+    // 500 pairs of neighbours with different variances give a standard error of up to 0.06.
     assert!(correlation.abs() < 0.3, "neighbours are independent: {correlation}");
     let (mut rig, _) = noisy();
     rig.seed = 1;
-    let bench = rig.open(diagonal(rig.scene.size(), |pixel| pixel as f64 / 999.0), None).expect("it fits");
-    assert_ne!(capture(&mut show(bench, &rig, 255, 0.1)).counts, a);
+    let devices = rig.open(diagonal(rig.scene.size(), |pixel| pixel as f64 / 999.0), None).expect("it fits");
+    assert_ne!(capture(&mut show(devices, &rig, 255, 0.1)).counts, a);
 }
 
 #[test]
 fn a_saturated_pixel_counts_the_highest_number_and_no_more() {
     let mut rig = rig(2, 2);
     (rig.camera.bits, rig.camera.shot_noise, rig.camera.read_noise) = (12, true, 10.0);
-    let mut bench = show(open(&rig), &rig, 255, 0.3);
-    assert_eq!(counts(&mut bench), [4095.0; 4], "1.5 times the full well");
+    let mut devices = show(open(&rig), &rig, 255, 0.3);
+    assert_eq!(counts(&mut devices), [4095.0; 4], "1.5 times the full well");
     rig.camera.saturation = Some(4000);
     assert_eq!(counts(&mut show(open(&rig), &rig, 255, 0.3)), [4000.0; 4]);
     rig.camera.white_fill = 0.94 / 3.0;
     let near = counts(&mut show(open(&rig), &rig, 255, 0.3));
-    // 3849 on average, with a standard deviation of 16.
+    // The mean is 3849, with a standard deviation of 16.
     assert!(near.iter().all(|&count| (3760.0..3940.0).contains(&count)), "just below: {near:?}");
 }
 
@@ -115,10 +115,10 @@ fn without_light_a_pixel_counts_the_black_level_and_the_dark_current() {
 fn counts_are_rounded_to_the_nearest_step() {
     let mut rig = rig(256, 1);
     (rig.camera.bits, rig.camera.white_fill) = (8, 0.999);
-    let bench = rig.open(diagonal(rig.scene.size(), |pixel| (pixel as f64 + 0.3) / 253.3), None);
-    let counts = counts(&mut show(bench.expect("it fits"), &rig, 255, 0.1));
+    let devices = rig.open(diagonal(rig.scene.size(), |pixel| (pixel as f64 + 0.3) / 253.3), None);
+    let counts = counts(&mut show(devices.expect("it fits"), &rig, 255, 0.1));
     for (pixel, count) in counts.iter().enumerate() {
-        // Pixel number 252 of 0 to 255 is the brightest but 1 in 100, and its light is (252.3 / 253.3).
+        // Pixel 252 of 256 is the 99th percentile, and its light is 252.3 / 253.3.
         let expected = (255.0 * 0.999 * (pixel as f64 + 0.3) / 252.3).round().min(255.0);
         assert_eq!(*count, expected, "{pixel}");
     }
@@ -129,7 +129,7 @@ fn the_response_bends_counts_between_its_ends() {
     let mut rig = rig(2, 2);
     rig.camera.gamma = Some(0.5);
     let found = counts(&mut show(open(&rig), &rig, 255, 0.05))[0];
-    // Half of all counts lies between two of them.
+    // A count is rounded to the nearest integer.
     assert!((found - 65535.0 * 0.25_f64.sqrt()).abs() <= 0.5 + 1e-6, "{found}");
     (rig.camera.gamma, rig.camera.curve) = (None, Some(vec![0.0, 0.7, 1.0]));
     let found = counts(&mut show(open(&rig), &rig, 255, 0.1))[0];
@@ -137,30 +137,30 @@ fn the_response_bends_counts_between_its_ends() {
 }
 
 #[test]
-fn the_exposure_that_is_really_set_is_told_and_exposes() {
+fn the_exposure_that_was_set_is_returned_and_used() {
     let mut rig = rig(2, 2);
     (rig.camera.exposures, rig.camera.exposure_step) = ([0.00025, 1.0], 0.001);
-    let mut bench = show(open(&rig), &rig, 255, 0.1);
+    let mut devices = show(open(&rig), &rig, 255, 0.1);
     for (asked, expected) in [(0.0123, 0.012), (0.0126, 0.013), (0.00025, 0.001), (1.0, 1.0)] {
-        let set = bench.camera.configure(asked).expect("within the range");
+        let set = devices.camera.configure(asked).expect("within the range");
         assert!((set - expected).abs() < 1e-12, "{asked}: {set}");
-        let frame = capture(&mut bench);
+        let frame = capture(&mut devices);
         assert_eq!(frame.exposure, set);
         let light = (0.5 * 65535.0 * set / 0.1).min(65535.0).round();
         assert!((f64::from(frame.counts[0]) - light).abs() <= 1.0, "{asked}");
     }
     for asked in [0.0, 0.0002, 1.1, f64::NAN, -1.0, f64::INFINITY] {
-        assert!(matches!(bench.camera.configure(asked), Err(Error::Rig { .. })), "{asked}");
+        assert!(matches!(devices.camera.configure(asked), Err(Error::Rig { .. })), "{asked}");
     }
 }
 
 #[test]
-fn time_passes_by_exposures_and_readout() {
+fn exposures_and_readout_take_time() {
     let mut rig = rig(2, 2);
     rig.camera.readout = 0.25;
-    let mut bench = show(open(&rig), &rig, 255, 0.5);
-    let frames = [capture(&mut bench), capture(&mut bench)];
-    assert_eq!([frames[0].started, frames[1].started, bench.clock.now()], [0.0, 0.75, 1.5]);
+    let mut devices = show(open(&rig), &rig, 255, 0.5);
+    let frames = [capture(&mut devices), capture(&mut devices)];
+    assert_eq!([frames[0].started, frames[1].started, devices.clock.now()], [0.0, 0.75, 1.5]);
     assert_eq!([frames[0].id, frames[1].id], [1, 2]);
 }
 
@@ -169,8 +169,8 @@ fn seen(rig: &VirtualRig) -> [Vec<f64>; 2] {
     let size = rig.scene.size();
     [0, 1].map(|axis| {
         let at = move |pixel: usize| [pixel % size.width, pixel / size.width][axis] as f64 + 0.5;
-        let bench = rig.open(diagonal(size, at), None).expect("it fits");
-        let ramp = counts(&mut show(bench, rig, 255, 0.1));
+        let devices = rig.open(diagonal(size, at), None).expect("it fits");
+        let ramp = counts(&mut show(devices, rig, 255, 0.1));
         let white = rig.open(diagonal(size, |_| 1.0), None).expect("it fits");
         let white = counts(&mut show(white, rig, 255, 0.1));
         // The two scenes' sensitivities differ by a factor, which the pixel that is known by symmetry gives.
@@ -183,7 +183,8 @@ fn seen(rig: &VirtualRig) -> [Vec<f64>; 2] {
     })
 }
 
-/// Pixels of the camera that look at the inside of the photo, `margin` from its border, with where they should look.
+/// The largest difference in projector pixels between the point that a camera pixel sees and the expected point, over the pixels whose
+/// expected point is at least `margin` from the photo's border.
 fn compare(rig: &VirtualRig, margin: f64, expected: impl Fn([f64; 2]) -> [f64; 2]) -> f64 {
     let (camera, size) = (rig.camera_info().resolution, rig.scene.size());
     let [across, down] = seen(rig);
@@ -211,15 +212,15 @@ fn a_shifted_camera_sees_a_ramp_shifted() {
     rig.camera.size = Some([41, 31]);
     rig.camera.shift = [0.5, -0.3];
     let worst = compare(&rig, 1.5, |[x, y]| [x + 0.5, y - 0.3]);
-    // Pixels of nearly the same size average the steps of the ramp to within their difference in size.
+    // Pixels of nearly the same size average the steps of the ramp with an error of their difference in size.
     println!("shifted: {worst:.4} px at worst");
     assert!(worst < 0.05, "{worst}");
 }
 
 #[test]
-fn a_turned_scaled_and_distorted_camera_looks_where_the_formula_says() {
+fn a_rotated_scaled_and_distorted_camera_sees_what_the_formula_says() {
     let mut rig = rig(84, 60);
-    // A quarter as many pixels: each averages the ramp's steps away.
+    // Each camera pixel covers 4×4 projector pixels, which averages the steps of the ramp.
     rig.camera.size = Some([21, 15]);
     (rig.camera.rotation, rig.camera.scale, rig.camera.distortion) = (5.0, 0.9, 0.05);
     rig.camera.shift = [1.0, 0.5];
@@ -230,7 +231,7 @@ fn a_turned_scaled_and_distorted_camera_looks_where_the_formula_says() {
         [42.0 + 0.9 * k * (cos * dx - sin * dy) + 1.0, 30.0 + 0.9 * k * (sin * dx + cos * dy) + 0.5]
     };
     let worst = compare(&rig, 3.0, expected);
-    // Sub-pixels that are turned by 5 degrees are taken for upright ones: a hundredth of a pixel, and counts are rounded.
+    // Sub-pixels that are rotated by 5 degrees are treated as upright, an error of a hundredth of a pixel; and counts are rounded.
     println!("turned, scaled and distorted: {worst:.4} px at worst");
     assert!(worst < 0.04, "{worst}");
     let sinless = compare(&rig, 3.0, |[x, y]| [x + 1.0, y + 0.5]);
@@ -238,7 +239,7 @@ fn a_turned_scaled_and_distorted_camera_looks_where_the_formula_says() {
 }
 
 #[test]
-fn a_homography_says_the_same_as_its_parts() {
+fn a_homography_equals_its_rotation_scale_and_shift() {
     let mut parts = rig(24, 18);
     parts.camera.size = Some([30, 20]);
     (parts.camera.rotation, parts.camera.scale, parts.camera.shift) = (3.0, 1.05, [0.4, -0.7]);
@@ -246,7 +247,7 @@ fn a_homography_says_the_same_as_its_parts() {
     (whole.camera.rotation, whole.camera.scale, whole.camera.shift) = (0.0, 1.0, [0.0; 2]);
     let (sin, cos) = 3.0_f64.to_radians().sin_cos();
     let [a, b] = [1.05 * cos, 1.05 * sin];
-    // H p = c + R (p − c) + shift, doubled throughout: homographies have no scale.
+    // H p = c + R (p − c) + shift, with all entries doubled: a homography is defined up to a factor.
     whole.camera.homography = Some([
         [2.0 * a, -2.0 * b, 2.0 * (12.0 - a * 12.0 + b * 9.0 + 0.4)],
         [2.0 * b, 2.0 * a, 2.0 * (9.0 - b * 12.0 - a * 9.0 - 0.7)],
@@ -259,17 +260,17 @@ fn a_homography_says_the_same_as_its_parts() {
     }
     let counts = [&parts, &whole].map(|rig| counts(&mut show(open(rig), rig, 255, 0.1)));
     assert_eq!(counts[0].len(), 600);
-    // The same areas up to rounding, which may tip a count.
+    // The areas are equal up to rounding, which may change a count by 1.
     assert!(counts[0].iter().zip(&counts[1]).all(|(a, b)| (a - b).abs() <= 1.0));
 }
 
 #[test]
-fn light_falls_on_as_many_pixels_as_it_covers_and_none_is_lost() {
+fn the_light_of_a_pixel_is_distributed_by_area_without_loss() {
     let mut rig = rig(6, 4);
     rig.camera.size = Some([15, 10]);
     let lit = |pixel: usize| f64::from(u8::from(pixel == 8));
-    let bench = rig.open(diagonal(rig.scene.size(), lit), None).expect("it fits");
-    let counts = counts(&mut show(bench, &rig, 255, 0.1));
+    let devices = rig.open(diagonal(rig.scene.size(), lit), None).expect("it fits");
+    let counts = counts(&mut show(devices, &rig, 255, 0.1));
     let total: f64 = counts.iter().sum();
     assert!((total / WHITE_COUNT - 6.25).abs() < 1e-3, "{}", total / WHITE_COUNT);
     // Column 2 of 6 is 5.0 to 7.5 of 15, row 1 of 4 is 2.5 to 5.0 of 10.
@@ -281,5 +282,5 @@ fn light_falls_on_as_many_pixels_as_it_covers_and_none_is_lost() {
     }
 }
 
-/// What the brightest pixels but 1 in 100 count in 0.1 s.
+/// The count of the 99th percentile after 0.1 s.
 const WHITE_COUNT: f64 = 0.5 * 65535.0;

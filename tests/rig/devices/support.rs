@@ -9,13 +9,13 @@ use krylux::rig::{Devices, Frame, RawFrame, Stamp, VirtualRig, VirtualScene};
 use krylux::sparse::Csr;
 use krylux::transport::{Channels, ExplicitMatrix, Transport};
 
-/// A rig without fault on a scene of so many pixels.
+/// A rig without imperfections on a scene of this size.
 pub fn rig(width: usize, height: usize) -> VirtualRig {
     let size = Resolution::new(width, height);
     VirtualRig::ideal(VirtualScene::Matrix { path: PathBuf::from("diagonal.npz"), size })
 }
 
-/// A scene whose pixel `i` reflects `diagonal(i)` of its own light, and nothing else's.
+/// A scene with a diagonal matrix: pixel `i` reflects `diagonal(i)` of its own light.
 pub fn diagonal(size: Resolution, diagonal: impl Fn(usize) -> f64) -> Box<dyn Transport + Send> {
     let pixels = size.pixels();
     let matrix = Csr::new(
@@ -28,7 +28,7 @@ pub fn diagonal(size: Resolution, diagonal: impl Fn(usize) -> f64) -> Box<dyn Tr
     Box::new(ExplicitMatrix::new(matrix, size).expect("one row and column for each pixel"))
 }
 
-/// A coloured sheet that glows by itself: each pixel reflects `colour` of its light, and adds `glow`.
+/// A coloured sheet that emits light: each pixel reflects `colour` of its light, and adds `glow`.
 pub struct Sheet {
     pub size: Resolution,
     pub colour: [f32; 3],
@@ -59,52 +59,52 @@ impl Transport for Sheet {
     }
 }
 
-/// The rig on a scene that is white all over.
+/// Opens the rig on a scene that is white everywhere.
 pub fn open(rig: &VirtualRig) -> Devices {
     open_after(rig, None)
 }
 
-/// As [`open`], after an earlier session.
+/// As [`open`], continuing an earlier session.
 pub fn open_after(rig: &VirtualRig, after: Option<Stamp>) -> Devices {
     rig.open(diagonal(rig.scene.size(), |_| 1.0), after).expect("the scene fits the rig")
 }
 
-/// A frame of one level.
+/// A frame that has one level everywhere.
 pub fn flat(rig: &VirtualRig, level: u16) -> Frame {
     Frame::filled(rig.scene.size(), rig.projector.channels, level)
 }
 
-/// A photo of a frame of one level.
+/// A request for a photo of a frame of one level.
 pub fn shot(rig: &VirtualRig, level: u16, exposure: f64, take: u32) -> CaptureRequest {
     CaptureRequest { frame: Arc::new(flat(rig, level)), exposure, take }
 }
 
-/// The bench with the policy.
+/// The open rig as a frame source with its policy for faulty frames.
 pub fn live(rig: &VirtualRig, settle: f64, tries: u32) -> LiveFrames {
     LiveFrames::new(open(rig), settle, tries)
 }
 
-/// This bench set to an exposure, showing a frame of one level, settled.
-pub fn show(mut bench: Devices, rig: &VirtualRig, level: u16, exposure: f64) -> Devices {
-    bench.camera.configure(exposure).expect("within the range");
-    bench.projector.show(&flat(rig, level)).expect("it fits");
-    bench.clock.sleep(rig.projector.latency);
-    bench
+/// Sets the exposure, shows a frame of one level, and waits until it has settled.
+pub fn show(mut devices: Devices, rig: &VirtualRig, level: u16, exposure: f64) -> Devices {
+    devices.camera.configure(exposure).expect("within the range");
+    devices.projector.show(&flat(rig, level)).expect("it fits");
+    devices.clock.sleep(rig.projector.latency);
+    devices
 }
 
-/// The next frame, which must come.
-pub fn capture(bench: &mut Devices) -> RawFrame {
-    bench.camera.capture().expect("a virtual camera is never gone").expect("it comes")
+/// The next frame, which must arrive.
+pub fn capture(devices: &mut Devices) -> RawFrame {
+    devices.camera.capture().expect("a virtual camera is never gone").expect("it comes")
 }
 
 /// The counts of one frame.
-pub fn counts(bench: &mut Devices) -> Vec<f64> {
-    capture(bench).counts.into_iter().map(f64::from).collect()
+pub fn counts(devices: &mut Devices) -> Vec<f64> {
+    capture(devices).counts.into_iter().map(f64::from).collect()
 }
 
-/// Mean and variance of each pixel over many frames.
-pub fn moments(bench: &mut Devices, frames: usize) -> Vec<[f64; 2]> {
-    let taken: Vec<Vec<f64>> = (0..frames).map(|_| counts(bench)).collect();
+/// The mean and the variance of each pixel over many frames.
+pub fn moments(devices: &mut Devices, frames: usize) -> Vec<[f64; 2]> {
+    let taken: Vec<Vec<f64>> = (0..frames).map(|_| counts(devices)).collect();
     let count = frames as f64;
     (0..taken[0].len())
         .map(|pixel| {

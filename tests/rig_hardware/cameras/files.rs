@@ -1,4 +1,4 @@
-//! Rig files with a camera of each kind: what stands in them, and what is refused.
+//! Rig files with a camera of each kind: how they are read, and which are refused.
 
 use std::path::Path;
 
@@ -37,7 +37,7 @@ const V4L: &str = "kind = \"v4l\"\ndevice = \"/dev/video0\"\nsize = [640, 480]\n
 const STILL: &str = "kind = \"gphoto2\"\nsize = [5616, 3744]\ntiles = \"rggb\"\n";
 
 #[test]
-fn each_kind_has_its_keys_and_the_rest_has_a_default() {
+fn each_kind_has_its_keys_and_defaults() {
     let all = "offset = [8, 2]\npixel_format = \"bayerrg12p\"\ncolour = \"luma\"\nsaturation = 4000\ngain = 6\n\
                exposures = [1e-3, 0.1]\ntimeout = 2\n";
     let CameraSpec::Gige(gige) = camera(&format!("{GIGE}{all}packet_size = 1500\n")) else {
@@ -68,7 +68,7 @@ fn each_kind_has_its_keys_and_the_rest_has_a_default() {
 }
 
 #[test]
-fn a_pixel_format_may_be_spelt_as_the_camera_does() {
+fn a_pixel_format_may_have_the_cameras_spelling() {
     for (text, format) in [
         ("Mono12Packed", PixelFormat::Mono12Packed),
         ("mono12packed", PixelFormat::Mono12Packed),
@@ -82,7 +82,7 @@ fn a_pixel_format_may_be_spelt_as_the_camera_does() {
 }
 
 #[test]
-fn a_cameras_name_says_all_that_changes_its_numbers() {
+fn a_cameras_name_contains_every_setting_that_changes_counts() {
     let name = |text: &str| camera(text).info().name;
     let changes = [
         (GIGE, ["offset = [8, 2]", "pixel_format = \"mono8\"", "gain = 3.5", "saturation = 4000"].as_slice()),
@@ -129,7 +129,7 @@ fn a_colour_camera_has_half_the_size_and_its_channels() {
 }
 
 #[test]
-fn what_is_misspelt_or_cannot_be_is_named() {
+fn misspelt_keys_and_contradictions_are_named() {
     for (text, part, to, expected) in [
         (GIGE, "\"gige\"", "\"gig\"", "line 6, in [camera]: unknown value `gig`; did you mean `gige`?"),
         (GIGE, "\"gige\"", "\"usb\"", "known here: gige, usb3, v4l, gphoto2"),
@@ -162,7 +162,7 @@ fn what_is_misspelt_or_cannot_be_is_named() {
 }
 
 #[test]
-fn a_kind_that_was_left_out_when_building_is_named_when_it_is_opened() {
+fn opening_a_kind_that_was_not_built_names_its_feature() {
     for (text, built, feature) in [
         (GIGE, cfg!(feature = "gige"), "gige"),
         (USB3, cfg!(feature = "usb3"), "usb3"),

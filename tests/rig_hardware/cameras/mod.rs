@@ -1,5 +1,5 @@
-//! Cameras of the kinds that are not proven by their real protocol: what rig files say of them, and a still camera that is driven
-//! by programs, which are played here.
+//! Cameras whose real protocol is not tested: their descriptions in rig files, and a still camera whose programs are replaced by
+//! scripts.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 

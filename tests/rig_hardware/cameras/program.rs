@@ -1,4 +1,4 @@
-//! The program on a rig whose camera is a still camera: a window of a real X server, and scripts that play the rest.
+//! The command line on a rig with a still camera: the X server is real, scripts simulate the camera.
 
 use std::process::Command;
 
@@ -8,10 +8,11 @@ use super::studio::{SENSOR, Studio, counts};
 use crate::x_server::XServer;
 
 #[test]
-fn a_photo_goes_from_a_window_through_a_still_camera_to_a_file() {
+fn a_photo_of_a_window_by_a_still_camera_is_written_to_a_file() {
     let (studio, server) = (Studio::new(), XServer::start(64, 48));
     let [width, height] = SENSOR;
-    // Found on the PATH, as they would be when installed. The picture is the same whatever is shown, so nothing is subtracted.
+    // The scripts are found on PATH, as installed programs would be. The picture does not depend on the pattern; therefore no black
+    // photo is subtracted.
     let text = format!(
         "kind = \"hardware\"\n\
          [projector]\nkind = \"x11\"\ndisplay = \"{}\"\nsize = [{width}, {height}]\n\
@@ -21,7 +22,7 @@ fn a_photo_goes_from_a_window_through_a_still_camera_to_a_file() {
         server.display
     );
     studio.write("rig.toml", text);
-    // dcraw is given options that the script does not know: it takes the last argument.
+    // The script ignores the options of dcraw, and reads the file that the last argument names.
     let path = std::env::var("PATH").expect("there is one");
     let output = Command::new(env!("CARGO_BIN_EXE_krylux"))
         .args(["photo", "rig.toml", "--pattern", "white", "-o", "photo.npy"])
@@ -35,7 +36,7 @@ fn a_photo_goes_from_a_window_through_a_still_camera_to_a_file() {
     assert_eq!(photo.values.len(), width * height);
     for (site, (found, count)) in photo.values.iter().zip(counts()).enumerate() {
         let expected = f64::from(count) / 0.25;
-        // In single precision.
+        // The file has single precision.
         assert!(
             (found - expected).abs() <= 1e-6 * expected,
             "photosite {site}: {found}, not {expected} DN/s"

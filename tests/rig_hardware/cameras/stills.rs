@@ -1,4 +1,4 @@
-//! What a still camera's photos are.
+//! The photos of a still camera.
 
 use std::process::Command;
 
@@ -16,7 +16,7 @@ fn a_photo_is_the_decoders_counts_at_the_speed_that_was_set() {
     assert_eq!((studio.current("iso"), studio.current("imageformat")), ("100".into(), "RAW".into()));
     assert_eq!(studio.current("capturetarget"), "Internal RAM");
     assert_eq!(studio.current("shutterspeed"), "1/1000", "the shortest, until another is asked for");
-    // What is near is told as it is, not as it was asked for.
+    // The camera reports the speed that it set, not the one that was asked for.
     assert_eq!(camera.configure(0.2).expect("within range"), 0.25);
     assert_eq!(studio.current("shutterspeed"), "1/4");
     for number in 8..11 {
@@ -26,7 +26,7 @@ fn a_photo_is_the_decoders_counts_at_the_speed_that_was_set() {
         assert_eq!((found.counts, found.exposure, found.id), (counts(), 0.25, number));
         assert!(found.started >= before && found.started <= clock.seconds());
     }
-    // The port is the one that was found, in each question.
+    // Every request goes to the port that was found.
     assert!(
         studio.log().iter().skip(1).all(|line| line.starts_with("--port usb:001,005 ")),
         "{:?}",
@@ -35,7 +35,7 @@ fn a_photo_is_the_decoders_counts_at_the_speed_that_was_set() {
 }
 
 #[test]
-fn what_is_set_already_is_left_alone() {
+fn settings_that_are_right_are_not_set_again() {
     let studio = Studio::new();
     studio.setting("iso", "100", &["100", "200"]);
     studio.write("settings/iso/fixed", "");
@@ -69,7 +69,7 @@ fn a_part_of_the_sensor_becomes_pixels_of_its_cells() {
 }
 
 #[test]
-fn a_white_level_below_all_bits_is_full() {
+fn counts_at_the_white_level_are_saturated() {
     let studio = Studio::new();
     let most = *counts().iter().max().expect("there are some");
     let spec = Gphoto2Spec { saturation: Some(most), ..studio.spec() };
@@ -78,13 +78,13 @@ fn a_white_level_below_all_bits_is_full() {
 }
 
 #[test]
-fn speeds_are_powers_of_a_root_of_two_where_the_file_says_so() {
+fn speeds_are_powers_of_a_root_of_two_if_the_rig_file_says_so() {
     let studio = Studio::new();
     let mut camera = studio.open(&Gphoto2Spec { stops: Some(3), ..studio.spec() }).expect("it is there");
     let set = camera.configure(1.0 / 60.0).expect("within range");
     assert!((set - 1.0 / 64.0).abs() < 1e-12, "{set}");
     assert_eq!(studio.current("shutterspeed"), "1/60");
-    // 30 is 32, which is what was asked for, and more than the file says: it stays so over a restart.
+    // The speed 30 is 32 s, which is beyond the longest exposure of the rig file; it is set again after a restart.
     let spec = Gphoto2Spec { stops: Some(3), exposures: [1e-3, 30.0], ..studio.spec() };
     let mut camera = studio.open(&spec).expect("it is there");
     assert_eq!(camera.configure(30.0).expect("within range"), 32.0);
@@ -116,7 +116,7 @@ fn a_decoder_may_leave_its_picture_beside_the_file() {
 }
 
 #[test]
-fn the_list_names_still_cameras_that_are_there() {
+fn the_list_names_connected_still_cameras() {
     let studio = Studio::new();
     studio.cameras(&[("Krylux Still One", "usb:001,005"), ("Nikon DSC D700 (PTP mode)", "usb:002,011")]);
     let list = |path: String| {
@@ -126,7 +126,7 @@ fn the_list_names_still_cameras_that_are_there() {
         let said: Value = serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON");
         (said, String::from_utf8_lossy(&output.stderr).into_owned())
     };
-    // The script itself needs programs of the system's.
+    // The script needs the system's programs.
     let path = std::env::var("PATH").expect("there is one");
     let (said, _) = list(format!("{}:{path}", studio.folder.path().display()));
     let stills: Vec<&Value> = said["cameras"]

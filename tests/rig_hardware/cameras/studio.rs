@@ -1,4 +1,4 @@
-//! A still camera that is played by scripts.
+//! A still camera that is simulated by scripts.
 
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -8,15 +8,15 @@ use std::sync::OnceLock;
 use krylux::rig::{Gphoto2, Gphoto2Spec, WallClock};
 use tempfile::TempDir;
 
-/// Width and height of its sensor.
+/// Width and height of the sensor.
 pub const SENSOR: [usize; 2] = [12, 8];
 
-/// A camera's state, as files beside links to the scripts.
+/// A folder with the state of the simulated camera as files, and links to the scripts.
 pub struct Studio {
     pub folder: TempDir,
 }
 
-/// The scripts, written once before any is run: a file that is open for writing cannot be.
+/// The scripts. They are written once, before any of them runs, because a file that is open for writing cannot be executed.
 fn scripts() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
@@ -37,7 +37,7 @@ pub fn counts() -> Vec<u16> {
 }
 
 impl Studio {
-    /// A camera that is on, in mode M, with RAW chosen.
+    /// A camera that is switched on, in mode M, and takes RAW files.
     pub fn new() -> Self {
         let studio = Self { folder: TempDir::new().expect("a temporary folder can be made") };
         for name in ["gphoto2", "dcraw"] {
@@ -82,13 +82,13 @@ impl Studio {
         );
     }
 
-    /// What a setting is now.
+    /// The current value of a setting.
     pub fn current(&self, name: &str) -> String {
         let text = fs::read_to_string(self.path(&format!("settings/{name}/current")));
         text.expect("there is such a setting").trim().to_owned()
     }
 
-    /// What a release leaves.
+    /// Sets the file that a release of the shutter leaves.
     pub fn takes(&self, ending: &str, [width, height]: [usize; 2], counts: &[u16]) {
         let _ = fs::remove_dir_all(self.path("taken"));
         let mut bytes = format!("RAWP5\n{width} {height}\n65535\n").into_bytes();
@@ -96,7 +96,7 @@ impl Studio {
         self.write(&format!("taken/photo.{ending}"), bytes);
     }
 
-    /// What the scripts were asked, a run on each line.
+    /// The arguments of each run of the scripts, one run on each line.
     pub fn log(&self) -> Vec<String> {
         let text = fs::read_to_string(self.path("log")).expect("it was asked");
         text.lines().map(str::to_owned).collect()
@@ -109,7 +109,7 @@ impl Studio {
             iso: Some("100".into()),
             image_format: Some("RAW".into()),
             exposures: [1e-3, 1.0],
-            // Scripts take their time on a busy machine.
+            // Scripts may be slow on a busy machine.
             timeout: 60.0,
             ..Gphoto2Spec::new(SENSOR[0], SENSOR[1])
         }

@@ -1,4 +1,4 @@
-//! What goes wrong with a still camera, and how it is told.
+//! Faults of a still camera, and their errors.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -7,7 +7,7 @@ use krylux::rig::{Camera, Gphoto2Spec};
 
 use super::studio::{SENSOR, Studio, counts};
 
-/// Why the camera is not opened.
+/// The error of opening the camera.
 #[track_caller]
 fn refused(studio: &Studio, spec: &Gphoto2Spec) -> String {
     match studio.open(spec) {
@@ -16,7 +16,7 @@ fn refused(studio: &Studio, spec: &Gphoto2Spec) -> String {
     }
 }
 
-/// Why an open camera gives no photo.
+/// The error of taking a photo with an open camera.
 #[track_caller]
 fn failed(studio: &Studio, spec: &Gphoto2Spec) -> String {
     let mut camera = studio.open(spec).expect("it is there");
@@ -41,7 +41,7 @@ fn a_program_that_is_missing_is_named_with_its_package() {
 }
 
 #[test]
-fn a_camera_that_is_not_there_is_told_with_those_that_are() {
+fn a_missing_camera_is_named_with_the_connected_ones() {
     let studio = Studio::new();
     let model = |model: &str| Gphoto2Spec { model: Some(model.into()), ..studio.spec() };
     says(&refused(&studio, &model("Other")), &["no camera \"Other\"", "it finds Krylux Still One"]);
@@ -56,7 +56,7 @@ fn a_camera_that_is_not_there_is_told_with_those_that_are() {
 }
 
 #[test]
-fn what_is_not_among_the_cameras_choices_is_told_with_them() {
+fn an_impossible_choice_is_named_with_the_possible_ones() {
     let studio = Studio::new();
     let spec = Gphoto2Spec { iso: Some("1000".into()), ..studio.spec() };
     says(
@@ -68,7 +68,7 @@ fn what_is_not_among_the_cameras_choices_is_told_with_them() {
     let mut spec = studio.spec();
     spec.settings.insert("isso".into(), "100".into());
     says(&refused(&studio, &spec), &["no setting isso; did you mean iso?", "--list-config"]);
-    // Half a stop, or a little more: from 1/60 to 1/15 there are two.
+    // Half a stop and a margin are accepted; 1/30 is a whole stop from both 1/60 and 1/15.
     let mut camera = studio.open(&studio.spec()).expect("it is there");
     assert!(camera.configure(1.0 / 75.0).is_ok());
     let message = camera.configure(1.0 / 30.0).expect_err("nothing is near").to_string();
@@ -78,7 +78,7 @@ fn what_is_not_among_the_cameras_choices_is_told_with_them() {
 }
 
 #[test]
-fn a_dial_that_is_not_at_m_is_told() {
+fn errors_advise_to_turn_the_dial_to_m() {
     let studio = Studio::new();
     studio.write("settings/shutterspeed/fixed", "");
     says(&refused(&studio, &studio.spec()), &["cannot be set: it is 1/60", "dial to M"]);
@@ -91,13 +91,13 @@ fn a_dial_that_is_not_at_m_is_told() {
 }
 
 #[test]
-fn a_program_that_hangs_is_ended_when_its_time_is_up() {
+fn a_program_that_hangs_is_killed_after_its_time_limit() {
     let studio = Studio::new();
     let spec = Gphoto2Spec { timeout: 0.5, ..studio.spec() };
     let mut camera = studio.open(&spec).expect("it is there");
     studio.write("hangs", "");
     let began = Instant::now();
-    // On a busy machine it may not have said who it is when its time is up: another try then.
+    // On a busy machine the script may be killed before it has written its process number: try again.
     let pid = loop {
         let message = camera.capture().expect_err("it cannot be taken").to_string();
         says(&message, &["did not end within 0.5 s, and was ended", "switch the camera off and on"]);
@@ -109,10 +109,10 @@ fn a_program_that_hangs_is_ended_when_its_time_is_up() {
     assert!(began.elapsed() < Duration::from_secs(120), "it does not sleep its ten minutes");
     let process = format!("/proc/{}", pid.trim());
     assert!(!Path::new(&process).exists(), "it was ended, and waited for");
-    // A decoder likewise.
+    // The decoder is killed, too.
     let studio = Studio::new();
     studio.write("decoder-hangs", "");
-    // Time enough for the release.
+    // Enough time for the release of the shutter.
     let spec = Gphoto2Spec { timeout: 5.0, ..studio.spec() };
     says(&failed(&studio, &spec), &["dcraw did not end within 5.0 s"]);
 }
@@ -126,7 +126,7 @@ fn a_program_that_fails_is_quoted() {
 }
 
 #[test]
-fn garbage_is_recognized() {
+fn unexpected_output_is_an_error() {
     let studio = Studio::new();
     studio.write("cameras", b"\xFF\xD8 what is this\n".as_slice());
     says(&refused(&studio, &studio.spec()), &["gphoto2 finds no camera", "what is this"]);
@@ -136,18 +136,18 @@ fn garbage_is_recognized() {
     let studio = Studio::new();
     studio.write("taken/photo.cr2", b"RAW\x00\x01 not a picture".as_slice());
     says(&failed(&studio, &studio.spec()), &["gave no gray picture (PGM) but 16 bytes", "correct decoder"]);
-    // Cut short.
+    // A truncated picture.
     let studio = Studio::new();
     studio.takes("cr2", SENSOR, &counts()[1..]);
     says(&failed(&studio, &studio.spec()), &["gave no gray picture"]);
 }
 
 #[test]
-fn files_that_are_no_raw_of_this_sensor_are_refused() {
+fn files_that_are_not_raw_files_of_this_sensor_are_refused() {
     let studio = Studio::new();
     studio.takes("JPG", SENSOR, &counts());
     says(&failed(&studio, &studio.spec()), &["took a JPEG, which is not linear", "image_format"]);
-    // With both, the RAW counts.
+    // If there are both, the RAW file is used.
     studio.takes("nef", SENSOR, &counts());
     studio.write("taken/photo.jpg", "lossy");
     let found = studio.open(&studio.spec()).expect("it is there").capture().expect("it is there");
@@ -168,7 +168,7 @@ fn files_that_are_no_raw_of_this_sensor_are_refused() {
 }
 
 #[test]
-fn no_temporary_file_is_left() {
+fn no_temporary_files_are_left() {
     let studio = Studio::new();
     let mut camera = studio.open(&studio.spec()).expect("it is there");
     camera.capture().expect("it is there").expect("it comes");

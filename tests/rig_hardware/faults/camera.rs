@@ -1,11 +1,11 @@
-//! What happens to the camera and its frames.
+//! Faults of the camera and its frames.
 
 use std::time::Duration;
 
 use super::Run;
 
 #[test]
-fn a_camera_that_dies_and_comes_back_does_not_end_the_run() {
+fn a_camera_that_fails_and_comes_back_does_not_end_the_run() {
     let mut run = Run::new(40);
     let output = run.disturbed(|stage, _| {
         stage.camera.stop();
@@ -17,7 +17,7 @@ fn a_camera_that_dies_and_comes_back_does_not_end_the_run() {
 }
 
 #[test]
-fn a_camera_that_stays_away_ends_the_run_which_goes_on_when_it_is_back() {
+fn a_camera_that_fails_ends_the_run_which_resumes_when_it_is_back() {
     let mut run = Run::new(41);
     let output = run.disturbed(|stage, _| stage.camera.stop());
     run.stage.switch_camera_on();
@@ -27,9 +27,9 @@ fn a_camera_that_stays_away_ends_the_run_which_goes_on_when_it_is_back() {
 }
 
 #[test]
-fn with_two_packets_lost_in_a_hundred_every_photo_is_right() {
+fn every_photo_is_right_when_two_packets_in_a_hundred_are_lost() {
     let mut run = Run::new(42);
-    // Small packets, that there are some to lose; which ones is by a fixed seed.
+    // Small packets, so that there are enough to lose some; a fixed seed selects them.
     run.replace("pixel_format", "packet_size = 576\npixel_format");
     run.stage.camera.lose(0.02);
     let output = run.disturbed(|_, _| {});
@@ -40,7 +40,7 @@ fn with_two_packets_lost_in_a_hundred_every_photo_is_right() {
 }
 
 #[test]
-fn a_frame_that_was_exposed_before_the_pattern_was_shown_is_caught() {
+fn a_frame_that_was_exposed_before_the_pattern_was_shown_is_refused() {
     let mut run = Run::new(43);
     let output = run.disturbed(|stage, _| stage.camera.be_late(2));
     let effort = run.assert_went_on(&output);

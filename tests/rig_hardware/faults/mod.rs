@@ -1,5 +1,5 @@
-//! Whatever happens to a rig while the program runs on it, the photos that count are right, and none is lost: in the end the results are
-//! those of an undisturbed run, to the last bit. The devices are without noise, so that bits can be held against each other.
+//! Faults of a rig during a run. Accepted photos are right, and none is lost: in the end the results are those of an undisturbed run, to
+//! the last bit. The devices have no noise, so that results can be compared bit by bit.
 
 mod camera;
 mod projector;
@@ -19,16 +19,16 @@ use crate::program::{
     assert_error, command_without_graphics, folder, inside, krylux, labels_of_rooms, summary, text,
 };
 
-/// Frames after which something happens: the run is in the middle of its photos.
+/// The number of frames after which the fault happens, in the middle of a run.
 const SOME: u64 = 12;
 
-/// How long a machine may take for what takes a moment.
+/// How long to wait on a busy machine for what usually takes a moment.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// All arrays of a run, by name.
 type Results = BTreeMap<String, Vec<u8>>;
 
-/// The program, segmenting what is on a stage.
+/// A run of the program that segments the scene of a stage.
 struct Run {
     stage: Stage,
     folder: TempDir,
@@ -36,7 +36,7 @@ struct Run {
 }
 
 impl Run {
-    /// On a stage of its own.
+    /// A run on a new stage.
     fn new(last: u8) -> Self {
         Self::on(stage(last, &devices(Path::new("rooms.npz"))))
     }
@@ -47,12 +47,12 @@ impl Run {
         Self { stage, folder, rig }
     }
 
-    /// Where its camera is.
+    /// The camera's address.
     fn address(&self) -> String {
         self.stage.address.to_string()
     }
 
-    /// Changes the rig file.
+    /// Replaces a part of the rig file.
     fn replace(&self, part: &str, by: &str) {
         let text = std::fs::read_to_string(&self.rig).expect("it was written");
         assert!(text.contains(part), "{part} is not in {text}");
@@ -63,7 +63,7 @@ impl Run {
         inside(&self.folder, "run")
     }
 
-    /// Runs the program; once it has taken some frames, `disturb` is called, with the program's number.
+    /// Runs the program, and calls `disturb` with its process number once it has taken some frames.
     fn disturbed(&mut self, disturb: impl FnOnce(&mut Stage, u32)) -> Output {
         let out = self.out();
         let arguments = [&["segment", &self.rig, "-o", &out, "--json"], &QUESTION[..]].concat();
@@ -86,19 +86,19 @@ impl Run {
         program.wait_with_output().expect("it ends")
     }
 
-    /// What comes of the same run from its beginning.
+    /// Runs the program again from the beginning.
     fn again(&self) -> Output {
         let out = self.out();
         krylux(&[&["segment", &self.rig, "-o", &out, "--json", "--overwrite"], &QUESTION[..]].concat())
     }
 
-    /// What comes of going on with it.
+    /// Resumes the run.
     fn resumed(&self) -> Output {
         let out = self.out();
         krylux(&[&["segment", &self.rig, "-o", &out, "--json", "--resume"], &QUESTION[..]].concat())
     }
 
-    /// Asserts that the disturbed run ended well, with the right results; what it says of its effort.
+    /// Asserts that the disturbed run ended well with the right results; returns its effort.
     #[track_caller]
     fn assert_went_on(&self, output: &Output) -> Value {
         assert!(output.status.success(), "{}", text(&output.stderr));
@@ -107,7 +107,8 @@ impl Run {
         said["rig"]["effort"].clone()
     }
 
-    /// Asserts that the run failed with a message of these parts that says how to go on, and does so; the message.
+    /// Asserts that the run failed with a message that has these parts and names `--resume`, and that resuming gives the right results;
+    /// returns the message.
     #[track_caller]
     fn assert_resumes(&self, output: &Output, parts: &[&str]) -> String {
         let message = assert_error(output, &[parts, &["--resume"]].concat());
@@ -123,7 +124,7 @@ impl Run {
         let (found, expected) = (results(Path::new(&self.out())), undisturbed());
         assert!(found.keys().eq(expected.keys()), "{:?}", found.keys());
         for (name, bytes) in expected {
-            assert!(found[name] == *bytes, "{name} is not as it is without disturbance");
+            assert!(found[name] == *bytes, "{name} differs from the undisturbed run");
         }
     }
 }
@@ -136,7 +137,7 @@ fn results(run: &Path) -> Results {
     arrays.map(|path| (name(&path), std::fs::read(&path).expect("it can be read"))).collect()
 }
 
-/// What a run leaves that nothing happens to.
+/// The results of an undisturbed run.
 fn undisturbed() -> &'static Results {
     static RESULTS: OnceLock<Results> = OnceLock::new();
     RESULTS.get_or_init(|| {
@@ -150,7 +151,7 @@ fn undisturbed() -> &'static Results {
     })
 }
 
-/// Two threads that keep two cores busy until it is dropped.
+/// Two threads that keep two cores busy until this is dropped.
 struct Load(std::sync::Arc<std::sync::atomic::AtomicBool>);
 
 impl Load {
@@ -176,7 +177,7 @@ impl Drop for Load {
 }
 
 #[test]
-fn with_both_cores_busy_every_photo_is_right() {
+fn every_photo_is_right_when_both_cores_are_busy() {
     let mut run = Run::new(21);
     let _load = Load::new();
     let output = run.disturbed(|_, _| {});

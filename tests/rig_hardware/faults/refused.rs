@@ -1,11 +1,11 @@
-//! What is wrong from the beginning: the program says so before it takes a photo.
+//! Faults that exist from the beginning: the program names them before it takes a photo.
 
 use krylux::rig::{Camera, CameraSpec, GigeVision, WallClock};
 
 use super::Run;
 use crate::program::assert_error;
 
-/// What the program says when it refuses.
+/// Asserts that the program refuses with a message that has these parts.
 #[track_caller]
 fn refused(run: &Run, parts: &[&str]) {
     let message = assert_error(&run.again(), parts);
@@ -41,7 +41,7 @@ fn a_camera_that_another_program_holds_is_named_and_free_afterwards() {
     let mut other = GigeVision::open(spec, WallClock::starting_at(0.0), 0).expect("it is free");
     let held = format!("camera at {} is held by another program", run.address());
     refused(&run, &[&held, "end that program"]);
-    // The first one has lost nothing by that.
+    // The first program still holds the camera.
     assert!(other.capture().expect("it is there").is_some());
     drop(other);
     let output = run.again();
@@ -66,7 +66,7 @@ fn exposures_that_the_camera_cannot_do_are_named_with_those_that_it_can() {
 }
 
 #[test]
-fn a_scene_that_is_too_bright_is_named_with_what_would_help() {
+fn a_scene_that_is_too_bright_is_named_with_advice() {
     let run = Run::new(53);
     // White fills half of the counts in 4 ms.
     run.replace("exposures = [1e-4, 1.0]", "exposures = [0.012, 1.0]");
@@ -75,7 +75,7 @@ fn a_scene_that_is_too_bright_is_named_with_what_would_help() {
         &["camera", "a white frame saturates it even at its shortest exposure, 0.012 s", "close the lens"],
     );
     println!("{message}");
-    // Exposures that are given are not looked for: then it is the photo that says so.
+    // With given exposures none is searched for: then the photo itself fails.
     run.replace("exposures = [0.012, 1.0]", "exposures = [1e-4, 1.0]");
     run.replace("direct_square", "exposures = [0.05]\ndirect_square");
     let message =

@@ -1,4 +1,4 @@
-//! What happens to packets, frames and cameras, and what is left of it.
+//! Lost packets, late frames, and cameras that fail.
 
 use std::time::Duration;
 
@@ -8,11 +8,11 @@ use krylux::rig::WallClock;
 use super::support::{Lamp, address, camera, expected, frame, live, refused, scene, shot, spec};
 
 #[test]
-fn with_two_packets_lost_in_a_hundred_every_photo_is_right() {
+fn every_photo_is_right_when_two_packets_in_a_hundred_are_lost() {
     let clock = WallClock::starting_at(0.0);
     let lamp = Lamp::new(clock);
     let device = camera(20, &lamp);
-    // Small packets, that there are some to lose.
+    // Small packets, so that there are enough to lose some.
     let spec = krylux::rig::GigeSpec { packet_size: Some(576), ..spec(20) };
     let mut shots = live(&spec, &lamp, clock).expect("it answers");
     device.lose(0.02);
@@ -23,13 +23,13 @@ fn with_two_packets_lost_in_a_hundred_every_photo_is_right() {
     }
     let effort = shots.effort();
     println!("{} packets lost, {} resent, {} frames dropped", device.lost(), effort.resent, effort.dropped);
-    // 150 frames of 6 packets: 18 on average, and a chance of 1e-5 for fewer than 4.
+    // Of 150 frames of 6 packets 18 are lost on average; the probability of fewer than 4 is 1e-5.
     assert!(device.lost() >= 4 && effort.resent > 0, "{effort:?}");
     assert_eq!(effort.taken, 150);
 }
 
 #[test]
-fn a_camera_that_dies_and_comes_back_goes_on() {
+fn a_camera_that_fails_and_comes_back_is_reopened() {
     let clock = WallClock::starting_at(0.0);
     let lamp = Lamp::new(clock);
     let device = camera(21, &lamp);
@@ -49,12 +49,12 @@ fn a_camera_that_dies_and_comes_back_goes_on() {
     assert_eq!(after.counts, expected(&scene, &frame(2), 0.003));
     assert!(after.id > before.id && after.started > before.started);
     assert_eq!(shots.effort().restarts, 1);
-    // Its exposure is what it was.
+    // The exposure is unchanged.
     assert_eq!(after.exposure, before.exposure);
 }
 
 #[test]
-fn a_camera_that_dies_for_good_is_named() {
+fn a_camera_that_fails_for_good_is_named() {
     let clock = WallClock::starting_at(0.0);
     let lamp = Lamp::new(clock);
     let device = camera(22, &lamp);
@@ -65,7 +65,7 @@ fn a_camera_that_dies_for_good_is_named() {
 }
 
 #[test]
-fn a_frame_exposed_before_the_pattern_was_shown_is_caught() {
+fn a_frame_exposed_before_the_pattern_was_shown_is_refused() {
     let clock = WallClock::starting_at(0.0);
     let lamp = Lamp::new(clock);
     let device = camera(23, &lamp);
@@ -76,6 +76,6 @@ fn a_frame_exposed_before_the_pattern_was_shown_is_caught() {
     let found = shots.capture(&shot(2, 0.002)).expect("it comes in the end");
     assert_eq!(shots.effort().late, 2, "both were refused");
     assert_eq!(found.counts, expected(&scene, &frame(2), 0.002));
-    // Without the check, this is what the photo would have been.
+    // Without the check, the photo would show the previous pattern.
     assert_ne!(found.counts, expected(&scene, &frame(1), 0.002));
 }

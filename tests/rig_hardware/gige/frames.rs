@@ -1,4 +1,4 @@
-//! Frames are those of the scene, count by count.
+//! The counts of frames are those of the scene.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use super::support::{Lamp, SIZE, address, camera, expected, frame, live, scene, 
 use crate::gige_camera::GigeCamera;
 
 #[test]
-fn counts_are_the_scenes_in_every_gray_format() {
+fn counts_are_those_of_the_scene_in_every_gray_format() {
     use PixelFormat as F;
     let formats =
         [F::Mono8, F::Mono10, F::Mono10p, F::Mono10Packed, F::Mono12, F::Mono12p, F::Mono12Packed, F::Mono16];
@@ -33,7 +33,7 @@ fn counts_are_the_scenes_in_every_gray_format() {
     }
 }
 
-/// The counts of the cell at (x, y) of a 48 photosites wide sensor, row by row.
+/// The four counts of the cell at column `x` and row `y` of a sensor that is 48 photosites wide, row by row.
 fn cell(counts: &[u16], x: usize, y: usize) -> [u32; 4] {
     [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| counts[(2 * y + down) * 48 + 2 * x + right].into())
 }
@@ -41,7 +41,7 @@ fn cell(counts: &[u16], x: usize, y: usize) -> [u32; 4] {
 #[test]
 fn a_colour_sensors_cells_become_pixels_in_every_bayer_format() {
     use PixelFormat as F;
-    // The places of red, the greens and blue in a cell: above from the left, below from the left.
+    // The positions of red, the two greens and blue in a cell, counted row by row.
     let orders = [
         ([0, 1, 2, 3], [F::BayerRG12, F::BayerRG12p, F::BayerRG12Packed, F::BayerRG8].as_slice()),
         ([1, 0, 3, 2], &[F::BayerGR12, F::BayerGR12p, F::BayerGR12Packed]),
@@ -67,7 +67,7 @@ fn a_colour_sensors_cells_become_pixels_in_every_bayer_format() {
             let found = opened.capture().expect("it is there").expect("it comes");
             found.check().expect("its counts fill it");
             assert_eq!((found.resolution, found.channels), (info.resolution, channels));
-            // 16 bits have no room for sums: they are halved or quartered, halves upwards.
+            // Sums of 16-bit counts are halved or quartered to fit 16 bits, and halves are rounded up.
             let halvings = format.bits() + bits - info.bits;
             let scaled = |sum: u32| ((sum + (1 << halvings) / 2) >> halvings) as u16;
             for pixel in 0..240 {
@@ -86,7 +86,7 @@ fn a_colour_sensors_cells_become_pixels_in_every_bayer_format() {
 }
 
 #[test]
-fn a_cell_with_a_full_photosite_is_full_all_the_way() {
+fn a_cell_with_a_saturated_photosite_is_saturated_in_all_channels() {
     let clock = WallClock::starting_at(0.0);
     let mut lamp = Lamp::new(clock);
     lamp.show(&frame(3)).expect("a lamp shows all");
@@ -106,7 +106,7 @@ fn a_cell_with_a_full_photosite_is_full_all_the_way() {
 }
 
 #[test]
-fn a_region_of_a_colour_sensor_begins_at_its_cells() {
+fn a_region_of_a_colour_sensor_consists_of_whole_cells() {
     let clock = WallClock::starting_at(0.0);
     let mut lamp = Lamp::new(clock);
     lamp.show(&frame(5)).expect("a lamp shows all");
@@ -126,7 +126,7 @@ fn a_region_of_a_colour_sensor_begins_at_its_cells() {
 }
 
 #[test]
-fn a_region_is_a_part_of_the_whole() {
+fn a_region_is_the_same_part_of_the_whole_frame() {
     let clock = WallClock::starting_at(0.0);
     let mut lamp = Lamp::new(clock);
     lamp.show(&frame(5)).expect("a lamp shows all");
@@ -151,7 +151,7 @@ fn exposures_take_their_time_and_gain_multiplies() {
     let spec = GigeSpec { gain: Some(20.0 * 2_f64.log10()), ..spec(6) };
     let mut opened = GigeVision::open(&spec, clock, 0).expect("it answers");
     for exposure in [0.001, 0.02, 0.06] {
-        // Set to whole microseconds by this camera.
+        // This camera rounds to whole microseconds.
         let set = opened.configure(exposure + 3e-7).expect("within range");
         assert!((set - exposure).abs() < 1e-12, "{set}");
         let began = Instant::now();
@@ -186,7 +186,7 @@ fn frames_are_numbered_and_timed_by_the_rigs_clock() {
 }
 
 #[test]
-fn hundreds_of_patterns_each_have_their_photo_and_cost_little() {
+fn each_of_hundreds_of_patterns_has_its_own_photo() {
     let clock = WallClock::starting_at(0.0);
     let lamp = Lamp::new(clock);
     let _camera = camera(8, &lamp);
@@ -207,8 +207,8 @@ fn hundreds_of_patterns_each_have_their_photo_and_cost_little() {
 }
 
 #[test]
-fn a_pattern_that_changes_while_the_sensor_is_open_is_seen_in_part() {
-    // What the loopback camera is for: as a real one, it would not let a change pass.
+fn a_pattern_that_changes_during_an_exposure_is_seen_in_part() {
+    // The simulated camera integrates light over the exposure, as a real one does.
     let clock = WallClock::starting_at(0.0);
     let mut lamp = Lamp::new(clock);
     let [first, second] = [8, 40].map(|level| Frame::filled(SIZE, 1, level));

@@ -1,4 +1,4 @@
-//! A camera that speaks GigE Vision, over the loopback interface: what comes, when, and what goes wrong on the way.
+//! A GigE Vision camera on the loopback interface: its frames, their times, and faults on the way.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 

@@ -1,4 +1,4 @@
-//! A colour camera behind all stages: products with the scene's matrix.
+//! A product with the scene's matrix, measured with a colour camera and all stages.
 
 use krylux::image::Resolution;
 use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
@@ -10,8 +10,8 @@ use super::support::{Lamp, SIZE, address, scene, spec};
 use crate::gige_camera::GigeCamera;
 
 #[test]
-fn a_product_through_a_bayer_camera_is_that_of_the_scenes_matrix() {
-    // A cell of the sensor sees what one of the lamp's pixels lights.
+fn a_product_measured_with_a_bayer_camera_is_that_of_the_scenes_matrix() {
+    // A cell of the sensor sees the light of one lamp pixel.
     let sensor = [2 * SIZE.width, 2 * SIZE.height];
     let pixels = SIZE.pixels();
     let x: Vec<f64> = (0..pixels).map(|pixel| (pixel as f64 * 0.37).sin() + 0.2).collect();
@@ -28,10 +28,10 @@ fn a_product_through_a_bayer_camera_is_that_of_the_scenes_matrix() {
         let info = camera.info().clone();
         assert_eq!(info.resolution, Resolution::new(SIZE.width, SIZE.height));
         let calibration = Calibration::ideal(lamp.info(), &info);
-        let bench = Devices { projector: Box::new(lamp), camera: Box::new(camera), clock: Box::new(clock) };
-        // Direct light alone: nothing is told apart here.
+        let devices = Devices::new(lamp, camera, clock);
+        // The scene has direct light only, which is not separated here.
         let options = MeasureOptions { direct_square: 1, ..MeasureOptions::default() };
-        let live = Box::new(LiveFrames::new(bench, 0.0, 5));
+        let live = Box::new(LiveFrames::new(devices, 0.0, 5));
         let mut measurement = Measurement::new(live, calibration, options).expect("they belong together");
         assert_eq!(measurement.channels(), info.channels);
         for channel in 0..info.channels {
@@ -40,7 +40,7 @@ fn a_product_through_a_bayer_camera_is_that_of_the_scenes_matrix() {
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
             let error = (1.0 - dot(&y, &truth).powi(2) / (dot(&y, &y) * dot(&truth, &truth))).max(0.0).sqrt();
             println!("{colour:?}, channel {channel}: relative error {error:.5}");
-            // Rounding to the nearest levels alone would be 0.29 of a level of 2 / 255, of an x whose root mean square is 0.735.
+            // Rounding to the nearest levels alone is an error of 0.29 levels of 2 / 255 each; the root mean square of x is 0.735.
             assert!(error < 3.1e-3, "{colour:?}, channel {channel}: {error}");
         }
     }

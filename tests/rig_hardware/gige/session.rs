@@ -1,4 +1,4 @@
-//! Who holds a camera, and what it can do.
+//! The control of a camera by one program, and the camera's limits.
 
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
@@ -12,7 +12,7 @@ fn open(spec: &GigeSpec) -> krylux::Result<GigeVision> {
     GigeVision::open(spec, WallClock::starting_at(0.0), 0)
 }
 
-/// Takes control by hand, and says nothing more: as a program does that crashed.
+/// Takes control of the camera and sends no heartbeat, as a program that crashed.
 fn seize(last: u8) -> UdpSocket {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a port is free");
     let command = [0x42, 1, 0, 0x82, 0, 8, 0, 1, 0, 0, 0x0A, 0, 0, 0, 0, 2];
@@ -24,7 +24,7 @@ fn seize(last: u8) -> UdpSocket {
 }
 
 #[test]
-fn a_camera_that_is_let_go_is_free_at_once() {
+fn a_released_camera_is_free_at_once() {
     let lamp = Lamp::new(WallClock::starting_at(0.0));
     let _device = camera(40, &lamp);
     drop(open(&spec(40)).expect("it is free"));
@@ -39,7 +39,7 @@ fn a_camera_that_is_let_go_is_free_at_once() {
 }
 
 #[test]
-fn a_second_program_is_told_who_holds_the_camera_and_a_dead_one_is_waited_for() {
+fn a_held_camera_is_named_and_a_crashed_owners_heartbeat_is_awaited() {
     let lamp = Lamp::new(WallClock::starting_at(0.0));
     let _device = camera(41, &lamp);
     let mut first = open(&spec(41)).expect("it is free");
@@ -53,7 +53,7 @@ fn a_second_program_is_told_who_holds_the_camera_and_a_dead_one_is_waited_for() 
 }
 
 #[test]
-fn what_a_camera_cannot_do_is_named_when_it_is_opened() {
+fn unsupported_settings_are_named_when_the_camera_is_opened() {
     let lamp = Lamp::new(WallClock::starting_at(0.0));
     let _device = GigeCamera::start(address(42), scene(12), lamp.look());
     let with = |change: fn(&mut GigeSpec)| {
@@ -101,7 +101,7 @@ fn what_a_camera_cannot_do_is_named_when_it_is_opened() {
     let message = with(|spec| spec.gain = Some(100.0));
     let limits = format!("camera.gain is 100, but Gain of the camera at {} is 0 to 24", address(42));
     assert!(message.contains(&limits), "{message}");
-    // What one session left set does not stand in the next one's way.
+    // The settings of one session do not disturb the next.
     drop(open(&GigeSpec { size: [16, 8], offset: [32, 12], ..spec(42) }).expect("it can do that"));
     let mut opened = open(&spec(42)).expect("it can do that");
     let message = refused(opened.configure(0.6));

@@ -1,4 +1,4 @@
-//! A lamp, a white sheet, and a camera at an address of its own.
+//! A simulated projector (the lamp), a white sheet, and a simulated camera with its own address.
 
 use std::net::Ipv4Addr;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ use crate::gige_camera::{GigeCamera, Scene};
 
 pub const SIZE: Resolution = Resolution { width: 48, height: 20 };
 
-/// A sheet whose pixels reflect more and more, seen by a camera of so many bits without noise.
+/// A sheet whose reflectance increases from pixel to pixel, seen by a noiseless camera with this number of bits.
 pub fn scene(bits: u32) -> Scene {
     let mut rig = VirtualRig::ideal(VirtualScene::Matrix { path: PathBuf::from("sheet.npz"), size: SIZE });
     rig.camera.bits = bits;
@@ -26,13 +26,13 @@ pub fn scene(bits: u32) -> Scene {
     Scene { rig, matrix: matrix.expect("a diagonal is well formed") }
 }
 
-/// What a bench of the same scene counts whose time is simulated.
+/// The counts of a virtual rig on the same scene.
 pub fn expected(scene: &Scene, frame: &Frame, exposure: f64) -> Vec<u16> {
     let light = krylux::transport::ExplicitMatrix::new(scene.matrix.clone(), SIZE).expect("it fits");
-    let mut bench = scene.rig.open(Box::new(light), None).expect("it can be seen");
-    bench.camera.configure(exposure).expect("within range");
-    bench.projector.show(frame).expect("it fits");
-    bench.camera.capture().expect("it is there").expect("it comes").counts
+    let mut devices = scene.rig.open(Box::new(light), None).expect("it can be seen");
+    devices.camera.configure(exposure).expect("within range");
+    devices.projector.show(frame).expect("it fits");
+    devices.camera.capture().expect("it is there").expect("it comes").counts
 }
 
 /// A projector that only remembers what it shows.
@@ -67,7 +67,7 @@ impl Projector for Lamp {
     }
 }
 
-/// The camera of one test: tests run at the same time, and so may another run of them all.
+/// The address of one test's camera: tests run at the same time, and the whole suite may run twice.
 pub fn address(last: u8) -> Ipv4Addr {
     let [low, high, ..] = std::process::id().to_le_bytes();
     Ipv4Addr::new(127, high, low, last)
@@ -86,12 +86,10 @@ pub fn camera(last: u8, lamp: &Lamp) -> GigeCamera {
 
 pub fn live(spec: &GigeSpec, lamp: &Lamp, clock: WallClock) -> krylux::Result<LiveFrames> {
     let camera = GigeVision::open(spec, clock, 0)?;
-    let bench =
-        Devices { projector: Box::new(lamp.clone()), camera: Box::new(camera), clock: Box::new(clock) };
-    Ok(LiveFrames::new(bench, 0.0, 6))
+    Ok(LiveFrames::new(Devices::new(lamp.clone(), camera, clock), 0.0, 6))
 }
 
-/// A frame of its own for each number: no two are alike.
+/// A frame for each number; all are different.
 pub fn frame(number: usize) -> Frame {
     let level = |pixel: usize| ((pixel * 7 + number * 29) % 256) as u16;
     Frame::new(SIZE, 1, (0..SIZE.pixels()).map(level).collect()).expect("one level for each pixel")

@@ -1,4 +1,4 @@
-//! What a bench does to a window is noticed and named.
+//! Faults of the projector's window, the server and the helper process are noticed and named.
 
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ fn gray(level: u16) -> Frame {
     Frame::filled(Resolution::new(16, 12), 1, level)
 }
 
-/// A server with one window on it, showing a frame.
+/// A server, and a projector on it that shows a frame.
 fn showing() -> (XServer, X11Projector) {
     let server = XServer::start(64, 48);
     let mut projector = open(&spec(&server, [16, 12])).expect("the server is there");
@@ -28,7 +28,7 @@ fn send(signal: &str, projector: &X11Projector) {
 }
 
 #[test]
-fn a_monitor_that_is_not_there_or_does_not_fit_is_named() {
+fn a_monitor_that_is_missing_or_does_not_fit_is_named() {
     let server = XServer::start(640, 240);
     server.add_monitor("beamer", [0, 0, 320, 240]);
     server.add_monitor("desk", [320, 0, 320, 240]);
@@ -47,7 +47,7 @@ fn a_monitor_that_is_not_there_or_does_not_fit_is_named() {
 }
 
 #[test]
-fn a_server_that_is_not_there_or_too_coarse_is_named() {
+fn a_server_that_is_missing_or_has_too_few_bits_is_named() {
     let nowhere = X11Spec { display: Some(":4095".into()), ..X11Spec::new(16, 12) };
     let message = refused(open(&nowhere));
     assert!(message.contains("the X server \":4095\" cannot be reached"), "{message}");
@@ -57,10 +57,10 @@ fn a_server_that_is_not_there_or_too_coarse_is_named() {
 }
 
 #[test]
-fn a_window_that_is_covered_is_named_before_the_photo_counts_and_shows_again_when_free() {
+fn a_covered_window_is_named_and_shows_again_when_it_is_free() {
     let (server, mut projector) = showing();
     let above = server.cover([0, 0, 8, 8]);
-    // Not even on the pattern: its light is in the scene all the same.
+    // The other window does not cover the pattern, but its light reaches the scene.
     let message = refused(projector.confirm());
     assert!(message.contains("the projector's window is covered by another one"), "{message}");
     assert!(refused(projector.show(&gray(7))).contains("is covered"));
@@ -73,7 +73,7 @@ fn a_window_that_is_covered_is_named_before_the_photo_counts_and_shows_again_whe
 }
 
 #[test]
-fn a_window_that_was_covered_between_two_looks_is_named_too() {
+fn a_window_that_was_covered_for_a_moment_is_named() {
     let (server, mut projector) = showing();
     let above = server.cover([20, 20, 8, 8]);
     server.close(above);
@@ -82,7 +82,7 @@ fn a_window_that_was_covered_between_two_looks_is_named_too() {
 }
 
 #[test]
-fn what_others_draw_on_the_window_is_seen() {
+fn drawing_by_another_program_is_noticed() {
     let (server, mut projector) = showing();
     let window = *server.windows().last().expect("the projector's");
     server.scribble(window);
@@ -93,7 +93,7 @@ fn what_others_draw_on_the_window_is_seen() {
 }
 
 #[test]
-fn a_window_that_is_closed_is_named_and_stays_so() {
+fn a_closed_window_is_named_each_time() {
     let (server, mut projector) = showing();
     server.close(*server.windows().last().expect("the projector's"));
     for _ in 0..2 {
@@ -103,7 +103,7 @@ fn a_window_that_is_closed_is_named_and_stays_so() {
 }
 
 #[test]
-fn a_server_that_is_gone_is_named() {
+fn a_server_that_ended_is_named() {
     let (mut server, mut projector) = showing();
     server.kill();
     let message = refused(projector.show(&gray(1)));
@@ -127,10 +127,10 @@ fn a_helper_that_was_killed_or_hangs_is_replaced() {
 }
 
 #[test]
-fn a_helper_that_ends_while_a_photo_is_taken_makes_it_no_photo() {
+fn a_photo_during_which_the_helper_ended_is_refused() {
     let (server, mut projector) = showing();
     send("KILL", &projector);
-    // Nobody knows what was on screen meanwhile: another helper would not, either.
+    // What was on screen meanwhile is unknown, and another helper would not know it, either.
     let message = refused(projector.confirm());
     assert!(
         message.contains("the helper process with its window") && message.contains("it ended"),
@@ -156,7 +156,7 @@ fn a_helper_that_cannot_be_started_is_named() {
 }
 
 #[test]
-fn a_frame_that_does_not_fit_is_refused_without_asking() {
+fn a_frame_that_does_not_fit_is_refused() {
     let (_server, mut projector) = showing();
     assert!(refused(projector.show(&gray(256))).contains("levels up to 256"));
     let large = Frame::filled(Resolution::new(17, 12), 1, 0);

@@ -14,7 +14,7 @@ const KRYLUX: &str = env!("CARGO_BIN_EXE_krylux");
 /// Set in the process that the test below starts.
 const INNER: &str = "KRYLUX_TEST_FINDS_THE_HELPER";
 
-/// What [`Helper::find`] says in a process of this program with these two variables.
+/// The result of [`Helper::find`] in a process of this program with these two environment variables.
 fn found(variable: Option<&str>, path: &Path) -> String {
     let mut command = Command::new(std::env::current_exe().expect("this program has a file"));
     command.args([

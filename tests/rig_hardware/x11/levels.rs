@@ -1,4 +1,4 @@
-//! Every level arrives as it is, where it belongs.
+//! Every level arrives unchanged at its pixel.
 
 use krylux::image::Resolution;
 use krylux::rig::{Frame, Projector, X11Spec};
@@ -6,7 +6,7 @@ use krylux::rig::{Frame, Projector, X11Spec};
 use super::{on, open, spec};
 use crate::x_server::XServer;
 
-/// All levels of each channel alone, and of all three together: a row for each.
+/// A frame with a row of all levels for each channel alone, and one for all three channels together.
 fn all_levels(shift: usize) -> Frame {
     let mut levels = Vec::new();
     for row in 0..4 {
@@ -36,7 +36,7 @@ fn each_level_of_each_channel_arrives_at_its_pixel_of_the_chosen_monitor() {
                 assert_eq!(seen, [drawn[0], drawn[1], drawn[2]], "{monitor}, pixel {at}");
             }
         }
-        // Around the pattern the monitor is black.
+        // The monitor is black around the pattern.
         for around in [[left, 0, width, 118], [left, 122, width, 118], [left, 118, corner - left, 4]] {
             assert!(server.pixels(around).iter().all(|&pixel| pixel == [0; 3]), "{monitor}: {around:?}");
         }
@@ -62,7 +62,7 @@ fn a_gray_pattern_is_magnified_in_the_middle() {
 }
 
 #[test]
-fn confirmations_follow_each_other_and_say_what_they_took() {
+fn confirmations_follow_each_other_and_report_their_times() {
     let server = XServer::start(160, 120);
     let mut projector = open(&spec(&server, [128, 96])).expect("the server is there");
     let size = Resolution::new(128, 96);
@@ -74,7 +74,7 @@ fn confirmations_follow_each_other_and_say_what_they_took() {
         let parts = [times.draw, times.present, times.settle, times.verify];
         let whole: f64 = parts.iter().sum();
         assert!(shown.at >= last + whole, "frame {level}: {} after {last}, which took {whole}", shown.at);
-        // The refresh after the confirmed one: it cannot have come at once every time.
+        // Showing waits for the refresh after the confirmed one, which takes time on average.
         last = shown.at;
         sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
     }
@@ -82,6 +82,6 @@ fn confirmations_follow_each_other_and_say_what_they_took() {
     println!(
         "128x96: draw {draw:.2} ms, present {present:.2} ms, settle {settle:.2} ms, verify {verify:.2} ms"
     );
-    // Refreshes are waited for: on average at least half of one.
+    // On average the wait is at least half of a refresh.
     assert!(settle > 4.0, "{settle} ms");
 }

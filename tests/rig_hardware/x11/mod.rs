@@ -1,4 +1,4 @@
-//! A projector that is a window of a real X server: what arrives at which pixel, and what is noticed.
+//! The projector on a real X server: the levels that arrive at each pixel, and the faults that are noticed.
 
 #![allow(clippy::panic, reason = "a failed test panics")]
 
@@ -27,7 +27,7 @@ fn open(spec: &X11Spec) -> krylux::Result<X11Projector> {
     X11Projector::open(spec, &helper(), WallClock::starting_at(0.0))
 }
 
-/// The message of what must fail.
+/// The message of an error that must occur.
 #[track_caller]
 fn refused<T>(result: krylux::Result<T>) -> String {
     match result {
