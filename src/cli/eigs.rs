@@ -205,8 +205,8 @@ fn report(
     folder: &mut RunFolder,
 ) -> Result<(Outcome, String)> {
     folder.manifest.photos = found.stats.products as u64;
-    let verdicts: Vec<String> = found.verdicts.iter().map(|verdict| word(*verdict).to_owned()).collect();
-    let good = found.verdicts.iter().all(|&verdict| verdict == PairStatus::Converged)
+    let verdicts: Vec<String> = found.statuses.iter().map(|verdict| word(*verdict).to_owned()).collect();
+    let good = found.statuses.iter().all(|&verdict| verdict == PairStatus::Converged)
         && found.values.len() == args.question.count;
     say(found, &verdicts, console)?;
     let title = format!("{name} · eigenpairs");

@@ -1,8 +1,8 @@
-//! How noisy a product may be.
+//! Inexact products: the noise that a product may have.
 
-/// The relaxation of inexact Krylov methods: the nearer the answer, the noisier a product may be.
+/// The relaxation of inexact Krylov methods: as the residual falls, products may be noisier.
 ///
-/// A Krylov relation from products with errors `e_k` (of norm-1 vectors) is that of `A` but for `E = [e_1 … e_m]`, and the
+/// A Krylov relation from products with errors `e_k` (of norm-1 vectors) is that of `A` up to `E = [e_1 … e_m]`, and the
 /// true residual of `V s` differs from the computed one by `E s`, at most `Σ ‖e_k‖ |s_k|`. As the entries `s_k` fall like the
 /// residual norm `ρ_{k−1}` before step `k`, `‖e_k‖` may grow like its inverse:
 ///

@@ -38,10 +38,10 @@ pub enum Method {
     Multiplicative,
 }
 
-/// The set that a method keeps its iterates in.
+/// The constraint that all iterates of a method satisfy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Constraint {
-    /// Anything.
+    /// None.
     None,
     /// `x ≥ 0`.
     NonNegative,
@@ -49,24 +49,24 @@ pub enum Constraint {
     Box,
 }
 
-/// What a method needs, stores and costs.
+/// The needs, storage and cost of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MethodFacts {
     /// The method.
     pub method: Method,
     /// Its name on the command line.
     pub name: &'static str,
-    /// It takes products with `Aᵀ`. (A symmetric operator has them: they are products with `A`.)
+    /// Whether it takes products with `Aᵀ`. (For a symmetric operator they are products with `A`.)
     pub needs_transpose: bool,
-    /// It refuses an operator that is not symmetric.
+    /// Whether it refuses an operator that is not symmetric.
     pub needs_symmetry: bool,
-    /// Where it keeps the iterate.
+    /// The constraint on its iterates.
     pub constraint: Constraint,
-    /// Vectors of length `n` it keeps, the right-hand side and the solution included: fixed ones …
+    /// Vectors of length `n` that it stores, right-hand side and solution included: a fixed number …
     pub images: usize,
-    /// … and those that each product adds.
+    /// … and the number that each product adds.
     pub images_per_product: usize,
-    /// Products before the first iteration, from the default start (a box's diagonal given).
+    /// Products before the first iteration, from the default start (with [`SolveOptions::diagonal`] for the methods with bounds).
     pub products_to_start: usize,
     /// Products per iteration.
     pub products_per_iteration: usize,
@@ -113,9 +113,9 @@ const fn row(
 }
 
 impl Method {
-    /// What it needs, stores and costs.
+    /// The needs, storage and cost of the method.
     pub fn facts(self) -> MethodFacts {
-        // The table is in the order of the enum; a test says so.
+        // The table is in the order of the enum, which a test checks.
         METHODS[self as usize]
     }
 
@@ -163,8 +163,7 @@ impl Method {
 
 /// Solves `A x = b`, `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of products.
 ///
-/// A method that needs `Aᵀ` takes products with `A` in its stead where `A` is symmetric, and fails otherwise: use
-/// [`solve_adjoint`].
+/// A method that needs `Aᵀ` takes products with `A` instead where `A` is symmetric, and fails otherwise: use [`solve_adjoint`].
 ///
 /// # Errors
 /// As [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the solver

@@ -1,11 +1,11 @@
-//! Photos by tracing anew: nothing is kept, so it needs no memory for a matrix.
+//! Photos by tracing anew for each one. No matrix is kept, so none has to fit the memory.
 
 use std::ops::ControlFlow;
 
-use super::abreast::{apart, side_by_side};
+use super::block::{deinterleave, interleave};
 use super::contributions::{Contributions, Tally, Way};
 use super::matrix::Direction;
-use super::tiles::{ABREAST, Abreast};
+use super::tiles::{BLOCK_WIDTH, Interleaved};
 use super::{Channels, Part, Transport, from_planes, luminance, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -14,7 +14,7 @@ use crate::render::{Progress, TraceSettings, Tracer};
 
 /// A scene that is traced once per photo, always with the same light paths.
 ///
-/// The connections are added up on the host in path order, so that photos repeat to the bit without atomics.
+/// The connections are added up on the host in path order, so that photos repeat to the bit.
 pub struct Retraced<'a> {
     /// The scene on its device.
     pub tracer: &'a mut Tracer,
@@ -133,21 +133,21 @@ pub struct RetracedOperator<'a> {
 
 impl RetracedOperator<'_> {
     /// Vectors of a block that are traced together.
-    pub const BLOCK_SIZE: usize = ABREAST;
+    pub const BLOCK_SIZE: usize = BLOCK_WIDTH;
 
     fn block(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(from.len(), to.len());
         let way = Way { direction, part: self.part, with_ambient: false };
-        for (from, to) in from.chunks(ABREAST).zip(to.chunks_mut(ABREAST)) {
+        for (from, to) in from.chunks(BLOCK_WIDTH).zip(to.chunks_mut(BLOCK_WIDTH)) {
             let pixels = to[0].len();
             if let ([from], [to]) = (from, &mut *to) {
                 let seen = self.retraced.products(way, self.channel, from.as_chunks::<1>().0, pixels)?;
                 to.copy_from_slice(seen.as_flattened());
                 continue;
             }
-            let lit: Vec<_> = side_by_side(from).into_iter().map(|Abreast(lit)| lit).collect();
+            let lit: Vec<_> = interleave(from).into_iter().map(|Interleaved(lit)| lit).collect();
             let seen = self.retraced.products(way, self.channel, &lit, pixels)?;
-            apart(&seen.into_iter().map(Abreast).collect::<Vec<_>>(), to);
+            deinterleave(&seen.into_iter().map(Interleaved).collect::<Vec<_>>(), to);
         }
         Ok(())
     }

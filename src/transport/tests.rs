@@ -1,4 +1,4 @@
-//! Rows and their combination, fed by hand: rigs that no shipped scene has.
+//! Rows and their combination for synthetic paths: rigs that no shipped scene has.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

@@ -10,9 +10,9 @@ use crate::operator::Operator;
 /// Eigenpairs `A y = θ y` of an operator (`n × n`) by the method of the options, within a budget of products.
 ///
 /// The operator's observer sees each product ([`Estimate::Eigenpairs`](crate::observer::Estimate::Eigenpairs)). Returns the best so far
-/// when the budget ends or the observer stops it. By Lanczos a repeated eigenvalue is found
-/// once: its further copies come only with an exactly invariant subspace, or when rounding has let them grow. Deflate
-/// what is known, or use block Lanczos.
+/// when the budget ends or the observer stops it. Lanczos finds a repeated eigenvalue
+/// once; further copies appear only after an exactly invariant subspace, or when rounding has let them grow. Deflate known eigenvectors, or
+/// use block Lanczos.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `--max-basis`, `--noise` or `--which` when its value

@@ -12,7 +12,7 @@ pub struct SpectralDensity {
     pub quadratures: Vec<Vec<(f64, f64)>>,
     /// The dimension `n`.
     pub n: usize,
-    /// Products taken.
+    /// The number of products taken.
     pub products: usize,
 }
 

@@ -21,9 +21,9 @@ pub struct Nystrom {
     /// `U`: as many orthonormal vectors of length `n`.
     pub vectors: Vec<Vec<f64>>,
     /// The smallest eigenvalue of the core `ΩᵀAΩ` (with orthonormal `Ω`): clearly below zero means that `A` is
-    /// indefinite, and that the answer is to be taken with care.
+    /// indefinite, and that the approximation may be poor.
     pub smallest_core: f64,
-    /// `‖A − U diag(λ) Uᵀ‖_F²`, of the approximation returned.
+    /// An estimate of `‖A − U diag(λ) Uᵀ‖_F²` for the approximation returned.
     pub missed_square: Estimate,
     /// Products in all.
     pub products: usize,
@@ -32,9 +32,8 @@ pub struct Nystrom {
 /// `A ≈ (AΩ) (ΩᵀAΩ)⁺ (AΩ)ᵀ` from `l` products with random signs `Ω`, made orthonormal, truncated to rank `k`: half the
 /// products of [`randomized_svd`](super::randomized_svd).
 ///
-/// For a positive semidefinite `A` the approximation is never above `A` (`A − Â ⪰ 0`), so the trace of what is missed
-/// is its nuclear norm. For an **indefinite** one the core can be nearly singular while `A` is not, and the error is
-/// without a bound: transport matrices are positive semidefinite only up to their global part, so look at
+/// For a positive semidefinite `A`, `A − Â ⪰ 0`, so the trace of `A − Â` is its nuclear norm. For an **indefinite** one the core can be nearly singular while `A` is not, and the error is
+/// without a bound: transport matrices are positive semidefinite only up to their global part, so check
 /// `smallest_core` and at `missed_square`. Core eigenvalues below 1e-10 of the largest are left out (Nakatsukasa and Park's truncation).
 ///
 /// Inputs: `A`; [`LowRankOptions`] for the rank `k`, the sketch `l = k + oversampling` and the probes. Takes

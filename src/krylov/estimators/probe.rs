@@ -10,11 +10,11 @@ use crate::operator::{self, Adjoint, Operator, Symmetry, block, block_mut};
 /// A mean of independent random estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// The estimate; without bias.
+    /// The estimate, which is unbiased.
     pub value: f64,
     /// Its standard error, from the spread of the single estimates.
     pub standard_error: f64,
-    /// Products taken.
+    /// The number of products taken.
     pub products: usize,
 }
 
@@ -28,7 +28,7 @@ impl Estimate {
     }
 }
 
-/// How much a low-rank approximation may cost.
+/// The options of a low-rank approximation, which fix its cost.
 #[derive(Clone, Debug)]
 pub struct LowRankOptions {
     /// Singular or eigenvalues wanted, `k ≥ 1`. Default 10.
@@ -39,7 +39,7 @@ pub struct LowRankOptions {
     pub power: usize,
     /// Products spent on the error estimate, at least 2. Default 4.
     pub probes: usize,
-    /// Of the random vectors.
+    /// Seed of the random vectors.
     pub seed: u64,
 }
 
@@ -140,7 +140,7 @@ pub(super) fn signs(n: usize, count: usize, seed: u64) -> Vec<Vec<f64>> {
     Start::Rademacher { seed }.block(n, count)
 }
 
-/// `A x` for each of `xs` in turn, checked for NaN.
+/// Hands `with` each of `xs` and its product `A x`, checked for NaN, in order.
 pub(super) fn each_product(
     operator: &mut dyn Operator,
     xs: &[Vec<f64>],

@@ -18,7 +18,7 @@ pub struct RandomizedSvd {
     pub left: Vec<Vec<f64>>,
     /// `W`: as many orthonormal vectors of length `cols`.
     pub right: Vec<Vec<f64>>,
-    /// `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of what the whole sketch (`l` vectors) misses.
+    /// An estimate of `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of the part of `A` outside the whole sketch (`l` vectors).
     pub missed_square: Estimate,
     /// Products with `A` and with `Aᵀ` in all.
     pub products: usize,

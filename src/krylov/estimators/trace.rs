@@ -1,4 +1,4 @@
-//! The trace from a few products.
+//! Stochastic estimates of the trace.
 
 use super::super::basis::dot;
 use super::probe::{self, Estimate, at_least, each_product, orthonormal, signs, square};
@@ -7,7 +7,7 @@ use crate::operator::Operator;
 
 /// `tr A` as the mean of `ωᵀAω` over `products ≥ 2` vectors `ω` of random signs; `A` of `n × n`.
 ///
-/// Without bias; the variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so that it is exact for a diagonal `A`. The
+/// The estimate is unbiased. The variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so that it is exact for a diagonal `A`. The
 /// standard error falls as `1/√products`.
 ///
 /// # Errors

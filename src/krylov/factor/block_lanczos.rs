@@ -23,10 +23,10 @@ use crate::operator::Operator;
 /// round over the block costs `b` products and adds as much to the polynomial degree as one Lanczos step.
 ///
 /// It takes one product a step (Ruhe's band form): it stops and resumes within a block as anywhere else. The products with the vectors
-/// that wait may be taken together before their steps ([`Factorization::multiply_block`]). A product that holds nothing new makes the block narrower; so do dependent start vectors. When the block is used up, the subspace
+/// that wait may be taken together before their steps ([`Factorization::multiply_block`]). A product in the span makes the block narrower; so do dependent start vectors. When the block is used up, the subspace
 /// is invariant, and the process goes on from `b` random vectors.
 ///
-/// Storage: `m + p + k` vectors of `n` for `k` known ones, and one more to work in.
+/// Storage: `m + p + k` vectors of `n` for `k` known ones, and one work vector.
 ///
 /// # References
 /// Golub and Underwood, *The block Lanczos method for computing eigenvalues*, Mathematical Software III (1977);

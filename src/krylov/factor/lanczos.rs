@@ -21,17 +21,17 @@ use crate::operator::{Operator, Symmetry};
 /// eigenvectors `Q` of `A` the process then sees `A` on the rest of the space only, and a further copy of their
 /// eigenvalue as a simple one.
 ///
-/// A step takes exactly one product. When that fails, the factorization is as it was before, to the bit, and the step
-/// can be taken again. Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one more to work in.
+/// A step takes exactly one product. When it fails, the factorization is as before, to the bit, and the step
+/// can be taken again. Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one work vector.
 ///
 /// The coefficients of `A v_j` on all basis vectors, which reorthogonalization computes anyway, are kept. They are
-/// zero to rounding where `A` is symmetric, tell by how much it is not ([`Lanczos::asymmetry`]), and keep residual
-/// norms honest in that case.
+/// zero to rounding where `A` is symmetric. Otherwise they show by how much it is not ([`Lanczos::asymmetry`]), and keep the residual norms
+/// correct.
 ///
 /// # References
 /// Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large
 /// sparse matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163. With
-/// photos for products: O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010),
+/// photos for products: O'Toole and Kutulakos, sections 3 and 4; *Optical computing for fast light transport analysis* (2010),
 /// doi:10.1145/1882261.1866165.
 #[derive(Clone, Debug)]
 pub struct Lanczos {
@@ -67,7 +67,7 @@ impl Lanczos {
         self.betas().last().copied().unwrap_or(0.0)
     }
 
-    /// Saves the state, so that [`Lanczos::load`] goes on to the same bits.
+    /// Saves the state, so that the process that [`Lanczos::load`] returns continues with the same bits.
     ///
     /// The format is the same for all factorizations. Numbers are little endian, floats IEEE 754 binary64:
     ///
@@ -77,12 +77,12 @@ impl Lanczos {
     /// | u32 | version, 1 |
     /// | u32 | kind: 1 Lanczos, 2 block Lanczos, 3 Arnoldi |
     /// | u64 × 7 | `n`, known vectors `k`, block size, columns `k + m + p`, steps `m`, products, random vectors drawn |
-    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on what restarts threw away |
+    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on what restarts discarded |
     /// | `m` times | u64 count, as many f64: the coefficients of `A v_j` on `Q, v_1, …` |
     /// | `(k + m + p) n` f64 | `Q`, then `v_1 … v_{m+p}`, one after the other |
     /// | 32 | BLAKE3 of everything before |
     ///
-    /// A file is believed only when the checksum fits, and nothing is allocated on the word of a damaged length.
+    /// A file is accepted only when the checksum is right, and a damaged length causes no large allocation.
     ///
     /// # Errors
     /// [`Error::Write`] when the writer fails.

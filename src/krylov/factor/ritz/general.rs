@@ -1,4 +1,4 @@
-//! Ritz pairs of operators that need not be symmetric: complex in general.
+//! Ritz pairs of general operators, which may be complex.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, c64};

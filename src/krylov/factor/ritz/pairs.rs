@@ -1,4 +1,4 @@
-//! Approximate eigenpairs: which are wanted, how good they are.
+//! Approximate eigenpairs: their order, and their error bounds.
 
 /// Which part of the spectrum is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -10,8 +10,8 @@ pub enum Which {
     SmallestAlgebraic,
     /// LM: the largest in absolute value.
     LargestMagnitude,
-    /// SM: the smallest in absolute value. They come late, if at all, unless they are at an end of the spectrum: a
-    /// Krylov space knows the ends first, and inverting is not possible with photos.
+    /// SM: the smallest in absolute value. Unless they are at an end of the spectrum they converge late or never: a Krylov space
+    /// approximates the ends first, and photos cannot invert the operator.
     SmallestMagnitude,
     /// BE: from both ends, the largest first, then the smallest, the second largest, and so on.
     BothEnds,
@@ -52,7 +52,7 @@ impl Which {
     }
 }
 
-/// What can be said of an approximate eigenpair.
+/// The status of an approximate eigenpair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PairStatus {
     /// Its residual, with the noise of the products, is within the tolerance.
@@ -99,9 +99,9 @@ impl RitzPair {
         self.residual <= tolerance * scale
     }
 
-    /// The verdict for a residual wanted to be at most `wanted`, when each product with a unit vector has an error of
+    /// The status for a residual that should be at most `wanted`, when each product with a unit vector has an error of
     /// norm `noise`, independent from product to product (then `‖E s‖` is about `noise` for any `s` of norm 1).
-    pub fn verdict(&self, wanted: f64, noise: f64) -> PairStatus {
+    pub fn status(&self, wanted: f64, noise: f64) -> PairStatus {
         if self.residual <= wanted && noise <= wanted {
             PairStatus::Converged
         } else if self.residual <= noise {
