@@ -65,9 +65,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_photo_is_the_product_with_the_given_matrix() {
+    fn a_photo_is_the_product_with_the_explicit_matrix() {
         let matrix = Csr::new(2, vec![0, 2, 3], vec![0, 1, 0], vec![1.0, 0.5, 0.25]);
-        let mut given =
+        let mut explicit =
             ExplicitMatrix::new(matrix.expect("well formed"), Resolution::new(2, 1)).expect("of two pixels");
         let pattern = Image::new(Resolution::new(2, 1), 1, vec![2.0, 4.0]).expect("two samples");
         assert_eq!(explicit.photograph(&pattern).expect("it fits").samples(), [4.0, 0.5]);
