@@ -1,14 +1,14 @@
 //! A growing set of long vectors, and the kernels with it that take most of the time.
 //!
-//! All kernels walk fixed blocks of rows in parallel and add the blocks' sums in the order of the rows, so that their
-//! results depend neither on the number of threads nor on scheduling.
+//! All kernels walk fixed blocks of rows in parallel and add the blocks' sums in the order of the rows, so
+//! that their results depend neither on the number of threads nor on scheduling.
 
 use rayon::prelude::*;
 
 use super::kernels::{add_block, dot_block, dots_block};
 
-/// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns stream past
-/// it.
+/// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns
+/// stream past it.
 const BLOCK: usize = 1024;
 
 /// The columns of a tall matrix `V` of `rows × len`, each contiguous.
@@ -181,8 +181,8 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     partial.iter().sum()
 }
 
-/// `‖w‖₂`, without overflow or underflow on the way. Infinite or NaN exactly if `w` holds such an entry (or if the
-/// norm itself is beyond the largest `f64`).
+/// `‖w‖₂`, without overflow or underflow on the way. Infinite or NaN exactly if `w` holds such an entry (or
+/// if the norm itself is beyond the largest `f64`).
 pub fn norm(w: &[f64]) -> f64 {
     let square = dot(w, w);
     // Between these bounds, no significant square overflowed or underflowed.

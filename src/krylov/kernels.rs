@@ -1,11 +1,12 @@
 //! Kernels over one block of rows, which stays in the cache while the columns are read from memory.
 //!
-//! Columns are taken eight at a time: the block is then read an eighth as often, and eight streams from memory hide one another's
-//! latency. The order of additions depends only on the length.
+//! Columns are taken eight at a time: the block is then read an eighth as often, and eight streams from
+//! memory hide one another's latency. The order of additions depends only on the length.
 
 /// Columns that are read at the same time.
 const TOGETHER: usize = 8;
-/// Partial sums of each column, so that the compiler can use vector registers. It may not reorder a single sum by itself.
+/// Partial sums of each column, so that the compiler can use vector registers. It may not reorder a single
+/// sum by itself.
 const LANES: usize = 4;
 
 /// The inner product of one block.

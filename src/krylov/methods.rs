@@ -66,7 +66,8 @@ pub struct MethodFacts {
     pub images: usize,
     /// … and the number that each product adds.
     pub images_per_product: usize,
-    /// Products before the first iteration, from the default start (with [`SolveOptions::diagonal`] for the methods with bounds).
+    /// Products before the first iteration, from the default start (with [`SolveOptions::diagonal`] for the
+    /// methods with bounds).
     pub products_to_start: usize,
     /// Products per iteration.
     pub products_per_iteration: usize,
@@ -75,7 +76,7 @@ pub struct MethodFacts {
 /// One row per method.
 #[rustfmt::skip]
 pub const METHODS: [MethodFacts; 13] = [
-    //                                                       Aᵀ    A=Aᵀ                          images  start/iteration
+    // Aᵀ    A=Aᵀ                          images  start/iteration
     row(Method::Minres,         "minres",         [false, true],  Constraint::None,        [12, 0], [0, 1]),
     row(Method::Gmres,          "gmres",          [false, false], Constraint::None,        [7, 1],  [0, 1]),
     row(Method::Fgmres,         "fgmres",         [false, false], Constraint::None,        [7, 2],  [0, 1]),
@@ -137,8 +138,8 @@ impl Method {
     /// The method's state before its first step, for `b` and `x` of length `cols`.
     ///
     /// # Errors
-    /// As the method's own `new`. [`Error::Dimension`] when `cols` differs from `b`'s length and the method is for
-    /// square systems.
+    /// As the method's own `new`. [`Error::Dimension`] when `cols` differs from `b`'s length and the method
+    /// is for square systems.
     pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
             super::linear::system::square(b.len(), cols)?;
@@ -161,13 +162,15 @@ impl Method {
     }
 }
 
-/// Solves `A x = b`, `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of products.
+/// Solves `A x = b`, `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of
+/// products.
 ///
-/// A method that needs `Aᵀ` takes products with `A` instead where `A` is symmetric, and fails otherwise: use [`solve_adjoint`].
+/// A method that needs `Aᵀ` takes products with `A` instead where `A` is symmetric, and fails otherwise: use
+/// [`solve_adjoint`].
 ///
 /// # Errors
-/// As [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the solver
-/// yourself and use [`solve_from`].
+/// As [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the
+/// solver yourself and use [`solve_from`].
 pub fn solve<O: Operator + ?Sized>(
     method: Method,
     operator: &mut O,

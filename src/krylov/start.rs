@@ -5,16 +5,18 @@ use rand_pcg::Pcg64;
 
 /// The first vector of a Krylov process (its norm does not matter).
 ///
-/// A random start has a component along every eigenvector. A chosen one may not: all ones, on a scene with a mirror symmetry, never finds
-/// the eigenvectors that differ between the two sides.
+/// A random start has a component along every eigenvector. A chosen one may not: all ones, on a scene with a
+/// mirror symmetry, never finds the eigenvectors that differ between the two sides.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Start {
-    /// Entries −1 and +1 with equal probability, the same on every machine. As a pattern it uses the projector's whole range.
+    /// Entries −1 and +1 with equal probability, the same on every machine. As a pattern it uses the
+    /// projector's whole range.
     Rademacher {
         /// Seed of the generator.
         seed: u64,
     },
-    /// Standard normal entries, so that no direction is preferred. (They depend on `ln`, whose last bit differs between machines.)
+    /// Standard normal entries, so that no direction is preferred. (They depend on `ln`, whose last bit
+    /// differs between machines.)
     Gaussian {
         /// Seed of the generator.
         seed: u64,
@@ -40,7 +42,8 @@ impl Start {
     }
 
     /// `count` vectors of length `n` for a block start. Random ones are drawn one after the other from one
-    /// generator, so that the first is [`Start::vector`]; [`Start::Given`] is followed by random signs of seed 0.
+    /// generator, so that the first is [`Start::vector`]; [`Start::Given`] is followed by random signs of
+    /// seed 0.
     pub fn block(&self, n: usize, count: usize) -> Vec<Vec<f64>> {
         let draw = |seed: u64, count: usize, one: fn(usize, &mut Pcg64) -> Vec<f64>| -> Vec<Vec<f64>> {
             let mut random = Pcg64::seed_from_u64(seed);

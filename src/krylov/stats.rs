@@ -18,11 +18,13 @@ pub enum Status {
     ReachedTolerance,
     /// The budget of products is spent; the result is the best so far.
     BudgetSpent,
-    /// The subspace is the whole space: every eigenpair is known to rounding, and no product could improve it.
+    /// The subspace is the whole space: every eigenpair is known to rounding, and no product could improve
+    /// it.
     SpaceExhausted,
     /// The observer stopped the method; the result is the best so far.
     Stopped,
-    /// The residual is down to the noise of the products, which is above the tolerance: further steps would fit noise.
+    /// The residual is down to the noise of the products, which is above the tolerance: further steps would
+    /// fit noise.
     NoiseFloor,
     /// No vector has a smaller residual: the system has no solution, and this is a least-squares one.
     LeastSquares,
@@ -30,8 +32,8 @@ pub enum Status {
     ConstrainedOptimum,
     /// The iterate no longer moves.
     Stalled,
-    /// The products are not those of a symmetric operator, and the method needs one; the result is the best before
-    /// the asymmetry was found.
+    /// The products are not those of a symmetric operator, and the method needs one; the result is the best
+    /// before the asymmetry was found.
     NotSymmetric,
     /// The method cannot continue, for this reason; the result is the best so far.
     Breakdown(&'static str),

@@ -1,4 +1,5 @@
-//! Sparse matrices in compressed rows with `f64` values: the form in which matrices are exchanged with files and callers.
+//! Sparse matrices in compressed rows with `f64` values: the form in which matrices are exchanged with files
+//! and callers.
 
 mod operator;
 
@@ -6,8 +7,8 @@ pub use operator::SparseOperator;
 
 use crate::error::{Error, Result};
 
-/// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at the columns
-/// `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly.
+/// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at
+/// the columns `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Csr {
     cols: usize,

@@ -9,8 +9,8 @@ use crate::operator::{Adjoint, Operator, Symmetry};
 /// Rows of one task of a product.
 const ROWS_PER_TASK: usize = 256;
 
-/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both run over rows, in a fixed order, so that results do not depend on the number of
-/// threads.
+/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both run over rows, in a fixed order, so that results do
+/// not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub struct SparseOperator {
     matrix: Csr,
@@ -19,7 +19,8 @@ pub struct SparseOperator {
 }
 
 impl SparseOperator {
-    /// The operator of `matrix`. Checks whether the matrix is symmetric to the last bit; if not, keeps its transpose too.
+    /// The operator of `matrix`. Checks whether the matrix is symmetric to the last bit; if not, keeps its
+    /// transpose too.
     pub fn new(matrix: Csr) -> Self {
         let transpose = (!matrix.is_symmetric()).then(|| matrix.transposed());
         Self { matrix, transpose }

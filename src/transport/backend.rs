@@ -1,17 +1,18 @@
 //! The backend of products: the processor, or the device that traced the paths.
 //!
-//! [`Backend::Auto`] takes the device where all of these hold: it is a GPU (discrete, integrated or virtual); the matrix has enough
-//! entries to be worth the transfer of the vectors; shaders can calculate in `f64`; and matrix and vectors fit its buffers and the share
-//! of its memory that may be used. Otherwise it takes the processor; if a GPU lacked something, the reason is returned. On software
-//! Vulkan, which runs on the processor, products take ten times as long as by the processor itself.
+//! [`Backend::Auto`] takes the device where all of these hold: it is a GPU (discrete, integrated or virtual);
+//! the matrix has enough entries to be worth the transfer of the vectors; shaders can calculate in `f64`; and
+//! matrix and vectors fit its buffers and the share of its memory that may be used. Otherwise it takes the
+//! processor; if a GPU lacked something, the reason is returned. On software Vulkan, which runs on the
+//! processor, products take ten times as long as by the processor itself.
 
 use super::{Assembled, GpuMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::render::Tracer;
 
-/// Entries from which a product is worth sending to a GPU: a few cores multiply them in about the time of the transfers, some 0.2 ms.
-/// This is an estimate that was not measured on a GPU.
+/// Entries from which a product is worth sending to a GPU: a few cores multiply them in about the time of the
+/// transfers, some 0.2 ms. This is an estimate that was not measured on a GPU.
 const WORTHWHILE: usize = 1 << 20;
 
 /// Where products with the traced matrix are taken.
@@ -27,8 +28,8 @@ pub enum Backend {
 }
 
 impl Assembled {
-    /// Chooses the backend of all later products; the device is the one that `tracer` traces on. Returns what a GPU lacked, where
-    /// [`Backend::Auto`] therefore chose the processor.
+    /// Chooses the backend of all later products; the device is the one that `tracer` traces on. Returns what
+    /// a GPU lacked, where [`Backend::Auto`] therefore chose the processor.
     ///
     /// # Errors
     /// [`Error::Device`] for [`Backend::Gpu`] on a device without `f64` or without enough memory.

@@ -1,4 +1,5 @@
-//! Products with a block of vectors: four at a time are interleaved, so that the matrix is read once for four products.
+//! Products with a block of vectors: four at a time are interleaved, so that the matrix is read once for four
+//! products.
 
 use rayon::prelude::*;
 
@@ -8,7 +9,8 @@ use super::tiles::{BLOCK_WIDTH, Interleaved};
 /// Entries that one task interleaves.
 const TASK: usize = 4096;
 
-/// Interleaves at most four vectors of equal length: element `i` holds entry `i` of each, and zeros in the places of missing vectors.
+/// Interleaves at most four vectors of equal length: element `i` holds entry `i` of each, and zeros in the
+/// places of missing vectors.
 pub(super) fn interleave(vectors: &[&[f64]]) -> Vec<Interleaved> {
     let mut values = vec![Interleaved::default(); vectors.first().map_or(0, |vector| vector.len())];
     values.par_chunks_mut(TASK).enumerate().for_each(|(task, values)| {
@@ -28,8 +30,8 @@ pub(super) fn deinterleave(values: &[Interleaved], to: &mut [&mut [f64]]) {
 }
 
 impl TransportMatrix {
-    /// `y_k ← P x_k` for each of `xs`, with the same bits as [`TransportMatrix::apply`]. The matrix is read once for four products.
-    /// There are as many `ys` as `xs`; each has an entry for each camera pixel.
+    /// `y_k ← P x_k` for each of `xs`, with the same bits as [`TransportMatrix::apply`]. The matrix is read
+    /// once for four products. There are as many `ys` as `xs`; each has an entry for each camera pixel.
     pub fn apply_block(&self, part: Part, channel: usize, xs: &[&[f64]], ys: &mut [&mut [f64]]) {
         self.multiply_block(Direction::Forward, part, channel, xs, ys);
     }

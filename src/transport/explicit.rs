@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::sparse::Csr;
 
-/// An explicit matrix (from a file, or made by the caller) as a rig of one channel. The photo has as many pixels as the pattern. There
-/// is no ambient light.
+/// An explicit matrix (from a file, or made by the caller) as a rig of one channel. The photo has as many
+/// pixels as the pattern. There is no ambient light.
 #[derive(Clone, Debug)]
 pub struct ExplicitMatrix {
     matrix: Csr,

@@ -20,7 +20,8 @@ pub enum Bounces {
     Global,
 }
 
-/// A part of the transport matrix: a sparse matrix with one set of `f32` weights per channel on a common sparsity pattern.
+/// A part of the transport matrix: a sparse matrix with one set of `f32` weights per channel on a common
+/// sparsity pattern.
 #[derive(Clone, Debug)]
 pub struct Layer {
     bounces: Bounces,
@@ -29,7 +30,8 @@ pub struct Layer {
     transpose: OnceLock<Box<Layer>>,
 }
 
-/// Two layers are equal when their entries are, to the last bit; whether the transpose was computed does not count.
+/// Two layers are equal when their entries are, to the last bit; whether the transpose was computed does not
+/// count.
 impl PartialEq for Layer {
     fn eq(&self, other: &Self) -> bool {
         (self.bounces, &self.tiles) == (other.bounces, &other.tiles)
@@ -87,7 +89,8 @@ impl Layer {
         Self::new(self.bounces, rows, &transpose)
     }
 
-    /// The number of rows of this layer (the columns of the transpose), and all channels of the transpose in compressed rows.
+    /// The number of rows of this layer (the columns of the transpose), and all channels of the transpose in
+    /// compressed rows.
     pub(super) fn transposed_rows(&self) -> (usize, CompressedRows) {
         let CompressedRows { row_start: from_start, columns: from_columns, weights: from_weights } =
             self.to_rows();

@@ -48,8 +48,8 @@ pub(super) enum Direction {
 
 /// `A = diag(direct) + Σ layers`: a row for each camera pixel, a column for each projector pixel.
 ///
-/// The matrix of a coaxial rig is symmetric to the last bit, in each of its parts. Products accumulate in `f64`, in an order that does
-/// not depend on the number of threads.
+/// The matrix of a coaxial rig is symmetric to the last bit, in each of its parts. Products accumulate in
+/// `f64`, in an order that does not depend on the number of threads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransportMatrix {
     pub(crate) rig: RigShape,
@@ -91,26 +91,26 @@ impl TransportMatrix {
         self.layers.iter().map(Layer::bytes).sum::<usize>() + direct
     }
 
-    /// The diagonal of `channel`: the direct light that returns to its own pixel through a pinhole. It has `n` values, or none where the
-    /// rig is not coaxial.
+    /// The diagonal of `channel`: the direct light that returns to its own pixel through a pinhole. It has
+    /// `n` values, or none where the rig is not coaxial.
     pub fn direct(&self, channel: usize) -> &[f32] {
         &self.direct[channel]
     }
 
-    /// The sparse layers by number of bounces: one bounce, where it is not only the diagonal; then either two bounces and the rest, or
-    /// both in one layer.
+    /// The sparse layers by number of bounces: one bounce, where it is not only the diagonal; then either two
+    /// bounces and the rest, or both in one layer.
     pub fn layers(&self) -> &[Layer] {
         &self.layers
     }
 
-    /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector pixel, `y` one for
-    /// each of the camera's.
+    /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector
+    /// pixel, `y` one for each of the camera's.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
         self.multiply(Direction::Forward, part, channel, x, y);
     }
 
-    /// `x ← Pᵀ y`: the photo of the dual rig, in which camera and projector have changed places. `y` has an entry for each camera pixel,
-    /// `x` one for each of the projector's.
+    /// `x ← Pᵀ y`: the photo of the dual rig, in which camera and projector have changed places. `y` has an
+    /// entry for each camera pixel, `x` one for each of the projector's.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
         self.multiply(Direction::Backward, part, channel, y, x);
     }
@@ -156,8 +156,8 @@ impl TransportMatrix {
         });
     }
 
-    /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. An entry that several layers share is
-    /// their sum, rounded to `f32`.
+    /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. An entry
+    /// that several layers share is their sum, rounded to `f32`.
     ///
     /// # Errors
     /// None for a valid matrix; the constructor of [`Csr`] checks its arrays.

@@ -1,15 +1,17 @@
 //! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
 //!
-//! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse matrix; every
-//! later photo is a product with it ([`Simulated`]). [`Retraced`] traces anew for each photo and keeps nothing: a black box to check
-//! the matrix against. For equal settings both apply the same matrix `Â`, to rounding; [`predict`] tells whether the matrix
-//! will fit the memory.
+//! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse
+//! matrix; every later photo is a product with it ([`Simulated`]). [`Retraced`] traces anew for each photo
+//! and keeps nothing: a black box to check the matrix against. For equal settings both apply the same matrix
+//! `Â`, to rounding; [`predict`] tells whether the matrix will fit the memory.
 //!
-//! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with the entries of the matrix and not
-//! with the number of samples. Then rows and columns are combined, chunk by chunk (`combine`), and cut into `tiles` for fast products.
-//! The matrix of a coaxial rig is symmetric to the last bit. That of any other rig has a row for each camera pixel and a column for each
-//! projector pixel, and its transpose is the matrix of the dual rig. On a GPU with enough memory the matrix stays on the device, and
-//! products are taken there ([`Backend`]). Two independent halves of the samples tell how far `Â` is from the truth ([`Noise`]).
+//! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with the
+//! entries of the matrix and not with the number of samples. Then rows and columns are combined, chunk by
+//! chunk (`combine`), and cut into `tiles` for fast products. The matrix of a coaxial rig is symmetric to the
+//! last bit. That of any other rig has a row for each camera pixel and a column for each projector pixel, and
+//! its transpose is the matrix of the dual rig. On a GPU with enough memory the matrix stays on the device,
+//! and products are taken there ([`Backend`]). Two independent halves of the samples tell how far `Â` is from
+//! the truth ([`Noise`]).
 
 mod assemble;
 mod backend;
@@ -62,11 +64,12 @@ pub trait Transport {
     /// Whether photos are gray or coloured.
     fn channels(&self) -> Channels;
 
-    /// The photo of `pattern`, ambient light included, in W/(m² sr). A pattern of one channel is used for all channels.
+    /// The photo of `pattern`, ambient light included, in W/(m² sr). A pattern of one channel is used for all
+    /// channels.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; any error that keeps the photo
-    /// from being taken.
+    /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; any error that
+    /// keeps the photo from being taken.
     fn photograph(&mut self, pattern: &Image) -> Result<Image>;
 }
 

@@ -6,8 +6,8 @@ use super::{Part, Products};
 use crate::error::Result;
 use crate::operator::{Adjoint, Operator, Symmetry};
 
-/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo. On the processor, a block is multiplied
-/// four vectors at a time.
+/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo. On the
+/// processor, a block is multiplied four vectors at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixOperator<'a> {
     matrix: &'a dyn Products,
@@ -16,8 +16,8 @@ pub struct MatrixOperator<'a> {
 }
 
 impl<'a> MatrixOperator<'a> {
-    /// The operator of a traced matrix: a [`super::TransportMatrix`] on the processor, or an [`super::Assembled`] on its backend. The
-    /// channel is below [`super::Channels::count`].
+    /// The operator of a traced matrix: a [`super::TransportMatrix`] on the processor, or an
+    /// [`super::Assembled`] on its backend. The channel is below [`super::Channels::count`].
     pub fn new(matrix: &'a dyn Products, part: Part, channel: usize) -> Self {
         Self { matrix, part, channel }
     }

@@ -27,8 +27,9 @@ pub struct Retraced<'a> {
 }
 
 impl Retraced<'_> {
-    /// The photo of `pattern`, and its standard error pixel by pixel: the halves' difference, as in [`super::Noise`], of
-    /// this very photo with its ambient light. Zeros where one path per pixel cannot tell.
+    /// The photo of `pattern`, and its standard error pixel by pixel: the halves' difference, as in
+    /// [`super::Noise`], of this very photo with its ambient light. Zeros where one path per pixel cannot
+    /// tell.
     ///
     /// # Errors
     /// As [`Transport::photograph`].
@@ -75,7 +76,8 @@ impl Retraced<'_> {
         }
     }
 
-    /// Traces, and returns what arrives of `lit`, pixel by pixel. `project` makes channels of a connection's colours.
+    /// Traces, and returns what arrives of `lit`, pixel by pixel. `project` makes channels of a connection's
+    /// colours.
     fn trace<const C: usize, T: Tally>(
         &mut self,
         way: Way,
@@ -88,7 +90,8 @@ impl Retraced<'_> {
         // Of the batch before: read, but not yet added up.
         let mut last: Option<Contributions<C>> = None;
         self.tracer.trace(&self.settings, self.progress, &mut |batch| {
-            // What meets is added up in path order, by one core; meanwhile the others read on, which takes longer.
+            // What meets is added up in path order, by one core; meanwhile the others read on, which takes
+            // longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
                 || last.iter().for_each(|last| last.add_to(&mut seen, lit)),
@@ -120,8 +123,8 @@ impl Transport for Retraced<'_> {
     }
 }
 
-/// `y = P x` for one part and channel. The scene is traced anew for each product, or once for four vectors of a block. The matrix is
-/// that of [`super::MatrixOperator`], to rounding.
+/// `y = P x` for one part and channel. The scene is traced anew for each product, or once for four vectors of
+/// a block. The matrix is that of [`super::MatrixOperator`], to rounding.
 pub struct RetracedOperator<'a> {
     /// The scene.
     pub retraced: Retraced<'a>,

@@ -24,10 +24,12 @@ impl Bounds {
     }
 }
 
-/// A diagonal entry below this share of the largest belongs to a pixel without light, and is raised to it: steps would be unbounded there.
+/// A diagonal entry below this share of the largest belongs to a pixel without light, and is raised to it:
+/// steps would be unbounded there.
 const DARK: f64 = 1e-3;
 
-/// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or `clip(b / D)`.
+/// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or
+/// `clip(b / D)`.
 #[derive(Clone)]
 pub(super) struct Boxed {
     pub(super) system: System,
@@ -61,7 +63,8 @@ impl Boxed {
         Ok(boxed)
     }
 
-    /// Takes the white photo if `D` is not known yet: one product. `true` when it was taken by this call; it is then in `system.work`.
+    /// Takes the white photo if `D` is not known yet: one product. `true` when it was taken by this call; it
+    /// is then in `system.work`.
     pub(super) fn take_diagonal(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
         if !self.diagonal.is_empty() {
             return Ok(false);
@@ -100,7 +103,8 @@ impl Boxed {
         }
     }
 
-    /// `x ← t x` with the best `t` that keeps `x` inside the box. The product in `system.work` is scaled by `t` too, by linearity.
+    /// `x ← t x` with the best `t` that keeps `x` inside the box. The product in `system.work` is scaled by
+    /// `t` too, by linearity.
     pub(super) fn brighten(&mut self) {
         let Bounds { lower, upper } = self.bounds;
         let System { x, b, work, .. } = &mut self.system;

@@ -8,17 +8,18 @@ use super::bounds::Boxed;
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// FISTA with adaptive restart: minimizes `½ ‖A x − b‖²` over the box, for any square `A` of `n × n` with its transpose, in the metric of
-/// `D`:
+/// FISTA with adaptive restart: minimizes `½ ‖A x − b‖²` over the box, for any square `A` of `n × n` with its
+/// transpose, in the metric of `D`:
 ///
 /// ```text
 /// x⁺ = clip(y − (L D)⁻¹ Aᵀ(A y − b)),    y⁺ = x⁺ + (t − 1)/t⁺ · (x⁺ − x)
 /// ```
 ///
 /// # Properties
-/// Converges to the constrained optimum. Two products an iteration, `A x` and `Aᵀ r` (for a symmetric operator both are products with
-/// `A`); `A y` follows from the photos of `x` by linearity. For a non-negative symmetric `A` with `D = A 1`, `L = max D` is a bound, since
-/// `D^-½ A D^-½` has norm 1; when a product shows that `L` is too small, it is doubled. The momentum is dropped when it points uphill.
+/// Converges to the constrained optimum. Two products an iteration, `A x` and `Aᵀ r` (for a symmetric
+/// operator both are products with `A`); `A y` follows from the photos of `x` by linearity. For a
+/// non-negative symmetric `A` with `D = A 1`, `L = max D` is a bound, since `D^-½ A D^-½` has norm 1; when a
+/// product shows that `L` is too small, it is doubled. The momentum is dropped when it points uphill.
 ///
 /// # Storage
 /// Eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two work vectors.
@@ -43,8 +44,8 @@ pub struct Fista {
 }
 
 impl Fista {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of the options; without `diagonal` the
-    /// first product is `A 1`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of
+    /// the options; without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
     /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new).

@@ -1,8 +1,10 @@
-//! Inner products of a model's vectors in the metric of `D`. With them, a gradient reads the long vectors only twice.
+//! Inner products of a model's vectors in the metric of `D`. With them, a gradient reads the long vectors
+//! only twice.
 
 use super::super::basis::{Basis, dot};
 
-/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`Model`](super::model::Model).
+/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a
+/// [`Model`](super::model::Model).
 #[derive(Clone, Default)]
 pub(super) struct Gram {
     vv: Vec<Vec<f64>>,
@@ -29,7 +31,8 @@ impl Gram {
     }
 }
 
-/// Appends a column at the right and a row below. The row is `row`, whose last entry is the corner, or equal to the column.
+/// Appends a column at the right and a row below. The row is `row`, whose last entry is the corner, or equal
+/// to the column.
 fn append(matrix: &mut Vec<Vec<f64>>, column: Vec<f64>, row: Option<Vec<f64>>) {
     for (row, entry) in matrix.iter_mut().zip(&column) {
         row.push(*entry);

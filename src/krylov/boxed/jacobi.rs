@@ -8,12 +8,14 @@ use super::bounds::Boxed;
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by `x ← clip(x + (b − A x) / D)`.
+/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
+/// `x ← clip(x + (b − A x) / D)`.
 ///
 /// # Properties
-/// One product an iteration; needs neither transpose nor symmetry. For a non-negative symmetric `A` with `D = A 1` the step is a
-/// contraction where direct light dominates. At its fixed point the signs of `b − A x` fit the bounds, and not those of `Aᵀ(b − A x)`. So it
-/// ends near the least-squares optimum but not at it, and may pass a better point; the best iterate is returned.
+/// One product an iteration; needs neither transpose nor symmetry. For a non-negative symmetric `A` with
+/// `D = A 1` the step is a contraction where direct light dominates. At its fixed point the signs of
+/// `b − A x` fit the bounds, and not those of `Aᵀ(b − A x)`. So it ends near the least-squares optimum but
+/// not at it, and may pass a better point; the best iterate is returned.
 ///
 /// # Storage
 /// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
@@ -29,12 +31,13 @@ pub struct ProjectedJacobi {
 }
 
 impl ProjectedJacobi {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of the options; without `diagonal` the
-    /// first product is `A 1`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of
+    /// the options; without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ, [`Error::Numerical`](crate::Error::Numerical)
-    /// for NaN, [`Error::Option`](crate::Error::Option) for a preconditioner or an empty box.
+    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ,
+    /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
+    /// preconditioner or an empty box.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self { boxed: Boxed::new("projected Jacobi", b, options)?, next: vec![0.0; b.len()] })
     }

@@ -13,27 +13,30 @@ use super::surrogate::Surrogate;
 use crate::error::Result;
 use crate::operator::{Adjoint, Symmetry};
 
-/// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that every product improves.
+/// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that
+/// every product improves.
 ///
-/// The model `M` agrees with all products so far, and is otherwise as near as possible to a multiple `θ D` of the diagonal. Each step
-/// solves the box problem for the model (dense work, no product), photographs the answer `z`, and moves to the best point between `x` and
-/// `z`, whose residual follows by linearity. When this gains less than a thousandth, the next step photographs the residual `r`: a
-/// symmetric model that knows `A r` knows the true gradient at `x`, so the method rests only at the true optimum.
+/// The model `M` agrees with all products so far, and is otherwise as near as possible to a multiple `θ D` of
+/// the diagonal. Each step solves the box problem for the model (dense work, no product), photographs the
+/// answer `z`, and moves to the best point between `x` and `z`, whose residual follows by linearity. When
+/// this gains less than a thousandth, the next step photographs the residual `r`: a symmetric model that
+/// knows `A r` knows the true gradient at `x`, so the method rests only at the true optimum.
 ///
 /// # Properties
-/// One product a step. `‖r‖` falls monotonically. Every iterate is inside the box; the first is scaled to the best brightness. No
-/// transpose: for an operator that is not symmetric the model is Broyden's, and the method may rest elsewhere than at the optimum;
-/// [`SolveOptions::surrogate`], which has a transpose, brings it nearer. All patterns are inside the box, except residuals, which are
-/// signed. Ends where the model knows `A r` and predicts no gain beyond `rtol`.
+/// One product a step. `‖r‖` falls monotonically. Every iterate is inside the box; the first is scaled to the
+/// best brightness. No transpose: for an operator that is not symmetric the model is Broyden's, and the
+/// method may rest elsewhere than at the optimum; [`SolveOptions::surrogate`], which has a transpose, brings
+/// it nearer. All patterns are inside the box, except residuals, which are signed. Ends where the model knows
+/// `A r` and predicts no gain beyond `rtol`.
 ///
 /// # Storage
-/// After `k` products `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`, `r, D, D^½`, the candidate, a
-/// product and six work vectors.
+/// After `k` products `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`,
+/// `r, D, D^½`, the candidate, a product and six work vectors.
 ///
 /// # References
-/// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs
-/// at once: Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken: Eirola and
-/// Nevanlinna (1989), doi:10.1016/0024-3795(89)90719-2.
+/// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for
+/// all pairs at once: Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken:
+/// Eirola and Nevanlinna (1989), doi:10.1016/0024-3795(89)90719-2.
 #[derive(Clone)]
 pub struct KrylovBox {
     boxed: Boxed,
@@ -69,12 +72,13 @@ const GAIN: f64 = 1e-3;
 const SURROGATE_GAIN: f64 = 1e-2;
 
 impl KrylovBox {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper`, `diagonal`, `surrogate` and `rtol` of the options; without
-    /// `diagonal` the first product is `A 1`. A `diagonal` in the options must be `A 1`: it is used as a photo.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper`, `diagonal`,
+    /// `surrogate` and `rtol` of the options; without `diagonal` the first product is `A 1`. A `diagonal` in
+    /// the options must be `A 1`: it is used as a photo.
     ///
     /// # Errors
-    /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new); [`Error::Dimension`](crate::Error::Dimension) when the surrogate is of
-    /// another size.
+    /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new);
+    /// [`Error::Dimension`](crate::Error::Dimension) when the surrogate is of another size.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         if let Some(surrogate) = &options.surrogate {
             same_length("the surrogate's rows and columns", b.len(), surrogate.size())?;
@@ -93,7 +97,8 @@ impl KrylovBox {
         })
     }
 
-    /// Moves to the best point between `x` and the candidate, whose product is in `work`. Returns the residuals before and after.
+    /// Moves to the best point between `x` and the candidate, whose product is in `work`. Returns the
+    /// residuals before and after.
     fn move_to(&mut self) -> (f64, f64) {
         let system = &mut self.boxed.system;
         let before = system.tally.residual;

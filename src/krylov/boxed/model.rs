@@ -9,20 +9,22 @@ use super::bounds::Bounds;
 use super::gram::Gram;
 use super::surrogate::{Corrected, Surrogate};
 
-/// The model `M ≈ A`: `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal on the rest of the space.
+/// The model `M ≈ A`: `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal on the
+/// rest of the space.
 ///
-/// With `Â = D^-½ A D^-½`, `V` an orthonormal basis of the scaled patterns, `W = Â V` and `H = VᵀW`, the symmetric
-/// matrix that agrees with all products and is nearest to `θ I` in the Frobenius norm is
+/// With `Â = D^-½ A D^-½`, `V` an orthonormal basis of the scaled patterns, `W = Â V` and `H = VᵀW`, the
+/// symmetric matrix that agrees with all products and is nearest to `θ I` in the Frobenius norm is
 ///
 /// ```text
 /// M̂ = θ I + (W − θV) Vᵀ + V (W − θV)ᵀ − V (H − θI) Vᵀ,
 /// M̂ − Â = (I − VVᵀ)(θ I − Â)(I − VVᵀ)
 /// ```
 ///
-/// (Powell's symmetric Broyden formula for a block). Indirect or blurred light is smooth, so its part outside the patterns shown vanishes
-/// after a few of them. For a general `A` the nearest matrix is Broyden's, `θ I + (W − θV) Vᵀ`. `θ` is the Rayleigh quotient `vᵀ Â v` of
-/// the newest direction, an estimate for patterns not yet shown: in focus it is the direct share of the light, and under defocus it falls
-/// towards zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
+/// (Powell's symmetric Broyden formula for a block). Indirect or blurred light is smooth, so its part outside
+/// the patterns shown vanishes after a few of them. For a general `A` the nearest matrix is Broyden's,
+/// `θ I + (W − θV) Vᵀ`. `θ` is the Rayleigh quotient `vᵀ Â v` of the newest direction, an estimate for
+/// patterns not yet shown: in focus it is the direct share of the light, and under defocus it falls towards
+/// zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
 #[derive(Clone)]
 pub(super) struct Model {
     /// `D^½`.
@@ -59,11 +61,13 @@ impl Work {
     }
 }
 
-/// A direction whose part outside the span is below this share of its norm is rounding error, and adds nothing.
+/// A direction whose part outside the span is below this share of its norm is rounding error, and adds
+/// nothing.
 const NEW: f64 = 1e-8;
 
 impl Model {
-    /// The model before any product, with memory for `products` of them. A model with a surrogate is not symmetric.
+    /// The model before any product, with memory for `products` of them. A model with a surrogate is not
+    /// symmetric.
     pub(super) fn new(
         diagonal: &[f64],
         symmetric: bool,
@@ -156,8 +160,8 @@ impl Model {
         (0..c.len()).map(|i| d[i] - self.theta * c[i] - dot(&self.projected[i], c)).collect()
     }
 
-    /// `g ← M̂ D M̂ u − constant` for a symmetric model. [`Model::gradient`] reads all vectors four times; with their inner products known,
-    /// twice is enough.
+    /// `g ← M̂ D M̂ u − constant` for a symmetric model. [`Model::gradient`] reads all vectors four times;
+    /// with their inner products known, twice is enough.
     fn normal_product(&self, u: &[f64], constant: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
         let theta = self.theta;
         let (c, c_weighted) = self.patterns.dots_twice(u, &self.root);
@@ -192,8 +196,8 @@ impl Model {
         length
     }
 
-    /// `x ← argmin ‖M x − b‖` over the box, from `x`, by accelerated projected gradients with restart; takes no product.
-    /// Returns `‖M x − b‖`.
+    /// `x ← argmin ‖M x − b‖` over the box, from `x`, by accelerated projected gradients with restart; takes
+    /// no product. Returns `‖M x − b‖`.
     pub(super) fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         // Moved out of the model, which is borrowed meanwhile.
         let mut work = std::mem::replace(&mut self.work, Work::new(0));
@@ -208,8 +212,9 @@ impl Model {
     fn minimize_in(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
         /// Iterations without a surrogate: until the iteration rests, since the model agrees with all photos.
         const ITERATIONS: usize = 400;
-        /// Iterations with a surrogate, whose finest details are not reliable: stopping early regularizes. On a defocused projector
-        /// of 128×128 pixels 12 photos come to 1.033 times the optimum with 60 iterations, 1.040 with 150 and 1.054 with 400.
+        /// Iterations with a surrogate, whose finest details are not reliable: stopping early regularizes. On
+        /// a defocused projector of 128×128 pixels 12 photos come to 1.033 times the optimum with 60
+        /// iterations, 1.040 with 150 and 1.054 with 400.
         const SURROGATE_ITERATIONS: usize = 60;
         /// The relative accuracy: the iterate is photographed next, and the photo corrects more than this.
         const SETTLED: f64 = 1e-6;
@@ -256,7 +261,8 @@ impl Model {
         predicted
     }
 
-    /// A bound of `‖D^½ M̂‖²`: the estimate of a few power iterations from the white pattern, plus ten percent.
+    /// A bound of `‖D^½ M̂‖²`: the estimate of a few power iterations from the white pattern, plus ten
+    /// percent.
     fn lipschitz(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
         v.copy_from_slice(&self.root);
         let mut square = 0.0_f64;
@@ -275,7 +281,8 @@ impl Model {
             }
             let next = norm(g);
             v.copy_from_slice(g);
-            // The norms of a power iteration only grow. Where they grow by a thousandth, the ten percent suffice.
+            // The norms of a power iteration only grow. Where they grow by a thousandth, the ten percent
+            // suffice.
             let settled = next <= 1.001 * square;
             square = next;
             if settled {

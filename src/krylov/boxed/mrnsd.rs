@@ -8,8 +8,8 @@ use super::bounds::Boxed;
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose, by steepest descent in the metric of
-/// `1/x`, which keeps `x > 0`. A baseline.
+/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose, by
+/// steepest descent in the metric of `1/x`, which keeps `x > 0`. A baseline.
 ///
 /// # Properties
 /// `‖r‖` falls monotonically. Two products an iteration, `Aᵀ r` and `A s`. Respects only `x ≥ 0`; ignores
@@ -30,8 +30,8 @@ pub struct Mrnsd {
 }
 
 impl Mrnsd {
-    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options; without `diagonal` the first product is
-    /// `A 1`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
+    /// without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
     /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new).

@@ -8,8 +8,8 @@ use super::mrnsd::make_positive;
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of `n × n` with its transpose and
-/// `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. A baseline.
+/// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of
+/// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. A baseline.
 ///
 /// # Properties
 /// `‖r‖` falls monotonically for non-negative `A` and `b`. It takes one product with `Aᵀ` first, then two an
@@ -19,8 +19,8 @@ use crate::operator::Adjoint;
 /// Eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
 ///
 /// # References
-/// Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's updates (2001) for one
-/// factor.
+/// Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's updates (2001) for
+/// one factor.
 #[derive(Clone)]
 pub struct Multiplicative {
     boxed: Boxed,
@@ -31,8 +31,8 @@ pub struct Multiplicative {
 }
 
 impl Multiplicative {
-    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options; without `diagonal` the first product is
-    /// `A 1`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
+    /// without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
     /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new).

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use super::super::basis::Basis;
 use super::super::vectors::update2;
 
-/// A family of `n × n` operators that cost no product, one of which approximates `A`. A preconditioner approximates the inverse; a
-/// surrogate approximates the operator itself, and has a transpose, which a method without products with `Aᵀ` lacks.
+/// A family of `n × n` operators that cost no product, one of which approximates `A`. A preconditioner
+/// approximates the inverse; a surrogate approximates the operator itself, and has a transpose, which a
+/// method without products with `Aᵀ` lacks.
 pub trait Surrogate: Send + Sync {
     /// The dimension `n`.
     fn size(&self) -> usize;
@@ -21,7 +22,8 @@ pub trait Surrogate: Send + Sync {
 /// A surrogate is fitted to the first products, of this number; later products correct it where it is wrong.
 const FITTED: usize = 16;
 
-/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products: `P̂ + (W − P̂ V) Vᵀ`.
+/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products:
+/// `P̂ + (W − P̂ V) Vᵀ`.
 #[derive(Clone)]
 pub(super) struct Corrected {
     surrogate: Arc<dyn Surrogate>,

@@ -9,12 +9,13 @@ use crate::error::Result;
 use crate::observer::{Estimate, Step};
 use crate::operator::Operator;
 
-/// Products are taken one by one where the residuals are within this factor of their target: a few products seldom gain more.
+/// Products are taken one by one where the residuals are within this factor of their target: a few products
+/// seldom gain more.
 const NEAR: f64 = 1e3;
 
-/// As [`eigs()`](super::eigs()), going on from a factorization; `options.products` counts the products already in it,
-/// `method`, `start` and `deflate` are ignored. After an error, `factorization` holds everything up to the
-/// product that failed: call this function again to continue.
+/// As [`eigs()`](super::eigs()), going on from a factorization; `options.products` counts the products
+/// already in it, `method`, `start` and `deflate` are ignored. After an error, `factorization` holds
+/// everything up to the product that failed: call this function again to continue.
 ///
 /// # Errors
 /// As [`eigs()`](super::eigs()).
@@ -80,8 +81,8 @@ pub(super) fn drive(
     Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
 }
 
-/// Whether these pairs may be within the tolerance, or the noise, before a whole block is through. Products are then taken one by one,
-/// so that none is taken in vain.
+/// Whether these pairs may be within the tolerance, or the noise, before a whole block is through. Products
+/// are then taken one by one, so that none is taken in vain.
 fn is_near(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> bool {
     let target = (options.tolerance * scale).max(options.noise);
     pairs.len() >= options.count && pairs.iter().all(|pair| pair.residual <= NEAR * target.max(pair.rounding))

@@ -31,14 +31,16 @@ pub struct EigsOptions {
     pub which: Which,
     /// The most products (ARPACK's `ncv`, without restarts). Default 50.
     pub products: usize,
-    /// Done when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`; 0 uses the whole budget. Default 1e-8.
+    /// Done when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`; 0 uses the whole budget.
+    /// Default 1e-8.
     pub tolerance: f64,
     /// The method. Default: Lanczos.
     pub method: EigsMethod,
-    /// The most basis vectors to keep, without the known ones, by thick restarts (Lanczos and block Lanczos); at least
-    /// `count + 2 × block + 1`. Restarts slow convergence, but take no product. Default: no restart.
+    /// The most basis vectors to keep, without the known ones, by thick restarts (Lanczos and block Lanczos);
+    /// at least `count + 2 × block + 1`. Restarts slow convergence, but take no product. Default: no restart.
     pub max_basis: Option<usize>,
-    /// The norm of the error of a product with a vector of norm 1. Done when all residuals are down to it. Default 0.
+    /// The norm of the error of a product with a vector of norm 1. Done when all residuals are down to it.
+    /// Default 0.
     pub noise: f64,
     /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
     pub start: Start,
@@ -69,22 +71,24 @@ pub struct Eigs {
     pub values: Vec<f64>,
     /// The imaginary parts of `k` eigenvalues: zero for symmetric operators.
     pub imaginary_values: Vec<f64>,
-    /// `k` eigenvectors of length `n` and norm 1 (their real parts), with positive entry of largest magnitude; orthogonal for a symmetric
-    /// operator.
+    /// `k` eigenvectors of length `n` and norm 1 (their real parts), with positive entry of largest
+    /// magnitude; orthogonal for a symmetric operator.
     pub vectors: Vec<Vec<f64>>,
     /// The imaginary parts of `k` eigenvectors (with the real part of norm 1): empty for a real pair.
     pub imaginary_vectors: Vec<Vec<f64>>,
     /// `‖A y − θ y‖` of each pair, from the products taken.
     pub residuals: Vec<f64>,
-    /// A bound on the distance of each value to an eigenvalue: [`RitzPair::bound`](super::super::RitzPair::bound), rigorous for
-    /// symmetric operators.
+    /// A bound on the distance of each value to an eigenvalue:
+    /// [`RitzPair::bound`](super::super::RitzPair::bound), rigorous for symmetric operators.
     pub bounds: Vec<f64>,
-    /// The same by Temple and Kato: [`RitzPair::gap_bound`](super::super::RitzPair::gap_bound), sharper, on a condition.
+    /// The same by Temple and Kato: [`RitzPair::gap_bound`](super::super::RitzPair::gap_bound), sharper, on a
+    /// condition.
     pub gap_bounds: Vec<f64>,
     /// The status of each pair.
     pub statuses: Vec<PairStatus>,
     /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see
-    /// [`Expansion::asymmetry`](super::super::Expansion::asymmetry). 0 for power iteration, which does not measure it.
+    /// [`Expansion::asymmetry`](super::super::Expansion::asymmetry). 0 for power iteration, which does not
+    /// measure it.
     pub asymmetry: f64,
     /// A row for each product of this run.
     pub history: Vec<HistoryRow>,

@@ -10,15 +10,17 @@ use super::options::{Eigs, EigsOptions};
 use crate::error::{Error, Result};
 use crate::operator::{Operator, Symmetry};
 
-/// Power iteration, `x ← A x / ‖A x‖`: the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`. The paper's Algorithm 1.
+/// Power iteration, `x ← A x / ‖A x‖`: the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.
+/// The paper's Algorithm 1.
 ///
-/// The Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x` of a vector are known from the very product that
-/// makes the next one, so neither costs a further product; the result is the vector before the last product. The error
-/// shrinks by `|λ₂/λ₁|` a product, against about twice the digits per `√gap` for Lanczos. Known vectors
-/// are projected out of every product.
+/// The Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x` of a vector are known from the very product
+/// that makes the next one, so neither costs a further product; the result is the vector before the last
+/// product. The error shrinks by `|λ₂/λ₁|` a product, against about twice the digits per `√gap` for Lanczos.
+/// Known vectors are projected out of every product.
 ///
-/// Stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`] where the dominant eigenvalue is known to be positive (as it
-/// is for a matrix without negative entries: Perron); `count` must be 1.
+/// Stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`]
+/// where the dominant eigenvalue is known to be positive (as it is for a matrix without negative entries:
+/// Perron); `count` must be 1.
 ///
 /// O'Toole and Kutulakos, doi:10.1145/1882261.1866165, Algorithm 1.
 pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {

@@ -17,8 +17,8 @@ pub struct DiagonalEstimate {
 
 /// The diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random signs.
 ///
-/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`: exact for a diagonal `A`, and for a transport matrix good
-/// where much of the light is direct. The standard error falls as `1/√products`.
+/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`: exact for a diagonal `A`, and for a transport
+/// matrix good where much of the light is direct. The standard error falls as `1/√products`.
 ///
 /// # Errors
 /// As [`hutchinson`](super::hutchinson).

@@ -35,7 +35,8 @@ pub struct LowRankOptions {
     pub rank: usize,
     /// Vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
     pub oversampling: usize,
-    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly; not used by Nyström. Default 0.
+    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly; not used by Nyström.
+    /// Default 0.
     pub power: usize,
     /// Products spent on the error estimate, at least 2. Default 4.
     pub probes: usize,
@@ -180,8 +181,8 @@ fn finite(y: Vec<f64>) -> Result<Vec<f64>> {
     Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
 }
 
-/// `Q R = Y`: an orthonormal basis of the span, dependent vectors left out, and for each vector its coefficients on
-/// the basis so far.
+/// `Q R = Y`: an orthonormal basis of the span, dependent vectors left out, and for each vector its
+/// coefficients on the basis so far.
 pub(super) fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
     let mut basis = Basis::new(rows);
     let mut coefficients = Vec::with_capacity(vectors.len());

@@ -1,4 +1,5 @@
-//! The state shared by the three factorizations: an orthonormal basis, and the coefficients of the products on it.
+//! The state shared by the three factorizations: an orthonormal basis, and the coefficients of the products
+//! on it.
 
 use std::collections::VecDeque;
 
@@ -18,23 +19,25 @@ pub enum Step {
     Extended,
     /// The subspace grew by one, but the product was in its span: the block is narrower by one from now on.
     Deflated,
-    /// The subspace grew by one and is now invariant (no residual is left): all its Ritz pairs are eigenpairs. The
-    /// next step continues from random vectors orthogonal to the basis, and finds, for example, further copies of a repeated eigenvalue.
+    /// The subspace grew by one and is now invariant (no residual is left): all its Ritz pairs are
+    /// eigenpairs. The next step continues from random vectors orthogonal to the basis, and finds, for
+    /// example, further copies of a repeated eigenvalue.
     Invariant,
     /// The subspace is the whole space without the known vectors. A further step takes no product.
     Exhausted,
 }
 
-/// The state of a factorization of an operator `A` of `n × n`: after `m` steps, with `p` vectors waiting for their
-/// product,
+/// The state of a factorization of an operator `A` of `n × n`: after `m` steps, with `p` vectors waiting for
+/// their product,
 ///
 /// ```text
 /// A V = V⁺ H + Q C,    V⁺ = [V v_{m+1} … v_{m+p}] of n × (m+p), orthonormal,    QᵀV⁺ = 0
 /// ```
 ///
-/// where `H = V⁺ᵀ A V` is `(m+p) × m` and `C = Qᵀ A V` has a row per known vector. `p` is the block size, less the number
-/// of products that were in the span; 1 for Lanczos and Arnoldi. A step multiplies `v_{m+1}` and appends the part of the product that is
-/// orthogonal to the basis (Ruhe's band form of the block process), so that a block, too, takes one product a step.
+/// where `H = V⁺ᵀ A V` is `(m+p) × m` and `C = Qᵀ A V` has a row per known vector. `p` is the block size,
+/// less the number of products that were in the span; 1 for Lanczos and Arnoldi. A step multiplies `v_{m+1}`
+/// and appends the part of the product that is orthogonal to the basis (Ruhe's band form of the block
+/// process), so that a block, too, takes one product a step.
 ///
 /// Storage: `m + p + k` vectors of length `n` for `k` known ones, and one work vector.
 #[derive(Clone, Debug)]
@@ -46,8 +49,9 @@ pub struct Expansion {
     pub(super) block: usize,
     /// For each step, the coefficients of `A v_j` on `Q, v_1, …`, up to the vector that the step appended.
     pub(super) columns: Vec<Vec<f64>>,
-    /// A bound on the Frobenius norm of the part of `A V` that restarts discarded; rounding errors for symmetric products. A single bound,
-    /// since rotations leave it unchanged; bounds for each column would grow with every restart.
+    /// A bound on the Frobenius norm of the part of `A V` that restarts discarded; rounding errors for
+    /// symmetric products. A single bound, since rotations leave it unchanged; bounds for each column would
+    /// grow with every restart.
     pub(super) leak: f64,
     pub(super) products: usize,
     /// The largest `‖A v_j‖` so far: a lower bound of `‖A‖`.
@@ -60,8 +64,8 @@ pub struct Expansion {
 }
 
 impl Expansion {
-    /// Starts from the independent ones of `starts` with `deflate` projected out, or from a random vector if that
-    /// leaves none. `n` is the length of the first start.
+    /// Starts from the independent ones of `starts` with `deflate` projected out, or from a random vector if
+    /// that leaves none. `n` is the length of the first start.
     pub(super) fn new(starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
         let n = starts.first().map_or(0, Vec::len);
         if n == 0 {
@@ -119,7 +123,8 @@ impl Expansion {
         })
     }
 
-    /// Takes the products with up to `most` of the waiting vectors as one block of the operator's size; the next steps use them.
+    /// Takes the products with up to `most` of the waiting vectors as one block of the operator's size; the
+    /// next steps use them.
     pub(super) fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         let count = operator.block_size().min(most).min(self.pending());
         if count < 2 || !self.ready.is_empty() {
@@ -220,8 +225,8 @@ impl Expansion {
         self.scale
     }
 
-    /// The departure of the products from symmetry: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. About 1e-16 for a symmetric operator; with noise, the
-    /// relative noise of the products. Takes no product.
+    /// The departure of the products from symmetry: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. About 1e-16 for a
+    /// symmetric operator; with noise, the relative noise of the products. Takes no product.
     pub fn asymmetry(&self) -> f64 {
         let mut difference = 0.0;
         let mut total = 0.0;
@@ -236,7 +241,8 @@ impl Expansion {
         if total > 0.0 { (difference / total).sqrt() } else { 0.0 }
     }
 
-    /// Allocates memory for a subspace of `steps` dimensions, so that no step until then allocates a long vector.
+    /// Allocates memory for a subspace of `steps` dimensions, so that no step until then allocates a long
+    /// vector.
     pub fn reserve(&mut self, steps: usize) {
         self.basis.reserve(self.known + steps.min(self.n()) + self.block);
     }
@@ -269,7 +275,8 @@ impl Expansion {
     }
 }
 
-/// Appends the part of `vector` that is orthogonal to `basis`, normalized; false when that part is only rounding errors.
+/// Appends the part of `vector` that is orthogonal to `basis`, normalized; false when that part is only
+/// rounding errors.
 fn append(basis: &mut Basis, vector: &[f64]) -> Result<bool> {
     let length = norm(vector);
     if !length.is_finite() {

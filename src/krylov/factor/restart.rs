@@ -4,8 +4,9 @@ use super::super::basis::norm;
 use super::Expansion;
 
 impl Expansion {
-    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of the lower triangle of `H`, with their values; the waiting vectors are kept.
-    /// `H` becomes `diag(values)` with the couplings to the waiting vectors below.
+    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of the lower triangle of `H`, with their
+    /// values; the waiting vectors are kept. `H` becomes `diag(values)` with the couplings to the waiting
+    /// vectors below.
     pub(super) fn restart(&mut self, kept: &[(f64, &[f64])]) {
         let (m, pending) = (self.steps(), self.pending());
         let parts: Vec<Outside> = kept.iter().map(|(_, s)| self.outside(s)).collect();
@@ -24,7 +25,8 @@ impl Expansion {
         }
     }
 
-    /// The components of `A V s − V T s` for `s` of norm 1, with `T` the symmetric matrix of the lower triangle of `H`.
+    /// The components of `A V s − V T s` for `s` of norm 1, with `T` the symmetric matrix of the lower
+    /// triangle of `H`.
     pub(super) fn outside(&self, s: &[f64]) -> Outside {
         let m = self.steps();
         let mut known = vec![0.0; self.known];
@@ -51,6 +53,7 @@ pub(super) struct Outside {
     pub(super) known: Vec<f64>,
     /// Along the waiting vectors.
     pub(super) waiting: Vec<f64>,
-    /// The norm of `V (H − T) s` plus a bound on what restarts discarded: zero to rounding where `A` is symmetric.
+    /// The norm of `V (H − T) s` plus a bound on what restarts discarded: zero to rounding where `A` is
+    /// symmetric.
     pub(super) asymmetric: f64,
 }

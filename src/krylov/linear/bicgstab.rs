@@ -12,9 +12,9 @@ use crate::operator::Adjoint;
 /// BiCGStab: solves `A x = b` for any square `A` of `n × n`, preconditioned from the right.
 ///
 /// # Properties
-/// No transpose. An iteration takes two products, and each moves the iterate: the first along the biconjugate direction, the second
-/// along the residual, by the step that minimizes it. `‖r‖` is not monotone; the best iterate is returned. Ends with
-/// [`Status::Breakdown`] when a divisor vanishes.
+/// No transpose. An iteration takes two products, and each moves the iterate: the first along the biconjugate
+/// direction, the second along the residual, by the step that minimizes it. `‖r‖` is not monotone; the best
+/// iterate is returned. Ends with [`Status::Breakdown`] when a divisor vanishes.
 ///
 /// # Storage
 /// Nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a preconditioned one and a product.
@@ -32,7 +32,8 @@ pub struct BiCgStab {
 }
 
 impl BiCgStab {
-    /// The state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the options.
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the
+    /// options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.

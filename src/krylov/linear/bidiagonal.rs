@@ -10,8 +10,8 @@ use super::{SolveOptions, precondition, refuse_left, require_positive_definite};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal, `β_{k+1}`
-/// below. It starts from the residual of its system.
+/// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal,
+/// `β_{k+1}` below. It starts from the residual of its system.
 ///
 /// # References
 /// Golub and Kahan (1965), doi:10.1137/0702016.
@@ -52,8 +52,8 @@ pub(super) enum Half {
 }
 
 impl Bidiagonal {
-    /// For `b` of length `rows` and `x` of length `cols`. A preconditioner must be symmetric, as it is applied with
-    /// `Aᵀ` too.
+    /// For `b` of length `rows` and `x` of length `cols`. A preconditioner must be symmetric, as it is
+    /// applied with `Aᵀ` too.
     pub(super) fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         require_positive_definite(method, options)?;
         refuse_left(method, options)?;

@@ -13,12 +13,14 @@ use crate::operator::Adjoint;
 
 /// Conjugate gradients: solves `A x = b` for a symmetric positive definite `A` of `n × n`.
 ///
-/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without computing the roots.
+/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without computing the
+/// roots.
 ///
 /// # Properties
-/// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. One product a step. Ends with
-/// [`Status::Breakdown`] when a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite, and with [`Status::NotSymmetric`] when
-/// `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the direction before it are conjugate).
+/// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. One product a step.
+/// Ends with [`Status::Breakdown`] when a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite, and
+/// with [`Status::NotSymmetric`] when `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the direction before it are
+/// conjugate).
 ///
 /// # Storage
 /// Seven `n`-vectors: `b, x`, the best `x`, `r, z, p` and `A p`.
@@ -40,12 +42,13 @@ pub struct Cg {
 }
 
 impl Cg {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge symmetry, `noise` of the options.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge
+    /// symmetry, `noise` of the options.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ, [`Error::Numerical`](crate::Error::Numerical)
-    /// for NaN, [`Error::Option`](crate::Error::Option) for a preconditioner that is not positive definite or an
-    /// impossible option.
+    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ,
+    /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
+    /// preconditioner that is not positive definite or an impossible option.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         require_positive_definite("CG", options)?;
         refuse_left("CG", options)?;
@@ -62,8 +65,9 @@ impl Cg {
     }
 }
 
-/// The relative departure from symmetry that is tolerated. Rounding causes departures of 1e-16 times a growth that stays small before
-/// convergence, so anything above 1e-6 is not rounding. Relative noise causes departures of its own size.
+/// The relative departure from symmetry that is tolerated. Rounding causes departures of 1e-16 times a growth
+/// that stays small before convergence, so anything above 1e-6 is not rounding. Relative noise causes
+/// departures of its own size.
 pub(super) fn symmetry_tolerance(options: &SolveOptions) -> f64 {
     (10.0 * options.noise).max(1e-6)
 }

@@ -12,17 +12,17 @@ use crate::operator::Adjoint;
 
 /// LSMR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`; each step minimizes `‖Aᵀ r‖`.
 ///
-/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead; the residual that is
-/// reported is the true one.
+/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead;
+/// the residual that is reported is the true one.
 ///
 /// # Properties
-/// Equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It takes one product with `Aᵀ` first, then two
-/// an iteration, `A v` and `Aᵀ u`; the iterate moves with the second. Ends where `‖Aᵀ r‖` vanishes: at the least-squares solution
-/// nearest to the first iterate.
+/// Equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It takes one product
+/// with `Aᵀ` first, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the second. Ends where
+/// `‖Aᵀ r‖` vanishes: at the least-squares solution nearest to the first iterate.
 ///
 /// # Storage
-/// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, two directions and a product of length `cols`, and with a
-/// preconditioner `M⁻¹ v`.
+/// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, two directions and a product of
+/// length `cols`, and with a preconditioner `M⁻¹ v`.
 ///
 /// # References
 /// Fong and Saunders (2011), doi:10.1137/10079687X; variables are named as there.
@@ -69,7 +69,8 @@ impl ResidualNorm {
 }
 
 impl Lsmr {
-    /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and `preconditioner` of the options.
+    /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
+    /// `preconditioner` of the options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new).

@@ -16,29 +16,31 @@ use crate::operator::Adjoint;
 /// At `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖` no better `x` exists, as far as products in double precision can tell.
 pub(super) const LEAST_SQUARES: f64 = 1e-10;
 
-/// In exact arithmetic the residual never rises. When it rises by more than the rounding of its norm, the Lanczos vectors have lost
-/// their orthogonality to the remaining least-squares residual, and further steps would only make it larger (Choi, Paige and Saunders
-/// (2011), doi:10.1137/100787921).
+/// In exact arithmetic the residual never rises. When it rises by more than the rounding of its norm, the
+/// Lanczos vectors have lost their orthogonality to the remaining least-squares residual, and further steps
+/// would only make it larger (Choi, Paige and Saunders (2011), doi:10.1137/100787921).
 const RISE: f64 = 1e-14;
 
 /// MINRES: solves `min ‖b − A x‖₂` for a symmetric `A` of `n × n`, definite or not.
 ///
-/// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`: it is MINRES on `M^-½ A M^-½`, without
-/// computing the roots, so symmetry is kept. With `M = D` this is symmetric scaling.
+/// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`: it is MINRES on
+/// `M^-½ A M^-½`, without computing the roots, so symmetry is kept. With `M = D` this is symmetric scaling.
 ///
 /// # Properties
-/// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner this is the residual that is reported; with one, the best
-/// iterate in the 2-norm is returned. The true residual comes from a recurrence and costs no product. One product a step. Ends where
-/// `‖A r‖` vanishes (a least-squares solution of a singular system), and where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than
-/// rounding or noise (the operator is not symmetric).
+/// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner this is the residual that is
+/// reported; with one, the best iterate in the 2-norm is returned. The true residual comes from a recurrence
+/// and costs no product. One product a step. Ends where `‖A r‖` vanishes (a least-squares solution of a
+/// singular system), and where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise (the
+/// operator is not symmetric).
 ///
 /// # Storage
-/// Twelve `n`-vectors: `b, x`, the best `x`, `r`, two Lanczos vectors, these two and the next one preconditioned, two directions, and a
-/// product.
+/// Twelve `n`-vectors: `b, x`, the best `x`, `r`, two Lanczos vectors, these two and the next one
+/// preconditioned, two directions, and a product.
 ///
 /// # References
-/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Paige and Saunders (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements
-/// and Fast Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
+/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Paige and Saunders (1975),
+/// doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast Iterative
+/// Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
 #[derive(Clone)]
 pub struct Minres {
     system: System,
@@ -66,7 +68,8 @@ pub struct Minres {
 }
 
 impl Minres {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge symmetry, `noise` of the options.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge
+    /// symmetry, `noise` of the options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new).

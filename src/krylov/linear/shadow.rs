@@ -47,7 +47,8 @@ impl Shadowed {
         })
     }
 
-    /// Begins a step. `true` when the step took its product for the residual of the first iterate, and is complete.
+    /// Begins a step. `true` when the step took its product for the residual of the first iterate, and is
+    /// complete.
     pub(super) fn open(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
         self.system.fits(operator)?;
         square(self.system.b.len(), self.system.x.len())?;

@@ -1,4 +1,5 @@
-//! The driver of the solvers: takes steps until a stopping criterion is met, and records a row of history for each product.
+//! The driver of the solvers: takes steps until a stopping criterion is met, and records a row of history for
+//! each product.
 
 use std::ops::ControlFlow;
 
@@ -20,13 +21,14 @@ pub enum Advance {
 
 /// A method for `A x = b` as a state that takes steps.
 pub trait Solver {
-    /// One step: at most one product with `A` or `Aᵀ` of `operator`, which must be the same from step to step.
+    /// One step: at most one product with `A` or `Aᵀ` of `operator`, which must be the same from step to
+    /// step.
     ///
     /// # Errors
-    /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as before the step, and the step
-    /// can be taken again, with the same bits.
-    /// [`Error::Dimension`] when the operator does not fit; [`Error::Numerical`] when it is not declared symmetric
-    /// and the method needs that. The error of the preconditioner; a product may be lost then.
+    /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as
+    /// before the step, and the step can be taken again, with the same bits. [`Error::Dimension`] when the
+    /// operator does not fit; [`Error::Numerical`] when it is not declared symmetric and the method needs
+    /// that. The error of the preconditioner; a product may be lost then.
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
     /// Products and residuals so far.
     fn tally(&self) -> Tally;
@@ -39,7 +41,8 @@ pub trait Solver {
 pub struct SolveRow {
     /// Products taken so far.
     pub products: usize,
-    /// `‖b − A x‖ / ‖b‖` of the iterate after that product (absolute for `b = 0`; infinite until the residual of `x0` is known).
+    /// `‖b − A x‖ / ‖b‖` of the iterate after that product (absolute for `b = 0`; infinite until the residual
+    /// of `x0` is known).
     pub residual: f64,
     /// The smallest so far: that of the solution if the budget had ended here.
     pub best: f64,
@@ -58,13 +61,14 @@ pub struct Solution {
     pub stats: Stats,
 }
 
-/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the operator's
-/// observer stops it, or the method itself ends. The observer sees each product ([`Estimate::Solution`]). `options` should be those that the solver was made with; `products`, `rtol`,
+/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the
+/// operator's observer stops it, or the method itself ends. The observer sees each product
+/// ([`Estimate::Solution`]). `options` should be those that the solver was made with; `products`, `rtol`,
 /// `atol` and `noise` are read here. `products` includes those already taken.
 ///
 /// # Errors
-/// As [`Solver::step`]. The solver then holds everything up to the product that failed: its [`solution`](Solver::solution) is valid, and
-/// another call continues from there.
+/// As [`Solver::step`]. The solver then holds everything up to the product that failed: its
+/// [`solution`](Solver::solution) is valid, and another call continues from there.
 pub fn solve_from<O: Adjoint + ?Sized>(
     solver: &mut dyn Solver,
     operator: &mut O,
@@ -124,8 +128,8 @@ fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOpt
     })
 }
 
-/// An operator without a transpose, for a caller that needs an [`Adjoint`]. A symmetric operator is its own transpose; for any other one
-/// a product with the transpose is an error.
+/// An operator without a transpose, for a caller that needs an [`Adjoint`]. A symmetric operator is its own
+/// transpose; for any other one a product with the transpose is an error.
 pub struct ForwardOnly<'a>(pub &'a mut dyn Operator);
 
 impl ForwardOnly<'_> {

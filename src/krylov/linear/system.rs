@@ -1,4 +1,5 @@
-//! The state shared by all solvers: the system, the iterate and its residual, and products that are counted and checked.
+//! The state shared by all solvers: the system, the iterate and its residual, and products that are counted
+//! and checked.
 
 use super::super::basis::norm;
 use super::super::vectors::{axpy, update};
@@ -116,8 +117,9 @@ impl System {
         Ok(())
     }
 
-    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best. If two are equal to rounding, the later
-    /// one is better: when `‖r‖` has reached that of a least-squares solution, `x` still converges.
+    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best. If two are
+    /// equal to rounding, the later one is better: when `‖r‖` has reached that of a least-squares solution,
+    /// `x` still converges.
     pub(crate) fn note(&mut self, residual: f64) {
         self.tally.residual = residual;
         if residual <= self.tally.best * (1.0 + 1e-12) {

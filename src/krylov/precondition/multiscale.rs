@@ -10,13 +10,14 @@ const LEAST_SHARE: f64 = 0.1;
 
 /// `M⁻¹ = S (Σ_l g_l (P_l − P_{l+1})) S` on images of `height × width`.
 ///
-/// `P_l` replaces each block of `2^l × 2^l` pixels (cut off at the borders) by its mean; `P_0 = I`. The blocks are
-/// nested, so the bands `P_l − P_{l+1}` are orthogonal projectors: band 0 contains differences between neighbours, the last band the means of
-/// the coarsest blocks. `M⁻¹` is symmetric, and positive definite because the gains are positive. `S = D^-½` with a diagonal
-/// ([`Multiscale::scaled_by`]), else `I`.
+/// `P_l` replaces each block of `2^l × 2^l` pixels (cut off at the borders) by its mean; `P_0 = I`. The
+/// blocks are nested, so the bands `P_l − P_{l+1}` are orthogonal projectors: band 0 contains differences
+/// between neighbours, the last band the means of the coarsest blocks. `M⁻¹` is symmetric, and positive
+/// definite because the gains are positive. `S = D^-½` with a diagonal ([`Multiscale::scaled_by`]), else `I`.
 ///
-/// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse. Defocus
-/// removes the fine scales; inverting it would amplify noise, so gains that fall, or a small `g_0`, smooth instead.
+/// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse.
+/// Defocus removes the fine scales; inverting it would amplify noise, so gains that fall, or a small `g_0`,
+/// smooth instead.
 ///
 /// # References
 /// The bands are those of the two-dimensional Haar pyramid: Mallat (1989), doi:10.1109/34.192463.
@@ -33,7 +34,8 @@ impl Multiscale {
     /// The preconditioner with gains `g_0 … g_L` for images of `width × height`, stored row by row.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when there is no gain or one is not positive and finite, or the image has no pixel.
+    /// [`Error::Numerical`] when there is no gain or one is not positive and finite, or the image has no
+    /// pixel.
     pub fn new(width: usize, height: usize, gains: Vec<f64>) -> Result<Self> {
         if width == 0 || height == 0 {
             return Err(Error::Numerical("a multiscale preconditioner needs an image with pixels".into()));
@@ -63,15 +65,17 @@ impl Multiscale {
         Ok(self)
     }
 
-    /// Gains measured by one product `y = A x` of a random `x` of `n` signs: for each band the inverse of its share
-    /// `uᵀ(P_l − P_{l+1})w / uᵀ(P_l − P_{l+1})u` with `u = D^½ x`, `w = D^-½ y`, which estimates the mean of
-    /// `D^-½ A D^-½` over the band (Hutchinson's estimator). Between the two divisions by `√d`, `d = A 1`.
+    /// Gains measured by one product `y = A x` of a random `x` of `n` signs: for each band the inverse of its
+    /// share `uᵀ(P_l − P_{l+1})w / uᵀ(P_l − P_{l+1})u` with `u = D^½ x`, `w = D^-½ y`, which estimates the
+    /// mean of `D^-½ A D^-½` over the band (Hutchinson's estimator). Between the two divisions by `√d`,
+    /// `d = A 1`.
     ///
-    /// Shares are clamped to [0.1, 1], so that the noise of a band that defocus has nearly removed is not amplified. Bands with
-    /// fewer than 64 blocks, whose estimates are rough, have the gain 1.
+    /// Shares are clamped to [0.1, 1], so that the noise of a band that defocus has nearly removed is not
+    /// amplified. Bands with fewer than 64 blocks, whose estimates are rough, have the gain 1.
     ///
     /// # Errors
-    /// As [`Multiscale::new`] and [`Multiscale::scaled_by`]; [`Error::Dimension`] when `x` or `y` is of another length.
+    /// As [`Multiscale::new`] and [`Multiscale::scaled_by`]; [`Error::Dimension`] when `x` or `y` is of
+    /// another length.
     pub fn measured(width: usize, height: usize, diagonal: Vec<f64>, x: &[f64], y: &[f64]) -> Result<Self> {
         let mut measured = Self::new(width, height, vec![1.0])?.scaled_by(diagonal)?;
         for vector in [x, y] {

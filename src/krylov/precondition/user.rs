@@ -9,8 +9,8 @@ use crate::operator::Operator;
 
 type Apply = dyn Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync;
 
-/// A preconditioner `M⁻¹` of the caller: a closure or an operator. Products with this operator are not counted, so it should be a cheap
-/// one, such as a model of the scene.
+/// A preconditioner `M⁻¹` of the caller: a closure or an operator. Products with this operator are not
+/// counted, so it should be a cheap one, such as a model of the scene.
 pub struct UserPreconditioner {
     size: Option<usize>,
     positive_definite: bool,
@@ -41,7 +41,8 @@ impl UserPreconditioner {
         }
         let operator = Mutex::new(operator);
         let apply = move |r: &[f64], z: &mut [f64]| {
-            // A poisoned lock means that an earlier product panicked. The operator is responsible for its own state.
+            // A poisoned lock means that an earlier product panicked. The operator is responsible for its own
+            // state.
             let mut operator = operator.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             operator.apply(r, z)
         };

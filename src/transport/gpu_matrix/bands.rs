@@ -1,4 +1,5 @@
-//! A layer in the device's memory. Its rows are cut into bands, each small enough for the device's buffers and for one dispatch.
+//! A layer in the device's memory. Its rows are cut into bands, each small enough for the device's buffers
+//! and for one dispatch.
 
 use std::ops::Range;
 
@@ -28,7 +29,8 @@ impl Limits {
     }
 }
 
-/// Most entries of a row. 32 lanes share them, and software Vulkan leaves a loop after 65,535 iterations without an error.
+/// Most entries of a row. 32 lanes share them, and software Vulkan leaves a loop after 65,535 iterations
+/// without an error.
 const LONGEST_ROW: usize = 1 << 20;
 
 /// A layer's bands, top to bottom.

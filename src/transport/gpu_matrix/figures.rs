@@ -1,4 +1,5 @@
-//! Measurements of the device for the benchmarks: products without transfers to and from the host, and plain copies to compare with.
+//! Measurements of the device for the benchmarks: products without transfers to and from the host, and plain
+//! copies to compare with.
 
 use std::time::{Duration, Instant};
 
@@ -26,8 +27,8 @@ impl GpuMatrix {
         self.layers.iter().map(|layer| layer.bands.len()).sum::<usize>().max(1)
     }
 
-    /// The time of `count` products with all light of the first channel, one after the other on the device, with the pattern of the last
-    /// product.
+    /// The time of `count` products with all light of the first channel, one after the other on the device,
+    /// with the pattern of the last product.
     ///
     /// # Errors
     /// [`crate::Error::Device`] when the device failed.

@@ -21,8 +21,9 @@ use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
 ///
-/// Weights are `f32`, vectors and sums `f64`, as on the processor. 32 lanes sum a row in a fixed order, which is not the processor's. So
-/// products repeat to the bit, and differ from [`TransportMatrix::apply`] by the rounding of sums only.
+/// Weights are `f32`, vectors and sums `f64`, as on the processor. 32 lanes sum a row in a fixed order, which
+/// is not the processor's. So products repeat to the bit, and differ from [`TransportMatrix::apply`] by the
+/// rounding of sums only.
 pub struct GpuMatrix {
     gpu: Gpu,
     kernel: Kernel,

@@ -145,8 +145,9 @@ fn products_agree_with_the_processor_to_rounding_for_any_bands() {
                 let magnitudes = magnitudes(&matrix, (part, channel), is_transposed);
                 for (row, (magnitude, terms)) in magnitudes.into_iter().enumerate() {
                     let error = (expected[row] - found[row]).abs();
-                    // Either sum of so many products is off by at most as many halves of an ε of Σ|a||x| (Higham 2002, section 3.1), and
-                    // here |x| < 1; `f32` weights are rounded once more where entries meet, which changes Σ|a| by less than a half.
+                    // Either sum of so many products is off by at most as many halves of an ε of Σ|a||x|
+                    // (Higham 2002, section 3.1), and here |x| < 1; `f32` weights are rounded once more where
+                    // entries meet, which changes Σ|a| by less than a half.
                     let bound = 1.5 * (terms + 2) as f64 * f64::EPSILON * magnitude;
                     assert!(error <= bound, "{part:?} {channel}, row {row}: {error:e} above {bound:e}");
                     compared += expected[row].abs();

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use super::slice::{LANES, Slice};
 use super::{CompressedRows, Pages, Shape, Start, Tiles};
 
-/// Rows of a window. Within it, rows are sorted by length, so that a slice has rows of about equally many entries.
+/// Rows of a window. Within it, rows are sorted by length, so that a slice has rows of about equally many
+/// entries.
 const WINDOW: usize = 512;
 
 impl Tiles {
@@ -166,7 +167,8 @@ impl Band<'_> {
         });
     }
 
-    /// Calls `visit` with each tile's first column and its non-empty rows, window by window, the longest row of a window first.
+    /// Calls `visit` with each tile's first column and its non-empty rows, window by window, the longest row
+    /// of a window first.
     fn each_tile(&self, mut visit: impl FnMut(usize, &[Segment])) {
         let mut next = self.from.row_start[self.first..self.end].to_vec();
         let ends = &self.from.row_start[self.first + 1..=self.end];

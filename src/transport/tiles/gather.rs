@@ -1,5 +1,5 @@
-//! The inner loop of a product by vector instructions (AVX2): they look up four entries of one vector at once, or one entry of four
-//! vectors, and prefetch the next ones.
+//! The inner loop of a product by vector instructions (AVX2): they look up four entries of one vector at
+//! once, or one entry of four vectors, and prefetch the next ones.
 
 #![allow(
     unsafe_code,
@@ -11,7 +11,8 @@ use std::arch::x86_64::*;
 use super::slice::{Kernel, LANES, Slice};
 use super::value::Interleaved;
 
-/// How many steps before its use an entry is prefetched. This covers the latency of memory: hardware prefetchers do not cross pages.
+/// How many steps before its use an entry is prefetched. This covers the latency of memory: hardware
+/// prefetchers do not cross pages.
 const AHEAD: usize = 80;
 
 /// The kernel for one vector; `None` where the processor lacks the instructions.
@@ -30,8 +31,8 @@ pub(super) fn of_four() -> Option<Kernel<Interleaved>> {
     })
 }
 
-/// Sums of one vector. Panics where a step or a row does not exist. A column that does not exist (no tile has one) reads the last entry
-/// of `from`.
+/// Sums of one vector. Panics where a step or a row does not exist. A column that does not exist (no tile has
+/// one) reads the last entry of `from`.
 #[target_feature(enable = "avx2")]
 fn by_four(
     slices: &[Slice],

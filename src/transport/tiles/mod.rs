@@ -1,9 +1,10 @@
-//! A sparse matrix cut into tiles, so that the vectors of a product stay in the processor's caches and the entries are read at the
-//! speed of memory.
+//! A sparse matrix cut into tiles, so that the vectors of a product stay in the processor's caches and the
+//! entries are read at the speed of memory.
 //!
-//! Within a tile, eight rows of about equally many entries form a *slice* (the format is known as sliced ELLPACK). The eight sums are
-//! computed at the same time, each with the entries of its own row from left to right. So a product has the same bits whatever the
-//! tiles' shape, the number of threads and the instructions used.
+//! Within a tile, eight rows of about equally many entries form a *slice* (the format is known as sliced
+//! ELLPACK). The eight sums are computed at the same time, each with the entries of its own row from left to
+//! right. So a product has the same bits whatever the tiles' shape, the number of threads and the
+//! instructions used.
 
 mod build;
 #[cfg(target_arch = "x86_64")]
@@ -34,7 +35,8 @@ pub(super) struct Tiles {
     /// Where each tile begins, from left to right and then downwards, and the end of the last.
     tiles: Vec<Start>,
     slices: Vec<Slice>,
-    /// Columns within the tile, ascending in each row. A repeated column is padding of the slice and has weight 0.
+    /// Columns within the tile, ascending in each row. A repeated column is padding of the slice and has
+    /// weight 0.
     columns: Pages<[u16; LANES]>,
     /// `[channel][step][lane]`
     weights: Vec<Pages<[f32; LANES]>>,

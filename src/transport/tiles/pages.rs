@@ -1,4 +1,5 @@
-//! Long arrays on large memory pages. A product reads them from end to end, and hardware prefetching starts anew at each small page.
+//! Long arrays on large memory pages. A product reads them from end to end, and hardware prefetching starts
+//! anew at each small page.
 
 use std::fmt;
 use std::marker::PhantomData;

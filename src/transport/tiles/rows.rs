@@ -1,7 +1,7 @@
 //! A sparse matrix row by row.
 
-/// A sparse matrix in compressed rows, with one set of `f32` weights per channel on a common sparsity pattern: the form in which layers
-/// are built and written.
+/// A sparse matrix in compressed rows, with one set of `f32` weights per channel on a common sparsity
+/// pattern: the form in which layers are built and written.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CompressedRows {
     /// The offset into `columns` for each row, then the number of entries.

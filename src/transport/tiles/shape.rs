@@ -7,11 +7,13 @@ pub(super) struct Shape {
     pub(super) columns: usize,
 }
 
-/// Most rows of a band: row numbers (and one past the last) fit 16 bits, and the sums fit the second-level cache.
+/// Most rows of a band: row numbers (and one past the last) fit 16 bits, and the sums fit the second-level
+/// cache.
 const MOST_ROWS: usize = 1 << 15;
 /// Fewest rows of a band: with fewer, the work between tiles would dominate.
 const LEAST_ROWS: usize = 1 << 8;
-/// Fewest bands for each thread, where that leaves enough rows, so that all threads finish at about the same time.
+/// Fewest bands for each thread, where that leaves enough rows, so that all threads finish at about the same
+/// time.
 const BANDS_A_THREAD: usize = 4;
 
 /// Fewest columns of a tile: 32 KiB of a vector, which the first-level cache holds.
@@ -22,13 +24,14 @@ const MOST_COLUMNS: usize = 1 << 15;
 const ENTRIES_OF_A_ROW: usize = 5;
 
 impl Shape {
-    /// The shape for a matrix of `rows × columns` with `entries` entries that is multiplied by `threads` threads. No sum depends on it.
+    /// The shape for a matrix of `rows × columns` with `entries` entries that is multiplied by `threads`
+    /// threads. No sum depends on it.
     pub(super) fn new(rows: usize, columns: usize, entries: usize, threads: usize) -> Self {
         let bands = BANDS_A_THREAD * threads.max(1);
         let of_band = rows.div_ceil(bands).next_power_of_two().clamp(LEAST_ROWS, MOST_ROWS);
         // The narrowest tile with enough entries of a row.
-        let wish = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
-        Self { rows: of_band, columns: wish.next_power_of_two().clamp(LEAST_COLUMNS, MOST_COLUMNS) }
+        let least = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
+        Self { rows: of_band, columns: least.next_power_of_two().clamp(LEAST_COLUMNS, MOST_COLUMNS) }
     }
 }
 

@@ -12,7 +12,9 @@ pub(in crate::transport) struct Slice {
     pub(super) steps: u32,
 }
 
-/// Adds a tile's products to the sums of its rows, `to[row] += Σ weight · from[column]`, with the entries of each row in order.
+/// Adds a tile's products to the sums of its rows, `to[row] += Σ weight · from[column]`, with the entries of
+/// each row in order.
 ///
-/// The steps of a slice are taken one after the other. Every row must be below `to.len()`, and every column below `from.len()`.
+/// The steps of a slice are taken one after the other. Every row must be below `to.len()`, and every column
+/// below `from.len()`.
 pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);

@@ -48,8 +48,8 @@ impl Summable for Interleaved {
 pub(in crate::transport) struct Sums<V>(Kernel<V>);
 
 impl<V: Summable> Sums<V> {
-    /// The kernel that takes the least time now. Whether the special instructions are faster depends on the processor's maker and
-    /// generation.
+    /// The kernel that takes the least time now. Whether the special instructions are faster depends on the
+    /// processor's maker and generation.
     fn fastest() -> Self {
         let timed = Self::all().into_iter().map(|sums| (sums.time(), sums));
         timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)

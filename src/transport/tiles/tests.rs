@@ -42,7 +42,8 @@ fn pattern(cols: usize) -> Vec<f64> {
     (0..cols).map(|column| (column * 7919 % 1013) as f64 / 1013.0 - 0.5).collect()
 }
 
-/// The vector interleaved with multiples of it by powers of two (and zero), whose products are exact multiples of its product.
+/// The vector interleaved with multiples of it by powers of two (and zero), whose products are exact
+/// multiples of its product.
 fn four(x: &[f64]) -> Vec<Interleaved> {
     x.iter().map(|x| Interleaved([*x, -2.0 * x, 0.0, 0.5 * x])).collect()
 }

@@ -59,8 +59,8 @@ impl Cycle {
         norm(&self.rotated)
     }
 
-    /// Appends a column of `H` with `below` under it, and returns the residual norm after it. Returns `None`, and appends nothing, when the
-    /// diagonal entry of `R` would be no larger than `tiny`.
+    /// Appends a column of `H` with `below` under it, and returns the residual norm after it. Returns `None`,
+    /// and appends nothing, when the diagonal entry of `R` would be no larger than `tiny`.
     pub(super) fn append(&mut self, mut column: Vec<f64>, below: f64, tiny: f64) -> Option<f64> {
         for (k, (c, s)) in self.rotations.iter().enumerate() {
             let (a, b) = (column[k], column[k + 1]);
@@ -113,7 +113,8 @@ impl Cycle {
         columns.accumulate(0, &y, sign, sum);
     }
 
-    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate, by the inverse rotations from last to first.
+    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate, by the inverse rotations from last to
+    /// first.
     pub(super) fn residual(&self, r: &mut [f64]) {
         let count = self.triangle.len();
         let mut coordinates = vec![0.0; count + 1];

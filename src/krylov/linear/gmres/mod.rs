@@ -17,20 +17,23 @@ use crate::operator::Adjoint;
 
 /// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
 ///
-/// Preconditioned from the right (`A M⁻¹ u = b`) it minimizes the true residual. From the left (`M⁻¹ A x = M⁻¹ b`) it minimizes
-/// `‖M⁻¹ r‖`; it then keeps the products too, so that it can report the true residual without a further product. The flexible form
-/// ([`Gmres::flexible`], FGMRES) keeps each preconditioned vector, and `M` may differ from step to step.
+/// Preconditioned from the right (`A M⁻¹ u = b`) it minimizes the true residual. From the left
+/// (`M⁻¹ A x = M⁻¹ b`) it minimizes `‖M⁻¹ r‖`; it then keeps the products too, so that it can report the true
+/// residual without a further product. The flexible form ([`Gmres::flexible`], FGMRES) keeps each
+/// preconditioned vector, and `M` may differ from step to step.
 ///
 /// # Properties
-/// `‖r‖` (from the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. No transpose. One product a step; a restart takes none.
-/// The basis is orthonormal to working precision. Ends with [`Status::Breakdown`] when the Krylov space is invariant and contains no
-/// solution (a singular `A`).
+/// `‖r‖` (from the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. No transpose. One product a
+/// step; a restart takes none. The basis is orthonormal to working precision. Ends with [`Status::Breakdown`]
+/// when the Krylov space is invariant and contains no solution (a singular `A`).
 ///
 /// # Storage
-/// After `k` steps since the last restart: `k + 1` basis vectors; `k` more from the left or flexible; `b, x, r` and three work vectors.
+/// After `k` steps since the last restart: `k + 1` basis vectors; `k` more from the left or flexible;
+/// `b, x, r` and three work vectors.
 ///
 /// # References
-/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Saad and Schultz (1986), doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028.
+/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Saad and Schultz (1986),
+/// doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028.
 #[derive(Clone)]
 pub struct Gmres {
     system: System,
@@ -48,12 +51,13 @@ pub struct Gmres {
 const SINGULAR: Status =
     Status::Breakdown("the Krylov space is used up and holds no solution: the operator is singular");
 
-/// A correction whose rounding errors are at least this share of the first residual is not made: the reported residual would no longer
-/// be the true one.
+/// A correction whose rounding errors are at least this share of the first residual is not made: the reported
+/// residual would no longer be the true one.
 const MEANINGLESS: f64 = 1e-9;
 
 impl Gmres {
-    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and `restart` of the options.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and
+    /// `restart` of the options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.
@@ -112,7 +116,8 @@ impl Gmres {
         !self.flexible && self.side == Side::Right && self.preconditioner.is_some()
     }
 
-    /// Overwrites `r`, the cycle's first residual, by the true residual of this cycle's iterate, without a product.
+    /// Overwrites `r`, the cycle's first residual, by the true residual of this cycle's iterate, without a
+    /// product.
     fn residual(&self, r: &mut [f64]) {
         if self.side == Side::Left {
             self.cycle.combine(true, -1.0, r);
@@ -167,7 +172,8 @@ impl Solver for Gmres {
             self.hat.copy_from_slice(v);
         }
         self.system.tally.product(operator, &self.hat, &mut self.system.work)?;
-        // The new direction overwrites the product; from the left it overwrites the basis vector, since the product is kept.
+        // The new direction overwrites the product; from the left it overwrites the basis vector, since the
+        // product is kept.
         let w = if right {
             &mut self.system.work
         } else {
