@@ -1,33 +1,33 @@
 // y = A x for one channel: weights in f32, vectors and sums in f64.
 //
-// 32 invocations take a row together, so that they read neighbours among its entries in one go, and a few thousand rows keep a GPU busy.
-// Their sums are added in a fixed order: the same bits in each run.
+// 32 invocations share a row, so that neighbouring invocations read neighbouring entries, and a few thousand rows keep a GPU busy.
+// Their sums are added in a fixed order, so that each run gives the same bits.
 
-// A band of rows: those from `first_row` on, whose entries lie in buffers of their own.
+// A band of `rows` rows from `first_row` on, whose entries are in buffers of their own.
 struct Band {
     first_row: u32,
     rows: u32,
-    // HAS_ENTRIES | HAS_DIAGONAL | ADDS
+    // A combination of HAS_ENTRIES, HAS_DIAGONAL and ADDS.
     terms: u32,
     padding: u32,
 }
 
-// The band has entries to be added up.
+// The sum includes the band's entries.
 const HAS_ENTRIES = 1u;
-// The diagonal belongs to the sum.
+// The sum includes the diagonal.
 const HAS_DIAGONAL = 2u;
-// What stands in y belongs to the sum.
+// The sum includes the present value of y.
 const ADDS = 4u;
 
 const LANES = 32u;
 const ROWS_OF_GROUP = 2u;
 
 @group(0) @binding(0) var<uniform> band: Band;
-// Where each row's entries begin, and the number of all last.
+// Where each row's entries begin, and their number at the end.
 @group(0) @binding(1) var<storage, read> starts: array<u32>;
 @group(0) @binding(2) var<storage, read> columns: array<u32>;
 @group(0) @binding(3) var<storage, read> weights: array<f32>;
-// Of all rows.
+// The diagonal of all rows.
 @group(0) @binding(4) var<storage, read> diagonal: array<f32>;
 @group(0) @binding(5) var<storage, read> x: array<f64>;
 @group(0) @binding(6) var<storage, read_write> y: array<f64>;

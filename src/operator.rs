@@ -23,7 +23,8 @@ pub enum Symmetry {
     General,
 }
 
-/// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a rig can be unplugged).
+/// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a
+/// rig can be unplugged).
 pub trait Operator {
     /// The length of `y` in `y = A x`.
     fn rows(&self) -> usize;
@@ -37,8 +38,8 @@ pub trait Operator {
     /// The error that kept the product from being taken; `y` is unspecified then.
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()>;
 
-    /// `y_k ← A x_k` for each of `xs`, in order: the same bits as single products, and each counts as one product. There are as many
-    /// `ys` as `xs`. By default the products are taken one by one.
+    /// `y_k ← A x_k` for each of `xs`, in order: the same bits as single products, and each counts as one
+    /// product. There are as many `ys` as `xs`. By default the products are taken one by one.
     ///
     /// # Errors
     /// As [`Operator::apply`]; all of `ys` are unspecified then.
@@ -47,14 +48,15 @@ pub trait Operator {
         xs.iter().zip(ys).try_for_each(|(x, y)| self.apply(x, y))
     }
 
-    /// How many products of a block take about as long as one. A method that knows several vectors beforehand asks for blocks of this
-    /// size. By default 1, which is right wherever a product is a photo: no photo is then taken before it is needed.
+    /// How many products of a block take about as long as one. A method that knows several vectors beforehand
+    /// asks for blocks of this size. By default 1, which is right wherever a product is a photo: no photo is
+    /// then taken before it is needed.
     fn block_size(&self) -> usize {
         1
     }
 
-    /// The observer of the computations with this operator, which sees each step and may stop them; by default `()`, which does
-    /// nothing. An operator around another one returns the observer of that one.
+    /// The observer of the computations with this operator, which sees each step and may stop them; by
+    /// default `()`, which does nothing. An operator around another one returns the observer of that one.
     fn observer(&self) -> &dyn Observer {
         &()
     }

@@ -48,7 +48,7 @@ impl Key {
         // The shader of products does not affect the matrix.
         shader::SOURCES.iter().filter(|(name, _)| *name != "product").for_each(|(name, source)| {
             part(name);
-            part(source);
+            part(&without_comments(source));
         });
         part(&format!("{:?}", scene.hash));
         part(&format!("{:?} {:?}", scene.camera, scene.projector));
@@ -81,4 +81,10 @@ impl Key {
     pub fn channels(&self) -> Channels {
         self.channels
     }
+}
+
+/// The source of a shader without comments and empty lines, which change no matrix.
+fn without_comments(source: &str) -> String {
+    let code = source.lines().map(|line| line.split("//").next().unwrap_or_default().trim_end());
+    code.filter(|line| !line.is_empty()).collect::<Vec<_>>().join("\n")
 }

@@ -1,14 +1,14 @@
-//! A growing set of long vectors, and the few products with it that cost time.
+//! A growing set of long vectors, and the kernels with it that take most of the time.
 //!
-//! All kernels walk fixed blocks of rows in parallel and add the blocks' sums in the order of the rows, so that their
-//! results depend neither on the number of threads nor on scheduling.
+//! All kernels walk fixed blocks of rows in parallel and add the blocks' sums in the order of the rows, so
+//! that their results depend neither on the number of threads nor on scheduling.
 
 use rayon::prelude::*;
 
 use super::kernels::{add_block, dot_block, dots_block};
 
-/// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns stream past
-/// it.
+/// Rows in a block: a block of the long vector (8 KiB) stays in the first-level cache while the columns
+/// stream past it.
 const BLOCK: usize = 1024;
 
 /// The columns of a tall matrix `V` of `rows × len`, each contiguous.
@@ -16,7 +16,7 @@ const BLOCK: usize = 1024;
 pub(super) struct Basis {
     rows: usize,
     columns: Vec<Vec<f64>>,
-    /// Vectors set aside for columns to come, so that a step need not ask for memory.
+    /// Allocated vectors for later columns, so that a step need not allocate.
     spare: Vec<Vec<f64>>,
 }
 
@@ -36,7 +36,7 @@ impl Basis {
         self.columns.len()
     }
 
-    /// The columns in the order in which they came.
+    /// The columns, in the order in which they were appended.
     pub(super) fn columns(&self) -> &[Vec<f64>] {
         &self.columns
     }
@@ -51,12 +51,12 @@ impl Basis {
         self.columns.push(column);
     }
 
-    /// Drops all columns; their memory is kept for columns to come.
+    /// Removes all columns; their memory is kept for later columns.
     pub(super) fn clear(&mut self) {
         self.spare.append(&mut self.columns);
     }
 
-    /// Sets memory aside until `total` columns fit. Untouched pages cost nothing on common systems.
+    /// Allocates memory for `total` columns in all. Untouched pages cost nothing on common systems.
     pub(super) fn reserve(&mut self, total: usize) {
         self.columns.reserve(total.saturating_sub(self.columns.len()));
         while self.columns.len() + self.spare.len() < total {
@@ -65,7 +65,7 @@ impl Basis {
     }
 
     /// Replaces the columns `first..last` by `V S` over just these columns: one new column for each column of
-    /// coefficients. Memory that this sets free is kept for columns to come.
+    /// coefficients. Memory that becomes free is kept for later columns.
     pub(super) fn rotate(&mut self, first: usize, last: usize, coefficients: &[&[f64]]) {
         let mut rotated = Vec::with_capacity(coefficients.len());
         let tail = self.columns.split_off(last);
@@ -170,7 +170,7 @@ impl Basis {
     }
 }
 
-/// `aᵀ b` of two vectors of one length, summed in a fixed order whatever the number of threads.
+/// `aᵀ b` of two vectors of one length, summed in an order that does not depend on the number of threads.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     debug_assert_eq!(a.len(), b.len());
     if a.len() <= 2 * BLOCK {
@@ -181,11 +181,11 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     partial.iter().sum()
 }
 
-/// `‖w‖₂`, without overflow or underflow on the way. Infinite or NaN exactly if `w` holds such an entry (or if the
-/// norm itself is beyond the largest `f64`).
+/// `‖w‖₂`, without overflow or underflow on the way. Infinite or NaN exactly if `w` holds such an entry (or
+/// if the norm itself is beyond the largest `f64`).
 pub fn norm(w: &[f64]) -> f64 {
     let square = dot(w, w);
-    // Between these bounds no square that matters was lost.
+    // Between these bounds, no significant square overflowed or underflowed.
     if (1e-280..1e300).contains(&square) {
         return square.sqrt();
     }
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn kernels_do_the_algebra_across_block_borders() {
+    fn kernels_are_right_across_block_borders() {
         let rows = 5 * BLOCK + 7;
         let mut basis = Basis::new(rows);
         for k in 0..6 {
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn two_at_once_are_the_same_as_one_after_the_other() {
+    fn paired_kernels_equal_the_single_ones() {
         for rows in [37, 3 * BLOCK + 5] {
             let mut basis = Basis::new(rows);
             for k in 0..6 {
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn norm_survives_the_ends_of_the_exponent_range() {
+    fn norm_neither_overflows_nor_underflows() {
         for scale in [1e-200, 1e200] {
             // A rounding each in quotient, square, sum, root and product.
             assert!((norm(&[3.0 * scale, 4.0 * scale]) / (5.0 * scale) - 1.0).abs() < 5.0 * f64::EPSILON);

@@ -1,26 +1,27 @@
-//! How noisy a product may be.
+//! Inexact products: the noise that a product may have.
 
-/// The relaxation of inexact Krylov methods: the nearer the answer, the noisier a product may be.
+/// The relaxation of inexact Krylov methods: as the residual falls, products may be noisier.
 ///
-/// A Krylov relation from products with errors `e_k` (of norm-1 vectors) is that of `A` but for `E = [e_1 … e_m]`, and the
-/// true residual of `V s` differs from the computed one by `E s`, at most `Σ ‖e_k‖ |s_k|`. As the entries `s_k` fall like the
-/// residual norm `ρ_{k−1}` before step `k`, `‖e_k‖` may grow like its inverse:
+/// A Krylov relation from products with errors `e_k` (of norm-1 vectors) is that of `A` up to
+/// `E = [e_1 … e_m]`, and the true residual of `V s` differs from the computed one by `E s`, at most
+/// `Σ ‖e_k‖ |s_k|`. As the entries `s_k` fall like the residual norm `ρ_{k−1}` before step `k`, `‖e_k‖` may
+/// grow like its inverse:
 ///
 /// ```text
 /// ‖e_k‖ ≤ (gap / 2m) · target / ρ_{k−1}    makes    ‖E s‖ ≤ target
 /// ```
 ///
 /// with `gap` the distance of the wanted eigenvalue to the rest of the spectrum (for `A x = b` the smallest
-/// singular value takes the place of `gap / 2`). On a rig or a simulator: `t` times the light makes the noise `√t` times smaller, so that late
-/// photos may be exposed, or traced, much shorter than the first.
+/// singular value takes the place of `gap / 2`). On a rig or a simulator: `t` times the light makes the noise
+/// `√t` times smaller, so that late photos may be exposed, or traced, much shorter than the first.
 ///
 /// The same errors without relaxation would have to be `target / √m` in every product.
 ///
 /// # References
 /// van den Eshof and Sleijpen, *Inexact Krylov subspace methods for linear systems* (2004),
-/// doi:10.1137/S0895479802403459; Simoncini and Szyld, *Theory of inexact Krylov subspace methods and applications to
-/// scientific computing* (2003), doi:10.1137/S1064827502406415; Simoncini, *Variable accuracy of matrix-vector products
-/// in projection methods for eigencomputation* (2005), doi:10.1137/040605333.
+/// doi:10.1137/S0895479802403459; Simoncini and Szyld, *Theory of inexact Krylov subspace methods and
+/// applications to scientific computing* (2003), doi:10.1137/S1064827502406415; Simoncini, *Variable accuracy
+/// of matrix-vector products in projection methods for eigencomputation* (2005), doi:10.1137/040605333.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relaxation {
     /// The residual norm wanted in the end, absolute.
@@ -29,8 +30,8 @@ pub struct Relaxation {
     pub steps: usize,
     /// The gap, absolute. An estimate will do.
     pub gap: f64,
-    /// The largest error ever allowed (the theory fails when an error is of the size of `A`). A tenth of `‖A‖` is
-    /// reasonable.
+    /// The largest error ever allowed (the theory fails when an error is of the size of `A`). A tenth of
+    /// `‖A‖` is reasonable.
     pub most: f64,
 }
 
@@ -43,13 +44,14 @@ impl Relaxation {
     }
 }
 
-/// How noisy the next product may be, relative to itself, for a true residual of `target` (relative to `‖b‖`) in the end:
-/// `target / (budget · residual)`, at most 1. `residual` is `‖b − A x‖ / ‖b‖` of the current iterate, and `budget` the number of
-/// products in all.
+/// How noisy the next product may be, relative to itself, for a true residual of `target` (relative to `‖b‖`)
+/// in the end: `target / (budget · residual)`, at most 1. `residual` is `‖b − A x‖ / ‖b‖` of the current
+/// iterate, and `budget` the number of products in all.
 ///
-/// As the residual falls, later products may be noisier: fewer samples, or a shorter exposure. Each product adds its noise times its
-/// coefficient to the gap between the residual that the recurrence knows and the true one, and the coefficients fall as the residuals
-/// do. The operator's condition is assumed to be moderate, which preconditioning is to ensure.
+/// As the residual falls, later products may be noisier: fewer samples, or a shorter exposure. Each product
+/// adds its noise times its coefficient to the gap between the residual that the recurrence knows and the
+/// true one, and the coefficients fall as the residuals do. The operator's condition is assumed to be
+/// moderate, which preconditioning is to ensure.
 ///
 /// # References
 /// Bouras and Frayssé (2005), doi:10.1137/S0895479801384743; van den Eshof and Sleijpen (2004),

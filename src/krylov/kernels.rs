@@ -1,13 +1,12 @@
-//! Products with one block of rows, which stays in the cache while the columns stream past.
+//! Kernels over one block of rows, which stays in the cache while the columns are read from memory.
 //!
-//! Columns are taken eight at a time: the block is then read an eighth as often, and eight streams from memory hide one another's
-//! latency. Sums are added in an order that depends on
-//! nothing but the length.
+//! Columns are taken eight at a time: the block is then read an eighth as often, and eight streams from
+//! memory hide one another's latency. The order of additions depends only on the length.
 
-/// Columns that are taken at a time.
+/// Columns that are read at the same time.
 const TOGETHER: usize = 8;
-/// Partial sums of each, so that the compiler can use vector registers, which it may not do by itself as that reorders
-/// the sum.
+/// Partial sums of each column, so that the compiler can use vector registers. It may not reorder a single
+/// sum by itself.
 const LANES: usize = 4;
 
 /// The inner product of one block.
@@ -99,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_summed_alike_wherever_they_stand() {
+    fn columns_are_summed_equally_at_any_position() {
         let rows: Vec<f64> = (0..103).map(|i| (i as f64 * 0.7).sin()).collect();
         let column: Vec<f64> = (0..203).map(|i| (i as f64 * 1.3).cos()).collect();
         let columns = vec![column.clone(); 11];

@@ -38,10 +38,10 @@ pub enum Method {
     Multiplicative,
 }
 
-/// The set that a method keeps its iterates in.
+/// The constraint that all iterates of a method satisfy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Constraint {
-    /// Anything.
+    /// None.
     None,
     /// `x ≥ 0`.
     NonNegative,
@@ -49,24 +49,25 @@ pub enum Constraint {
     Box,
 }
 
-/// What a method needs, stores and costs.
+/// The needs, storage and cost of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MethodFacts {
     /// The method.
     pub method: Method,
     /// Its name on the command line.
     pub name: &'static str,
-    /// It takes products with `Aᵀ`. (A symmetric operator has them: they are products with `A`.)
+    /// Whether it takes products with `Aᵀ`. (For a symmetric operator they are products with `A`.)
     pub needs_transpose: bool,
-    /// It refuses an operator that is not symmetric.
+    /// Whether it refuses an operator that is not symmetric.
     pub needs_symmetry: bool,
-    /// Where it keeps the iterate.
+    /// The constraint on its iterates.
     pub constraint: Constraint,
-    /// Vectors of length `n` it keeps, the right-hand side and the solution included: fixed ones …
+    /// Vectors of length `n` that it stores, right-hand side and solution included: a fixed number …
     pub images: usize,
-    /// … and those that each product adds.
+    /// … and the number that each product adds.
     pub images_per_product: usize,
-    /// Products before the first iteration, from the default start (a box's diagonal given).
+    /// Products before the first iteration, from the default start (with [`SolveOptions::diagonal`] for the
+    /// methods with bounds).
     pub products_to_start: usize,
     /// Products per iteration.
     pub products_per_iteration: usize,
@@ -75,7 +76,7 @@ pub struct MethodFacts {
 /// One row per method.
 #[rustfmt::skip]
 pub const METHODS: [MethodFacts; 13] = [
-    //                                                       Aᵀ    A=Aᵀ                          images  start/iteration
+    // Aᵀ    A=Aᵀ                          images  start/iteration
     row(Method::Minres,         "minres",         [false, true],  Constraint::None,        [12, 0], [0, 1]),
     row(Method::Gmres,          "gmres",          [false, false], Constraint::None,        [7, 1],  [0, 1]),
     row(Method::Fgmres,         "fgmres",         [false, false], Constraint::None,        [7, 2],  [0, 1]),
@@ -113,9 +114,9 @@ const fn row(
 }
 
 impl Method {
-    /// What it needs, stores and costs.
+    /// The needs, storage and cost of the method.
     pub fn facts(self) -> MethodFacts {
-        // The table is in the order of the enum; a test says so.
+        // The table is in the order of the enum, which a test checks.
         METHODS[self as usize]
     }
 
@@ -137,8 +138,8 @@ impl Method {
     /// The method's state before its first step, for `b` and `x` of length `cols`.
     ///
     /// # Errors
-    /// As the method's own `new`. [`Error::Dimension`] when `cols` differs from `b`'s length and the method is for
-    /// square systems.
+    /// As the method's own `new`. [`Error::Dimension`] when `cols` differs from `b`'s length and the method
+    /// is for square systems.
     pub fn solver(self, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Box<dyn Solver>> {
         if !matches!(self, Self::Lsqr | Self::Lsmr) {
             super::linear::system::square(b.len(), cols)?;
@@ -161,14 +162,15 @@ impl Method {
     }
 }
 
-/// Solves `A x = b`, `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of products.
+/// Solves `A x = b`, `A` of `rows × cols` and `b` of length `rows`, by any method, within a budget of
+/// products.
 ///
-/// A method that needs `Aᵀ` takes products with `A` in its stead where `A` is symmetric, and fails otherwise: use
+/// A method that needs `Aᵀ` takes products with `A` instead where `A` is symmetric, and fails otherwise: use
 /// [`solve_adjoint`].
 ///
 /// # Errors
-/// As [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the solver
-/// yourself and use [`solve_from`].
+/// As [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the
+/// solver yourself and use [`solve_from`].
 pub fn solve<O: Operator + ?Sized>(
     method: Method,
     operator: &mut O,

@@ -1,24 +1,29 @@
 //! Krylov methods: the largest eigenvalues of an operator, and more, from a few dozen products with it.
 //!
-//! Nothing here knows what a product is; it may be a photo, so it is the currency. A method is in two parts:
+//! A product may be a photo, so the cost of a method is its number of products. A method has two parts:
 //!
-//! * a *factorization* ([`Lanczos`], [`BlockLanczos`], [`Arnoldi`]) takes exactly one product a step. It can be
-//!   stopped, inspected, saved and resumed after any step, and a product that fails leaves it as it was;
-//! * a *question* is answered from a factorization without any further product ([`Factorization::ritz`]), or drives
-//!   one until the answer is good enough or the budget is spent ([`eigs()`]).
+//! * a *factorization* ([`Lanczos`], [`BlockLanczos`], [`Arnoldi`]) takes exactly one product a step. It can
+//!   be stopped, inspected, saved and resumed after any step, and a product that fails leaves it as it was;
+//! * a *driver* computes eigenpairs from a factorization, without any further product
+//!   ([`Factorization::ritz`]), and expands it until they are good enough or the budget is spent
+//!   ([`eigs()`]).
 //!
-//! | needs `A = Aᵀ` | method | answers | vectors of `n`, for `m` products |
+//! | needs `A = Aᵀ` | method | finds | vectors of `n`, for `m` products |
 //! |---|---|---|---|
 //! | no | [`EigsMethod::Power`] | the eigenpair of largest magnitude | 4 |
 //! | yes | [`Lanczos`] | eigenpairs at the ends of the spectrum | `m + 2` |
 //! | yes | [`BlockLanczos`] | the same, with up to `b` copies of each | `m + b + 1` |
 //! | no | [`Arnoldi`] | complex eigenpairs at the rim of the spectrum | `m + 2` |
 //!
-//! Linear systems, with or without a box around the solution, are [`Solver`]s of the same kind: [`solve`] takes any
-//! [`Method`] of the table [`METHODS`], by value, with [`SolveOptions`].
+//! Linear systems, with or without a box around the solution, are [`Solver`]s of the same kind: [`solve`]
+//! takes any [`Method`] of the table [`METHODS`], by value, with [`SolveOptions`].
 //!
-//! Everything is bit-identical from run to run and for any number of threads: sums are taken over fixed blocks of
-//! rows and added in the order of the rows.
+//! Results are bit-identical from run to run and for any number of threads: sums are taken over fixed blocks
+//! of rows and added in the order of the rows.
+//!
+//! The observer of the operator ([`Operator::observer`](crate::operator::Operator::observer)) sees each step,
+//! and may stop the method. The methods follow O'Toole and Kutulakos, *Light Transport Analysis by Krylov
+//! Subspace Illumination*, sections 3 and 4.
 
 mod basis;
 mod boxed;

@@ -1,19 +1,19 @@
-//! Orthogonalization against a basis, with as many passes as it takes.
+//! Orthogonalization against a basis, repeated as often as needed.
 
 use super::basis::{Basis, norm};
 
-/// After a pass that leaves more than this share of the norm, the rest is orthogonal to working precision; otherwise
-/// cancellation has amplified the rounding errors and another pass is due. 1/√2 is the choice of Daniel, Gragg,
-/// Kaufman and Stewart, *Reorthogonalization and stable algorithms for updating the Gram–Schmidt QR factorization*,
-/// Math. Comp. 30 (1976), doi:10.1090/S0025-5718-1976-0431641-8.
+/// After a pass that leaves more than this share of the norm, the rest is orthogonal to working precision.
+/// Otherwise cancellation has amplified the rounding errors, and another pass follows. 1/√2 is the choice of
+/// Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and stable algorithms for updating the
+/// Gram–Schmidt QR factorization*, Math. Comp. 30 (1976), doi:10.1090/S0025-5718-1976-0431641-8.
 const ENOUGH_LEFT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) holds for a `w`
-/// that is not in the span to working precision. One that is shrinks to rounding errors and is recognised by its
-/// norm.
+/// "Twice is enough" (Giraud, Langou, Rozložník and van den Eshof, doi:10.1007/s00211-005-0615-4) holds for a
+/// `w` that is not in the span to working precision. A vector in the span shrinks to rounding errors, and is
+/// recognized by its norm.
 const PASSES: usize = 3;
 
-/// What was taken out of a vector.
+/// The components that were removed from a vector.
 pub(super) struct Removed {
     /// `h`, so that `w_before = V h + w_after`.
     pub(super) coefficients: Vec<f64>,
@@ -23,8 +23,9 @@ pub(super) struct Removed {
 
 /// `w ← (I − V Vᵀ) w` by classical Gram–Schmidt, for `V` with orthonormal columns.
 ///
-/// The last `recent` columns are taken out first. In a Lanczos step these two hold all of `A v` that is in the span,
-/// up to rounding, so this counts as the first pass and the whole basis has to be gone through only once more.
+/// The last `recent` columns are removed first. In a Lanczos step the last two contain, up to rounding, the
+/// whole part of `A v` in the span, so this counts as the first pass, and one further pass over the whole
+/// basis usually suffices.
 pub(super) fn orthogonalize(basis: &Basis, w: &mut [f64], recent: usize) -> Removed {
     let mut coefficients = vec![0.0; basis.len()];
     let first = basis.len().saturating_sub(recent);

@@ -1,22 +1,23 @@
-//! Where a Krylov process starts.
+//! Start vectors of Krylov processes.
 
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 
-/// The first vector of a Krylov process (its length is of no importance).
+/// The first vector of a Krylov process (its norm does not matter).
 ///
-/// A random start has a part in every eigenvector. A chosen one may not: all ones, on a scene with a mirror symmetry,
-/// can never tell the two sides apart.
+/// A random start has a component along every eigenvector. A chosen one may not: all ones, on a scene with a
+/// mirror symmetry, never finds the eigenvectors that differ between the two sides.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Start {
-    /// Entries −1 and +1, by fair coin. As a pattern it uses the projector's whole range; the same on every machine.
+    /// Entries −1 and +1 with equal probability, the same on every machine. As a pattern it uses the
+    /// projector's whole range.
     Rademacher {
         /// Seed of the generator.
         seed: u64,
     },
-    /// Standard normal entries: no direction is preferred. (The rare ones in the tails pass through `ln`, which differs by machine in
-    /// the last bit.)
+    /// Standard normal entries, so that no direction is preferred. (They depend on `ln`, whose last bit
+    /// differs between machines.)
     Gaussian {
         /// Seed of the generator.
         seed: u64,
@@ -32,7 +33,7 @@ impl Default for Start {
 }
 
 impl Start {
-    /// The vector, of length `n` (a given one has the length that it has).
+    /// The vector, of length `n` ([`Start::Given`] keeps its own length).
     pub fn vector(&self, n: usize) -> Vec<f64> {
         match self {
             Self::Rademacher { seed } => rademacher(n, &mut Pcg64::seed_from_u64(*seed)),
@@ -41,8 +42,9 @@ impl Start {
         }
     }
 
-    /// `count` vectors of length `n` for a block start. Random ones are drawn one after the other from the one
-    /// generator, so that the first is [`Start::vector`]'s; a given one is followed by random signs of seed 0.
+    /// `count` vectors of length `n` for a block start. Random ones are drawn one after the other from one
+    /// generator, so that the first is [`Start::vector`]; [`Start::Given`] is followed by random signs of
+    /// seed 0.
     pub fn block(&self, n: usize, count: usize) -> Vec<Vec<f64>> {
         let draw = |seed: u64, count: usize, one: fn(usize, &mut Pcg64) -> Vec<f64>| -> Vec<Vec<f64>> {
             let mut random = Pcg64::seed_from_u64(seed);

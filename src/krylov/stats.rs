@@ -1,11 +1,11 @@
-//! How a method ended, and what it cost.
+//! The cost of a run, and why it ended.
 
 use std::fmt;
 
-/// What a run took, and how it ended.
+/// The cost of a run, and why it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stats {
-    /// Products with the operator.
+    /// The number of products with the operator.
     pub products: usize,
     /// Why it ended.
     pub status: Status,
@@ -14,15 +14,17 @@ pub struct Stats {
 /// Why a method ended. Displays as a sentence without its full stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// All that was asked for is within the tolerance.
+    /// Everything asked for is within the tolerance.
     ReachedTolerance,
-    /// The number of products allowed was taken; the answer is the best so far.
+    /// The budget of products is spent; the result is the best so far.
     BudgetSpent,
-    /// The space is used up: every eigenpair is known to rounding, and no product could add to it.
+    /// The subspace is the whole space: every eigenpair is known to rounding, and no product could improve
+    /// it.
     SpaceExhausted,
-    /// The monitor asked to stop; the answer is the best so far.
+    /// The observer stopped the method; the result is the best so far.
     Stopped,
-    /// The residual is as small as the noise of the products, which is not within the tolerance: going on would fit noise.
+    /// The residual is down to the noise of the products, which is above the tolerance: further steps would
+    /// fit noise.
     NoiseFloor,
     /// No vector has a smaller residual: the system has no solution, and this is a least-squares one.
     LeastSquares,
@@ -30,10 +32,10 @@ pub enum Status {
     ConstrainedOptimum,
     /// The iterate no longer moves.
     Stalled,
-    /// The products are not those of a symmetric operator, and the method needs one; the answer is the best before
-    /// that showed.
+    /// The products are not those of a symmetric operator, and the method needs one; the result is the best
+    /// before the asymmetry was found.
     NotSymmetric,
-    /// The method cannot go on, for this reason; the answer is the best so far.
+    /// The method cannot continue, for this reason; the result is the best so far.
     Breakdown(&'static str),
 }
 

@@ -1,8 +1,8 @@
-//! Updates of long vectors, entry by entry: the same bits whatever the number of threads.
+//! Entrywise updates of long vectors, with the same bits for any number of threads.
 
 use rayon::prelude::*;
 
-/// Below this length a thread costs more than it saves.
+/// Below this length, threads cost more time than they save.
 const PARALLEL: usize = 16_384;
 const CHUNK: usize = 4096;
 
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_and_short_vectors_are_updated_alike() {
+    fn long_and_short_vectors_are_updated_equally() {
         for n in [3, PARALLEL + 5] {
             let a: Vec<f64> = (0..n).map(|i| i as f64).collect();
             let b = vec![2.0; n];

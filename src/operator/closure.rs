@@ -32,7 +32,8 @@ pub struct Closure<F> {
 }
 
 impl<F: FnMut(&[f64], &mut [f64]) -> Result<()>> Closure<F> {
-    /// `product(x, y)` writes `A x` (`rows` entries) to every entry of `y`, for `x` of `cols` entries. `symmetry` is taken on trust.
+    /// `product(x, y)` writes `A x` (`rows` entries) to every entry of `y`, for `x` of `cols` entries.
+    /// `symmetry` is taken on trust.
     pub fn new(rows: usize, cols: usize, symmetry: Symmetry, product: F) -> Self {
         Self { rows, cols, symmetry, product }
     }

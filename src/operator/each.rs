@@ -6,8 +6,8 @@ use crate::error::Result;
 /// The largest block that is asked for at once, so that few vectors are in memory at the same time.
 const LARGEST_BLOCK: usize = 8;
 
-/// Multiplies with each of `xs` (`cols` entries each), in blocks of [`Operator::block_size`], and hands `with` each vector and its
-/// product, in order.
+/// Multiplies with each of `xs` (`cols` entries each), in blocks of [`Operator::block_size`], and hands
+/// `with` each vector and its product, in order.
 ///
 /// # Errors
 /// The error of the first product, or call of `with`, that fails; no further block is taken then.

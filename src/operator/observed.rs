@@ -81,7 +81,8 @@ impl<O: Adjoint + ?Sized> Adjoint for Observed<'_, O> {
     }
 }
 
-/// An operator whose steps go through a closure, which may pass them on to the operator's own observer, changed or not.
+/// An operator whose steps go through a closure, which may pass them on to the operator's own observer,
+/// changed or not.
 pub struct Relayed<'a, O: ?Sized, F> {
     operator: &'a mut O,
     closure: RefCell<F>,

@@ -1,4 +1,5 @@
-//! Sparse matrices as the project hands them around, to files and from them: compressed rows, `f64` values.
+//! Sparse matrices in compressed rows with `f64` values: the form in which matrices are exchanged with files
+//! and callers.
 
 mod operator;
 
@@ -6,8 +7,8 @@ pub use operator::SparseOperator;
 
 use crate::error::{Error, Result};
 
-/// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at the columns
-/// `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly.
+/// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at
+/// the columns `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Csr {
     cols: usize,
@@ -17,7 +18,7 @@ pub struct Csr {
 }
 
 impl Csr {
-    /// Wraps the three arrays of a matrix with `cols` columns and one row less than `row_start` has entries.
+    /// The matrix of these three arrays, with `cols` columns and `row_start.len() − 1` rows.
     ///
     /// # Errors
     /// [`Error::Dimension`] when they do not describe such a matrix.
@@ -55,7 +56,7 @@ impl Csr {
         self.cols
     }
 
-    /// Offsets of the rows, and the number of entries last.
+    /// The offset of each row, then the number of entries.
     pub fn row_start(&self) -> &[usize] {
         &self.row_start
     }
@@ -96,7 +97,7 @@ impl Csr {
         let mut next = row_start.clone();
         let mut columns = vec![0; self.columns.len()];
         let mut weights = vec![0.0; self.columns.len()];
-        // Rows come in order, so that each row of the transpose is filled from left to right.
+        // Rows are visited in order, so each row of the transpose is filled from left to right.
         for (row, column, value) in self.entries() {
             let at = next[column];
             next[column] += 1;
@@ -106,7 +107,7 @@ impl Csr {
         Self { cols: self.rows(), row_start, columns, weights }
     }
 
-    /// Whether each entry has its mirror image, equal to the last bit.
+    /// Whether the matrix is square and equals its transpose to the last bit.
     pub fn is_symmetric(&self) -> bool {
         self.rows() == self.cols
             && self.entries().all(|(row, column, value)| {
@@ -126,14 +127,14 @@ mod tests {
     }
 
     #[test]
-    fn symmetry_is_to_the_last_bit() {
+    fn symmetry_is_exact() {
         assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.5]), Some(true));
         assert_eq!(symmetric(2, &[0, 2, 3], &[0, 1, 0], &[2.0, 0.5, 0.500_000_000_000_000_1]), Some(false));
         assert_eq!(symmetric(2, &[0, 1], &[1], &[1.0]), Some(false), "not square");
     }
 
     #[test]
-    fn arrays_that_make_no_matrix_are_refused() {
+    fn inconsistent_arrays_are_refused() {
         assert_eq!(symmetric(3, &[0, 1, 2], &[2, 0], &[1.0, 1.0]), Some(false), "this one is fine");
         assert_eq!(symmetric(3, &[0, 2, 1], &[0, 1], &[1.0, 1.0]), None, "descending");
         assert_eq!(symmetric(3, &[0, 5, 2], &[0, 1], &[1.0, 1.0]), None, "beyond the end");

@@ -1,4 +1,4 @@
-//! A sparse matrix as the Krylov methods see it.
+//! A sparse matrix as an operator for the Krylov methods.
 
 use rayon::prelude::*;
 
@@ -6,20 +6,21 @@ use super::Csr;
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator, Symmetry};
 
-/// Rows that one task of a product takes.
+/// Rows of one task of a product.
 const ROWS_PER_TASK: usize = 256;
 
-/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both run over rows, in a fixed order, so that results do not depend on the number of
-/// threads.
+/// `y = A x` and `x = Aᵀ y` for a matrix in memory. Both run over rows, in a fixed order, so that results do
+/// not depend on the number of threads.
 #[derive(Clone, Debug)]
 pub struct SparseOperator {
     matrix: Csr,
-    /// `None` where the matrix is its own.
+    /// `None` where the matrix is symmetric.
     transpose: Option<Csr>,
 }
 
 impl SparseOperator {
-    /// Wraps `matrix`, and finds out whether it is symmetric to the last bit.
+    /// The operator of `matrix`. Checks whether the matrix is symmetric to the last bit; if not, keeps its
+    /// transpose too.
     pub fn new(matrix: Csr) -> Self {
         let transpose = (!matrix.is_symmetric()).then(|| matrix.transposed());
         Self { matrix, transpose }
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn products_are_those_of_the_dense_matrix() {
+    fn products_equal_those_of_the_dense_matrix() {
         let mut operator = rectangular();
         let (mut y, mut x) = ([0.0; 2], [0.0; 3]);
         assert!(operator.apply(&[1.0, 10.0, 100.0], &mut y).is_ok());

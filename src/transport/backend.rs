@@ -1,37 +1,38 @@
-//! Where products are taken: on the processor, or on the device that traced the paths.
+//! The backend of products: the processor, or the device that traced the paths.
 //!
-//! The rule, for [`Backend::Auto`]: on the device where that is a GPU (of its own, part of the processor, or virtual), a product has
-//! enough entries to be worth the way there and back, shaders calculate in `f64`, and matrix and vectors fit its buffers and the
-//! share of its memory that is taken at most; else on the processor, and why is said where a GPU was passed over for want of
-//! something. On software Vulkan, which is the processor with a detour, products take ten times as long.
+//! [`Backend::Auto`] takes the device where all of these hold: it is a GPU (discrete, integrated or virtual);
+//! the matrix has enough entries to be worth the transfer of the vectors; shaders can calculate in `f64`; and
+//! matrix and vectors fit its buffers and the share of its memory that may be used. Otherwise it takes the
+//! processor; if a GPU lacked something, the reason is returned. On software Vulkan, which runs on the
+//! processor, products take ten times as long as by the processor itself.
 
 use super::{Assembled, GpuMatrix};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::render::Tracer;
 
-/// Entries that make a product worth sending to a GPU: they take a few cores as long as the way there and back, some 0.2 ms. An
-/// estimate: it was never measured on one.
+/// Entries from which a product is worth sending to a GPU: a few cores multiply them in about the time of the
+/// transfers, some 0.2 ms. This is an estimate that was not measured on a GPU.
 const WORTHWHILE: usize = 1 << 20;
 
-/// Where products with the frozen matrix are to be taken.
+/// Where products with the traced matrix are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// On the device where it is a GPU that suits.
+    /// On the device if it is a suitable GPU, else on the processor.
     #[default]
     Auto,
     /// On the processor.
     Cpu,
-    /// On the device, whatever it is.
+    /// On the device, of whatever kind.
     Gpu,
 }
 
 impl Assembled {
-    /// Moves the matrix to where products are to be taken from now on, by the device that `tracer` traces on. Where a GPU was passed
-    /// over for want of something, says of what.
+    /// Chooses the backend of all later products; the device is the one that `tracer` traces on. Returns what
+    /// a GPU lacked, where [`Backend::Auto`] therefore chose the processor.
     ///
     /// # Errors
-    /// [`Error::Device`] where the device is insisted on, but has no `f64` or not the memory.
+    /// [`Error::Device`] for [`Backend::Gpu`] on a device without `f64` or without enough memory.
     pub fn place(&mut self, tracer: &Tracer, place: Backend) -> Result<Option<String>> {
         self.place_on(tracer.gpu(), place, WORTHWHILE)
     }
@@ -41,7 +42,7 @@ impl Assembled {
         self.gpu_matrix.is_some()
     }
 
-    /// As [`Assembled::place`], where so many entries are worth the way.
+    /// As [`Assembled::place`], with `worthwhile` in place of [`WORTHWHILE`].
     fn place_on(&mut self, gpu: &Gpu, place: Backend, worthwhile: usize) -> Result<Option<String>> {
         self.gpu_matrix = None;
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
@@ -52,7 +53,7 @@ impl Assembled {
             Ok(gpu_matrix) => self.gpu_matrix = Some(gpu_matrix),
             Err(Error::Device { fault, .. }) if place == Backend::Auto => return Ok(Some(fault)),
             Err(Error::Device { fault, .. }) => {
-                let help = "leave the products to the processor (--products cpu), or use another --adapter";
+                let help = "take the products on the processor (--products cpu), or use another --adapter";
                 return Err(Error::Device { fault, help: help.into() });
             }
             Err(error) => return Err(error),
@@ -70,7 +71,7 @@ mod tests {
     use crate::transport::gpu_matrix::tests::{coaxial, gpu};
     use crate::transport::{MatrixOperator, Part, Products, Simulated, Transport};
 
-    /// Software Vulkan under the name of a card.
+    /// Software Vulkan that claims to be a discrete GPU.
     fn card() -> Gpu {
         let mut gpu = gpu();
         gpu.summary.kind = "discrete GPU".into();
@@ -88,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn products_are_taken_where_they_are_wanted() {
+    fn products_are_taken_on_the_chosen_backend() {
         let (software, card, mut traced) = (gpu(), card(), coaxial());
         assert!(software.summary.is_processor(), "the tests run on software Vulkan");
         let entries = traced.matrix.nonzeros();
@@ -101,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_card_without_f64_or_room_is_passed_over_and_an_error_where_it_is_insisted_on() {
+    fn a_gpu_without_f64_or_memory_is_not_chosen_and_an_error_where_it_is_required() {
         let mut traced = coaxial();
         let pixels = traced.matrix.resolution().pixels();
         let (white, mut expected) = (vec![1.0; pixels], vec![f64::NAN; pixels]);
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn photos_and_operators_go_with_the_matrix() {
+    fn photos_and_operators_use_the_backend_of_the_matrix() {
         let [mut here, mut there] = [coaxial(), coaxial()].map(|traced| Simulated { traced });
         assert_eq!(placed(&mut there.traced, &gpu(), Backend::Gpu, 0), (None, true));
         let resolution = here.photo_resolution();
@@ -133,7 +134,7 @@ mod tests {
         let photos = [&mut here, &mut there].map(|rig| rig.photograph(&pattern));
         let [Ok(expected), Ok(found)] = photos else { unreachable!("{photos:?}") };
         for (expected, found) in expected.samples().iter().zip(found.samples()) {
-            // The same to 1e-13, and then rounded to `f32`, down or up.
+            // Equal to 1e-13, then rounded to `f32`, down or up.
             assert!((expected - found).abs() <= f32::EPSILON * expected, "{expected} and {found}");
         }
         let pixels = resolution.pixels();

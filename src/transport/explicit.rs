@@ -1,11 +1,12 @@
-//! Photos by a matrix that came from elsewhere.
+//! Photos as products with an explicit matrix.
 
 use super::{Channels, Part, Transport};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::sparse::Csr;
 
-/// A given matrix as a rig of one channel, whose photo has as many pixels as its pattern. There is no ambient light.
+/// An explicit matrix (from a file, or made by the caller) as a rig of one channel. The photo has as many
+/// pixels as the pattern. There is no ambient light.
 #[derive(Clone, Debug)]
 pub struct ExplicitMatrix {
     matrix: Csr,
@@ -13,10 +14,10 @@ pub struct ExplicitMatrix {
 }
 
 impl ExplicitMatrix {
-    /// `matrix` has a row and a column for each pixel.
+    /// A rig for `matrix`, which must have a row and a column for each pixel.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when it has not.
+    /// [`Error::Dimension`] when it has another shape.
     pub fn new(matrix: Csr, resolution: Resolution) -> Result<Self> {
         let pixels = resolution.pixels();
         if (matrix.rows(), matrix.cols()) != (pixels, pixels) {
@@ -86,13 +87,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_photo_is_the_product_with_the_given_matrix() {
+    fn a_photo_is_the_product_with_the_explicit_matrix() {
         let matrix = Csr::new(2, vec![0, 2, 3], vec![0, 1, 0], vec![1.0, 0.5, 0.25]);
-        let mut given =
+        let mut explicit =
             ExplicitMatrix::new(matrix.expect("well formed"), Resolution::new(2, 1)).expect("of two pixels");
         let pattern = Image::new(Resolution::new(2, 1), 1, vec![2.0, 4.0]).expect("two samples");
-        assert_eq!(given.photograph(&pattern).expect("it fits").samples(), [4.0, 0.5]);
-        assert!(ExplicitMatrix::new(given.matrix.clone(), Resolution::new(2, 2)).is_err());
+        assert_eq!(explicit.photograph(&pattern).expect("it fits").samples(), [4.0, 0.5]);
+        assert!(ExplicitMatrix::new(explicit.matrix.clone(), Resolution::new(2, 2)).is_err());
     }
 
     #[test]

@@ -7,8 +7,9 @@ use crate::journal::{Journal, Key, Kind};
 use crate::observer::Observer;
 use crate::operator::{Adjoint, Operator, Product, Symmetry};
 
-/// An operator whose products are kept in a journal. A product that is already there is read and not taken again. The operators of
-/// one source share a journal, each under its own name: which part of the light, and which channel.
+/// An operator whose products are kept in a journal. A product that is already there is read and not taken
+/// again. The operators of one source share a journal, each under its own name: which part of the light, and
+/// which channel.
 pub struct JournaledOperator<'a> {
     journal: &'a mut Journal,
     inner: Option<&'a mut dyn Adjoint>,
@@ -40,13 +41,15 @@ struct Keys {
 }
 
 impl<'a> JournaledOperator<'a> {
-    /// Keeps the products of `inner`. The journal's identity must say everything that they depend on besides `name`.
+    /// Keeps the products of `inner`. The journal's identity must say everything that they depend on besides
+    /// `name`.
     pub fn new(journal: &'a mut Journal, name: impl Into<String>, inner: &'a mut dyn Adjoint) -> Self {
         let shape = ([inner.rows(), inner.cols()], inner.symmetry());
         Self { journal, inner: Some(inner), name: name.into(), shape }
     }
 
-    /// Reads the products that were journaled under this name of an operator of this shape; any other product is an error.
+    /// Reads the products that were journaled under this name of an operator of this shape; any other product
+    /// is an error.
     pub fn replay(
         journal: &'a mut Journal,
         name: impl Into<String>,
@@ -56,7 +59,8 @@ impl<'a> JournaledOperator<'a> {
         Self { journal, inner: None, name: name.into(), shape: ([rows, cols], symmetry) }
     }
 
-    /// All products `y = A x` that were journaled under this name, in the order in which they were taken, without the damaged ones.
+    /// All products `y = A x` that were journaled under this name, in the order in which they were taken,
+    /// without the damaged ones.
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Journal`] for a record in a form that this version does not know.
@@ -82,8 +86,8 @@ impl<'a> JournaledOperator<'a> {
         Ok(products)
     }
 
-    /// Reads the products that are in the journal, takes the others in blocks of the inner operator's size, and appends these in order.
-    /// When a block fails, those before it are in the journal.
+    /// Reads the products that are in the journal, takes the others in blocks of the inner operator's size,
+    /// and appends these in order. When a block fails, those before it are in the journal.
     fn block(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(from.len(), to.len());
         let mut new: Vec<(usize, Keys)> = Vec::new();

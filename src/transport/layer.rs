@@ -1,4 +1,4 @@
-//! Light of some number of bounces as a sparse matrix.
+//! The light of a given number of bounces as a sparse matrix.
 
 use std::sync::OnceLock;
 
@@ -6,30 +6,32 @@ use super::tiles::{CompressedRows, Tiles};
 use crate::error::Result;
 use crate::sparse::Csr;
 
-/// How many surfaces the light of a [`Layer`] met.
+/// How many times the light of a [`Layer`] was reflected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Bounces {
-    /// One.
+    /// One bounce.
     One,
-    /// Two.
+    /// Two bounces.
     Two,
-    /// Three and more.
+    /// Three and more bounces.
     Rest,
-    /// Two and more.
+    /// Two and more bounces.
     Global,
 }
 
-/// A part of the transport matrix: a sparse matrix with one set of `f32` weights per channel on a common sparsity pattern.
+/// A part of the transport matrix: a sparse matrix with one set of `f32` weights per channel on a common
+/// sparsity pattern.
 #[derive(Clone, Debug)]
 pub struct Layer {
     bounces: Bounces,
     tiles: Tiles,
-    /// Made when first asked for.
+    /// Computed when first needed.
     transpose: OnceLock<Box<Layer>>,
 }
 
-/// Equal to the last bit; whether the transpose has been asked for does not count.
+/// Two layers are equal when their entries are, to the last bit; whether the transpose was computed does not
+/// count.
 impl PartialEq for Layer {
     fn eq(&self, other: &Self) -> bool {
         (self.bounces, &self.tiles) == (other.bounces, &other.tiles)
@@ -42,12 +44,12 @@ impl Layer {
         Self { bounces, tiles: Tiles::new(cols, rows), transpose: OnceLock::new() }
     }
 
-    /// Which light this is.
+    /// The bounces of this light.
     pub fn bounces(&self) -> Bounces {
         self.bounces
     }
 
-    /// Stored entries.
+    /// The number of stored entries.
     pub fn nonzeros(&self) -> usize {
         self.tiles.nonzeros()
     }
@@ -57,10 +59,10 @@ impl Layer {
         self.tiles.bytes()
     }
 
-    /// One channel as a matrix of its own.
+    /// One channel as a compressed sparse matrix.
     ///
     /// # Errors
-    /// None that a layer can cause; the constructor of [`Csr`] checks its arrays.
+    /// None for a valid layer; the constructor of [`Csr`] checks its arrays.
     pub fn to_csr(&self, channel: usize) -> Result<Csr> {
         let CompressedRows { row_start, columns, weights } = self.to_rows();
         let weights = weights[channel].iter().map(|&weight| f64::from(weight)).collect();
@@ -72,12 +74,12 @@ impl Layer {
         self.tiles.to_rows()
     }
 
-    /// Its entries by tiles.
+    /// Its entries in tiles.
     pub(super) fn tiles(&self) -> &Tiles {
         &self.tiles
     }
 
-    /// The transpose; made once, and kept beside the layer.
+    /// The transpose; computed once, and kept with the layer.
     pub(super) fn transpose(&self) -> &Self {
         self.transpose.get_or_init(|| Box::new(self.transposed()))
     }
@@ -87,7 +89,8 @@ impl Layer {
         Self::new(self.bounces, rows, &transpose)
     }
 
-    /// How many rows there are, and all channels of the transpose in compressed rows.
+    /// The number of rows of this layer (the columns of the transpose), and all channels of the transpose in
+    /// compressed rows.
     pub(super) fn transposed_rows(&self) -> (usize, CompressedRows) {
         let CompressedRows { row_start: from_start, columns: from_columns, weights: from_weights } =
             self.to_rows();
@@ -98,7 +101,7 @@ impl Layer {
         let mut next = row_start.clone();
         let mut columns = vec![0; from_columns.len()];
         let mut weights = vec![vec![0.0; from_columns.len()]; from_weights.len()];
-        // Rows come in order, so that each row of the transpose is filled from left to right.
+        // Rows are visited in order, so each row of the transpose is filled from left to right.
         for row in 0..rows {
             for entry in from_start[row]..from_start[row + 1] {
                 let at = &mut next[from_columns[entry] as usize];

@@ -1,4 +1,4 @@
-//! The frozen light transport matrix: a diagonal, and sparse layers by number of bounces.
+//! The traced light transport matrix: a diagonal, and sparse layers by number of bounces.
 
 use rayon::prelude::*;
 
@@ -9,22 +9,22 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::sparse::Csr;
 
-/// Rows that a thread takes at a time where there is nothing but the diagonal.
+/// Rows of a task where the matrix has only a diagonal.
 const BAND: usize = 4096;
 
-/// Which light a product carries.
+/// A part of the light that a product carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// All of it, `A`.
+    /// All light, `A`.
     Full,
     /// One bounce: a diagonal for a coaxial pinhole rig.
     Direct,
-    /// Two bounces and more.
+    /// The light of two and more bounces.
     Global,
 }
 
 impl Part {
-    /// Whether paths of so many bounces belong to it.
+    /// Whether paths of `bounces` bounces belong to this part.
     pub(super) fn holds(self, bounces: u32) -> bool {
         match self {
             Self::Full => true,
@@ -33,13 +33,13 @@ impl Part {
         }
     }
 
-    /// Whether a layer of such light belongs to it.
+    /// Whether a layer of this light belongs to this part.
     pub(super) fn has(self, layer: Bounces) -> bool {
         self.holds(if layer == Bounces::One { 1 } else { 2 })
     }
 }
 
-/// From the projector to the camera, or as if each were the other.
+/// The direction of a product: from the projector to the camera, or with the two exchanged (the transpose).
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Direction {
     Forward,
@@ -48,24 +48,24 @@ pub(super) enum Direction {
 
 /// `A = diag(direct) + Σ layers`: a row for each camera pixel, a column for each projector pixel.
 ///
-/// Of a coaxial rig it is symmetric to the last bit, in each of its parts. Products accumulate in `f64`, in a fixed order,
-/// whatever the number of threads.
+/// The matrix of a coaxial rig is symmetric to the last bit, in each of its parts. Products accumulate in
+/// `f64`, in an order that does not depend on the number of threads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransportMatrix {
     pub(crate) rig: RigShape,
     pub(crate) channels: Channels,
-    /// `[channel][pixel]`; no pixels where the rig is not coaxial.
+    /// The diagonal, `[channel][pixel]`; empty where the rig is not coaxial.
     pub(crate) direct: Vec<Vec<f32>>,
     pub(crate) layers: Vec<Layer>,
 }
 
 impl TransportMatrix {
-    /// Pixels of the camera: the matrix has as many rows.
+    /// Pixels of the camera: the matrix has one row for each.
     pub fn resolution(&self) -> Resolution {
         self.rig.camera
     }
 
-    /// Pixels of the projector: the matrix has as many columns.
+    /// Pixels of the projector: the matrix has one column for each.
     pub fn projector_resolution(&self) -> Resolution {
         self.rig.projector
     }
@@ -75,12 +75,12 @@ impl TransportMatrix {
         self.rig.symmetric
     }
 
-    /// One or three systems.
+    /// One or three channels, each a system of its own.
     pub fn channels(&self) -> Channels {
         self.channels
     }
 
-    /// Stored entries, the diagonal not counted.
+    /// The number of stored entries, without the diagonal.
     pub fn nonzeros(&self) -> usize {
         self.layers.iter().map(Layer::nonzeros).sum()
     }
@@ -91,31 +91,31 @@ impl TransportMatrix {
         self.layers.iter().map(Layer::bytes).sum::<usize>() + direct
     }
 
-    /// The direct light of `channel` that comes back to its own pixel by a pinhole: `n` values, or none where the rig is not
-    /// coaxial.
+    /// The diagonal of `channel`: the direct light that returns to its own pixel through a pinhole. It has
+    /// `n` values, or none where the rig is not coaxial.
     pub fn direct(&self, channel: usize) -> &[f32] {
         &self.direct[channel]
     }
 
-    /// The sparse layers by number of bounces: one bounce where that is more than the diagonal; then two, and the rest, or
-    /// both together.
+    /// The sparse layers by number of bounces: one bounce, where it is not only the diagonal; then either two
+    /// bounces and the rest, or both in one layer.
     pub fn layers(&self) -> &[Layer] {
         &self.layers
     }
 
-    /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector pixel, `y` one for
-    /// each of the camera's.
+    /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector
+    /// pixel, `y` one for each of the camera's.
     pub fn apply(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) {
         self.multiply(Direction::Forward, part, channel, x, y);
     }
 
-    /// `x ← Pᵀ y`: the photo of the dual rig, whose camera is this one's projector. `y` has an entry for each camera pixel,
-    /// `x` one for each of the projector's.
+    /// `x ← Pᵀ y`: the photo of the dual rig, in which camera and projector have changed places. `y` has an
+    /// entry for each camera pixel, `x` one for each of the projector's.
     pub fn apply_transpose(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) {
         self.multiply(Direction::Backward, part, channel, y, x);
     }
 
-    /// Either of them, for a number at each pixel, or for those of several vectors.
+    /// The product in either direction, with one vector or with several interleaved ones.
     pub(super) fn multiply<V: Summable>(
         &self,
         direction: Direction,
@@ -135,7 +135,7 @@ impl TransportMatrix {
         };
         assert_eq!((lit, seen), (projector, camera), "x has the projector's pixels, and y the camera's");
         let direct = if part.holds(1) { self.direct[channel].as_slice() } else { &[] };
-        // Of equally many rows, layers have equal bands.
+        // Layers have equally many rows, and so equal bands.
         let rows = layers.first().map_or(BAND, |layer| layer.tiles().band_rows());
         to.par_chunks_mut(rows).enumerate().for_each(|(band, to)| {
             let of_band = band * rows..band * rows + to.len();
@@ -156,11 +156,11 @@ impl TransportMatrix {
         });
     }
 
-    /// The `part` of one channel as a matrix of its own, e.g. to be written to a file. Where parts meet on one entry, it is
-    /// the rounded sum of them.
+    /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. An entry
+    /// that several layers share is their sum, rounded to `f32`.
     ///
     /// # Errors
-    /// None that this matrix can cause; the constructor of [`Csr`] checks its arrays.
+    /// None for a valid matrix; the constructor of [`Csr`] checks its arrays.
     pub fn to_csr(&self, part: Part, channel: usize) -> Result<Csr> {
         let layers: Vec<CompressedRows> =
             self.layers.iter().filter(|layer| part.has(layer.bounces())).map(Layer::to_rows).collect();

@@ -1,18 +1,21 @@
 //! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
 //!
-//! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse matrix; every
-//! later photo is a product with it ([`Simulated`]). [`Retraced`] is the honest black box beside it: it traces anew for
-//! each photo and keeps nothing. For equal settings both are the same `Â`, to rounding; [`predict`] tells whether the matrix
-//! would fit the memory.
+//! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse
+//! matrix; every later photo is a product with it ([`Simulated`]). [`Retraced`] traces anew for each photo
+//! and keeps nothing: a black box to check the matrix against. For equal settings both apply the same matrix
+//! `Â`, to rounding; [`predict`] tells whether the matrix will fit the memory.
 //!
-//! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with what the matrix
-//! will hold, not with the number of samples; then rows meet columns, block by block (`combine`), and are cut into `tiles` for fast products. A coaxial rig's matrix is
-//! symmetric to the last bit; that of any other rig has a row for each camera pixel, a column for each projector pixel, and its
-//! transpose is the dual rig. On a GPU with room for it the matrix stays in the device's memory, and products are taken there ([`Backend`]). How far `Â` is from the truth, two independent halves of the samples tell ([`Noise`]).
+//! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with the
+//! entries of the matrix and not with the number of samples. Then rows and columns are combined, chunk by
+//! chunk (`combine`), and cut into `tiles` for fast products. The matrix of a coaxial rig is symmetric to the
+//! last bit. That of any other rig has a row for each camera pixel and a column for each projector pixel, and
+//! its transpose is the matrix of the dual rig. On a GPU with enough memory the matrix stays on the device,
+//! and products are taken there ([`Backend`]). Two independent halves of the samples tell how far `Â` is from
+//! the truth ([`Noise`]).
 
-mod abreast;
 mod assemble;
 mod backend;
+mod block;
 mod choice;
 mod combine;
 mod contributions;
@@ -50,7 +53,7 @@ pub(crate) use tiles::CompressedRows;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// A scene as a rig sees it: project a pattern, take the photo.
+/// A scene in front of a rig: a pattern is projected, and a photo is taken.
 pub trait Transport {
     /// Pixels of the projector, and so of a pattern.
     fn pattern_resolution(&self) -> Resolution;
@@ -61,11 +64,12 @@ pub trait Transport {
     /// Whether photos are gray or coloured.
     fn channels(&self) -> Channels;
 
-    /// The photo of `pattern`, ambient light included, in W/(m² sr). A pattern of one channel lights all alike.
+    /// The photo of `pattern`, ambient light included, in W/(m² sr). A pattern of one channel is used for all
+    /// channels.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; and whatever keeps the photo
-    /// from being taken.
+    /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; any error that
+    /// keeps the photo from being taken.
     fn photograph(&mut self, pattern: &Image) -> Result<Image>;
 }
 
@@ -76,27 +80,27 @@ pub struct RigShape {
     pub camera: Resolution,
     /// Pixels of the projector, one column each.
     pub projector: Resolution,
-    /// Whether camera and projector are one, so that `A = Aᵀ`.
+    /// Whether the rig is coaxial, so that `A = Aᵀ`.
     pub symmetric: bool,
 }
 
-/// Which light transport is measured.
+/// The colour channels in which light transport is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channels {
-    /// One gray pattern, one photo weighted by luminance (Rec. 709).
+    /// One channel: a gray pattern, and a photo weighted by luminance (Rec. 709).
     Luma,
     /// Red, green and blue: three independent systems, since no surface here turns one colour into another.
     Rgb,
 }
 
 impl Channels {
-    /// Those of a photo with so many: one is luminance.
+    /// The channels of a photo with `count` of them: one is luminance.
     pub(crate) fn of(count: usize) -> Self {
         if count == 1 { Self::Luma } else { Self::Rgb }
     }
 
-    /// 1 or 3.
+    /// The number of channels: 1 or 3.
     pub fn count(self) -> usize {
         match self {
             Self::Luma => 1,
@@ -110,7 +114,7 @@ pub(crate) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
     red * 0.2126 + green * 0.7152 + blue * 0.0722
 }
 
-/// The planes of `pattern`, one for each of `channels`.
+/// The planes of `pattern` as `f64`, one for each of `channels`.
 fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result<Vec<Vec<f64>>> {
     if pattern.resolution() != resolution {
         return Err(Error::Dimension {
@@ -129,7 +133,7 @@ fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result
     Ok((0..channels.count()).map(|channel| pattern.plane(channel.min(pattern.channels() - 1))).collect())
 }
 
-/// The image of these planes, narrowed to `f32`.
+/// The image with these planes, rounded to `f32`.
 fn from_planes(resolution: Resolution, planes: &[Vec<f64>]) -> Result<Image> {
     Image::from_planes(resolution, planes)
 }

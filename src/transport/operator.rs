@@ -1,13 +1,13 @@
-//! A part of the transport matrix as the Krylov methods see it.
+//! A part of the transport matrix as an operator for the Krylov methods.
 
 use super::matrix::Direction;
-use super::tiles::ABREAST;
+use super::tiles::BLOCK_WIDTH;
 use super::{Part, Products};
 use crate::error::Result;
 use crate::operator::{Adjoint, Operator, Symmetry};
 
-/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo. On the processor, a block is multiplied
-/// four vectors at a time.
+/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo. On the
+/// processor, a block is multiplied four vectors at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixOperator<'a> {
     matrix: &'a dyn Products,
@@ -16,8 +16,8 @@ pub struct MatrixOperator<'a> {
 }
 
 impl<'a> MatrixOperator<'a> {
-    /// Of a frozen matrix: itself on the processor, or as part of an [`super::Assembled`] wherever that placed it. The channel is
-    /// below [`super::Channels::count`].
+    /// The operator of a traced matrix: a [`super::TransportMatrix`] on the processor, or an
+    /// [`super::Assembled`] on its backend. The channel is below [`super::Channels::count`].
     pub fn new(matrix: &'a dyn Products, part: Part, channel: usize) -> Self {
         Self { matrix, part, channel }
     }
@@ -62,7 +62,7 @@ impl Operator for MatrixOperator<'_> {
     }
 
     fn block_size(&self) -> usize {
-        if self.matrix.on_processor().is_some() { ABREAST } else { 1 }
+        if self.matrix.on_processor().is_some() { BLOCK_WIDTH } else { 1 }
     }
 }
 

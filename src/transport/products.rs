@@ -1,19 +1,21 @@
-//! What multiplies with a frozen matrix: the matrix itself, on the processor; and a traced scene, wherever its matrix was placed.
+//! Products with a traced matrix: on the processor, or on the backend of a traced scene.
 
 use std::fmt::Debug;
 
 use super::{Assembled, Part, TransportMatrix};
 use crate::error::Result;
 
-/// Products with a frozen matrix. Wherever they are taken they differ by the rounding of sums alone, and repeat to the bit.
+/// Products with a traced matrix. On each backend they repeat to the bit; between backends they differ by the
+/// rounding of sums only.
 pub trait Products: Debug + Sync {
     /// The matrix.
     fn frozen(&self) -> &TransportMatrix;
 
-    /// `y ← P x` for the `part` `P` of one channel; `x` has an entry for each projector pixel, `y` one for each of the camera's.
+    /// `y ← P x` for the `part` `P` of one channel; `x` has an entry for each projector pixel, `y` one for
+    /// each of the camera's.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] when they are taken on a device, and it failed.
+    /// [`crate::Error::Device`] when products are taken on a device that failed.
     fn product(&self, part: Part, channel: usize, x: &[f64], y: &mut [f64]) -> Result<()>;
 
     /// `x ← Pᵀ y`.
@@ -22,8 +24,8 @@ pub trait Products: Debug + Sync {
     /// As [`Products::product`].
     fn transposed_product(&self, part: Part, channel: usize, y: &[f64], x: &mut [f64]) -> Result<()>;
 
-    /// The matrix, where it is the processor that multiplies: several products take less together there
-    /// ([`TransportMatrix::apply_block`]).
+    /// The matrix, where products are taken on the processor. A block of products is faster there than single
+    /// ones ([`TransportMatrix::apply_block`]).
     fn on_processor(&self) -> Option<&TransportMatrix>;
 }
 

@@ -1,9 +1,9 @@
-//! Photos by tracing anew: nothing is kept, so it needs no memory for a matrix.
+//! Photos by tracing anew for each one. No matrix is kept, so none has to fit the memory.
 
-use super::abreast::{apart, side_by_side};
+use super::block::{deinterleave, interleave};
 use super::contributions::{Contributions, Tally, Way};
 use super::matrix::Direction;
-use super::tiles::{ABREAST, Abreast};
+use super::tiles::{BLOCK_WIDTH, Interleaved};
 use super::{Channels, Part, Transport, from_planes, luminance, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
@@ -12,7 +12,7 @@ use crate::render::{TraceSettings, Tracer};
 
 /// A scene that is traced once per photo, always with the same light paths.
 ///
-/// The connections are added up on the host in path order, so that photos repeat to the bit without atomics.
+/// The connections are added up on the host in path order, so that photos repeat to the bit.
 pub struct Retraced<'a> {
     /// The scene on its device. Its observer sees the steps of each photo, and may stop it.
     pub tracer: &'a mut Tracer,
@@ -23,8 +23,9 @@ pub struct Retraced<'a> {
 }
 
 impl Retraced<'_> {
-    /// The photo of `pattern`, and its standard error pixel by pixel: the halves' difference, as in [`super::Noise`], of
-    /// this very photo with its ambient light. Zeros where one path per pixel cannot tell.
+    /// The photo of `pattern`, and its standard error pixel by pixel: the halves' difference, as in
+    /// [`super::Noise`], of this very photo with its ambient light. Zeros where one path per pixel cannot
+    /// tell.
     ///
     /// # Errors
     /// As [`Transport::photograph`].
@@ -71,7 +72,8 @@ impl Retraced<'_> {
         }
     }
 
-    /// Traces, and returns what arrives of `lit`, pixel by pixel. `project` makes channels of a connection's colours.
+    /// Traces, and returns what arrives of `lit`, pixel by pixel. `project` makes channels of a connection's
+    /// colours.
     fn trace<const C: usize, T: Tally>(
         &mut self,
         way: Way,
@@ -84,7 +86,8 @@ impl Retraced<'_> {
         // Of the batch before: read, but not yet added up.
         let mut last: Option<Contributions<C>> = None;
         self.tracer.trace(&self.settings, &mut |batch| {
-            // What meets is added up in path order, by one core; meanwhile the others read on, which takes longer.
+            // What meets is added up in path order, by one core; meanwhile the others read on, which takes
+            // longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
                 || last.iter().for_each(|last| last.add_to(&mut seen, lit)),
@@ -116,8 +119,8 @@ impl Transport for Retraced<'_> {
     }
 }
 
-/// `y = P x` for one part and channel. The scene is traced anew for each product, or once for four vectors of a block. The matrix is
-/// that of [`super::MatrixOperator`], to rounding.
+/// `y = P x` for one part and channel. The scene is traced anew for each product, or once for four vectors of
+/// a block. The matrix is that of [`super::MatrixOperator`], to rounding.
 pub struct RetracedOperator<'a> {
     /// The scene.
     pub retraced: Retraced<'a>,
@@ -129,21 +132,21 @@ pub struct RetracedOperator<'a> {
 
 impl RetracedOperator<'_> {
     /// Vectors of a block that are traced together.
-    pub const BLOCK_SIZE: usize = ABREAST;
+    pub const BLOCK_SIZE: usize = BLOCK_WIDTH;
 
     fn block(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
         debug_assert_eq!(from.len(), to.len());
         let way = Way { direction, part: self.part, with_ambient: false };
-        for (from, to) in from.chunks(ABREAST).zip(to.chunks_mut(ABREAST)) {
+        for (from, to) in from.chunks(BLOCK_WIDTH).zip(to.chunks_mut(BLOCK_WIDTH)) {
             let pixels = to[0].len();
             if let ([from], [to]) = (from, &mut *to) {
                 let seen = self.retraced.products(way, self.channel, from.as_chunks::<1>().0, pixels)?;
                 to.copy_from_slice(seen.as_flattened());
                 continue;
             }
-            let lit: Vec<_> = side_by_side(from).into_iter().map(|Abreast(lit)| lit).collect();
+            let lit: Vec<_> = interleave(from).into_iter().map(|Interleaved(lit)| lit).collect();
             let seen = self.retraced.products(way, self.channel, &lit, pixels)?;
-            apart(&seen.into_iter().map(Abreast).collect::<Vec<_>>(), to);
+            deinterleave(&seen.into_iter().map(Interleaved).collect::<Vec<_>>(), to);
         }
         Ok(())
     }

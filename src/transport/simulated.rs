@@ -1,4 +1,4 @@
-//! Photos by replay: products with the frozen matrix.
+//! Photos as products with the traced matrix.
 
 use std::sync::Arc;
 
@@ -6,10 +6,10 @@ use super::{Assembled, Channels, Part, Products, Transport, from_planes, planes}
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 
-/// A traced scene as a rig. Patterns may be signed and of any size of value: it is linear.
+/// A traced scene as a rig. It is linear, so patterns may be signed and of any magnitude.
 #[derive(Debug)]
 pub struct Simulated {
-    /// The matrix, placed where products are to be taken, and the ambient light.
+    /// The matrix on its backend, and the ambient light.
     pub traced: Assembled,
 }
 
@@ -31,7 +31,7 @@ impl Transport for Simulated {
     }
 }
 
-/// A traced scene that several rigs look at.
+/// A traced scene that several rigs share.
 impl Transport for Arc<Assembled> {
     fn pattern_resolution(&self) -> Resolution {
         self.matrix.projector_resolution()

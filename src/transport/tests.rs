@@ -1,4 +1,4 @@
-//! Rows and their combination, fed by hand: rigs that no shipped scene has.
+//! Rows and their combination for synthetic paths: rigs that no shipped scene has.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -14,7 +14,8 @@ type Paths = Vec<(u32, usize, Vec<Connection>)>;
 
 const SAMPLES: u32 = 4;
 
-/// Connections at random between so many camera and projector pixels; paths from the camera's pixels, in order.
+/// Connections at random between so many camera and projector pixels; paths from the camera's pixels, in
+/// order.
 fn from_camera(random: &mut Pcg64, camera: usize, projector: usize, most: u32) -> Paths {
     let mut paths = Vec::new();
     for start in 0..camera as u32 {
@@ -62,7 +63,7 @@ fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
     TransportMatrix { rig, channels: Channels::Luma, direct: vec![Vec::new()], layers }
 }
 
-/// What all that means: every connection at its place, and at the mirrored one where the rig is coaxial.
+/// The dense matrix of these paths: every connection at its entry, and at the mirrored entry where the rig is coaxial.
 fn dense(rig: RigShape, paths: &[Paths], part: Part) -> Vec<f64> {
     let columns = rig.projector.pixels();
     let mut dense = vec![0.0; rig.camera.pixels() * columns];
@@ -132,7 +133,8 @@ fn the_transpose_is_the_dual_rig() {
             let (mut av, mut atu) = (vec![f64::NAN; 15], vec![f64::NAN; 28]);
             assert!(operator.apply(&v, &mut av).is_ok() && operator.apply_adjoint(&u, &mut atu).is_ok());
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            // At most 15·28 products and as many sums, on either side, of terms that may cancel (Higham 2002, eq. 3.5).
+            // At most 15·28 products and as many sums, on either side, of terms that may cancel (Higham 2002,
+            // eq. 3.5).
             let csr = matrix.to_csr(part, 0).unwrap_or_else(|error| unreachable!("{error}"));
             let magnitude: f64 = csr.entries().map(|(row, column, a)| (u[row] * a * v[column]).abs()).sum();
             let difference = (dot(&u, &av) - dot(&atu, &v)).abs();

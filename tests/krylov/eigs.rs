@@ -1,4 +1,4 @@
-//! Every eigenvalue method on the gallery, against the dense eigensolver: values, residuals, bounds, verdicts, products.
+//! Every eigenvalue method on the gallery, against the dense eigensolver: values, residuals, bounds, statuses, products.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
 use crate::krylov_support::{Dense, Noisy, spread, symmetric_gallery};
@@ -73,7 +73,7 @@ fn every_method_finds_both_ends_of_the_gallery() {
                 let options =
                     EigsOptions { count: 1, which, products: 200, method, start, ..EigsOptions::default() };
                 let found = solve(&mut matrix, &options);
-                assert_eq!(found.verdicts[0], PairStatus::Converged, "{name}, {method:?}, {which:?}");
+                assert_eq!(found.statuses[0], PairStatus::Converged, "{name}, {method:?}, {which:?}");
                 // By Weyl an eigenvalue is within the residual; that it is the right one is what is tested.
                 assert!(
                     (found.values[0] - wanted).abs() <= 2e-8 * size,
@@ -256,7 +256,7 @@ fn noise_ends_the_search_at_its_floor_with_bounds_that_hold() {
         let found = eigs(&mut noisy, &options).unwrap();
         assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
         assert!(found.stats.products < 60, "no photo is spent below the noise: {}", found.stats.products);
-        assert!(found.verdicts.iter().all(|&verdict| verdict == PairStatus::LimitedByNoise));
+        assert!(found.statuses.iter().all(|&status| status == PairStatus::LimitedByNoise));
         // ‖E − Eᵀ‖_F ≤ 2 ‖E‖_F ≤ 2 √m noise, and ‖H‖_F ≥ 1; of E only what lies in the subspace shows.
         let most = 2.0 * (found.stats.products as f64).sqrt() * noise;
         assert!((0.01 * noise..most).contains(&found.asymmetry), "{:e}", found.asymmetry);

@@ -41,7 +41,7 @@ fn leading_eigenvalues_of_a_spread_spectrum_come_long_before_n_products() {
     let truth = matrix.eigenvalues();
     let found = solve(&mut matrix, 5, 80, Which::LargestAlgebraic);
     assert_eq!(found.stats.status, Status::ReachedTolerance);
-    assert!(found.verdicts.iter().all(|&verdict| verdict == PairStatus::Converged));
+    assert!(found.statuses.iter().all(|&status| status == PairStatus::Converged));
     for (value, truth) in found.values.iter().zip(&truth) {
         // A Ritz value is as near as the square of its residual (1e-8) over the gap; then rounding, 300 terms.
         assert!((value - truth).abs() < 1e-12, "{value} {truth}");
@@ -127,7 +127,7 @@ fn nearly_degenerate_pair_is_reported_with_an_honest_residual() {
     check_residuals(&mut matrix, &found, 1.5);
     // Its residual is tiny whichever mixture of the two vectors was found, and an eigenvalue is that near.
     assert!((found.values[0] - 1.5).abs() <= 1e-9 + found.residuals[0] + 1e-13);
-    assert_eq!(found.verdicts[0], PairStatus::Converged);
+    assert_eq!(found.statuses[0], PairStatus::Converged);
 }
 
 #[test]

@@ -147,7 +147,7 @@ fn other_versions_kinds_and_absurd_lengths_are_named() {
         bytes[at..at + value.len()].copy_from_slice(value);
         bytes
     };
-    assert!(fault(b"not a factorization at all").contains("no saved factorization"));
+    assert!(fault(b"not a factorization at all").contains("begin like a saved factorization"));
     assert!(fault(&with(8, &[2])).contains("version 2"));
     assert!(fault(&saved(&<Arnoldi as Kind>::start())).contains("kind 3"));
     // A length of 2^60 must not be allocated.

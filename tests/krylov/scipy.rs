@@ -113,8 +113,8 @@ fn eigenvalues_are_lapacks_from_fewer_products_than_arpack_takes() {
         assert_eq!(found.stats.status, Status::ReachedTolerance, "{scene}");
         assert_eq!(found.stats.products, matrix.products);
         assert!(found.stats.products < arpack, "{scene}: {} and {arpack}", found.stats.products);
-        for ((value, expected), verdict) in found.values.iter().zip(&values).zip(&found.verdicts) {
-            assert_eq!(*verdict, PairStatus::Converged);
+        for ((value, expected), status) in found.values.iter().zip(&values).zip(&found.statuses) {
+            assert_eq!(*status, PairStatus::Converged);
             assert!((value - expected).abs() <= 1e-8 * values[0], "{scene}: {value} {expected}");
         }
     }

@@ -1,4 +1,4 @@
-//! The box and the diagonal by which steps are scaled.
+//! The box, and the diagonal that scales the steps.
 
 use super::super::basis::dot;
 use super::super::linear::SolveOptions;
@@ -24,15 +24,17 @@ impl Bounds {
     }
 }
 
-/// A diagonal smaller than this share of its largest entry is a pixel without light: steps there would be unbounded.
+/// A diagonal entry below this share of the largest belongs to a pixel without light, and is raised to it:
+/// steps would be unbounded there.
 const DARK: f64 = 1e-3;
 
-/// A least-squares problem in a box, with `D` once it is known. The first iterate is `x0` clipped, or `clip(b / D)`.
+/// A least-squares problem in a box, and the diagonal `D`. The first iterate is `x0` clipped, or
+/// `clip(b / D)`.
 #[derive(Clone)]
 pub(super) struct Boxed {
     pub(super) system: System,
     pub(super) bounds: Bounds,
-    /// `D`, raised to be positive; empty until taken.
+    /// `D`, with small entries raised; empty until it is known.
     pub(super) diagonal: Vec<f64>,
     given_start: bool,
 }
@@ -61,8 +63,8 @@ impl Boxed {
         Ok(boxed)
     }
 
-    /// The white photo, if `D` is not known yet: one product. `true` when it was taken just now; it is then in
-    /// `system.work`.
+    /// Takes the white photo if `D` is not known yet: one product. `true` when it was taken by this call; it
+    /// is then in `system.work`.
     pub(super) fn take_diagonal(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
         if !self.diagonal.is_empty() {
             return Ok(false);
@@ -78,7 +80,7 @@ impl Boxed {
         if !largest.is_finite() || diagonal.iter().any(|d| d.is_nan()) {
             return Err(Error::Numerical("the diagonal holds a NaN or an infinity".into()));
         }
-        // An operator without any response: any scale does, nothing will move.
+        // The operator is zero: any scale will do, since nothing will move.
         let floor = if largest > 0.0 { DARK * largest } else { 1.0 };
         for d in &mut diagonal {
             *d = d.abs().max(floor);
@@ -88,7 +90,7 @@ impl Boxed {
         Ok(())
     }
 
-    /// `x ← clip(b / D)`, or the given one clipped.
+    /// `x ← clip(x0)`, or `clip(b / D)` without an `x0`.
     fn start(&mut self) {
         let bounds = self.bounds;
         let System { x, b, .. } = &mut self.system;
@@ -101,8 +103,8 @@ impl Boxed {
         }
     }
 
-    /// `x ← t x` with the best `t` that keeps it inside the box, and the product in `system.work` with it: a photo is as many times as bright
-    /// as its pattern.
+    /// `x ← t x` with the best `t` that keeps `x` inside the box. The product in `system.work` is scaled by
+    /// `t` too, by linearity.
     pub(super) fn brighten(&mut self) {
         let Bounds { lower, upper } = self.bounds;
         let System { x, b, work, .. } = &mut self.system;
@@ -112,14 +114,14 @@ impl Boxed {
         }
         let (mut least, mut most) = (0.0_f64, f64::INFINITY);
         for &value in x.iter() {
-            // t · value = lower, and = upper, the lesser t first.
+            // The values of t with t · value at the two bounds, in ascending order.
             let [first, last] =
                 if value > 0.0 { [lower / value, upper / value] } else { [upper / value, lower / value] };
             if value != 0.0 {
                 (least, most) = (least.max(first), most.min(last));
             }
         }
-        // x is inside, so 1 is, but for rounding.
+        // x is inside the box, so t = 1 is allowed, except for rounding.
         let t = (dot(b, work) / square).clamp(least.min(1.0), most.max(1.0));
         let bounds = self.bounds;
         x.iter_mut().for_each(|value| *value = bounds.clip(t * *value));

@@ -8,18 +8,21 @@ use super::bounds::Boxed;
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// FISTA with adaptive restart on `½ ‖A x − b‖²` over the box, in the metric of `D`:
+/// FISTA with adaptive restart: minimizes `½ ‖A x − b‖²` over the box, for any square `A` of `n × n` with its
+/// transpose, in the metric of `D`:
 ///
 /// ```text
 /// x⁺ = clip(y − (L D)⁻¹ Aᵀ(A y − b)),    y⁺ = x⁺ + (t − 1)/t⁺ · (x⁺ − x)
 /// ```
 ///
 /// # Properties
-/// Converges to the true constrained optimum. Two products an iteration, `A x` and `Aᵀ r` (for a symmetric operator
-/// both are products with `A`); `A y` follows from the photos of `x` by linearity. For a non-negative symmetric `A`
-/// with `D = A 1`, `L = max D` is a bound, as `D^-½ A D^-½` has norm 1; should a product show that it is not, `L` is
-/// doubled. The momentum is dropped when it points uphill. Stores eleven `n`-vectors: `b, x`, the best `x`, `r, D,
-/// y`, the last `x`, two residuals and two to work in.
+/// Converges to the constrained optimum. Two products an iteration, `A x` and `Aᵀ r` (for a symmetric
+/// operator both are products with `A`); `A y` follows from the photos of `x` by linearity. For a
+/// non-negative symmetric `A` with `D = A 1`, `L = max D` is a bound, since `D^-½ A D^-½` has norm 1; when a
+/// product shows that `L` is too small, it is doubled. The momentum is dropped when it points uphill.
+///
+/// # Storage
+/// Eleven `n`-vectors: `b, x`, the best `x`, `r, D, y`, the last `x`, two residuals and two work vectors.
 ///
 /// # References
 /// Beck and Teboulle (2009), doi:10.1137/080716542; restart: O'Donoghue and Candès (2015),
@@ -28,9 +31,9 @@ use crate::operator::Adjoint;
 pub struct Fista {
     boxed: Boxed,
     y: Vec<f64>,
-    /// `b − A y`, and later `Aᵀ` of it.
+    /// `b − A y`, and later `Aᵀ (b − A y)`.
     gradient: Vec<f64>,
-    /// `b − A x` of the iterate before, and that iterate.
+    /// The previous iterate's `b − A x`, and that iterate.
     r_old: Vec<f64>,
     x_old: Vec<f64>,
     scratch: Vec<f64>,
@@ -41,8 +44,8 @@ pub struct Fista {
 }
 
 impl Fista {
-    /// For `b` of length `n`. Looks at `x0`, `lower`, `upper` and `diagonal` of the options; without `diagonal` the
-    /// first product is `A 1`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of
+    /// the options; without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
     /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new).
@@ -62,12 +65,12 @@ impl Fista {
         })
     }
 
-    /// The photo of `x` is there: the next `y`, and its residual.
+    /// Computes the next `y` and its residual, when the photo of `x` is known.
     fn extrapolate(&mut self) {
         let system = &self.boxed.system;
         let mut momentum = 0.0;
         if !self.first {
-            // ‖A(x − y)‖² ≤ L ‖x − y‖²_D must hold for the step that led here.
+            // The last step must satisfy ‖A(x − y)‖² ≤ L ‖x − y‖²_D.
             update2(&mut self.scratch, &system.r, &self.gradient, |_, rx, ry| rx - ry);
             let change = dot(&self.scratch, &self.scratch);
             update2(&mut self.scratch, &system.x, &self.y, |_, x, y| x - y);
@@ -80,7 +83,7 @@ impl Fista {
             momentum = (self.t - 1.0) / t;
             self.t = t;
             if norm(&system.r) > norm(&self.r_old) {
-                // Uphill: O'Donoghue and Candès' function scheme, which costs no product here.
+                // Uphill: the function scheme of O'Donoghue and Candès, which costs no product here.
                 self.t = 1.0;
                 momentum = 0.0;
             }

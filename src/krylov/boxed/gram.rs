@@ -1,9 +1,10 @@
-//! Inner products of a model's vectors in the metric of `D`, so that a gradient goes through the long vectors twice
-//! only.
+//! Inner products of a model's vectors in the metric of `D`. With them, a gradient reads the long vectors
+//! only twice.
 
 use super::super::basis::{Basis, dot};
 
-/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a [`Model`](super::model::Model).
+/// `VᵀDV`, `VᵀDW` and `WᵀDW`, row by row, for the patterns `V` and the products `W` of a
+/// [`Model`](super::model::Model).
 #[derive(Clone, Default)]
 pub(super) struct Gram {
     vv: Vec<Vec<f64>>,
@@ -12,7 +13,7 @@ pub(super) struct Gram {
 }
 
 impl Gram {
-    /// Takes in the last columns of both, `v` and `w`; `dv = D v` and `dw = D w`.
+    /// Adds the last columns `v` and `w` of both; `dv = D v` and `dw = D w`.
     pub(super) fn extend(&mut self, patterns: &Basis, products: &Basis, dv: &[f64], dw: &[f64]) {
         append(&mut self.vv, patterns.dots(0, dv), None);
         append(&mut self.ww, products.dots(0, dw), None);
@@ -30,7 +31,8 @@ impl Gram {
     }
 }
 
-/// A column at the right, and a row below: the same, or `row`, whose last entry is the corner's too.
+/// Appends a column at the right and a row below. The row is `row`, whose last entry is the corner, or equal
+/// to the column.
 fn append(matrix: &mut Vec<Vec<f64>>, column: Vec<f64>, row: Option<Vec<f64>>) {
     for (row, entry) in matrix.iter_mut().zip(&column) {
         row.push(*entry);

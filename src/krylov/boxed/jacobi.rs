@@ -1,4 +1,4 @@
-//! Projected Jacobi: the baseline.
+//! Projected Jacobi iteration, the baseline.
 
 use super::super::basis::norm;
 use super::super::linear::{Advance, SolveOptions, Solver, Tally};
@@ -8,13 +8,17 @@ use super::bounds::Boxed;
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// `x ← clip(x + (b − A x) / D)`: pattern and photo compared, the pattern corrected.
+/// Projected Jacobi: seeks `A x = b` in the box for any square `A` of `n × n`, by
+/// `x ← clip(x + (b − A x) / D)`.
 ///
 /// # Properties
-/// One product an iteration, no transpose, no symmetry. For a non-negative symmetric `A` with `D = A 1` the step is a
-/// contraction where the direct light prevails. Its fixed point satisfies the signs of `b − A x` instead of those of
-/// `Aᵀ(b − A x)`, so it is near the least-squares optimum but not there, and can pass it on the way: the best iterate
-/// is kept. Stores seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
+/// One product an iteration; needs neither transpose nor symmetry. For a non-negative symmetric `A` with
+/// `D = A 1` the step is a contraction where direct light dominates. At its fixed point the signs of
+/// `b − A x` fit the bounds, and not those of `Aᵀ(b − A x)`. So it ends near the least-squares optimum but
+/// not at it, and may pass a better point; the best iterate is returned.
+///
+/// # Storage
+/// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, the next `x` and a product.
 ///
 /// # References
 /// Projected Richardson iteration with diagonal scaling; Bertsekas and Tsitsiklis, *Parallel and Distributed
@@ -27,12 +31,13 @@ pub struct ProjectedJacobi {
 }
 
 impl ProjectedJacobi {
-    /// For `b` of length `n`. Looks at `x0`, `lower`, `upper` and `diagonal` of the options; without `diagonal` the
-    /// first product is `A 1`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper` and `diagonal` of
+    /// the options; without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ, [`Error::Numerical`](crate::Error::Numerical)
-    /// for NaN, [`Error::Option`](crate::Error::Option) for a preconditioner or an empty box.
+    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ,
+    /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
+    /// preconditioner or an empty box.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         Ok(Self { boxed: Boxed::new("projected Jacobi", b, options)?, next: vec![0.0; b.len()] })
     }

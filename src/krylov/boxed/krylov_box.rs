@@ -1,4 +1,4 @@
-//! A Krylov method inside the box.
+//! Krylov-box: a Krylov method with bounds.
 
 use std::sync::Arc;
 
@@ -13,25 +13,30 @@ use super::surrogate::Surrogate;
 use crate::error::Result;
 use crate::operator::{Adjoint, Symmetry};
 
-/// `min ‖b − A x‖₂` over the box by a model that learns from every product.
+/// Krylov-box: solves `min ‖b − A x‖₂` over the box, for any square `A` of `n × n`, by a model of `A` that
+/// every product improves.
 ///
-/// Each step solves the box problem for a model `M` that agrees with all products so far and is otherwise as near as
-/// can be to a multiple `θ D` of the diagonal (no product, dense work only), photographs the answer `z`, and moves to the best point between `x` and `z`, whose residual is known by
-/// linearity. When that gains less than a thousandth, the residual `r` is photographed instead: a symmetric model that
-/// knows `A r` knows the true gradient `A r` at `x`, so it is at rest only at the true optimum.
+/// The model `M` agrees with all products so far, and is otherwise as near as possible to a multiple `θ D` of
+/// the diagonal. Each step solves the box problem for the model (dense work, no product), photographs the
+/// answer `z`, and moves to the best point between `x` and `z`, whose residual follows by linearity. When
+/// this gains less than a thousandth, the next step photographs the residual `r`: a symmetric model that
+/// knows `A r` knows the true gradient at `x`, so the method rests only at the true optimum.
 ///
 /// # Properties
-/// One product a step. `‖r‖` falls monotonically, and every iterate is inside the box; the first is as bright as its photo says it
-/// should be. No transpose; for an operator that is not symmetric the model is Broyden's, and rest need not be the optimum:
-/// [`SolveOptions::surrogate`], with its transpose, brings it nearer. Patterns shown are inside the box
-/// except residuals, which are signed. Ends where the model, knowing `A r`, can predict no gain beyond `rtol`. Stores
-/// after `k` products `2k` `n`-vectors (two more for a white photo that was given) and, beside them, `b, x`, the best
-/// `x`, `r, D, D^½`, the candidate, a product and six to work in.
+/// One product a step. `‖r‖` falls monotonically. Every iterate is inside the box; the first is scaled to the
+/// best brightness. No transpose: for an operator that is not symmetric the model is Broyden's, and the
+/// method may rest elsewhere than at the optimum; [`SolveOptions::surrogate`], which has a transpose, brings
+/// it nearer. All patterns are inside the box, except residuals, which are signed. Ends where the model knows
+/// `A r` and predicts no gain beyond `rtol`.
+///
+/// # Storage
+/// After `k` products `2k` `n`-vectors (two more for a white photo in the options); `b, x`, the best `x`,
+/// `r, D, D^½`, the candidate, a product and six work vectors.
 ///
 /// # References
-/// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for all pairs
-/// at once: Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken: Eirola and
-/// Nevanlinna (1989), doi:10.1016/0024-3795(89)90719-2.
+/// The secant model is Powell's symmetric Broyden update (1970), doi:10.1016/B978-0-12-597050-1.50006-3, for
+/// all pairs at once: Dennis and Moré (1977), doi:10.1137/1019005. Minimal residuals over all products taken:
+/// Eirola and Nevanlinna (1989), doi:10.1016/0024-3795(89)90719-2.
 #[derive(Clone)]
 pub struct KrylovBox {
     boxed: Boxed,
@@ -40,39 +45,40 @@ pub struct KrylovBox {
     candidate: Vec<f64>,
     next: Next,
     rtol: f64,
-    /// See [`SolveOptions::surrogate`].
+    /// [`SolveOptions::surrogate`].
     surrogate: Option<Arc<dyn Surrogate>>,
-    /// Products to set memory aside for.
+    /// Products to allocate memory for.
     capacity: usize,
-    /// `A r` of the current residual is in the model.
+    /// Whether the model knows `A r` of the current residual.
     gradient_known: bool,
 }
 
 #[derive(Clone, Copy, PartialEq)]
 enum Next {
-    /// The first iterate.
+    /// Photograph the first iterate.
     Start,
-    /// The model's answer, yet to be found.
+    /// Solve the model's box problem, and photograph the answer.
     Plan,
-    /// The model's answer, in `candidate`.
+    /// Photograph the model's answer, which is in `candidate`.
     Candidate,
-    /// The residual.
+    /// Photograph the residual.
     Residual,
 }
 
 /// A step that gains less than this share of the residual is followed by a photo of the residual.
 const GAIN: f64 = 1e-3;
 
-/// The same with a surrogate, which has told most of what it can at once.
+/// The same with a surrogate, which contributes most of its knowledge at once.
 const SURROGATE_GAIN: f64 = 1e-2;
 
 impl KrylovBox {
-    /// For `b` of length `n`. Looks at `x0`, `lower`, `upper`, `diagonal`, `surrogate` and `rtol` of the options; without
-    /// `diagonal` the first product is `A 1`. A `diagonal` that is given must be `A 1`: it is used as a photo.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `lower`, `upper`, `diagonal`,
+    /// `surrogate` and `rtol` of the options; without `diagonal` the first product is `A 1`. A `diagonal` in
+    /// the options must be `A 1`: it is used as a photo.
     ///
     /// # Errors
-    /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new); [`Error::Dimension`](crate::Error::Dimension) when the surrogate is of
-    /// another size.
+    /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new);
+    /// [`Error::Dimension`](crate::Error::Dimension) when the surrogate is of another size.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         if let Some(surrogate) = &options.surrogate {
             same_length("the surrogate's rows and columns", b.len(), surrogate.size())?;
@@ -85,14 +91,14 @@ impl KrylovBox {
             next: Next::Start,
             rtol: options.rtol,
             surrogate: options.surrogate.clone(),
-            // A white photo that was given is one more.
+            // A white photo in the options is one product more.
             capacity: options.products + usize::from(options.diagonal.is_some()),
             gradient_known: false,
         })
     }
 
-    /// Moves to the best point between `x` and the candidate, whose product is in `work`; the residuals before and
-    /// after.
+    /// Moves to the best point between `x` and the candidate, whose product is in `work`. Returns the
+    /// residuals before and after.
     fn move_to(&mut self) -> (f64, f64) {
         let system = &mut self.boxed.system;
         let before = system.tally.residual;
@@ -139,7 +145,7 @@ impl Solver for KrylovBox {
             self.next = if predicted <= residual * (1.0 - self.rtol.max(f64::EPSILON)) {
                 Next::Candidate
             } else if self.gradient_known {
-                // Only a symmetric model's gradient is the true one.
+                // Only a symmetric model has the true gradient.
                 return Ok(Advance::Ended(if symmetric {
                     Status::ConstrainedOptimum
                 } else {

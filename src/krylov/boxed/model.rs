@@ -9,21 +9,22 @@ use super::bounds::Bounds;
 use super::gram::Gram;
 use super::surrogate::{Corrected, Surrogate};
 
-/// `M ≈ A` with `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal for all else.
+/// The model `M ≈ A`: `M x = A x` for every `x` photographed, and a multiple `θ D` of the diagonal on the
+/// rest of the space.
 ///
-/// With `Â = D^-½ A D^-½`, `V` an orthonormal basis of the scaled patterns, `W = Â V` and `H = VᵀW`, the symmetric
-/// matrix that agrees with all products and is nearest to `θ I` in the Frobenius norm is
+/// With `Â = D^-½ A D^-½`, `V` an orthonormal basis of the scaled patterns, `W = Â V` and `H = VᵀW`, the
+/// symmetric matrix that agrees with all products and is nearest to `θ I` in the Frobenius norm is
 ///
 /// ```text
 /// M̂ = θ I + (W − θV) Vᵀ + V (W − θV)ᵀ − V (H − θI) Vᵀ,
 /// M̂ − Â = (I − VVᵀ)(θ I − Â)(I − VVᵀ)
 /// ```
 ///
-/// (Powell's symmetric Broyden formula, for a block): indirect or blurred light is smooth, so its part outside the
-/// patterns shown dies out after a few. For a general `A` the nearest is Broyden's, `θ I + (W − θV) Vᵀ`. `θ` is the
-/// Rayleigh quotient `vᵀ Â v` of the newest direction: what the operator does to patterns not yet shown. It is the
-/// direct share of the light in focus, and falls towards zero under defocus. Where a surrogate `P` is given it takes the place of `θ I`, and
-/// the model is Broyden's.
+/// (Powell's symmetric Broyden formula for a block). Indirect or blurred light is smooth, so its part outside
+/// the patterns shown vanishes after a few of them. For a general `A` the nearest matrix is Broyden's,
+/// `θ I + (W − θV) Vᵀ`. `θ` is the Rayleigh quotient `vᵀ Â v` of the newest direction, an estimate for
+/// patterns not yet shown: in focus it is the direct share of the light, and under defocus it falls towards
+/// zero. A surrogate `P` in the options replaces `θ I`, and the model is then Broyden's.
 #[derive(Clone)]
 pub(super) struct Model {
     /// `D^½`.
@@ -32,7 +33,7 @@ pub(super) struct Model {
     products: Basis,
     /// `H`, by columns; symmetrized.
     projected: Vec<Vec<f64>>,
-    /// Of a symmetric model.
+    /// Inner products; only for a symmetric model.
     gram: Gram,
     theta: f64,
     symmetric: bool,
@@ -40,7 +41,7 @@ pub(super) struct Model {
     work: Work,
 }
 
-/// Room for the inner iteration.
+/// The work vectors of the inner iteration.
 #[derive(Clone)]
 struct Work {
     u: Vec<f64>,
@@ -60,11 +61,13 @@ impl Work {
     }
 }
 
-/// A direction whose part outside the span is less than this share of it tells nothing new but rounding.
+/// A direction whose part outside the span is below this share of its norm is rounding error, and adds
+/// nothing.
 const NEW: f64 = 1e-8;
 
 impl Model {
-    /// Before any product, with memory for `products` of them. A model with a surrogate is not symmetric.
+    /// The model before any product, with memory for `products` of them. A model with a surrogate is not
+    /// symmetric.
     pub(super) fn new(
         diagonal: &[f64],
         symmetric: bool,
@@ -88,7 +91,7 @@ impl Model {
         }
     }
 
-    /// Takes in `A x = y`. False when `x` is in the span of what is known.
+    /// Adds the product `A x = y`. False when `x` is in the span of the known patterns.
     pub(super) fn learn(&mut self, x: &[f64], y: &[f64]) -> bool {
         let Work { u: v, y: w, .. } = &mut self.work;
         update2(v, x, &self.root, |_, x, s| x * s);
@@ -152,13 +155,13 @@ impl Model {
         }
     }
 
-    /// `e = d − (H + θ) c`: what of `M̂ u` is along the patterns, for `c = Vᵀu` and `d = Wᵀu`.
+    /// `e = d − (H + θ) c`, the coefficients of `M̂ u` on the patterns, for `c = Vᵀu` and `d = Wᵀu`.
     fn along_patterns(&self, c: &[f64], d: &[f64]) -> Vec<f64> {
         (0..c.len()).map(|i| d[i] - self.theta * c[i] - dot(&self.projected[i], c)).collect()
     }
 
-    /// `g ← M̂ D M̂ u − constant` for a symmetric model. [`Model::gradient`] would go through all vectors four times;
-    /// with the products among them known beforehand, twice are enough.
+    /// `g ← M̂ D M̂ u − constant` for a symmetric model. [`Model::gradient`] reads all vectors four times;
+    /// with their inner products known, twice is enough.
     fn normal_product(&self, u: &[f64], constant: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) {
         let theta = self.theta;
         let (c, c_weighted) = self.patterns.dots_twice(u, &self.root);
@@ -179,8 +182,8 @@ impl Model {
         update2(g, image, &self.root, |g, image, s| g + theta * s * s * image);
     }
 
-    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b)`, the gradient of `½‖M x − b‖²` in `u = D^½ x`, for `b = 0` if
-    /// there is none; returns `‖M x − b‖`.
+    /// `g ← (D^½M̂)ᵀ (D^½ M̂ u − b)`, the gradient of `½‖M x − b‖²` in `u = D^½ x` (`b = 0` if it is
+    /// `None`); returns `‖M x − b‖`.
     fn gradient(&self, u: &[f64], b: Option<&[f64]>, image: &mut [f64], g: &mut [f64]) -> f64 {
         self.apply(false, u, image);
         match b {
@@ -193,10 +196,10 @@ impl Model {
         length
     }
 
-    /// `x ← argmin ‖M x − b‖` over the box, from `x`, by accelerated projected gradients with restart: no product.
-    /// Returns `‖M x − b‖`.
+    /// `x ← argmin ‖M x − b‖` over the box, from `x`, by accelerated projected gradients with restart; takes
+    /// no product. Returns `‖M x − b‖`.
     pub(super) fn minimize(&mut self, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        // Taken out, so that the model can be applied meanwhile.
+        // Moved out of the model, which is borrowed meanwhile.
         let mut work = std::mem::replace(&mut self.work, Work::new(0));
         if let Some(surrogate) = &mut self.surrogate {
             surrogate.catch_up(&self.root, &self.patterns, &self.products);
@@ -207,12 +210,13 @@ impl Model {
     }
 
     fn minimize_in(&self, work: &mut Work, b: &[f64], bounds: Bounds, x: &mut [f64]) -> f64 {
-        /// To rest: the model agrees with all photos.
+        /// Iterations without a surrogate: until the iteration rests, since the model agrees with all photos.
         const ITERATIONS: usize = 400;
-        /// A surrogate is not so near that its finest detail should be believed: to stop early is to regularize. On a defocused projector
-        /// of 128×128 pixels 12 photos come to 1.033 times the optimum with 60 iterations, 1.040 with 150 and 1.054 with 400.
+        /// Iterations with a surrogate, whose finest details are not reliable: stopping early regularizes. On
+        /// a defocused projector of 128×128 pixels 12 photos come to 1.033 times the optimum with 60
+        /// iterations, 1.040 with 150 and 1.054 with 400.
         const SURROGATE_ITERATIONS: usize = 60;
-        /// The iterate is photographed next, and the photo will correct more than this.
+        /// The relative accuracy: the iterate is photographed next, and the photo corrects more than this.
         const SETTLED: f64 = 1e-6;
         let Work { u, y, next, image, g, constant } = work;
         let lipschitz = self.lipschitz(next, image, g);
@@ -257,7 +261,8 @@ impl Model {
         predicted
     }
 
-    /// A bound of `‖D^½ M̂‖²`, by a few power iterations from the white pattern and ten percent on top.
+    /// A bound of `‖D^½ M̂‖²`: the estimate of a few power iterations from the white pattern, plus ten
+    /// percent.
     fn lipschitz(&self, v: &mut [f64], image: &mut [f64], g: &mut [f64]) -> f64 {
         v.copy_from_slice(&self.root);
         let mut square = 0.0_f64;
@@ -276,7 +281,8 @@ impl Model {
             }
             let next = norm(g);
             v.copy_from_slice(g);
-            // The norms of a power iteration only grow; at a thousandth a turn, the ten percent are far off.
+            // The norms of a power iteration only grow. Where they grow by a thousandth, the ten percent
+            // suffice.
             let settled = next <= 1.001 * square;
             square = next;
             if settled {
@@ -286,7 +292,7 @@ impl Model {
         if self.surrogate.is_some() {
             return 1.1 * square;
         }
-        // Whatever lies outside the span is multiplied by θ.
+        // Vectors outside the span are multiplied by θ.
         let largest = self.root.iter().copied().fold(0.0, f64::max);
         1.1 * square.max((self.theta * largest).powi(2))
     }

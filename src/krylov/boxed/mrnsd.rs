@@ -8,12 +8,15 @@ use super::bounds::Boxed;
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// MRNSD: steepest descent for `½ ‖A x − b‖²` in the metric of `1/x`, which keeps `x > 0`. A baseline.
+/// MRNSD: minimizes `½ ‖A x − b‖²` over `x ≥ 0`, for any square `A` of `n × n` with its transpose, by
+/// steepest descent in the metric of `1/x`, which keeps `x > 0`. A baseline.
 ///
 /// # Properties
-/// `‖r‖` falls monotonically. Two products an iteration, `Aᵀ r` and `A s`. Keeps `x ≥ 0` only: of the box the upper
-/// bound is not looked at. It starts from `x0`, or from `b / D`, raised to be positive. Stores `b, x`, the best `x`,
-/// `r, D`, a direction and a product of `n`.
+/// `‖r‖` falls monotonically. Two products an iteration, `Aᵀ r` and `A s`. Respects only `x ≥ 0`; ignores
+/// the bounds of the options. It starts from `x0`, or from `b / D`, with entries raised to be positive.
+///
+/// # Storage
+/// Seven `n`-vectors: `b, x`, the best `x`, `r, D`, a direction and a product.
 ///
 /// # References
 /// Kaufman (1993), doi:10.1109/42.232243; Nagy and Strakoš (2000), doi:10.1117/12.402439.
@@ -27,8 +30,8 @@ pub struct Mrnsd {
 }
 
 impl Mrnsd {
-    /// For `b` of length `n`. Looks at `x0` and `diagonal` of the options; without `diagonal` the first product is
-    /// `A 1`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
+    /// without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
     /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new).
@@ -43,7 +46,7 @@ impl Mrnsd {
     }
 }
 
-/// An entry that is zero stays zero for good: a first iterate is raised to this share of its largest entry.
+/// An entry that is zero stays zero, so entries of the first iterate are raised to this share of the largest.
 pub(super) fn make_positive(x: &mut [f64]) {
     let largest = x.iter().copied().fold(0.0, f64::max);
     let floor = if largest > 0.0 { 1e-3 * largest } else { 1.0 };

@@ -8,28 +8,31 @@ use super::mrnsd::make_positive;
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// The image space reconstruction algorithm, `x ← x ∘ (Aᵀb) / (AᵀA x)`, for `A ≥ 0` and `b ≥ 0`. A baseline.
+/// The image space reconstruction algorithm: minimizes `‖A x − b‖` over `x ≥ 0`, for a square `A ≥ 0` of
+/// `n × n` with its transpose and `b ≥ 0`, by `x ← x ∘ (Aᵀb) / (AᵀA x)`. A baseline.
 ///
 /// # Properties
-/// `‖r‖` falls monotonically for non-negative `A` and `b`. One product with `Aᵀ` to begin with, then two an
-/// iteration, `A x` and `Aᵀ(A x)`. Keeps `x ≥ 0` only: of the box the upper bound is not looked at. Stores `b, x`, the
-/// best `x`, `r, D, Aᵀb, A x` and a product of `n`.
+/// `‖r‖` falls monotonically for non-negative `A` and `b`. It takes one product with `Aᵀ` first, then two an
+/// iteration, `A x` and `Aᵀ(A x)`. Respects only `x ≥ 0`; ignores the bounds of the options.
+///
+/// # Storage
+/// Eight `n`-vectors: `b, x`, the best `x`, `r, D, Aᵀb, A x` and a product.
 ///
 /// # References
-/// Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's updates (2001) for one
-/// factor.
+/// Daube-Witherspoon and Muehllehner (1986), doi:10.1109/TMI.1986.4307748; Lee and Seung's updates (2001) for
+/// one factor.
 #[derive(Clone)]
 pub struct Multiplicative {
     boxed: Boxed,
-    /// `Aᵀ b`, without its negative entries; empty until taken.
+    /// `Aᵀ b` with negative entries replaced by 0; empty until it is known.
     numerator: Vec<f64>,
     image: Vec<f64>,
     forward: bool,
 }
 
 impl Multiplicative {
-    /// For `b` of length `n`. Looks at `x0` and `diagonal` of the options; without `diagonal` the first product is
-    /// `A 1`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `diagonal` of the options;
+    /// without `diagonal` the first product is `A 1`.
     ///
     /// # Errors
     /// As [`ProjectedJacobi::new`](super::ProjectedJacobi::new).

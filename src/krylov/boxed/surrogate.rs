@@ -1,34 +1,35 @@
-//! What stands in for an operator where no product has told of it yet.
+//! Surrogates: cheap approximations of an operator on directions that no product has explored.
 
 use std::sync::Arc;
 
 use super::super::basis::Basis;
 use super::super::vectors::update2;
 
-/// A family of `n × n` operators that cost no product, one of which is near to the operator in question. Unlike a preconditioner,
-/// which approximates the inverse, it approximates the operator itself, and knows its own transpose: that is what a method without
-/// products with `Aᵀ` lacks.
+/// A family of `n × n` operators that cost no product, one of which approximates `A`. A preconditioner
+/// approximates the inverse; a surrogate approximates the operator itself, and has a transpose, which a
+/// method without products with `Aᵀ` lacks.
 pub trait Surrogate: Send + Sync {
-    /// `n`.
+    /// The dimension `n`.
     fn size(&self) -> usize;
-    /// The member of the family that explains best that `A patterns[i] = products[i]`.
+    /// The member of the family that fits `A patterns[i] = products[i]` best.
     fn fitted(&self, patterns: &[Vec<f64>], products: &[Vec<f64>]) -> Arc<dyn Surrogate>;
     /// `y ← P x`; every entry of `y` is overwritten.
     fn apply(&self, x: &[f64], y: &mut [f64]);
-    /// `x ← Pᵀ y` likewise.
+    /// `x ← Pᵀ y`; every entry of `x` is overwritten.
     fn apply_adjoint(&self, y: &[f64], x: &mut [f64]);
 }
 
-/// A surrogate is fitted to so many products; those that follow correct it where it is wrong.
+/// A surrogate is fitted to the first products, of this number; later products correct it where it is wrong.
 const FITTED: usize = 16;
 
-/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products: `P̂ + (W − P̂ V) Vᵀ`.
+/// A surrogate in scaled coordinates, `P̂ = D^-½ P D^-½`, corrected so that it agrees with all products:
+/// `P̂ + (W − P̂ V) Vᵀ`.
 #[derive(Clone)]
 pub(super) struct Corrected {
     surrogate: Arc<dyn Surrogate>,
     patterns: Vec<Vec<f64>>,
     products: Vec<Vec<f64>>,
-    /// `W − P̂ V`; shorter than `V` where it has yet to be worked out.
+    /// `W − P̂ V`; shorter than `V` until it is updated.
     excess: Basis,
 }
 
@@ -38,7 +39,7 @@ impl Corrected {
         Self { surrogate, patterns: Vec::new(), products: Vec::new(), excess }
     }
 
-    /// Takes in `A x = y`.
+    /// Adds the product `A x = y`.
     pub(super) fn learn(&mut self, x: &[f64], y: &[f64]) {
         if self.patterns.len() == FITTED {
             return;
@@ -49,7 +50,7 @@ impl Corrected {
         self.excess.clear();
     }
 
-    /// Brings the correction up to date with all of `V` and `W`.
+    /// Updates the correction for all of `V` and `W`.
     pub(super) fn catch_up(&mut self, root: &[f64], v: &Basis, w: &Basis) {
         let mut column = vec![0.0; root.len()];
         for (v, w) in v.columns().iter().zip(w.columns()).skip(self.excess.len()) {

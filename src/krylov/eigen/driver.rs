@@ -9,12 +9,13 @@ use crate::error::Result;
 use crate::observer::{Estimate, Step};
 use crate::operator::Operator;
 
-/// Products are taken one by one where the residuals are within this factor of their target: a few products seldom gain more.
+/// Products are taken one by one where the residuals are within this factor of their target: a few products
+/// seldom gain more.
 const NEAR: f64 = 1e3;
 
-/// As [`eigs()`](super::eigs()), going on from a factorization; `options.products` counts the products already in it,
-/// while `method`, `start` and `deflate` are not looked at. After an error, `factorization` holds everything up to the
-/// product that failed: call this again to go on.
+/// As [`eigs()`](super::eigs()), going on from a factorization; `options.products` counts the products
+/// already in it, `method`, `start` and `deflate` are ignored. After an error, `factorization` holds
+/// everything up to the product that failed: call this function again to continue.
 ///
 /// # Errors
 /// As [`eigs()`](super::eigs()).
@@ -52,7 +53,7 @@ pub(super) fn drive(
         }
         let waiting = factorization.expansion().pending();
         if factorization.steps() + waiting >= most {
-            // Half of what is not asked for is kept too: it is what the next cycle converges from.
+            // Half of the unwanted pairs are kept too: the next cycle converges faster from them.
             let steps = factorization.steps();
             let keep = options.count + steps.saturating_sub(options.count) / 2;
             factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
@@ -80,23 +81,23 @@ pub(super) fn drive(
     Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
 }
 
-/// Whether these pairs may be within the tolerance, or the noise, before a whole block is through. Products are then taken one by one,
-/// so that none is taken in vain.
+/// Whether these pairs may be within the tolerance, or the noise, before a whole block is through. Products
+/// are then taken one by one, so that none is taken in vain.
 fn is_near(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> bool {
     let target = (options.tolerance * scale).max(options.noise);
     pairs.len() >= options.count && pairs.iter().all(|pair| pair.residual <= NEAR * target.max(pair.rounding))
 }
 
-/// Why there is nothing more to do for these pairs, if so.
+/// Why these pairs need no further product, if they need none.
 pub(super) fn good_enough(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Option<Status> {
     if pairs.len() < options.count {
         return None;
     }
     let wanted = options.tolerance * scale;
-    let verdicts = || pairs.iter().map(|pair| pair.verdict(wanted, options.noise));
-    if verdicts().all(|verdict| verdict == PairStatus::Converged) {
+    let statuses = || pairs.iter().map(|pair| pair.status(wanted, options.noise));
+    if statuses().all(|status| status == PairStatus::Converged) {
         Some(Status::ReachedTolerance)
-    } else if verdicts().all(|verdict| verdict != PairStatus::NotResolved) {
+    } else if statuses().all(|status| status != PairStatus::NotResolved) {
         Some(Status::NoiseFloor)
     } else {
         None
@@ -157,7 +158,7 @@ impl Found<'_> {
             residuals: each(&|pair| pair.residual),
             bounds: each(&|pair| pair.bound(options.noise)),
             gap_bounds: each(&|pair| pair.gap_bound(options.noise)),
-            verdicts: self.pairs.iter().map(|pair| pair.verdict(wanted, options.noise)).collect(),
+            statuses: self.pairs.iter().map(|pair| pair.status(wanted, options.noise)).collect(),
             vectors: self.vectors,
             imaginary_vectors: self.imaginary,
             asymmetry,

@@ -1,15 +1,14 @@
-//! What is asked for, and what was found.
+//! Options and results of `eigs`.
 
 use super::super::factor::{PairStatus, Which};
 use super::super::start::Start;
 use super::super::stats::Stats;
 use crate::error::{Error, Result};
 
-/// How eigenpairs are found.
+/// The method for eigenpairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EigsMethod {
-    /// Power iteration, the paper's Algorithm 1: one pair, that of largest magnitude. For any operator; to compare
-    /// against. Three vectors of length `n`.
+    /// Power iteration, the paper's Algorithm 1: the pair of largest magnitude, for any operator. A baseline.
     Power,
     /// [`Lanczos`](super::super::Lanczos), for symmetric operators: the best in nearly all cases.
     #[default]
@@ -23,29 +22,29 @@ pub enum EigsMethod {
     Arnoldi,
 }
 
-/// What [`eigs()`](super::eigs()) is asked for.
+/// The options of [`eigs()`](super::eigs()).
 #[derive(Clone, Debug)]
 pub struct EigsOptions {
-    /// How many eigenpairs. Default 6.
+    /// The number of eigenpairs. Default 6.
     pub count: usize,
-    /// At which end of the spectrum. Default: the largest.
+    /// The wanted end of the spectrum. Default: the largest.
     pub which: Which,
-    /// How many products at most (ARPACK's `ncv`, without restarts). Default 50.
+    /// The most products (ARPACK's `ncv`, without restarts). Default 50.
     pub products: usize,
-    /// Done when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`. 0 spends the whole budget. Default
-    /// 1e-8.
+    /// Done when every residual norm `‖A y − θ y‖` is at most this share of `‖A‖`; 0 uses the whole budget.
+    /// Default 1e-8.
     pub tolerance: f64,
-    /// How. Default: Lanczos.
+    /// The method. Default: Lanczos.
     pub method: EigsMethod,
-    /// Keep no more than this many basis vectors (known ones not counted), by thick restarts (Lanczos and block
-    /// Lanczos). At least `count + 2 × block + 1`. Restarts cost convergence but no product of their own. Default: as many
-    /// as there are products, so that there is no restart.
+    /// The most basis vectors to keep, without the known ones, by thick restarts (Lanczos and block Lanczos);
+    /// at least `count + 2 × block + 1`. Restarts slow convergence, but take no product. Default: no restart.
     pub max_basis: Option<usize>,
-    /// The norm of the error of a product with a vector of norm 1. Done when all residuals are down to it. Default 0.
+    /// The norm of the error of a product with a vector of norm 1. Done when all residuals are down to it.
+    /// Default 0.
     pub noise: f64,
-    /// The first vector; of a block the first ones ([`Start::block`]). Default: random signs of seed 0.
+    /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
     pub start: Start,
-    /// Known eigenvectors, kept out of the search. Default none.
+    /// Known eigenvectors, which are projected out. Default none.
     pub deflate: Vec<Vec<f64>>,
 }
 
@@ -65,33 +64,35 @@ impl Default for EigsOptions {
     }
 }
 
-/// What [`eigs()`](super::eigs()) found: `k = min(count, products)` pairs, the most wanted first.
+/// The result of [`eigs()`](super::eigs()): `k = min(count, products)` pairs, the most wanted first.
 #[derive(Clone, Debug)]
 pub struct Eigs {
     /// `k` eigenvalues (their real parts).
     pub values: Vec<f64>,
     /// The imaginary parts of `k` eigenvalues: zero for symmetric operators.
     pub imaginary_values: Vec<f64>,
-    /// `k` eigenvectors of length `n` and norm 1 (their real parts). Of symmetric operators they are orthogonal, and
-    /// the entry of largest magnitude is positive.
+    /// `k` eigenvectors of length `n` and norm 1 (their real parts), with positive entry of largest
+    /// magnitude; orthogonal for a symmetric operator.
     pub vectors: Vec<Vec<f64>>,
     /// The imaginary parts of `k` eigenvectors (with the real part of norm 1): empty for a real pair.
     pub imaginary_vectors: Vec<Vec<f64>>,
-    /// `‖A y − θ y‖` of each pair, as the products tell.
+    /// `‖A y − θ y‖` of each pair, from the products taken.
     pub residuals: Vec<f64>,
-    /// How far each value is from an eigenvalue at most: [`RitzPair::bound`](super::super::RitzPair::bound), rigorous for
-    /// symmetric operators.
+    /// A bound on the distance of each value to an eigenvalue:
+    /// [`RitzPair::bound`](super::super::RitzPair::bound), rigorous for symmetric operators.
     pub bounds: Vec<f64>,
-    /// The same by Temple and Kato: [`RitzPair::gap_bound`](super::super::RitzPair::gap_bound), sharper, on a condition.
+    /// The same by Temple and Kato: [`RitzPair::gap_bound`](super::super::RitzPair::gap_bound), sharper, on a
+    /// condition.
     pub gap_bounds: Vec<f64>,
-    /// What can be said of each pair.
-    pub verdicts: Vec<PairStatus>,
+    /// The status of each pair.
+    pub statuses: Vec<PairStatus>,
     /// `‖H − Hᵀ‖_F / ‖H‖_F` of the operator on the subspace, see
-    /// [`Expansion::asymmetry`](super::super::Expansion::asymmetry). 0 for power iteration, which cannot tell.
+    /// [`Expansion::asymmetry`](super::super::Expansion::asymmetry). 0 for power iteration, which does not
+    /// measure it.
     pub asymmetry: f64,
     /// A row for each product of this run.
     pub history: Vec<HistoryRow>,
-    /// Products in all, and why it ended.
+    /// The number of products in all, and why the method ended.
     pub stats: Stats,
 }
 
@@ -123,10 +124,10 @@ impl EigsOptions {
             _ => 1,
         };
         if block == 0 {
-            return refuse("--block", "0 vectors are no block".into(), "give at least 1");
+            return refuse("--block", "a block needs at least one vector".into(), "give at least 1");
         }
         if !(self.noise >= 0.0 && self.noise.is_finite()) {
-            return refuse("--noise", format!("{} is no noise level", self.noise), "give a number from 0 on");
+            return refuse("--noise", format!("the noise is {}", self.noise), "give a number from 0 on");
         }
         if let Some(most) = self.max_basis {
             if most < self.count + 2 * block + 1 {

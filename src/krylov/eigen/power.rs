@@ -10,21 +10,23 @@ use super::options::{Eigs, EigsOptions};
 use crate::error::{Error, Result};
 use crate::operator::{Operator, Symmetry};
 
-/// The eigenpair of largest magnitude by power iteration, `x ← A x / ‖A x‖`: the paper's Algorithm 1.
+/// Power iteration, `x ← A x / ‖A x‖`: the eigenpair `A x = θ x` of largest magnitude of an `A` of `n × n`.
+/// The paper's Algorithm 1.
 ///
-/// The Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x` of a vector are known from the very product that
-/// makes the next one, so that neither costs a product; the answer is the vector before the last product. The error
-/// shrinks by `|λ₂/λ₁|` a product, against about twice the digits per `√gap` for Lanczos. Known vectors
-/// are projected out of every product.
+/// The Rayleigh quotient `θ = xᵀA x` and the residual `A x − θ x` of a vector are known from the very product
+/// that makes the next one, so neither costs a further product; the result is the vector before the last
+/// product. The error shrinks by `|λ₂/λ₁|` a product, against about twice the digits per `√gap` for Lanczos.
+/// Known vectors are projected out of every product.
 ///
-/// `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`] where the dominant eigenvalue is known to be positive (as it
-/// is for a matrix without negative entries: Perron); `count` must be 1.
+/// Stores four vectors of `n`. `which` must be [`Which::LargestMagnitude`], or [`Which::LargestAlgebraic`]
+/// where the dominant eigenvalue is known to be positive (as it is for a matrix without negative entries:
+/// Perron); `count` must be 1.
 ///
 /// O'Toole and Kutulakos, doi:10.1145/1882261.1866165, Algorithm 1.
 pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let n = operator.cols();
     check(operator, options)?;
-    // Checks, orthonormalizes and projects as any other start; no step is ever taken.
+    // Checks, orthonormalizes and projects the start, as for Lanczos; takes no step.
     let start = Lanczos::new(&options.start.vector(n), &options.deflate)?;
     let known = start.known();
     let Some(first) = start.expansion().waiting().first() else {
@@ -82,7 +84,7 @@ fn pair(value: f64, residual: f64, scale: f64, n: usize, symmetry: Symmetry) -> 
         imaginary: 0.0,
         residual,
         gap: 0.0,
-        // Nothing is known of the left eigenvector.
+        // The left eigenvector is not known.
         condition: if symmetry == Symmetry::Symmetric { 1.0 } else { f64::INFINITY },
         rounding: f64::EPSILON * scale * (10.0 + (n as f64).sqrt()),
         coefficients: vec![1.0],

@@ -12,14 +12,15 @@ pub struct SpectralDensity {
     pub quadratures: Vec<Vec<(f64, f64)>>,
     /// The dimension `n`.
     pub n: usize,
-    /// Products taken.
+    /// The number of products taken.
     pub products: usize,
 }
 
 impl SpectralDensity {
     /// `tr f(A)`, e.g. `f = 1` for `n`, a step for a count of eigenvalues, `ln` for `ln det A`.
     ///
-    /// Exact in each probe for polynomials up to degree `2 m − 1`, and then as good as Hutchinson's estimator.
+    /// Exact in each probe for polynomials up to degree `2 m − 1`, and then as good as Hutchinson's
+    /// estimator.
     pub fn trace_of(&self, f: impl Fn(f64) -> f64) -> Estimate {
         let samples: Vec<f64> = self
             .quadratures
@@ -42,11 +43,13 @@ impl SpectralDensity {
     }
 }
 
-/// The spectral density of a symmetric `A` (`n × n`) from `probes ≥ 2` Lanczos processes of `steps ≥ 1` steps each.
+/// The spectral density of a symmetric `A` (`n × n`) from `probes ≥ 2` Lanczos processes of `steps ≥ 1` steps
+/// each.
 ///
-/// The Ritz values of a process that starts from `ω/‖ω‖`, with the squares of the first entries of their vectors, are
-/// the nodes and weights of the Gauss quadrature for `ωᵀ f(A) ω / ‖ω‖²`; its mean over random signs `ω` is `tr f(A) / n`. Takes at most `probes × steps`
-/// products: a process that finds an invariant subspace is exact, and stops.
+/// The Ritz values of a process that starts from `ω/‖ω‖`, with the squares of the first entries of their
+/// vectors, are the nodes and weights of the Gauss quadrature for `ωᵀ f(A) ω / ‖ω‖²`; its mean over random
+/// signs `ω` is `tr f(A) / n`. Takes at most `probes × steps` products: a process that finds an invariant
+/// subspace is exact, and stops.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) naming `--probes` or `--steps`; else as

@@ -1,4 +1,4 @@
-//! The diagonal from a few products: for a coaxial rig, the direct image.
+//! A stochastic estimate of the diagonal, which is the direct image of a coaxial rig.
 
 use super::probe::{at_least, each_product, signs, square};
 use crate::error::Result;
@@ -7,18 +7,18 @@ use crate::operator::Operator;
 /// An estimate of a diagonal.
 #[derive(Clone, Debug)]
 pub struct DiagonalEstimate {
-    /// `A_ii` (`n`), without bias.
+    /// The unbiased estimates of `A_ii` (`n` values).
     pub values: Vec<f64>,
     /// The standard error of each, from the spread of the samples (`n`).
     pub standard_errors: Vec<f64>,
-    /// Products taken.
+    /// The number of products taken.
     pub products: usize,
 }
 
 /// The diagonal of `A` (`n × n`) as the mean of `ω ∘ Aω` over `products ≥ 2` vectors `ω` of random signs.
 ///
-/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`: exact for a diagonal `A`, and for a transport matrix good
-/// where much of the light is direct. The standard error falls as `1/√products`.
+/// Entry `i` of a sample has the variance `Σ_{j≠i} A_ij²`: exact for a diagonal `A`, and for a transport
+/// matrix good where much of the light is direct. The standard error falls as `1/√products`.
 ///
 /// # Errors
 /// As [`hutchinson`](super::hutchinson).

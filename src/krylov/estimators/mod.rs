@@ -1,7 +1,9 @@
-//! What a few products with random vectors tell: low-rank approximations, traces, the diagonal, the spectral density.
+//! Randomized estimators, from a few products with random vectors: low-rank approximations, traces, the
+//! diagonal, the spectral density.
 //!
-//! Every estimator takes a number of products that is known beforehand, a seed, and answers with an error estimate. The
-//! vectors depend on the seed alone: after a failure, a journal of products replays to the same answer.
+//! Every estimator takes a number of products that is known beforehand and a seed, and returns an error
+//! estimate. The vectors depend only on the seed, so a journal of products repeats the same result after a
+//! failure.
 //!
 //! | estimator | products | needs |
 //! |---|---|---|

@@ -9,8 +9,8 @@ use super::probe::{
 use crate::error::{Error, Result};
 use crate::operator::Operator;
 
-/// Eigenvalues of the core below this share of the largest are left out: they are rounding errors of the products,
-/// and would be divided by.
+/// Eigenvalues of the core below this share of the largest are left out: they are rounding errors of the
+/// products, and would be divided by.
 const CUTOFF: f64 = 1e-10;
 
 /// A low-rank approximation `A ≈ U diag(λ) Uᵀ` of a symmetric `A` of `n × n`.
@@ -20,33 +20,34 @@ pub struct Nystrom {
     pub values: Vec<f64>,
     /// `U`: as many orthonormal vectors of length `n`.
     pub vectors: Vec<Vec<f64>>,
-    /// The smallest eigenvalue of the core `ΩᵀAΩ` (with orthonormal `Ω`): clearly below zero means that `A` is
-    /// indefinite, and that the answer is to be taken with care.
+    /// The smallest eigenvalue of the core `ΩᵀAΩ` (with orthonormal `Ω`): clearly below zero means that `A`
+    /// is indefinite, and that the approximation may be poor.
     pub smallest_core: f64,
-    /// `‖A − U diag(λ) Uᵀ‖_F²`, of the approximation returned.
+    /// An estimate of `‖A − U diag(λ) Uᵀ‖_F²` for the approximation returned.
     pub missed_square: Estimate,
     /// Products in all.
     pub products: usize,
 }
 
-/// `A ≈ (AΩ) (ΩᵀAΩ)⁺ (AΩ)ᵀ` from `l` products with random signs `Ω`, made orthonormal, truncated to rank `k`: half the
-/// products of [`randomized_svd`](super::randomized_svd).
+/// `A ≈ (AΩ) (ΩᵀAΩ)⁺ (AΩ)ᵀ` from `l` products with random signs `Ω`, made orthonormal, truncated to rank `k`:
+/// half the products of [`randomized_svd`](super::randomized_svd).
 ///
-/// For a positive semidefinite `A` the approximation is never above `A` (`A − Â ⪰ 0`), so the trace of what is missed
-/// is its nuclear norm. For an **indefinite** one the core can be nearly singular while `A` is not, and the error is
-/// without a bound: transport matrices are positive semidefinite only up to their global part, so look at
-/// `smallest_core` and at `missed_square`. Core eigenvalues below 1e-10 of the largest are left out (Nakatsukasa and Park's truncation).
+/// For a positive semidefinite `A`, `A − Â ⪰ 0`, so the trace of `A − Â` is its nuclear norm. For an
+/// **indefinite** one the core can be nearly singular while `A` is not, and the error is without a bound:
+/// transport matrices are positive semidefinite only up to their global part, so check `smallest_core` and at
+/// `missed_square`. Core eigenvalues below 1e-10 of the largest are left out (Nakatsukasa and Park's
+/// truncation).
 ///
 /// Inputs: `A`; [`LowRankOptions`] for the rank `k`, the sketch `l = k + oversampling` and the probes. Takes
 /// `l + probes` products.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] when the operator is not declared symmetric,
-/// and for NaN; whatever the product fails with.
+/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] when the operator is not declared
+/// symmetric, and for NaN; whatever the product fails with.
 ///
 /// # References
-/// Halko, Martinsson and Tropp (2011), section 5.4, doi:10.1137/090771806; Nakatsukasa and Park, *Randomized low-rank
-/// approximation for symmetric indefinite matrices* (2023), doi:10.1137/22M1538648.
+/// Halko, Martinsson and Tropp (2011), section 5.4, doi:10.1137/090771806; Nakatsukasa and Park, *Randomized
+/// low-rank approximation for symmetric indefinite matrices* (2023), doi:10.1137/22M1538648.
 pub fn nystrom(operator: &mut dyn Operator, options: &LowRankOptions) -> Result<Nystrom> {
     symmetric(operator, "Nyström's approximation")?;
     let n = operator.cols();

@@ -10,11 +10,11 @@ use crate::operator::{self, Adjoint, Operator, Symmetry, block, block_mut};
 /// A mean of independent random estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// The estimate; without bias.
+    /// The estimate, which is unbiased.
     pub value: f64,
     /// Its standard error, from the spread of the single estimates.
     pub standard_error: f64,
-    /// Products taken.
+    /// The number of products taken.
     pub products: usize,
 }
 
@@ -28,18 +28,19 @@ impl Estimate {
     }
 }
 
-/// How much a low-rank approximation may cost.
+/// The options of a low-rank approximation, which fix its cost.
 #[derive(Clone, Debug)]
 pub struct LowRankOptions {
     /// Singular or eigenvalues wanted, `k ≥ 1`. Default 10.
     pub rank: usize,
     /// Vectors beyond the rank in the sketch, `l = k + oversampling`. Default 10.
     pub oversampling: usize,
-    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly; not used by Nyström. Default 0.
+    /// Rounds `A Aᵀ` of subspace iteration, `q`, for singular values that decay slowly; not used by Nyström.
+    /// Default 0.
     pub power: usize,
     /// Products spent on the error estimate, at least 2. Default 4.
     pub probes: usize,
-    /// Of the random vectors.
+    /// Seed of the random vectors.
     pub seed: u64,
 }
 
@@ -140,7 +141,7 @@ pub(super) fn signs(n: usize, count: usize, seed: u64) -> Vec<Vec<f64>> {
     Start::Rademacher { seed }.block(n, count)
 }
 
-/// `A x` for each of `xs` in turn, checked for NaN.
+/// Hands `with` each of `xs` and its product `A x`, checked for NaN, in order.
 pub(super) fn each_product(
     operator: &mut dyn Operator,
     xs: &[Vec<f64>],
@@ -180,8 +181,8 @@ fn finite(y: Vec<f64>) -> Result<Vec<f64>> {
     Err(Error::Numerical("a product with the operator holds a NaN or an infinity".into()))
 }
 
-/// `Q R = Y`: an orthonormal basis of the span, dependent vectors left out, and for each vector its coefficients on
-/// the basis so far.
+/// `Q R = Y`: an orthonormal basis of the span, dependent vectors left out, and for each vector its
+/// coefficients on the basis so far.
 pub(super) fn orthonormal(vectors: &[Vec<f64>], rows: usize) -> (Basis, Vec<Vec<f64>>) {
     let mut basis = Basis::new(rows);
     let mut coefficients = Vec::with_capacity(vectors.len());

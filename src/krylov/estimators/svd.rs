@@ -18,23 +18,26 @@ pub struct RandomizedSvd {
     pub left: Vec<Vec<f64>>,
     /// `W`: as many orthonormal vectors of length `cols`.
     pub right: Vec<Vec<f64>>,
-    /// `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of what the whole sketch (`l` vectors) misses.
+    /// An estimate of `‖A − Q QᵀA‖_F²`, the squared Frobenius norm of the part of `A` outside the whole
+    /// sketch (`l` vectors).
     pub missed_square: Estimate,
     /// Products with `A` and with `Aᵀ` in all.
     pub products: usize,
 }
 
-/// The leading singular values and vectors of `A` (`rows × cols`) by a random sketch: `Q` an orthonormal basis of
-/// `(A Aᵀ)^q A Ω` for `l` vectors of random signs, then the small decomposition of `QᵀA`.
+/// The leading singular values and vectors of `A` (`rows × cols`) by a random sketch: `Q` an orthonormal
+/// basis of `(A Aᵀ)^q A Ω` for `l` vectors of random signs, then the small decomposition of `QᵀA`.
 ///
-/// The expected error is that of the best rank-`k` approximation times a factor near 1 where the singular values
-/// decay; where they do not, a round of subspace iteration (`power`) costs `2 l` products. Each round is orthonormalized.
+/// The expected error is that of the best rank-`k` approximation times a factor near 1 where the singular
+/// values decay; where they do not, a round of subspace iteration (`power`) costs `2 l` products. Each round
+/// is orthonormalized.
 ///
-/// Inputs: `A`; [`LowRankOptions`] for the rank `k`, the sketch `l = k + oversampling`, `q` and the probes. Takes `2 (q + 1)
-/// l + probes` products (less where the sketch is rank-deficient).
+/// Inputs: `A`; [`LowRankOptions`] for the rank `k`, the sketch `l = k + oversampling`, `q` and the probes.
+/// Takes `2 (q + 1) l + probes` products (less where the sketch is rank-deficient).
 ///
 /// # Errors
-/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; whatever the product fails with.
+/// [`Error::Option`] naming `--rank` or `--probes`; [`Error::Numerical`] for NaN; whatever the product fails
+/// with.
 ///
 /// # References
 /// Halko, Martinsson and Tropp, *Finding structure with randomness* (2011), doi:10.1137/090771806.

@@ -1,4 +1,4 @@
-//! The trace from a few products.
+//! Stochastic estimates of the trace.
 
 use super::super::basis::dot;
 use super::probe::{self, Estimate, at_least, each_product, orthonormal, signs, square};
@@ -7,15 +7,17 @@ use crate::operator::Operator;
 
 /// `tr A` as the mean of `ωᵀAω` over `products ≥ 2` vectors `ω` of random signs; `A` of `n × n`.
 ///
-/// Without bias; the variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so that it is exact for a diagonal `A`. The
-/// standard error falls as `1/√products`.
+/// The estimate is unbiased. The variance of one sample is `2 Σ_{i≠j} ((A_ij + A_ji)/2)²`, so that it is
+/// exact for a diagonal `A`. The standard error falls as `1/√products`.
 ///
 /// # Errors
-/// [`Error::Option`](crate::Error::Option) naming `--photos`; [`Error::Dimension`](crate::Error::Dimension) when `A` is
-/// not square; [`Error::Numerical`](crate::Error::Numerical) for NaN; whatever the product fails with.
+/// [`Error::Option`](crate::Error::Option) naming `--photos`; [`Error::Dimension`](crate::Error::Dimension)
+/// when `A` is not square; [`Error::Numerical`](crate::Error::Numerical) for NaN; whatever the product fails
+/// with.
 ///
 /// # References
-/// Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989), doi:10.1080/03610918908812806.
+/// Hutchinson, *A stochastic estimator of the trace of the influence matrix* (1989),
+/// doi:10.1080/03610918908812806.
 pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Result<Estimate> {
     let n = square(operator)?;
     at_least(products, 2, "--photos")?;
@@ -26,9 +28,10 @@ pub fn hutchinson(operator: &mut dyn Operator, products: usize, seed: u64) -> Re
 
 /// `tr A` by Hutch++, from `products ≥ 6` products; `A` of `n × n`.
 ///
-/// With `Q` an orthonormal basis of `A S` for a third of the products, `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`: the
-/// first part is exact at another third, the second is Hutchinson's with the rest. For a positive semidefinite `A` the relative
-/// error falls as `1/products`, against `1/√products`; it is without bias for any `A`. The standard error is that of the second part.
+/// With `Q` an orthonormal basis of `A S` for a third of the products,
+/// `tr A = tr QᵀAQ + tr (I − QQᵀ) A (I − QQᵀ)`: the first part is exact at another third, the second is
+/// Hutchinson's with the rest. For a positive semidefinite `A` the relative error falls as `1/products`,
+/// against `1/√products`; it is without bias for any `A`. The standard error is that of the second part.
 ///
 /// # Errors
 /// As [`hutchinson`].

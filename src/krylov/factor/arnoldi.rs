@@ -11,26 +11,27 @@ use crate::operator::Operator;
 
 /// An Arnoldi factorization of any operator `A` of `n × n`, with full reorthogonalization.
 ///
-/// After `m` steps, with `V` of `n × m` orthonormal, `H` of `m × m` upper Hessenberg and `v` the next basis vector,
+/// After `m` steps, with `V` of `n × m` orthonormal, `H` of `m × m` upper Hessenberg and `v` the next basis
+/// vector,
 ///
 /// ```text
 /// A V = V H + h_{m+1,m} v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
 /// ```
 ///
 /// where `Q` are known vectors, projected out of the start and of every new vector. The process then sees
-/// `(I − QQᵀ) A` on the rest of the space. For a `Q` that spans an invariant subspace its eigenvalues are the others of
-/// `A`, but its Ritz vectors approximate Schur vectors and not eigenvectors, unless `Q` is invariant under `Aᵀ` too. The residual norms are those
-/// for `A`, and tell.
+/// `(I − QQᵀ) A` on the rest of the space. For a `Q` that spans an invariant subspace its eigenvalues are the
+/// others of `A`, but its Ritz vectors approximate Schur vectors and not eigenvectors, unless `Q` is
+/// invariant under `Aᵀ` too. The residual norms are those for `A`, and show the difference.
 ///
-/// `h_{m+1,m} = 0` (breakdown) is the good case: `V` is invariant, its Ritz pairs are eigenpairs, and the process goes on
-/// from a random vector.
+/// A breakdown, `h_{m+1,m} = 0`, is harmless: `V` is invariant, its Ritz pairs are eigenpairs, and the
+/// process continues from a random vector.
 ///
-/// Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one more to work in.
+/// Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one work vector.
 ///
 /// # References
-/// Arnoldi, *The principle of minimized iterations in the solution of the matrix eigenvalue problem* (1951),
-/// doi:10.1090/qam/42792; Saad, *Numerical Methods for Large Eigenvalue Problems*, chapter 6,
-/// doi:10.1137/1.9781611970739.
+/// With photos for products: O'Toole and Kutulakos, sections 3 and 4. Arnoldi, *The principle of minimized
+/// iterations in the solution of the matrix eigenvalue problem* (1951), doi:10.1090/qam/42792; Saad,
+/// *Numerical Methods for Large Eigenvalue Problems*, chapter 6, doi:10.1137/1.9781611970739.
 #[derive(Clone, Debug)]
 pub struct Arnoldi {
     expansion: Expansion,

@@ -11,26 +11,29 @@ use crate::operator::Operator;
 
 /// A block Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
 ///
-/// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric with
-/// `b` diagonals beside the main one, and `W` the `p ≤ b` waiting vectors,
+/// After `m` steps from a block of `b` vectors, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric
+/// with `b` diagonals beside the main one, and `W` the `p ≤ b` waiting vectors,
 ///
 /// ```text
 /// A V = V T + W B,    [V W]ᵀ[V W] = I,    Qᵀ[V W] = 0
 /// ```
 ///
-/// with `Q` known vectors that are projected out ([`super::Lanczos`]). A single start vector sees one vector of each
-/// eigenspace; `b` of them see `b`, so that an eigenvalue repeated up to `b` times comes with all its copies. A full
-/// round over the block costs `b` products and adds as much to the polynomial degree as one Lanczos step.
+/// with `Q` known vectors that are projected out ([`super::Lanczos`]). A single start vector sees one vector
+/// of each eigenspace; `b` of them see `b`, so that an eigenvalue repeated up to `b` times comes with all its
+/// copies. A full round over the block costs `b` products and adds as much to the polynomial degree as one
+/// Lanczos step.
 ///
-/// It takes one product a step (Ruhe's band form): it stops and resumes within a block as anywhere else. The products with the vectors
-/// that wait may be taken together before their steps ([`Factorization::multiply_block`]). A product that holds nothing new makes the block narrower; so do dependent start vectors. When the block is used up, the subspace
-/// is invariant, and the process goes on from `b` random vectors.
+/// It takes one product a step (Ruhe's band form): it stops and resumes within a block as anywhere else. The
+/// products with the vectors that wait may be taken together before their steps
+/// ([`Factorization::multiply_block`]). A product in the span makes the block narrower; so do dependent start
+/// vectors. When the block is used up, the subspace is invariant, and the process goes on from `b` random
+/// vectors.
 ///
-/// Storage: `m + p + k` vectors of `n` for `k` known ones, and one more to work in.
+/// Storage: `m + p + k` vectors of `n` for `k` known ones, and one work vector.
 ///
 /// # References
-/// Golub and Underwood, *The block Lanczos method for computing eigenvalues*, Mathematical Software III (1977);
-/// Ruhe, *Implementation aspects of band Lanczos algorithms*, Math. Comp. 33 (1979),
+/// Golub and Underwood, *The block Lanczos method for computing eigenvalues*, Mathematical Software III
+/// (1977); Ruhe, *Implementation aspects of band Lanczos algorithms*, Math. Comp. 33 (1979),
 /// doi:10.1090/S0025-5718-1979-0521282-9.
 #[derive(Clone, Debug)]
 pub struct BlockLanczos {
@@ -38,8 +41,8 @@ pub struct BlockLanczos {
 }
 
 impl BlockLanczos {
-    /// A process that starts from the vectors of `starts` (`b ≥ 1`, length `n` each; dependent ones are left out) with
-    /// those of `deflate` projected out, as [`super::Lanczos::new`].
+    /// A process that starts from the vectors of `starts` (`b ≥ 1`, length `n` each; dependent ones are left
+    /// out) with those of `deflate` projected out, as [`super::Lanczos::new`].
     ///
     /// # Errors
     /// As [`super::Lanczos::new`].
@@ -63,7 +66,8 @@ impl BlockLanczos {
     /// The state that [`BlockLanczos::save`] saved.
     ///
     /// # Errors
-    /// [`Error::Data`](crate::Error::Data) when it is damaged, of another version, or of another factorization.
+    /// [`Error::Data`](crate::Error::Data) when it is damaged, of another version, or of another
+    /// factorization.
     pub fn load(reader: impl Read) -> Result<Self> {
         Ok(Self { expansion: save::load(Kind::BlockLanczos, reader)? })
     }

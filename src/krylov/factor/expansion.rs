@@ -1,4 +1,5 @@
-//! What the three factorizations share: an orthonormal basis, and the coefficients of the products on it.
+//! The state shared by the three factorizations: an orthonormal basis, and the coefficients of the products
+//! on it.
 
 use std::collections::VecDeque;
 
@@ -11,60 +12,60 @@ use super::super::start::gaussian;
 use crate::error::{Error, Result};
 use crate::operator::{Operator, block, block_mut};
 
-/// What a step of a factorization found.
+/// The outcome of a step of a factorization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// The subspace grew by one, and goes on growing.
+    /// The subspace grew by one, and can grow further.
     Extended,
-    /// The subspace grew by one, but the product held nothing new: the block is narrower by one from now on.
+    /// The subspace grew by one, but the product was in its span: the block is narrower by one from now on.
     Deflated,
-    /// The subspace grew by one and is now invariant (no residual is left): all its Ritz pairs are eigenpairs. The
-    /// next step goes on from random vectors orthogonal to everything so far, and finds, e.g., further copies of a
-    /// repeated eigenvalue.
+    /// The subspace grew by one and is now invariant (no residual is left): all its Ritz pairs are
+    /// eigenpairs. The next step continues from random vectors orthogonal to the basis, and finds, for
+    /// example, further copies of a repeated eigenvalue.
     Invariant,
-    /// The subspace is the whole space (less the known vectors): nothing is left to find. A further step takes no
-    /// product.
+    /// The subspace is the whole space without the known vectors. A further step takes no product.
     Exhausted,
 }
 
-/// The state of a factorization of an operator `A` of `n × n`: after `m` steps, with `p` vectors waiting for their
-/// product,
+/// The state of a factorization of an operator `A` of `n × n`: after `m` steps, with `p` vectors waiting for
+/// their product,
 ///
 /// ```text
 /// A V = V⁺ H + Q C,    V⁺ = [V v_{m+1} … v_{m+p}] of n × (m+p), orthonormal,    QᵀV⁺ = 0
 /// ```
 ///
-/// where `H = V⁺ᵀ A V` is `(m+p) × m` and `C = Qᵀ A V` has a row per known vector. `p` is the block size until
-/// products turn out to hold nothing new; 1 for Lanczos and Arnoldi. A step multiplies `v_{m+1}` and appends what of
-/// the product is orthogonal to everything (Ruhe's band form of the block process), so that a block, too, is taken one
-/// product at a time.
+/// where `H = V⁺ᵀ A V` is `(m+p) × m` and `C = Qᵀ A V` has a row per known vector. `p` is the block size,
+/// less the number of products that were in the span; 1 for Lanczos and Arnoldi. A step multiplies `v_{m+1}`
+/// and appends the part of the product that is orthogonal to the basis (Ruhe's band form of the block
+/// process), so that a block, too, takes one product a step.
 ///
-/// Storage: `m + p + k` vectors of length `n` for `k` known ones, and one more to work in.
+/// Storage: `m + p + k` vectors of length `n` for `k` known ones, and one work vector.
 #[derive(Clone, Debug)]
 pub struct Expansion {
     /// Columns `Q`, then `v_1 … v_{m+p}`.
     pub(super) basis: Basis,
     pub(super) known: usize,
-    /// How many vectors start the process, and start it anew from an invariant subspace.
+    /// The number of vectors that start the process, and continue it from an invariant subspace.
     pub(super) block: usize,
-    /// Per step, the coefficients of `A v_j` on `Q, v_1, …`: as many as there were by then, the new one included.
+    /// For each step, the coefficients of `A v_j` on `Q, v_1, …`, up to the vector that the step appended.
     pub(super) columns: Vec<Vec<f64>>,
-    /// A bound on the Frobenius norm of what of `A V` restarts threw away. Rounding errors for symmetric products.
-    /// Restarts rotate it, which leaves it as it is: bounds for each column would grow with every restart.
+    /// A bound on the Frobenius norm of the part of `A V` that restarts discarded; rounding errors for
+    /// symmetric products. A single bound, since rotations leave it unchanged; bounds for each column would
+    /// grow with every restart.
     pub(super) leak: f64,
     pub(super) products: usize,
     /// The largest `‖A v_j‖` so far: a lower bound of `‖A‖`.
     pub(super) scale: f64,
-    /// Random vectors drawn so far.
+    /// The number of random vectors drawn so far.
     pub(super) draws: u64,
     pub(super) work: Vec<f64>,
-    /// Products with the first of the waiting vectors, where they were taken as a block.
+    /// Products with the first waiting vectors, which a block has taken before their steps.
     pub(super) ready: VecDeque<Vec<f64>>,
 }
 
 impl Expansion {
-    /// Starts from the independent ones of `starts` with `deflate` projected out, or from a random vector if that
-    /// leaves none. `n` is the length of the first start.
+    /// Starts from the independent ones of `starts` with `deflate` projected out, or from a random vector if
+    /// that leaves none. `n` is the length of the first start.
     pub(super) fn new(starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
         let n = starts.first().map_or(0, Vec::len);
         if n == 0 {
@@ -122,7 +123,8 @@ impl Expansion {
         })
     }
 
-    /// Takes the products with up to `most` of the waiting vectors as one block of the operator's size; the next steps use them.
+    /// Takes the products with up to `most` of the waiting vectors as one block of the operator's size; the
+    /// next steps use them.
     pub(super) fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
         let count = operator.block_size().min(most).min(self.pending());
         if count < 2 || !self.ready.is_empty() {
@@ -135,8 +137,8 @@ impl Expansion {
         Ok(())
     }
 
-    /// One step: one product. `recent` is how many of the last columns hold, up to rounding, all of `A v` that is in
-    /// the span (0 when all columns do).
+    /// One step: one product. `recent` last columns contain, up to rounding, the part of `A v` in the
+    /// span (0: all columns).
     pub(super) fn step(&mut self, operator: &mut dyn Operator, recent: usize) -> Result<Step> {
         let n = self.n();
         self.fits(operator)?;
@@ -156,11 +158,11 @@ impl Expansion {
             )));
         }
 
-        // From here on nothing can fail.
+        // Nothing can fail from here on.
         self.products += 1;
         self.scale = self.scale.max(length);
         let mut removed = orthogonalize(&self.basis, &mut self.work, recent);
-        // What is left of A v is nothing but rounding errors of a product of n terms.
+        // The rest of A v is at most the rounding errors of a product of n terms.
         let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
         if !nothing_new && self.basis.len() < n {
             removed.coefficients.push(removed.norm);
@@ -188,17 +190,17 @@ impl Expansion {
         self.basis.rows()
     }
 
-    /// The dimension `m` of the subspace: steps done, less what restarts threw away.
+    /// The dimension `m` of the subspace: the number of steps, less the vectors that restarts discarded.
     pub fn steps(&self) -> usize {
         self.columns.len()
     }
 
-    /// Products taken in all.
+    /// The number of products, one a step.
     pub fn products(&self) -> usize {
         self.products
     }
 
-    /// Vectors `p` that wait for their product.
+    /// The number `p` of vectors that wait for their product.
     pub fn pending(&self) -> usize {
         self.basis.len() - self.known - self.steps()
     }
@@ -223,8 +225,8 @@ impl Expansion {
         self.scale
     }
 
-    /// How far the products taken are from those of a symmetric operator: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. About
-    /// 1e-16 for a symmetric one; the relative noise of the products otherwise. Costs no product.
+    /// The departure of the products from symmetry: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. About 1e-16 for a
+    /// symmetric operator; with noise, the relative noise of the products. Takes no product.
     pub fn asymmetry(&self) -> f64 {
         let mut difference = 0.0;
         let mut total = 0.0;
@@ -239,7 +241,8 @@ impl Expansion {
         if total > 0.0 { (difference / total).sqrt() } else { 0.0 }
     }
 
-    /// Sets memory aside for a subspace of `steps` dimensions: no step up to there asks for a long vector.
+    /// Allocates memory for a subspace of `steps` dimensions, so that no step until then allocates a long
+    /// vector.
     pub fn reserve(&mut self, steps: usize) {
         self.basis.reserve(self.known + steps.min(self.n()) + self.block);
     }
@@ -257,7 +260,7 @@ impl Expansion {
     /// Appends a random vector orthogonal to all; false when there is none.
     fn append_random(&mut self) -> bool {
         let n = self.n();
-        // In a space of a few dimensions a random vector may have next to nothing outside the span: try some more.
+        // In a space of few dimensions a random vector may lie nearly in the span: try several.
         for _ in 0..8 {
             if self.basis.len() >= n {
                 return false;
@@ -272,7 +275,8 @@ impl Expansion {
     }
 }
 
-/// Appends what of `vector` is orthogonal to `basis`, normalized; false when that is nothing but rounding errors.
+/// Appends the part of `vector` that is orthogonal to `basis`, normalized; false when that part is only
+/// rounding errors.
 fn append(basis: &mut Basis, vector: &[f64]) -> Result<bool> {
     let length = norm(vector);
     if !length.is_finite() {

@@ -1,34 +1,36 @@
-//! What can be done with any of the three factorizations.
+//! The interface of the three factorizations.
 
 use super::ritz::{RitzPair, Which, symmetric};
 use super::{Expansion, Step};
 use crate::error::Result;
 use crate::operator::Operator;
 
-/// A factorization that takes one product a step, and from which eigenpairs can be asked at no further product.
+/// A factorization that takes one product a step; eigenpairs are computed from it without any further
+/// product.
 ///
-/// It can be stopped, inspected, saved and resumed after any step. When a product fails, it is as it was before, to
+/// It can be stopped, inspected, saved and resumed after any step. When a product fails, it is as before, to
 /// the bit, and the step can be taken again.
 pub trait Factorization {
     /// Basis, coefficients and counts.
     fn expansion(&self) -> &Expansion;
 
-    /// As [`Factorization::expansion`], to set memory aside ([`Expansion::reserve`]).
+    /// As [`Factorization::expansion`], to allocate memory ([`Expansion::reserve`]).
     fn expansion_mut(&mut self) -> &mut Expansion;
 
     /// One step: one product with `operator` (`n × n`), which must be the same from step to step.
     ///
     /// # Errors
     /// [`Error::Dimension`](crate::Error::Dimension) when the operator is not `n × n`.
-    /// [`Error::Numerical`](crate::Error::Numerical) when it is not declared symmetric and has to be (no product is
-    /// taken then), or when the product holds NaN or an infinity. Whatever the product fails with. After any error the
-    /// factorization is as it was before.
+    /// [`Error::Numerical`](crate::Error::Numerical) when it is not declared symmetric and has to be (no
+    /// product is taken then), or when the product contains NaN or an infinity. The error of the product.
+    /// After any error the factorization is as it was before the step.
     fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step>;
 
-    /// Takes up to `most` of the products that come next as one block, of [`Operator::block_size`]; the following steps use them. Nothing
-    /// is taken where that size is 1, where only one vector waits, or where such products are left. For a caller that will take these
-    /// steps for certain; whether it is called changes no result. Products taken before their step do not count in
-    /// [`Factorization::products`] yet, and are not saved.
+    /// Takes up to `most` of the products that come next as one block, of [`Operator::block_size`]; the
+    /// following steps use them. Nothing is taken where that size is 1, where only one vector waits, or where
+    /// such products are left. For a caller that will take these steps for certain; whether it is called
+    /// changes no result. Products taken before their step do not count in [`Factorization::products`] yet,
+    /// and are not saved.
     ///
     /// # Errors
     /// As [`Factorization::expand`]; the factorization is then as it was before.
@@ -36,22 +38,24 @@ pub trait Factorization {
         self.expansion_mut().multiply_block(operator, most)
     }
 
-    /// The `count` Ritz pairs that are wanted most, most wanted first; `min(count, m)` of them. For a
-    /// symmetric operator, unless a factorization does otherwise.
+    /// The `min(count, m)` most wanted Ritz pairs, the most wanted first. By default those of a symmetric
+    /// operator.
     ///
     /// # Errors
     /// [`Error::Numerical`](crate::Error::Numerical) when the dense eigensolver fails on `H`.
-    /// [`Error::Option`](crate::Error::Option) naming `--which` where the end of the spectrum is not one of this
-    /// factorization's.
+    /// [`Error::Option`](crate::Error::Option) naming `--which` where this factorization cannot find that end
+    /// of the spectrum.
     fn ritz(&self, which: Which, count: usize) -> Result<Vec<RitzPair>> {
         symmetric::ritz(self.expansion(), which, count)
     }
 
-    /// Thick restart: shrinks the subspace to the `keep` Ritz vectors wanted most, at no product, and the process goes
-    /// on from there (Wu and Simon, doi:10.1137/S0895479898334605). Nothing to do for `keep ≥ m`.
+    /// Thick restart: shrinks the subspace to the `keep` most wanted Ritz vectors, without a product; the
+    /// process continues from there (Wu and Simon, doi:10.1137/S0895479898334605). Does nothing for
+    /// `keep ≥ m`.
     ///
     /// # Errors
-    /// As [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) where restarts are not supported.
+    /// As [`Factorization::ritz`]; [`Error::Numerical`](crate::Error::Numerical) where restarts are not
+    /// supported.
     fn shrink(&mut self, which: Which, keep: usize) -> Result<()> {
         symmetric::shrink(self.expansion_mut(), which, keep)
     }
@@ -66,12 +70,12 @@ pub trait Factorization {
         self.expansion().steps()
     }
 
-    /// Products taken: one a step.
+    /// The number of products, one a step.
     fn products(&self) -> usize {
         self.expansion().products()
     }
 
-    /// The subspace is the whole space less the known vectors; no further step takes a product.
+    /// Whether the subspace is the whole space without the known vectors; further steps then take no product.
     fn is_exhausted(&self) -> bool {
         self.expansion().pending() == 0
     }
@@ -96,8 +100,8 @@ pub trait Factorization {
         self.expansion().asymmetry()
     }
 
-    /// The real Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of largest
-    /// magnitude positive. Of a complex pair, the real part, as it is.
+    /// The real Ritz vector `y = V s` of a pair from this factorization: length `n`, norm 1, and the entry of
+    /// largest magnitude positive. For a complex pair, the real part without a change of sign.
     fn ritz_vector(&self, pair: &RitzPair) -> Vec<f64> {
         let mut vector = self.expansion().combine(&pair.coefficients);
         if pair.is_real() {

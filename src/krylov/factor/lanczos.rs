@@ -10,42 +10,42 @@ use crate::operator::{Operator, Symmetry};
 
 /// A Lanczos factorization of a symmetric operator `A` of `n × n`, with full reorthogonalization.
 ///
-/// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`, off-diagonal
-/// `β`) and `v` the next basis vector,
+/// After `m` steps, with `V` of `n × m` orthonormal, `T` of `m × m` symmetric tridiagonal (diagonal `α`,
+/// off-diagonal `β`) and `v` the next basis vector,
 ///
 /// ```text
 /// A V = V T + β_m v e_mᵀ,    VᵀV = I,    Vᵀv = 0,    QᵀV = 0
 /// ```
 ///
 /// where `Q` are known vectors (deflation): they are projected out of the start and of every new vector. For
-/// eigenvectors `Q` of `A` the process then sees `A` on the rest of the space only, and a further copy of their
-/// eigenvalue as a simple one.
+/// eigenvectors `Q` of `A` the process then sees `A` on the rest of the space only, and a further copy of
+/// their eigenvalue as a simple one.
 ///
-/// A step takes exactly one product. When that fails, the factorization is as it was before, to the bit, and the step
-/// can be taken again. Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one more to work in.
+/// A step takes exactly one product. When it fails, the factorization is as before, to the bit, and the step
+/// can be taken again. Storage: `m + 1 + k` vectors of `n` for `k` known ones, and one work vector.
 ///
-/// The coefficients of `A v_j` on all basis vectors, which reorthogonalization computes anyway, are kept. They are
-/// zero to rounding where `A` is symmetric, tell by how much it is not ([`Lanczos::asymmetry`]), and keep residual
-/// norms honest in that case.
+/// The coefficients of `A v_j` on all basis vectors, which reorthogonalization computes anyway, are kept.
+/// They are zero to rounding where `A` is symmetric. Otherwise they show by how much it is not
+/// ([`Lanczos::asymmetry`]), and keep the residual norms correct.
 ///
 /// # References
-/// Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very large
-/// sparse matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13, doi:10.1137/1.9781611971163. With
-/// photos for products: O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010),
-/// doi:10.1145/1882261.1866165.
+/// Lanczos (1950), doi:10.6028/jres.045.026; Paige, *The computation of eigenvalues and eigenvectors of very
+/// large sparse matrices* (1971); Parlett, *The Symmetric Eigenvalue Problem*, chapter 13,
+/// doi:10.1137/1.9781611971163. With photos for products: O'Toole and Kutulakos, sections 3 and 4; *Optical
+/// computing for fast light transport analysis* (2010), doi:10.1145/1882261.1866165.
 #[derive(Clone, Debug)]
 pub struct Lanczos {
     expansion: Expansion,
 }
 
 impl Lanczos {
-    /// A process that starts from `start` (length `n`) with the vectors of `deflate` (length `n` each, independent;
-    /// they need be neither normalized nor orthogonal) projected out. A start within their span is replaced by a
-    /// random one.
+    /// A process that starts from `start` (length `n`) with the vectors of `deflate` (length `n` each,
+    /// independent; they need be neither normalized nor orthogonal) projected out. A start within their span
+    /// is replaced by a random one.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when a length differs from the start's. [`Error::Numerical`] when a vector holds NaN or
-    /// an infinity, when `n = 0`, or when a known vector is zero or depends on those before it.
+    /// [`Error::Dimension`] when a length differs from the start's. [`Error::Numerical`] when a vector holds
+    /// NaN or an infinity, when `n = 0`, or when a known vector is zero or depends on those before it.
     pub fn new(start: &[f64], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(&[start.to_vec()], deflate)? })
     }
@@ -55,9 +55,9 @@ impl Lanczos {
         (0..self.steps()).map(|j| self.expansion.entry(j, j)).collect()
     }
 
-    /// `β_1 … β_m`: the off-diagonal of `T`, and last the norm of the residual `β_m v e_mᵀ`. Zero where the subspace
-    /// was invariant. (After [`Factorization::shrink`] the kept Ritz vectors couple to the first vector after them
-    /// instead, see [`Expansion::entry`].)
+    /// `β_1 … β_m`: the off-diagonal of `T`, and last the norm of the residual `β_m v e_mᵀ`. Zero where the
+    /// subspace was invariant. (After [`Factorization::shrink`] the kept Ritz vectors couple to the first
+    /// vector after them instead, see [`Expansion::entry`].)
     pub fn betas(&self) -> Vec<f64> {
         (0..self.steps()).map(|j| self.expansion.entry(j + 1, j)).collect()
     }
@@ -67,7 +67,7 @@ impl Lanczos {
         self.betas().last().copied().unwrap_or(0.0)
     }
 
-    /// Saves the state, so that [`Lanczos::load`] goes on to the same bits.
+    /// Saves the state, so that the process that [`Lanczos::load`] returns continues with the same bits.
     ///
     /// The format is the same for all factorizations. Numbers are little endian, floats IEEE 754 binary64:
     ///
@@ -77,12 +77,12 @@ impl Lanczos {
     /// | u32 | version, 1 |
     /// | u32 | kind: 1 Lanczos, 2 block Lanczos, 3 Arnoldi |
     /// | u64 × 7 | `n`, known vectors `k`, block size, columns `k + m + p`, steps `m`, products, random vectors drawn |
-    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on what restarts threw away |
+    /// | f64 × 2 | the largest `‖A v_j‖`; a bound on what restarts discarded |
     /// | `m` times | u64 count, as many f64: the coefficients of `A v_j` on `Q, v_1, …` |
     /// | `(k + m + p) n` f64 | `Q`, then `v_1 … v_{m+p}`, one after the other |
     /// | 32 | BLAKE3 of everything before |
     ///
-    /// A file is believed only when the checksum fits, and nothing is allocated on the word of a damaged length.
+    /// A file is accepted only when the checksum is right, and a damaged length causes no large allocation.
     ///
     /// # Errors
     /// [`Error::Write`] when the writer fails.

@@ -1,4 +1,4 @@
-//! Factorizations `A V = V⁺ H`: what products teach about an operator, apart from any question.
+//! Krylov factorizations `A V = V⁺ H`, which eigenpairs are computed from.
 
 mod arnoldi;
 mod block_lanczos;

@@ -1,15 +1,16 @@
-//! Thick restart, and what the products say outside of the subspace: all that a Ritz vector leaves over.
+//! Thick restart, and the residuals of Ritz vectors.
 
 use super::super::basis::norm;
 use super::Expansion;
 
 impl Expansion {
-    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of the lower triangle of `H`, with their values, and
-    /// the waiting vectors kept. `H` becomes `diag(values)` with the couplings to the waiting vectors below.
+    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of the lower triangle of `H`, with their
+    /// values; the waiting vectors are kept. `H` becomes `diag(values)` with the couplings to the waiting
+    /// vectors below.
     pub(super) fn restart(&mut self, kept: &[(f64, &[f64])]) {
         let (m, pending) = (self.steps(), self.pending());
         let parts: Vec<Outside> = kept.iter().map(|(_, s)| self.outside(s)).collect();
-        // What was thrown away before counts in each part; once is enough.
+        // Each part includes what earlier restarts discarded; count it once.
         let lost: Vec<f64> = parts.iter().map(|part| part.asymmetric - self.leak).collect();
         self.leak += norm(&lost);
         let vectors: Vec<&[f64]> = kept.iter().map(|(_, s)| *s).collect();
@@ -24,7 +25,8 @@ impl Expansion {
         }
     }
 
-    /// What `A V s` has outside of `V T s` for `s` of norm 1, with `T` the symmetric matrix of the lower triangle of `H`.
+    /// The components of `A V s − V T s` for `s` of norm 1, with `T` the symmetric matrix of the lower
+    /// triangle of `H`.
     pub(super) fn outside(&self, s: &[f64]) -> Outside {
         let m = self.steps();
         let mut known = vec![0.0; self.known];
@@ -45,12 +47,13 @@ impl Expansion {
     }
 }
 
-/// What `A V s` has outside of `V T s`.
+/// The components of `A V s − V T s`.
 pub(super) struct Outside {
     /// Along `Q`: zero to rounding where the known vectors are eigenvectors of a symmetric `A`.
     pub(super) known: Vec<f64>,
     /// Along the waiting vectors.
     pub(super) waiting: Vec<f64>,
-    /// The norm of `V (H − T) s`, and what restarts threw away: zero to rounding where `A` is symmetric.
+    /// The norm of `V (H − T) s` plus a bound on what restarts discarded: zero to rounding where `A` is
+    /// symmetric.
     pub(super) asymmetric: f64,
 }

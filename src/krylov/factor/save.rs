@@ -1,4 +1,4 @@
-//! A factorization on disk.
+//! Saved factorizations.
 //!
 //! The format is described at [`super::Lanczos::save`].
 
@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 
 const MAGIC: &[u8; 8] = b"KRYLUXFZ";
 const VERSION: u32 = 1;
-/// Floats passed on at a time.
+/// Floats written or read at a time.
 const CHUNK: usize = 8192;
 
 /// Which factorization a file holds.
@@ -93,7 +93,7 @@ impl<R: Read> Source<R> {
         let mut magic = [0; 8];
         self.bytes(&mut magic)?;
         if &magic != MAGIC {
-            return Err(damaged("this is no saved factorization"));
+            return Err(damaged("the file does not begin like a saved factorization"));
         }
         let version = self.u32()?;
         if version != VERSION {
@@ -155,7 +155,7 @@ impl<R: Read> Source<R> {
         self.u64().map(f64::from_bits)
     }
 
-    /// In pieces: a damaged length runs into the end of the file before it asks for all memory.
+    /// Reads in pieces, so that a damaged length reaches the end of the file before it exhausts the memory.
     fn floats(&mut self, count: usize) -> Result<Vec<f64>> {
         let mut floats = Vec::with_capacity(count.min(CHUNK));
         let mut buffer = vec![0; 8 * CHUNK.min(count)];

@@ -9,13 +9,15 @@ use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// BiCGStab: `A x = b` for any square `A` of `n × n`, preconditioned from the right.
+/// BiCGStab: solves `A x = b` for any square `A` of `n × n`, preconditioned from the right.
 ///
 /// # Properties
-/// No transpose. Two products an iteration, each of which moves the iterate: after the first along the biconjugate
-/// direction, after the second along the residual, so as to make it least. `‖r‖` is not monotone; the best iterate is
-/// kept. Ends with a sentence when a divisor vanishes. Stores nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a
-/// preconditioned one and a product.
+/// No transpose. An iteration takes two products, and each moves the iterate: the first along the biconjugate
+/// direction, the second along the residual, by the step that minimizes it. `‖r‖` is not monotone; the best
+/// iterate is returned. Ends with [`Status::Breakdown`] when a divisor vanishes.
+///
+/// # Storage
+/// Nine `n`-vectors: `b, x`, the best `x`, `r, r̃, p, v`, a preconditioned one and a product.
 ///
 /// # References
 /// van der Vorst (1992), doi:10.1137/0913035.
@@ -30,7 +32,8 @@ pub struct BiCgStab {
 }
 
 impl BiCgStab {
-    /// For `b` of length `n`. Looks at `x0` and `preconditioner` of the options.
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the
+    /// options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.
@@ -70,7 +73,7 @@ impl Solver for BiCgStab {
             axpy(-self.alpha, &self.v, &mut system.r);
             self.shared.phase = Phase::Second;
         } else {
-            // Along the residual, with `s` in its place.
+            // Along the residual, which holds `s` here.
             self.shared.residual_product(operator)?;
             let system = &mut self.shared.system;
             let square = dot(&system.work, &system.work);

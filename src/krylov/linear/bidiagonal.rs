@@ -1,4 +1,4 @@
-//! Golub–Kahan bidiagonalization, one product a step: what LSQR and LSMR share.
+//! Golub–Kahan bidiagonalization, one product a step: the process of LSQR and LSMR.
 
 use std::sync::Arc;
 
@@ -10,8 +10,8 @@ use super::{SolveOptions, precondition, refuse_left, require_positive_definite};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal, `β_{k+1}`
-/// below. It starts from the residual of the system that it holds.
+/// `C V = U B`, `Cᵀ U = V Bᵀ + α v eᵀ` for `C = A M⁻¹`, with `B` lower bidiagonal: `α_k` on its diagonal,
+/// `β_{k+1}` below. It starts from the residual of its system.
 ///
 /// # References
 /// Golub and Kahan (1965), doi:10.1137/0702016.
@@ -38,22 +38,22 @@ enum Next {
     Forward,
 }
 
-/// Which product was taken.
+/// The product that a step took.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Half {
-    /// The residual of a first iterate that was given.
+    /// `A x_0`, for the residual of the first iterate.
     Residual,
-    /// The first `Cᵀ u`: `α_1` is there.
+    /// The first `Cᵀ u`, which gives `α_1`.
     First,
-    /// `C v`: `β_{k+1}` is there.
+    /// `C v`, which gives `β_{k+1}`.
     Forward,
-    /// `Cᵀ u`: `α_{k+1}` is there.
+    /// `Cᵀ u`, which gives `α_{k+1}`.
     Adjoint,
 }
 
 impl Bidiagonal {
-    /// For `b` of length `rows` and `x` of length `cols`. A preconditioner must be symmetric, as it is applied with
-    /// `Aᵀ` too.
+    /// For `b` of length `rows` and `x` of length `cols`. A preconditioner must be symmetric, as it is
+    /// applied with `Aᵀ` too.
     pub(super) fn new(method: &str, cols: usize, b: &[f64], options: &SolveOptions) -> Result<Self> {
         require_positive_definite(method, options)?;
         refuse_left(method, options)?;
@@ -77,7 +77,7 @@ impl Bidiagonal {
         if self.preconditioner.is_some() { &self.hat } else { &self.v }
     }
 
-    /// One product. A vector that vanishes (to rounding) is zero from then on, and its `α` or `β` with it.
+    /// Takes one product. A vector that vanishes (to rounding) becomes zero, and so does its `α` or `β`.
     pub(super) fn advance(&mut self, operator: &mut dyn Adjoint) -> Result<Half> {
         self.system.fits(operator)?;
         if self.system.pending {
@@ -108,7 +108,7 @@ impl Bidiagonal {
             self.work.copy_from_slice(&self.hat);
         }
         let half = if self.alpha == 0.0 { Half::First } else { Half::Adjoint };
-        // α is 0 before the first, where v is 0 too.
+        // Before the first product, both α and v are 0.
         let beta = if half == Half::First { 0.0 } else { self.beta };
         update(&mut self.v, &self.work, |v, atu| atu - beta * v);
         self.alpha = normalize(&mut self.v, beta, &mut self.scale);

@@ -11,15 +11,19 @@ use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_po
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// Conjugate gradients: `A x = b` for a symmetric positive definite `A` of `n × n`.
+/// Conjugate gradients: solves `A x = b` for a symmetric positive definite `A` of `n × n`.
 ///
-/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without the roots.
+/// With a symmetric positive definite `M` it is conjugate gradients on `M^-½ A M^-½`, without computing the
+/// roots.
 ///
 /// # Properties
-/// `‖x − A⁻¹b‖_A` falls monotonically; `‖r‖` need not, so the best iterate is kept. One product a step. Ends with a
-/// sentence when a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite, or when `zᵀAp ≠ pᵀAp` shows that it
-/// is not symmetric (in exact arithmetic `p` and the direction before it are conjugate). Stores seven `n`-vectors:
-/// `b, x`, the best `x`, `r, z, p` and `A p`.
+/// `‖x − A⁻¹b‖_A` falls monotonically. `‖r‖` may rise, so the best iterate is returned. One product a step.
+/// Ends with [`Status::Breakdown`] when a curvature `pᵀAp ≤ 0` shows that `A` is not positive definite, and
+/// with [`Status::NotSymmetric`] when `zᵀAp ≠ pᵀAp` (in exact arithmetic `p` and the direction before it are
+/// conjugate).
+///
+/// # Storage
+/// Seven `n`-vectors: `b, x`, the best `x`, `r, z, p` and `A p`.
 ///
 /// # References
 /// Hestenes and Stiefel (1952), doi:10.6028/jres.049.044.
@@ -32,18 +36,19 @@ pub struct Cg {
     p: Vec<f64>,
     /// `rᵀ z` of the step before; 0 at the start.
     rho: f64,
-    /// `p` belongs to the current residual.
+    /// Whether `p` was computed from the current residual.
     directed: bool,
     symmetry_tolerance: f64,
 }
 
 impl Cg {
-    /// For `b` of length `n`. Looks at `x0` and `preconditioner` of the options, and judges symmetry by `noise`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge
+    /// symmetry, `noise` of the options.
     ///
     /// # Errors
-    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ, [`Error::Numerical`](crate::Error::Numerical)
-    /// for NaN, [`Error::Option`](crate::Error::Option) for a preconditioner that is not positive definite or an
-    /// impossible option.
+    /// [`Error::Dimension`](crate::Error::Dimension) when lengths differ,
+    /// [`Error::Numerical`](crate::Error::Numerical) for NaN, [`Error::Option`](crate::Error::Option) for a
+    /// preconditioner that is not positive definite or an impossible option.
     pub fn new(b: &[f64], options: &SolveOptions) -> Result<Self> {
         require_positive_definite("CG", options)?;
         refuse_left("CG", options)?;
@@ -60,8 +65,9 @@ impl Cg {
     }
 }
 
-/// Rounding leaves departures from symmetry of 1e-16 times a growth that stays small before convergence; anything
-/// above 1e-6 is not rounding. Noise of a relative size shows as itself.
+/// The relative departure from symmetry that is tolerated. Rounding causes departures of 1e-16 times a growth
+/// that stays small before convergence, so anything above 1e-6 is not rounding. Relative noise causes
+/// departures of its own size.
 pub(super) fn symmetry_tolerance(options: &SolveOptions) -> f64 {
     (10.0 * options.noise).max(1e-6)
 }

@@ -7,12 +7,16 @@ use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// Conjugate gradients squared: `A x = b` for any square `A` of `n × n`, preconditioned from the right.
+/// Conjugate gradients squared: solves `A x = b` for any square `A` of `n × n`, preconditioned from the
+/// right.
 ///
 /// # Properties
-/// No transpose. Two products an iteration, and the iterate moves with the second. `‖r‖` jumps about, so the best
-/// iterate is kept. Ends with a sentence when a divisor vanishes (a skew-symmetric `A`, for one). Stores twelve
-/// `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two for preconditioned ones, and a product.
+/// No transpose. An iteration takes two products, and the iterate moves with the second. `‖r‖` is erratic, so
+/// the best iterate is returned. Ends with [`Status::Breakdown`] when a divisor vanishes (for example for a
+/// skew-symmetric `A`).
+///
+/// # Storage
+/// Twelve `n`-vectors: `b, x`, the best `x`, `r, r̃, u, p, q, v`, two preconditioned ones, and a product.
 ///
 /// # References
 /// Sonneveld (1989), doi:10.1137/0910004.
@@ -30,7 +34,8 @@ pub struct Cgs {
 }
 
 impl Cgs {
-    /// For `b` of length `n`. Looks at `x0` and `preconditioner` of the options.
+    /// The state before the first step, for `b` of length `n`. Reads `x0` and `preconditioner` of the
+    /// options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.

@@ -10,20 +10,22 @@ use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// LSMR: `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`, by making `‖Aᵀ r‖` least in each step.
+/// LSMR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`; each step minimizes `‖Aᵀ r‖`.
 ///
-/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, with `‖M⁻¹ Aᵀ r‖` in the place of `‖Aᵀ r‖`; the
-/// residual that is reported is the true one.
+/// With a symmetric positive definite `M` it is LSMR on `C = A M⁻¹`, which minimizes `‖M⁻¹ Aᵀ r‖` instead;
+/// the residual that is reported is the true one.
 ///
 /// # Properties
-/// Equal to MINRES on the normal equations. `‖Aᵀ r‖` falls monotonically, and `‖r‖` does too. One product with `Aᵀ`
-/// to begin with, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the second. Ends where `‖Aᵀ r‖`
-/// vanishes (a least-squares solution; of all of them the one nearest to the first iterate). Stores `b`, `r`, `u` and
-/// a product of length `rows`, and `x`, the best `x`, `v`, two directions and a product of length `cols`;
-/// with a preconditioner `M⁻¹ v` too.
+/// Equal to MINRES on the normal equations. Both `‖Aᵀ r‖` and `‖r‖` fall monotonically. It takes one product
+/// with `Aᵀ` first, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the second. Ends where
+/// `‖Aᵀ r‖` vanishes: at the least-squares solution nearest to the first iterate.
+///
+/// # Storage
+/// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, two directions and a product of
+/// length `cols`, and with a preconditioner `M⁻¹ v`.
 ///
 /// # References
-/// Fong and Saunders (2011), doi:10.1137/10079687X; the names are theirs.
+/// Fong and Saunders (2011), doi:10.1137/10079687X; variables are named as there.
 #[derive(Clone)]
 pub struct Lsmr {
     process: Bidiagonal,
@@ -36,11 +38,11 @@ pub struct Lsmr {
     rho_bar: f64,
     c_bar: f64,
     s_bar: f64,
-    /// `‖r‖`, by a recurrence of scalars.
+    /// `‖r‖`, from a recurrence of scalars.
     norm: ResidualNorm,
 }
 
-/// Section 5 of Fong and Saunders: `‖r_k‖` without `r_k`.
+/// The recurrence for `‖r_k‖` that does not need `r_k`: section 5 of Fong and Saunders.
 #[derive(Clone, Copy)]
 struct ResidualNorm {
     beta_dd: f64,
@@ -51,7 +53,7 @@ struct ResidualNorm {
 }
 
 impl ResidualNorm {
-    /// With `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this iteration.
+    /// The next `‖r‖`: with `β̂ = c β̈`, `β̈ ← −s β̈`, `θ̄`, `ρ̄`, `ζ_{k−1}` and `ζ_k` of this iteration.
     fn advance(&mut self, (c, s): (f64, f64), theta_bar: f64, rho_bar: f64, zetas: (f64, f64)) -> f64 {
         let beta_hat = c * self.beta_dd;
         self.beta_dd *= -s;
@@ -67,7 +69,8 @@ impl ResidualNorm {
 }
 
 impl Lsmr {
-    /// For `b` of length `rows` and `x` of length `cols`. Looks at `x0` and `preconditioner` of the options.
+    /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
+    /// `preconditioner` of the options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new).

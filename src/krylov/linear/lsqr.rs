@@ -11,16 +11,20 @@ use super::{Advance, SolveOptions, Solver};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// LSQR: `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`; of all solutions the one nearest to the first iterate.
+/// LSQR: solves `min ‖b − A x‖₂` for `A` of any shape, `rows × cols`, and finds the solution nearest to the
+/// first iterate.
 ///
-/// With a symmetric positive definite `M` it is LSQR on `A M⁻¹`: the residual that is minimized is the true one, and
-/// of all solutions it finds the one nearest in the norm of `M²`.
+/// With a symmetric positive definite `M` it is LSQR on `A M⁻¹`: it minimizes the true residual, and finds
+/// the solution nearest in the norm of `M²`.
 ///
 /// # Properties
-/// Equal to conjugate gradients on the normal equations, and more stable. `‖r‖` falls monotonically. One product with
-/// `Aᵀ` to begin with, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the first. Ends where
-/// `‖Aᵀ r‖` vanishes (a least-squares solution). Stores `b`, `r`, `u` and a product of length `rows`, and `x`, the
-/// best `x`, `v`, a direction and a product of length `cols`; with a preconditioner `M⁻¹ v` too.
+/// Equal to conjugate gradients on the normal equations, but more stable. `‖r‖` falls monotonically. It takes
+/// one product with `Aᵀ` first, then two an iteration, `A v` and `Aᵀ u`; the iterate moves with the first.
+/// Ends where `‖Aᵀ r‖` vanishes (a least-squares solution).
+///
+/// # Storage
+/// `b`, `r`, `u` and a product of length `rows`; `x`, the best `x`, `v`, a direction and a product of length
+/// `cols`, and with a preconditioner `M⁻¹ v`.
 ///
 /// # References
 /// Paige and Saunders (1982), doi:10.1145/355984.355989.
@@ -37,7 +41,8 @@ pub struct Lsqr {
 }
 
 impl Lsqr {
-    /// For `b` of length `rows` and `x` of length `cols`. Looks at `x0` and `preconditioner` of the options.
+    /// The state before the first step, for `b` of length `rows` and `x` of length `cols`. Reads `x0` and
+    /// `preconditioner` of the options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new).

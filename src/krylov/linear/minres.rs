@@ -13,42 +13,46 @@ use super::{Advance, SolveOptions, Solver, precondition, refuse_left, require_po
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖`: no better `x` exists, to what products in double precision can tell.
+/// At `‖A r‖ ≤ 1e-10 ‖A‖ ‖r‖` no better `x` exists, as far as products in double precision can tell.
 pub(super) const LEAST_SQUARES: f64 = 1e-10;
 
-/// In exact arithmetic the residual never rises. When it does, by more than the rounding of its norm, the Lanczos
-/// vectors have lost their orthogonality to what is left: a least-squares residual, which further steps only blow up
-/// (Choi, Paige and Saunders (2011), doi:10.1137/100787921).
+/// In exact arithmetic the residual never rises. When it rises by more than the rounding of its norm, the
+/// Lanczos vectors have lost their orthogonality to the remaining least-squares residual, and further steps
+/// would only make it larger (Choi, Paige and Saunders (2011), doi:10.1137/100787921).
 const RISE: f64 = 1e-14;
 
-/// MINRES: `min ‖b − A x‖₂` for a symmetric `A` of `n × n`, definite or not.
+/// MINRES: solves `min ‖b − A x‖₂` for a symmetric `A` of `n × n`, definite or not.
 ///
-/// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`, that is, it is MINRES on
-/// `M^-½ A M^-½` without the roots: symmetry is kept. With `M = D` that is symmetric scaling.
+/// With a symmetric positive definite `M` it minimizes `‖b − A x‖` in the norm of `M⁻¹`: it is MINRES on
+/// `M^-½ A M^-½`, without computing the roots, so symmetry is kept. With `M = D` this is symmetric scaling.
 ///
 /// # Properties
-/// `‖r‖` (in the norm of `M⁻¹`) falls monotonically, and so does the residual that is reported where there is no
-/// preconditioner; with one, the best iterate in the 2-norm is kept. The true residual comes from a recurrence, at no
-/// product. One product a step. Ends where `‖A r‖` vanishes (a least-squares solution of a singular system), and
-/// where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise (the operator is not symmetric). Stores
-/// twelve `n`-vectors: `b, x`, the best `x`, `r`, two Lanczos vectors, their preconditioned selves and the next one's,
-/// two directions, and a product.
+/// `‖r‖` in the norm of `M⁻¹` falls monotonically. Without a preconditioner this is the residual that is
+/// reported; with one, the best iterate in the 2-norm is returned. The true residual comes from a recurrence
+/// and costs no product. One product a step. Ends where `‖A r‖` vanishes (a least-squares solution of a
+/// singular system), and where `v_{j−1}ᵀ A v_j` differs from `β_j` by more than rounding or noise (the
+/// operator is not symmetric).
+///
+/// # Storage
+/// Twelve `n`-vectors: `b, x`, the best `x`, `r`, two Lanczos vectors, these two and the next one
+/// preconditioned, two directions, and a product.
 ///
 /// # References
-/// Paige and Saunders (1975), doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements
-/// and Fast Iterative Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
+/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Paige and Saunders (1975),
+/// doi:10.1137/0712047; with preconditioner: Elman, Silvester and Wathen, *Finite Elements and Fast Iterative
+/// Solvers*, algorithm 4.1, doi:10.1093/acprof:oso/9780199678792.001.0001.
 #[derive(Clone)]
 pub struct Minres {
     system: System,
     preconditioner: Option<Arc<dyn Preconditioner>>,
-    /// Lanczos vectors, orthonormal in `M⁻¹`: the one before, and the current one.
+    /// The previous and the current Lanczos vector, orthonormal in `M⁻¹`.
     v_old: Vec<f64>,
     v: Vec<f64>,
     /// `M⁻¹ v` of both.
     z_old: Vec<f64>,
     z: Vec<f64>,
     z_next: Vec<f64>,
-    /// Directions of the two steps before.
+    /// Directions of the two previous steps.
     w_old: Vec<f64>,
     w: Vec<f64>,
     /// `β_j`, and `η`, the residual's norm in `M⁻¹` with its sign.
@@ -64,7 +68,8 @@ pub struct Minres {
 }
 
 impl Minres {
-    /// For `b` of length `n`. Looks at `x0` and `preconditioner` of the options, and judges symmetry by `noise`.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner` and, to judge
+    /// symmetry, `noise` of the options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new).
@@ -147,7 +152,7 @@ impl Solver for Minres {
         }
         self.scale = self.scale.max(alpha.hypot(beta).hypot(beta_next));
         if beta_next <= f64::EPSILON * 10.0 * self.scale {
-            // The subspace is invariant: what is left of the vector is rounding errors.
+            // The subspace is invariant: only rounding errors remain of the vector.
             beta_next = 0.0;
         }
         let [c1, c0] = self.cosines;

@@ -1,8 +1,9 @@
 //! Linear systems `A x = b`, one product a step.
 //!
-//! Each method is a state ([`Solver`]) that takes at most one product a step, so that a product that fails can be
-//! taken again and loses nothing; [`solve`](super::solve) drives one until the tolerance is reached, the residual is
-//! down to the noise, or the budget is spent. What each needs and stores stands in [`METHODS`](super::METHODS).
+//! Each method is a state ([`Solver`]) that takes at most one product a step, so that a product that fails
+//! can be taken again and loses nothing; [`solve`](super::solve) drives one until the tolerance is reached,
+//! the residual is down to the noise, or the budget is spent. The table [`METHODS`](super::METHODS) lists the
+//! needs and the storage of each.
 
 mod bicgstab;
 mod bidiagonal;

@@ -1,4 +1,4 @@
-//! What a solver is asked for, as a plain value.
+//! The options of the solvers.
 
 use std::fmt;
 use std::sync::Arc;
@@ -7,47 +7,54 @@ use super::super::boxed::Surrogate;
 use super::super::precondition::Preconditioner;
 use crate::error::{Error, Result};
 
-/// On which side GMRES has its preconditioner. (CG and MINRES split theirs, which keeps the operator symmetric; CGS,
-/// BiCGStab and FGMRES have it on the right.)
+/// The side of the preconditioner of GMRES. (CG and MINRES split theirs, which keeps the operator symmetric;
+/// CGS, BiCGStab, FGMRES, LSQR and LSMR have it on the right.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Side {
-    /// `A M⁻¹ u = b`, `x = M⁻¹ u`: the residual that is minimized is the true one.
+    /// `A M⁻¹ u = b`, `x = M⁻¹ u`: minimizes the true residual.
     #[default]
     Right,
     /// `M⁻¹ A x = M⁻¹ b`: minimizes `‖M⁻¹ r‖`.
     Left,
 }
 
-/// What a solver of `A x = b` is asked for. The defaults: 50 products, `x_0 = 0`, no preconditioner, the box [0, 1].
+/// The options of the solvers of `A x = b`. Each field says which methods read it; the others ignore it
+/// unless stated otherwise. By default: 50 products, `x_0 = 0`, no preconditioner, the box [0, 1].
 #[derive(Clone)]
 pub struct SolveOptions {
-    /// How many products at most, of `A` and `Aᵀ` together. Default 50.
+    /// The most products, with `A` and `Aᵀ` together. Read by all methods. Default 50.
     pub products: usize,
-    /// Done when `‖b − A x‖ ≤ rtol ‖b‖ + atol`. Default 1e-6; 0 asks for all that the budget gives.
+    /// Done when `‖b − A x‖ ≤ rtol ‖b‖ + atol`. Read by all methods; krylov-box also ends where its model
+    /// predicts no gain beyond it. Default 1e-6; 0 uses the whole budget.
     pub rtol: f64,
-    /// See `rtol`. Default 0.
+    /// See `rtol`. Read by all methods. Default 0.
     pub atol: f64,
-    /// The relative noise `δ` of a product: what it returns is within `δ ‖A v‖` of `A v`. Going on below
-    /// `‖b − A x‖ ≤ δ ‖b‖` fits noise, so the method stops there (the discrepancy principle: Morozov (1966);
-    /// Simoncini and Szyld (2003), doi:10.1137/S1064827502406415, for products that are inexact). Default 0.
+    /// The relative noise `δ` of a product, which is within `δ ‖A v‖` of `A v`. Steps below
+    /// `‖b − A x‖ ≤ δ ‖b‖` would fit noise, so the method stops there (the discrepancy principle: Morozov
+    /// (1966); for inexact products: Simoncini and Szyld (2003), doi:10.1137/S1064827502406415). Read by all
+    /// methods; CG and MINRES also tolerate this departure from symmetry. Default 0.
     pub noise: f64,
-    /// The first iterate, of length `cols`; its residual takes a product. Default `None`: zero, whose residual is `b`
-    /// (inside a box: `clip(b / diagonal)`).
+    /// The first iterate, of length `cols`; its residual takes a product. Read by all methods. Default
+    /// `None`: zero, whose residual is `b`, or `b / diagonal` for the methods with bounds, clipped to them.
     pub x0: Option<Vec<f64>>,
-    /// `M⁻¹`. Default none.
+    /// `M⁻¹`. Read by CG, MINRES, LSQR and LSMR (`M` must be symmetric positive definite), and by CGS,
+    /// BiCGStab, GMRES and FGMRES; the methods with bounds refuse one. Default none.
     pub preconditioner: Option<Arc<dyn Preconditioner>>,
-    /// Where GMRES puts it. Default right.
+    /// The side of the preconditioner. Read by GMRES; the other methods refuse [`Side::Left`] together with a
+    /// preconditioner. Default right.
     pub side: Side,
-    /// GMRES and FGMRES start afresh after so many products. Default `None`: never within the budget.
+    /// Products after which the method restarts. Read by GMRES and FGMRES. Default `None`: no restart.
     pub restart: Option<usize>,
-    /// The box's lower bound (α of the paper's [α, 1]). Default 0. Only for methods inside a box.
+    /// The lower bound of the box (α of the paper's [α, 1]). Read by Jacobi, FISTA and krylov-box. Default 0.
     pub lower: f64,
-    /// The box's upper bound. Default 1.
+    /// The upper bound of the box. Read by Jacobi, FISTA and krylov-box. Default 1.
     pub upper: f64,
-    /// `D`, of length `n`, by which methods inside a box scale their steps: `A 1`, the white photo. Default `None`:
-    /// they take it by themselves, for one product.
+    /// `D = A 1`, the white photo, of length `n`, which scales the steps and the first iterate. Read by
+    /// Jacobi, FISTA, krylov-box, MRNSD and the multiplicative method. Default `None`: the method takes it
+    /// first, for one product.
     pub diagonal: Option<Vec<f64>>,
-    /// What krylov-box takes the operator for where no product has told of it yet. Default none: a multiple of `D`.
+    /// The approximation of `A` on directions that no product has explored yet. Read by krylov-box. Default
+    /// none: a multiple of `D`.
     pub surrogate: Option<Arc<dyn Surrogate>>,
 }
 
@@ -95,7 +102,7 @@ impl SolveOptions {
         self.rtol * rhs_norm + self.atol
     }
 
-    /// Refuses values that no method can work with.
+    /// Refuses values that no method accepts.
     pub(crate) fn check(&self) -> Result<()> {
         let refuse = |option: &str, fault: String, help: &str| {
             Err(Error::Option { option: option.into(), fault, help: help.into() })

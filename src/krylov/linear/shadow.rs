@@ -1,4 +1,4 @@
-//! What CGS and BiCGStab share: a fixed shadow of the first residual, and the scalars that it gives.
+//! The state shared by CGS and BiCGStab: the fixed shadow residual, and the scalars computed with it.
 
 use std::sync::Arc;
 
@@ -10,13 +10,13 @@ use super::{Advance, SolveOptions, precondition, refuse_left};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// A system, the shadow `r̃ = r_0` of its residual, and where in an iteration of two products the method stands.
+/// A system, its shadow residual `r̃ = r_0`, and the stage within an iteration of two products.
 #[derive(Clone)]
 pub(super) struct Shadowed {
     pub(super) system: System,
     preconditioner: Option<Arc<dyn Preconditioner>>,
     shadow: Vec<f64>,
-    /// `M⁻¹` of what was multiplied last.
+    /// `M⁻¹` times the vector that was multiplied last.
     pub(super) hat: Vec<f64>,
     rho: f64,
     pub(super) phase: Phase,
@@ -25,16 +25,16 @@ pub(super) struct Shadowed {
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Phase {
     Start,
-    /// A new direction has to be made.
+    /// The next step computes a new direction.
     Direction,
-    /// The first product of the iteration is due.
+    /// The next step takes the first product of the iteration.
     First,
-    /// The second is due.
+    /// The next step takes the second product.
     Second,
 }
 
 impl Shadowed {
-    /// For `b` of length `n`.
+    /// The state before the first step, for `b` of length `n`.
     pub(super) fn new(method: &str, b: &[f64], options: &SolveOptions) -> Result<Self> {
         refuse_left(method, options)?;
         Ok(Self {
@@ -47,7 +47,8 @@ impl Shadowed {
         })
     }
 
-    /// Opens a step: `true` when it took the residual of a given first iterate, and is done with that.
+    /// Begins a step. `true` when the step took its product for the residual of the first iterate, and is
+    /// complete.
     pub(super) fn open(&mut self, operator: &mut dyn Adjoint) -> Result<bool> {
         self.system.fits(operator)?;
         square(self.system.b.len(), self.system.x.len())?;
@@ -79,7 +80,7 @@ impl Shadowed {
         self.system.tally.product(operator, &self.hat, &mut self.system.work)
     }
 
-    /// `A M⁻¹ r`, likewise.
+    /// `A M⁻¹ r`, into the system's `work`.
     pub(super) fn residual_product(&mut self, operator: &mut dyn Adjoint) -> Result<()> {
         precondition(self.preconditioner.as_ref(), &self.system.r, &mut self.hat)?;
         self.system.tally.product(operator, &self.hat, &mut self.system.work)
@@ -94,7 +95,7 @@ impl Shadowed {
         Ok(self.rho / sigma)
     }
 
-    /// Closes a step that moved the iterate.
+    /// Ends a step that moved the iterate.
     pub(super) fn close(&mut self) -> Advance {
         let residual = norm(&self.system.r);
         self.system.note(residual);
@@ -106,7 +107,7 @@ impl Shadowed {
     }
 }
 
-/// An inner product that is zero but for rounding: dividing by it would return noise.
+/// Whether an inner product is zero to rounding: a quotient by it would be noise.
 pub(super) fn negligible(product: f64, a: &[f64], b: &[f64]) -> bool {
     product.abs() <= f64::EPSILON * norm(a) * norm(b)
 }

@@ -1,4 +1,5 @@
-//! The driver: steps until it is time to stop, a row of history for each product.
+//! The driver of the solvers: takes steps until a stopping criterion is met, and records a row of history for
+//! each product.
 
 use std::ops::ControlFlow;
 
@@ -9,10 +10,10 @@ use crate::error::{Error, Result};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Adjoint, Operator, Symmetry};
 
-/// What a step came to.
+/// The outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Advance {
-    /// There is more to gain.
+    /// Further steps can improve the iterate.
     Continuing,
     /// The method ends here, for this reason.
     Ended(Status),
@@ -20,17 +21,18 @@ pub enum Advance {
 
 /// A method for `A x = b` as a state that takes steps.
 pub trait Solver {
-    /// One step: at most one product with `A` or `Aᵀ` of `operator`, which must be the same from step to step.
+    /// One step: at most one product with `A` or `Aᵀ` of `operator`, which must be the same from step to
+    /// step.
     ///
     /// # Errors
-    /// Whatever the product fails with, and [`Error::Numerical`] for one that holds NaN. After that the state is as
-    /// it was (a product of the step before included), and the step can be taken again, to the same bits.
-    /// [`Error::Dimension`] when the operator does not fit; [`Error::Numerical`] when it is not declared symmetric
-    /// and the method needs that. Whatever the preconditioner fails with; a product may be lost then.
+    /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as
+    /// before the step, and the step can be taken again, with the same bits. [`Error::Dimension`] when the
+    /// operator does not fit; [`Error::Numerical`] when it is not declared symmetric and the method needs
+    /// that. The error of the preconditioner; a product may be lost then.
     fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
     /// Products and residuals so far.
     fn tally(&self) -> Tally;
-    /// The best iterate so far, of length `cols`; its residual norm is [`Tally::best`]. No product.
+    /// The best iterate so far, of length `cols`; its residual norm is [`Tally::best`]. Takes no product.
     fn solution(&self) -> Vec<f64>;
 }
 
@@ -39,14 +41,14 @@ pub trait Solver {
 pub struct SolveRow {
     /// Products taken so far.
     pub products: usize,
-    /// `‖b − A x‖ / ‖b‖` of the iterate as it was then (absolute for `b = 0`; infinite before a given first iterate's
-    /// is known).
+    /// `‖b − A x‖ / ‖b‖` of the iterate after that product (absolute for `b = 0`; infinite until the residual
+    /// of `x0` is known).
     pub residual: f64,
-    /// The least so far: that of the solution, had the budget ended here.
+    /// The smallest so far: that of the solution if the budget had ended here.
     pub best: f64,
 }
 
-/// What a solver found.
+/// The result of a solver.
 #[derive(Clone, Debug)]
 pub struct Solution {
     /// The best iterate, of length `cols`.
@@ -55,17 +57,18 @@ pub struct Solution {
     pub residual: f64,
     /// A row for each product of this run.
     pub history: Vec<SolveRow>,
-    /// Products in all, and why it ended.
+    /// The number of products in all, and why the method ended.
     pub stats: Stats,
 }
 
-/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the operator's
-/// observer stops it, or the method itself ends. The observer sees each product ([`Estimate::Solution`]). `options` should be those that the solver was made with; of them `products`,
-/// `rtol`, `atol` and `noise` are looked at. `products` counts those already taken.
+/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the
+/// operator's observer stops it, or the method itself ends. The observer sees each product
+/// ([`Estimate::Solution`]). `options` should be those that the solver was made with; `products`, `rtol`,
+/// `atol` and `noise` are read here. `products` includes those already taken.
 ///
 /// # Errors
 /// As [`Solver::step`]. The solver then holds everything up to the product that failed: its
-/// [`solution`](Solver::solution) is there, and calling this again goes on.
+/// [`solution`](Solver::solution) is valid, and another call continues from there.
 pub fn solve_from<O: Adjoint + ?Sized>(
     solver: &mut dyn Solver,
     operator: &mut O,
@@ -125,8 +128,8 @@ fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOpt
     })
 }
 
-/// An operator whose transpose is not at hand, where one is asked for that has it. A symmetric operator is its own
-/// transpose; of any other one a transposed product is an error.
+/// An operator without a transpose, for a caller that needs an [`Adjoint`]. A symmetric operator is its own
+/// transpose; for any other one a product with the transpose is an error.
 pub struct ForwardOnly<'a>(pub &'a mut dyn Operator);
 
 impl ForwardOnly<'_> {

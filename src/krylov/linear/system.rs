@@ -1,4 +1,5 @@
-//! What all solvers share: the system, the iterate and its residual, and products that are counted and checked.
+//! The state shared by all solvers: the system, the iterate and its residual, and products that are counted
+//! and checked.
 
 use super::super::basis::norm;
 use super::super::vectors::{axpy, update};
@@ -6,16 +7,16 @@ use super::options::SolveOptions;
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Symmetry};
 
-/// What a solver knows of its progress, at no product.
+/// A solver's progress; known without a product.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tally {
     /// Products with `A` and `Aᵀ` so far.
     pub products: usize,
     /// `‖b‖`.
     pub rhs_norm: f64,
-    /// `‖b − A x‖` of the current iterate; infinite while a given first iterate's is not known.
+    /// `‖b − A x‖` of the current iterate; infinite until the residual of `x0` is known.
     pub residual: f64,
-    /// The least residual norm so far: that of the solution that would be returned now.
+    /// The smallest residual norm so far: that of the solution that would be returned now.
     pub best: f64,
 }
 
@@ -25,13 +26,13 @@ impl Tally {
         if self.rhs_norm > 0.0 { residual / self.rhs_norm } else { residual }
     }
 
-    /// Takes `y = A x`, counts it and checks it. Nothing is counted when it fails.
+    /// Takes `y = A x`, counts it and checks it for NaN. A product that fails is not counted.
     pub(crate) fn product(&mut self, operator: &mut dyn Adjoint, x: &[f64], y: &mut [f64]) -> Result<()> {
         operator.apply(x, y)?;
         self.count(y)
     }
 
-    /// Takes `x = Aᵀ y` likewise.
+    /// Takes `x = Aᵀ y`, as [`Tally::product`].
     pub(crate) fn adjoint(&mut self, operator: &mut dyn Adjoint, y: &[f64], x: &mut [f64]) -> Result<()> {
         operator.apply_adjoint(y, x)?;
         self.count(x)
@@ -54,13 +55,13 @@ impl Tally {
 pub(crate) struct System {
     pub(crate) b: Vec<f64>,
     pub(crate) x: Vec<f64>,
-    /// `b − A x`; meaningless while `pending`.
+    /// `b − A x`; not yet valid while `pending`.
     pub(crate) r: Vec<f64>,
     pub(crate) tally: Tally,
-    /// The iterate was given, and its residual has yet to be taken.
+    /// Whether the residual of `x0` has yet to be taken.
     pub(crate) pending: bool,
     best: Vec<f64>,
-    /// Room for a product of length `rows`.
+    /// A product, of length `rows`.
     pub(crate) work: Vec<f64>,
 }
 
@@ -93,7 +94,7 @@ impl System {
         })
     }
 
-    /// The solver cannot work on an operator of another shape.
+    /// Refuses an operator of another shape.
     pub(crate) fn fits(&self, operator: &dyn Adjoint) -> Result<()> {
         let (rows, cols) = (operator.rows(), operator.cols());
         if rows == self.b.len() && cols == self.x.len() {
@@ -116,8 +117,9 @@ impl System {
         Ok(())
     }
 
-    /// Notes the residual norm of the current iterate, and keeps the iterate if it is the best. Of two that are equal
-    /// to rounding the later one is: where `‖r‖` has long settled at a least-squares solution's, `x` still converges.
+    /// Records the residual norm of the current iterate, and keeps the iterate if it is the best. If two are
+    /// equal to rounding, the later one is better: when `‖r‖` has reached that of a least-squares solution,
+    /// `x` still converges.
     pub(crate) fn note(&mut self, residual: f64) {
         self.tally.residual = residual;
         if residual <= self.tally.best * (1.0 + 1e-12) {
@@ -132,12 +134,12 @@ impl System {
     }
 }
 
-/// A method for square systems met one that is not.
+/// Refuses a system that is not square.
 pub(crate) fn square(rows: usize, cols: usize) -> Result<()> {
     same_length("the operator of a square system, in rows", cols, rows)
 }
 
-/// A method for symmetric operators refuses one that is not declared symmetric.
+/// Refuses an operator that is not declared symmetric, on behalf of `method`.
 pub(crate) fn declared_symmetric(method: &str, operator: &dyn Adjoint) -> Result<()> {
     if operator.symmetry() == Symmetry::Symmetric {
         return Ok(());

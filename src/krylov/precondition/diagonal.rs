@@ -1,4 +1,4 @@
-//! Division by a diagonal.
+//! The diagonal (Jacobi) preconditioner.
 
 use super::super::vectors::update2;
 use super::Preconditioner;
@@ -6,16 +6,17 @@ use crate::error::{Error, Result};
 
 /// `M = diag(d)`: `M⁻¹ r = r / d`, entry by entry.
 ///
-/// With CG and MINRES this is symmetric scaling, `D^-½ A D^-½`. `d = A 1` (the white photo) brings the spectrum of a
-/// non-negative symmetric `A` into [−1, 1]; `d` = the direct image leaves `I` plus the indirect light.
+/// With CG and MINRES this is symmetric scaling, `D^-½ A D^-½`. `d = A 1` (the white photo) brings the
+/// spectrum of a non-negative symmetric `A` into [−1, 1]; with `d` = the direct image, `M⁻¹ A` is `I` plus
+/// scaled indirect light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagonal {
     entries: Vec<f64>,
 }
 
 impl Diagonal {
-    /// `M = diag(entries)`, `n` positive numbers. Entries below `1e-6` of the largest (pixels that see no light) are
-    /// raised to that, so that dividing by them does not drown the others.
+    /// `M = diag(entries)`, `n` positive numbers. Entries below `1e-6` of the largest (pixels that see no
+    /// light) are raised to that, so that they do not dominate the quotient.
     ///
     /// # Errors
     /// [`Error::Numerical`] when an entry is negative, infinite or NaN, or when none is positive.
@@ -28,7 +29,7 @@ impl Diagonal {
         }
         let largest = entries.iter().copied().fold(0.0, f64::max);
         if largest == 0.0 {
-            return Err(Error::Numerical("a preconditioner's diagonal is zero throughout".into()));
+            return Err(Error::Numerical("all entries of a preconditioner's diagonal are zero".into()));
         }
         for entry in &mut entries {
             *entry = entry.max(1e-6 * largest);

@@ -18,13 +18,13 @@ use crate::error::Result;
 
 /// An approximate inverse `M⁻¹` of `n × n`. Applying it takes no product with `A`.
 pub trait Preconditioner: Send + Sync {
-    /// `n`, or `None` where it fits any.
+    /// The dimension `n`, or `None` where it fits any.
     fn size(&self) -> Option<usize>;
     /// `z ← M⁻¹ r`, both of length `n`; every entry of `z` is overwritten.
     ///
     /// # Errors
-    /// Whatever a preconditioner that is itself an operator fails with.
+    /// The error of a preconditioner that is itself an operator.
     fn apply(&self, r: &[f64], z: &mut [f64]) -> Result<()>;
-    /// Whether `M` is symmetric and positive definite, as CG and MINRES need it.
+    /// Whether `M` is symmetric and positive definite, as CG, MINRES, LSQR and LSMR require.
     fn is_positive_definite(&self) -> bool;
 }

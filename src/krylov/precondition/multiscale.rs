@@ -1,22 +1,22 @@
-//! A gain for each scale of an image pyramid.
+//! A preconditioner with a gain for each scale of an image pyramid.
 
 use std::ops::Range;
 
 use super::Preconditioner;
 use crate::error::{Error, Result};
 
-/// The least share of the light that a measured band is taken to keep.
+/// The smallest share of the light that a measured band is assumed to keep.
 const LEAST_SHARE: f64 = 0.1;
 
 /// `M⁻¹ = S (Σ_l g_l (P_l − P_{l+1})) S` on images of `height × width`.
 ///
-/// `P_l` replaces each block of `2^l × 2^l` pixels (cut off at the borders) by its mean; `P_0 = I`. The blocks are
-/// nested, so the bands `P_l − P_{l+1}` are orthogonal projectors: band 0 holds differences between neighbours, the
-/// last band what is left above the coarsest blocks. `M⁻¹` is symmetric, and positive definite as the gains are
-/// positive. `S = D^-½` if a diagonal is given, else `I`.
+/// `P_l` replaces each block of `2^l × 2^l` pixels (cut off at the borders) by its mean; `P_0 = I`. The
+/// blocks are nested, so the bands `P_l − P_{l+1}` are orthogonal projectors: band 0 contains differences
+/// between neighbours, the last band the means of the coarsest blocks. `M⁻¹` is symmetric, and positive
+/// definite because the gains are positive. `S = D^-½` with a diagonal ([`Multiscale::scaled_by`]), else `I`.
 ///
-/// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse. Defocus
-/// takes away the fine scales, whose inverse would need gains that raise noise: falling ones, or a small `g_0`,
+/// Indirect light adds to the coarse scales of `A`, so gains that *fall* with `l` approximate its inverse.
+/// Defocus removes the fine scales; inverting it would amplify noise, so gains that fall, or a small `g_0`,
 /// smooth instead.
 ///
 /// # References
@@ -31,10 +31,11 @@ pub struct Multiscale {
 }
 
 impl Multiscale {
-    /// Gains `g_0 … g_L` for images of `width × height`, row by row.
+    /// The preconditioner with gains `g_0 … g_L` for images of `width × height`, stored row by row.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when there is no gain or one is not positive and finite, or the image has no pixel.
+    /// [`Error::Numerical`] when there is no gain or one is not positive and finite, or the image has no
+    /// pixel.
     pub fn new(width: usize, height: usize, gains: Vec<f64>) -> Result<Self> {
         if width == 0 || height == 0 {
             return Err(Error::Numerical("a multiscale preconditioner needs an image with pixels".into()));
@@ -47,7 +48,7 @@ impl Multiscale {
         Ok(Self { width, height, gains, scaling: Vec::new() })
     }
 
-    /// The same between two divisions by `√d`, for `n` positive entries.
+    /// This preconditioner between two divisions by `√d`, for a diagonal `d` of `n` positive entries.
     ///
     /// # Errors
     /// [`Error::Dimension`] when `d` has not one entry per pixel; as [`super::Diagonal::new`] for its values.
@@ -64,15 +65,17 @@ impl Multiscale {
         Ok(self)
     }
 
-    /// Gains measured by one product `y = A x` of a random `x` of `n` signs: for each band the inverse of its share
-    /// `uᵀ(P_l − P_{l+1})w / uᵀ(P_l − P_{l+1})u` with `u = D^½ x`, `w = D^-½ y`, which estimates the mean of
-    /// `D^-½ A D^-½` over the band (Hutchinson's estimator). Between the two divisions by `√d`, `d = A 1`.
+    /// Gains measured by one product `y = A x` of a random `x` of `n` signs: for each band the inverse of its
+    /// share `uᵀ(P_l − P_{l+1})w / uᵀ(P_l − P_{l+1})u` with `u = D^½ x`, `w = D^-½ y`, which estimates the
+    /// mean of `D^-½ A D^-½` over the band (Hutchinson's estimator). Between the two divisions by `√d`,
+    /// `d = A 1`.
     ///
-    /// Shares are kept in [0.1, 1]: a band that is nearly lost, to defocus, is not raised out of the noise. Bands with
-    /// fewer than 64 blocks, whose estimates are rough, have the gain 1.
+    /// Shares are clamped to [0.1, 1], so that the noise of a band that defocus has nearly removed is not
+    /// amplified. Bands with fewer than 64 blocks, whose estimates are rough, have the gain 1.
     ///
     /// # Errors
-    /// As [`Multiscale::new`] and [`Multiscale::scaled_by`]; [`Error::Dimension`] when `x` or `y` is of another length.
+    /// As [`Multiscale::new`] and [`Multiscale::scaled_by`]; [`Error::Dimension`] when `x` or `y` is of
+    /// another length.
     pub fn measured(width: usize, height: usize, diagonal: Vec<f64>, x: &[f64], y: &[f64]) -> Result<Self> {
         let mut measured = Self::new(width, height, vec![1.0])?.scaled_by(diagonal)?;
         for vector in [x, y] {
@@ -94,7 +97,7 @@ impl Multiscale {
                 measured.coarse_dot(level, a, b) - measured.coarse_dot(level + 1, a, b)
             };
             let share = band(&u, &w) / band(&u, &u);
-            // Of NaN, from a band without any pattern in it, this makes 1.
+            // A band without any pattern gives NaN, which becomes 1.
             gains.push(1.0 / if share < 1.0 { share.max(LEAST_SHARE) } else { 1.0 });
         }
         gains.push(1.0);

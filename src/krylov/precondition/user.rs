@@ -1,4 +1,4 @@
-//! A preconditioner that the caller brings.
+//! User preconditioners.
 
 use std::fmt;
 use std::sync::Mutex;
@@ -9,8 +9,8 @@ use crate::operator::Operator;
 
 type Apply = dyn Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync;
 
-/// `M⁻¹` as a closure or an operator (of which it takes products; they are not counted, so it should be a cheap one:
-/// a model of the scene, not the rig).
+/// A preconditioner `M⁻¹` of the caller: a closure or an operator. Products with this operator are not
+/// counted, so it should be a cheap one, such as a model of the scene.
 pub struct UserPreconditioner {
     size: Option<usize>,
     positive_definite: bool,
@@ -18,7 +18,7 @@ pub struct UserPreconditioner {
 }
 
 impl UserPreconditioner {
-    /// `M⁻¹ r` by a closure `(r, z)` that overwrites `z`. `positive_definite` is the caller's word for it.
+    /// `M⁻¹ r` by a closure `(r, z)` that overwrites `z`. `positive_definite` is taken on trust.
     pub fn closure(
         positive_definite: bool,
         apply: impl Fn(&[f64], &mut [f64]) -> Result<()> + Send + Sync + 'static,
@@ -26,10 +26,10 @@ impl UserPreconditioner {
         Self { size: None, positive_definite, apply: Box::new(apply) }
     }
 
-    /// `M⁻¹` is this operator, which must be square.
+    /// `M⁻¹` as an operator, which must be square.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when it is not.
+    /// [`Error::Dimension`] when it is not square.
     pub fn operator(positive_definite: bool, operator: impl Operator + Send + 'static) -> Result<Self> {
         let (rows, cols) = (operator.rows(), operator.cols());
         if rows != cols {
@@ -41,7 +41,8 @@ impl UserPreconditioner {
         }
         let operator = Mutex::new(operator);
         let apply = move |r: &[f64], z: &mut [f64]| {
-            // A poisoned lock means that an earlier product panicked; the operator's own state is its own affair.
+            // A poisoned lock means that an earlier product panicked. The operator is responsible for its own
+            // state.
             let mut operator = operator.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             operator.apply(r, z)
         };

@@ -18,13 +18,13 @@ pub struct Eigenpairs<'a> {
 impl Eigenpairs<'_> {
     /// Whether all that were wanted converged.
     pub fn is_good(&self) -> bool {
-        self.found.verdicts.iter().all(|&status| status == PairStatus::Converged)
+        self.found.statuses.iter().all(|&status| status == PairStatus::Converged)
             && self.found.values.len() == self.wanted
     }
 
     /// The status of each pair, in words.
     pub fn statuses(&self) -> Vec<String> {
-        self.found.verdicts.iter().map(|&status| in_words(status).to_owned()).collect()
+        self.found.statuses.iter().map(|&status| in_words(status).to_owned()).collect()
     }
 }
 

@@ -1,4 +1,5 @@
-//! A layer in the device's memory: its rows in bands, each small enough for its buffers and for one dispatch.
+//! A layer in the device's memory. Its rows are cut into bands, each small enough for the device's buffers
+//! and for one dispatch.
 
 use std::ops::Range;
 
@@ -6,21 +7,21 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::transport::{Bounces, CompressedRows};
 
-/// What one dispatch takes at most.
+/// The limits of one dispatch.
 #[derive(Clone, Copy)]
 pub(super) struct Limits {
     pub(super) entries: usize,
     pub(super) rows: usize,
 }
 
-/// A gigabyte of entries, which even a slow GPU reads in a tenth of a second, and rows enough for any.
+/// A gigabyte of entries, which even a slow GPU reads in a tenth of a second.
 const ON_GPU: Limits = Limits { entries: 1 << 27, rows: 1 << 24 };
 
-/// The same where the device is the processor itself: each half takes two cores some 50 ms (measured).
+/// The limits for software Vulkan: either of them takes two cores some 50 ms (measured).
 const ON_PROCESSOR: Limits = Limits { entries: 1 << 22, rows: 1 << 15 };
 
 impl Limits {
-    /// Those of a device, whose buffers have limits, too.
+    /// The limits for a device, with those of its buffers.
     pub(super) fn of(gpu: &Gpu) -> Self {
         let Self { entries, rows } = if gpu.summary.is_processor() { ON_PROCESSOR } else { ON_GPU };
         let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / 4;
@@ -28,7 +29,8 @@ impl Limits {
     }
 }
 
-/// Entries of a row at most. 32 lanes share them, and software Vulkan leaves a loop after 65,535 turns, without a word.
+/// Most entries of a row. 32 lanes share them, and software Vulkan leaves a loop after 65,535 iterations
+/// without an error.
 const LONGEST_ROW: usize = 1 << 20;
 
 /// A layer's bands, top to bottom.
@@ -37,29 +39,31 @@ pub(super) struct DeviceLayer {
     pub(super) bands: Vec<Band>,
 }
 
-/// Rows in compressed form, in buffers of their own.
+/// Rows of a band in compressed form, in buffers of their own.
 pub(super) struct Band {
     pub(super) rows: Range<u32>,
     pub(super) starts: wgpu::Buffer,
     pub(super) columns: wgpu::Buffer,
-    /// One for each channel.
+    /// One buffer for each channel.
     pub(super) weights: Vec<wgpu::Buffer>,
 }
 
 impl DeviceLayer {
-    /// Moves the rows there, in bands of at most so much.
+    /// Copies the rows to the device, in bands within `limits`.
     pub(super) fn upload(gpu: &Gpu, bounces: Bounces, from: &CompressedRows, limits: Limits) -> Result<Self> {
         let CompressedRows { row_start, columns, weights } = from;
         let longest = row_start.windows(2).map(|ends| ends[1] - ends[0]).max().unwrap_or(0);
         if longest > LONGEST_ROW {
             return Err(Error::Device {
-                fault: format!("a row of the matrix has {longest} entries, and {LONGEST_ROW} is the most"),
-                help: "leave the products to the processor: --products cpu".into(),
+                fault: format!(
+                    "a row of the matrix has {longest} entries, and a GPU can sum at most {LONGEST_ROW}"
+                ),
+                help: "take the products on the processor: --products cpu".into(),
             });
         }
         let band = |rows: Range<usize>| {
             let entries = row_start[rows.start]..row_start[rows.end];
-            // A band's entries fit a buffer, whose length fits 32 bits as do pixels.
+            // A band's entries fit a buffer, whose length fits 32 bits.
             let starts: Vec<u32> =
                 row_start[rows.start..=rows.end].iter().map(|start| (start - entries.start) as u32).collect();
             let weights =
@@ -76,7 +80,7 @@ impl DeviceLayer {
     }
 }
 
-/// Whole rows, as many to a band as the limits allow together; at least one.
+/// Cuts the rows into bands of whole rows, each with as many rows as the limits allow, and at least one.
 fn cut(row_start: &[usize], limits: Limits) -> Vec<Range<usize>> {
     let rows = row_start.len() - 1;
     let mut bands = Vec::new();
@@ -95,13 +99,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bands_have_whole_rows_and_as_many_as_fit() {
+    fn bands_have_as_many_whole_rows_as_fit() {
         let row_start = [0, 2, 2, 5, 14, 15, 16];
         let cut = |entries, rows| cut(&row_start, Limits { entries, rows });
         assert_eq!(cut(5, 9), [0..3, 3..4, 4..6]);
         assert_eq!(cut(1, 9), [0..1, 1..2, 2..3, 3..4, 4..5, 5..6]);
         assert_eq!(cut(100, 9), vec![0..6]);
         assert_eq!(cut(100, 4), [0..4, 4..6]);
-        assert_eq!(cut(5, 2), [0..2, 2..3, 3..4, 4..6], "rows without entries are rows");
+        assert_eq!(cut(5, 2), [0..2, 2..3, 3..4, 4..6], "rows without entries count");
     }
 }

@@ -1,4 +1,5 @@
-//! What the device gives, for those who want to know: products without the way to the host and back, and copies beside them.
+//! Measurements of the device for the benchmarks: products without transfers to and from the host, and plain
+//! copies to compare with.
 
 use std::time::{Duration, Instant};
 
@@ -9,7 +10,7 @@ use crate::error::Result;
 use crate::transport::Part;
 
 impl GpuMatrix {
-    /// Bytes that a product with all light of one channel reads and writes, each once.
+    /// Bytes that a product with all light of one channel reads and writes, each counted once.
     pub fn bytes_of_product(&self) -> u64 {
         let of_band = |band: &super::bands::Band| {
             band.starts.size() + band.columns.size() + band.weights.first().map_or(0, wgpu::Buffer::size)
@@ -21,13 +22,13 @@ impl GpuMatrix {
         bands.map(of_band).sum::<u64>() + diagonal + vectors
     }
 
-    /// Dispatches of such a product.
+    /// The number of dispatches of a product with all light of one channel.
     pub fn dispatches(&self) -> usize {
         self.layers.iter().map(|layer| layer.bands.len()).sum::<usize>().max(1)
     }
 
-    /// The time of so many products with all light of the first channel, one after the other on the device, with whatever pattern was
-    /// there last.
+    /// The time of `count` products with all light of the first channel, one after the other on the device,
+    /// with the pattern of the last product.
     ///
     /// # Errors
     /// [`crate::Error::Device`] when the device failed.
@@ -40,10 +41,10 @@ impl GpuMatrix {
         })
     }
 
-    /// The time of so many copies of `bytes` from one buffer to another: each byte is read and written once.
+    /// The time of `count` copies of `bytes` from one buffer to another, which read and write each byte once.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] when the device failed, or has no memory for them.
+    /// [`crate::Error::Device`] when the device failed or has not enough memory.
     pub fn time_copies(&self, bytes: u64, count: u32) -> Result<Duration> {
         let bytes = bytes.next_multiple_of(4);
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -51,7 +52,7 @@ impl GpuMatrix {
         let copy = |encoder: &mut wgpu::CommandEncoder| {
             (0..count).for_each(|_| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, bytes));
         };
-        // The first time, both are cleared.
+        // The first use of the buffers also clears them, so the second run is the one that counts.
         self.time("copies", copy)?;
         self.time("copies", copy)
     }

@@ -1,4 +1,4 @@
-//! The kernel of a product, and what a product consists of: one dispatch for each band.
+//! The kernel of a product and its dispatches, one for each band.
 
 use std::ops::Range;
 
@@ -8,16 +8,16 @@ use super::bands::Band;
 use crate::error::Result;
 use crate::gpu::{Gpu, shader};
 
-/// Rows that a workgroup of `shaders/product.wgsl` takes.
+/// Rows of a workgroup; `ROWS_OF_GROUP` of `shaders/product.wgsl`.
 const ROWS_OF_GROUP: u32 = 2;
 
-/// There are entries to be added up, as `shaders/product.wgsl` has it.
+/// The band has entries; `HAS_ENTRIES` of `shaders/product.wgsl`.
 const HAS_ENTRIES: u32 = 1;
 
-/// Workgroups in one direction of a dispatch.
+/// Most workgroups in one dimension of a dispatch.
 const MOST_GROUPS: u32 = 65_535;
 
-/// Laid out as `Band` in `shaders/product.wgsl`.
+/// The uniform of a dispatch, with the layout of `Band` in `shaders/product.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct Parameters {
@@ -27,11 +27,11 @@ struct Parameters {
     padding: u32,
 }
 
-/// What a row's sum consists of, as `shaders/product.wgsl` has it.
+/// The terms of a row's sum besides its entries; flags of `shaders/product.wgsl`.
 #[derive(Clone, Copy)]
 pub(super) struct Terms {
     pub(super) diagonal: bool,
-    /// What the bands before left there.
+    /// The sum that earlier bands wrote to the photo.
     pub(super) adds: bool,
 }
 
@@ -46,11 +46,11 @@ pub(super) struct Shared<'a> {
 pub(super) struct Kernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    /// Stands where there is nothing to be read.
+    /// Bound in place of a buffer that is not read.
     nothing: wgpu::Buffer,
 }
 
-/// A dispatch, ready to be handed to the device.
+/// A dispatch, ready to be recorded.
 pub(super) struct Step {
     group: wgpu::BindGroup,
     workgroups: [u32; 2],
@@ -110,7 +110,7 @@ impl Kernel {
         self.step(gpu, band.rows.clone(), HAS_ENTRIES | bits(terms), of_band, shared)
     }
 
-    /// The dispatch for the diagonal of these rows, or for zeros.
+    /// The dispatch that writes the diagonal's products to these rows, or zeros without a diagonal.
     pub(super) fn diagonal(
         &self,
         gpu: &Gpu,
@@ -153,7 +153,7 @@ impl Kernel {
         Ok(Step { group, workgroups: workgroups(count) })
     }
 
-    /// Writes the steps down, to be taken one after the other.
+    /// Records the steps, which the device runs one after the other.
     pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder, steps: &[Step]) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline);
@@ -168,7 +168,7 @@ fn bits(terms: Terms) -> u32 {
     u32::from(terms.diagonal) << 1 | u32::from(terms.adds) << 2
 }
 
-/// Enough workgroups for so many rows, in as few lines of them as can be.
+/// Workgroups in two dimensions for `rows` rows, with as few in the second dimension as possible.
 fn workgroups(rows: u32) -> [u32; 2] {
     let groups = rows.div_ceil(ROWS_OF_GROUP);
     let down = groups.div_ceil(MOST_GROUPS).max(1);

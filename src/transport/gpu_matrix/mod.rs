@@ -1,4 +1,4 @@
-//! The matrix in a device's memory: products are taken there, and only patterns and photos travel.
+//! The matrix in a device's memory. Products are taken there, and only patterns and photos are transferred.
 
 mod bands;
 mod figures;
@@ -21,36 +21,37 @@ use crate::render::Tracer;
 
 /// A copy of a [`TransportMatrix`] on a graphics device.
 ///
-/// Weights are `f32` there as here, vectors and sums `f64`; a row is summed by 32 lanes in a fixed order, another one than the
-/// processor's. So products repeat to the bit, and differ from [`TransportMatrix::apply`] by the rounding of sums alone.
+/// Weights are `f32`, vectors and sums `f64`, as on the processor. 32 lanes sum a row in a fixed order, which
+/// is not the processor's. So products repeat to the bit, and differ from [`TransportMatrix::apply`] by the
+/// rounding of sums only.
 pub struct GpuMatrix {
     gpu: Gpu,
     kernel: Kernel,
     rig: RigShape,
     layers: Vec<DeviceLayer>,
-    /// One for each channel.
+    /// One buffer for each channel.
     diagonals: Vec<wgpu::Buffer>,
-    /// Where direct light is no diagonal, they hold nothing.
+    /// Whether direct light is a diagonal; without one the buffers above are empty.
     has_diagonal: bool,
     limits: Limits,
     vectors: Vectors,
     state: Mutex<State>,
 }
 
-/// Where patterns come in and photos go out.
+/// The buffers of pattern and photo on the device.
 struct Vectors {
     from: wgpu::Buffer,
     to: Results,
 }
 
-/// What is made when first asked for. Whoever multiplies holds it, since all products share the vectors.
+/// What is made when first needed. A product holds its lock, since all products share the vectors.
 #[derive(Default)]
 struct State {
     transposed: Option<Vec<DeviceLayer>>,
     products: Vec<(Product, Vec<Step>)>,
 }
 
-/// One of the products that there are.
+/// Which product: of which part and channel, and whether with the transpose.
 #[derive(Clone, Copy, PartialEq)]
 struct Product {
     part: Part,
@@ -68,7 +69,7 @@ impl GpuMatrix {
     /// Copies the matrix to the device that `tracer` traces on.
     ///
     /// # Errors
-    /// [`Error::Device`] where it has no `f64`, or not the memory.
+    /// [`Error::Device`] where the device has no `f64` or not enough memory.
     pub fn new(tracer: &Tracer, matrix: &TransportMatrix) -> Result<Self> {
         Self::on(tracer.gpu(), matrix)
     }
@@ -80,8 +81,8 @@ impl GpuMatrix {
     fn within(gpu: &Gpu, matrix: &TransportMatrix, limits: Limits) -> Result<Self> {
         if !gpu.summary.double_precision {
             return Err(Error::Device {
-                fault: format!("{} calculates in no f64, which products need", gpu.summary.name),
-                help: "leave the products to the processor: --products cpu".into(),
+                fault: format!("{} cannot calculate in f64, which products need", gpu.summary.name),
+                help: "take the products on the processor: --products cpu".into(),
             });
         }
         let kernel = Kernel::new(gpu)?;
@@ -109,11 +110,11 @@ impl GpuMatrix {
         self.multiply(steps, x, y)
     }
 
-    /// `x ← Pᵀ y`, as [`TransportMatrix::apply_transpose`]. The transpose of a rig that is not coaxial is another matrix: that of
-    /// `matrix`, which is the one that this is a copy of, is copied when first asked for.
+    /// `x ← Pᵀ y`, as [`TransportMatrix::apply_transpose`]. For a rig that is not coaxial, the transpose of
+    /// `matrix` (the matrix that this is a copy of) is copied to the device when first needed.
     ///
     /// # Errors
-    /// As [`GpuMatrix::apply`]; [`Error::Device`] also where there is no memory for the transpose.
+    /// As [`GpuMatrix::apply`]; [`Error::Device`] also where the transpose does not fit the memory.
     pub fn apply_transpose(
         &self,
         matrix: &TransportMatrix,
@@ -148,7 +149,7 @@ impl GpuMatrix {
         })
     }
 
-    /// The dispatches of a product; made once.
+    /// The dispatches of a product; prepared once.
     fn steps<'a>(&self, state: &'a mut State, product: Product) -> Result<&'a [Step]> {
         let known = state.products.iter().position(|(known, _)| *known == product);
         let index = match known {
@@ -186,7 +187,7 @@ impl GpuMatrix {
         if is_first {
             let rows = rows.pixels();
             for first in (0..rows).step_by(self.limits.rows) {
-                // Pixels are counted in 32 bits everywhere.
+                // A resolution has at most 2³² pixels.
                 let rows = first as u32..rows.min(first + self.limits.rows) as u32;
                 steps.push(self.kernel.diagonal(
                     &self.gpu,
@@ -218,7 +219,7 @@ impl GpuMatrix {
 }
 
 impl Vectors {
-    /// Each for the longer one of pattern and photo: with the transpose they change places.
+    /// Each buffer is as long as the longer of pattern and photo: they change places for the transpose.
     fn new(gpu: &Gpu, rig: RigShape) -> Result<Self> {
         let bytes = 8 * rig.projector.pixels().max(rig.camera.pixels()) as u64;
         Ok(Self {

@@ -1,4 +1,4 @@
-//! Products on software Vulkan beside the processor's own.
+//! Products on software Vulkan, compared with the processor's.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -14,7 +14,7 @@ pub(in crate::transport) fn gpu() -> Gpu {
         .unwrap_or_else(|error| unreachable!("the README's test command installs a driver: {error}"))
 }
 
-/// Rows of about as many entries on average, some of none and some of very many; three channels.
+/// Rows with `per_row` entries on average, some empty and some very long; three channels.
 fn rows(random: &mut Pcg64, [rows, cols]: [usize; 2], per_row: usize) -> CompressedRows {
     let mut made = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); 3] };
     for row in 0..rows {
@@ -57,7 +57,7 @@ fn symmetric(random: &mut Pcg64, pixels: usize, per_row: usize) -> CompressedRow
     made
 }
 
-/// A coaxial pinhole rig, whose direct light is a diagonal; second bounce and the rest apart.
+/// A coaxial pinhole rig, whose direct light is a diagonal; second bounce and the rest in separate layers.
 pub(in crate::transport) fn coaxial() -> Assembled {
     let random = &mut Pcg64::seed_from_u64(1);
     let resolution = Resolution::new(37, 29);
@@ -129,9 +129,9 @@ fn magnitudes(
 const PARTS: [Part; 3] = [Part::Full, Part::Direct, Part::Global];
 
 #[test]
-fn products_are_the_processors_to_the_rounding_of_sums_however_rows_are_cut() {
+fn products_agree_with_the_processor_to_rounding_for_any_bands() {
     let gpu = gpu();
-    // As on a card, whose memory the host cannot read.
+    // As on a discrete GPU, whose memory the host cannot read.
     let far = Gpu { shares_memory: false, ..gpu.clone() };
     for matrix in [coaxial().matrix, apart()] {
         let whole = GpuMatrix::on(&gpu, &matrix).unwrap_or_else(|error| unreachable!("{error}"));
@@ -145,8 +145,9 @@ fn products_are_the_processors_to_the_rounding_of_sums_however_rows_are_cut() {
                 let magnitudes = magnitudes(&matrix, (part, channel), is_transposed);
                 for (row, (magnitude, terms)) in magnitudes.into_iter().enumerate() {
                     let error = (expected[row] - found[row]).abs();
-                    // Either sum of so many products is off by at most as many halves of an ε of Σ|a||x| (Higham 2002, section 3.1), and
-                    // here |x| < 1; `f32` weights are rounded once more where entries meet, which changes Σ|a| by less than a half.
+                    // Either sum of so many products is off by at most as many halves of an ε of Σ|a||x|
+                    // (Higham 2002, section 3.1), and here |x| < 1; `f32` weights are rounded once more where
+                    // entries meet, which changes Σ|a| by less than a half.
                     let bound = 1.5 * (terms + 2) as f64 * f64::EPSILON * magnitude;
                     assert!(error <= bound, "{part:?} {channel}, row {row}: {error:e} above {bound:e}");
                     compared += expected[row].abs();
@@ -155,7 +156,7 @@ fn products_are_the_processors_to_the_rounding_of_sums_however_rows_are_cut() {
             let again = both(&matrix, &whole, (part, channel));
             assert!(products == again, "{part:?} {channel}: the same bits again");
             let in_bands = both(&matrix, &cut, (part, channel));
-            assert!(products == in_bands, "{part:?} {channel}: where bands end makes no difference");
+            assert!(products == in_bands, "{part:?} {channel}: bands make no difference");
         }
         assert!(compared > 1000.0, "there is light to be compared: {compared}");
     }

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use super::slice::{LANES, Slice};
 use super::{CompressedRows, Pages, Shape, Start, Tiles};
 
-/// Rows among which those of about as many entries make a slice.
+/// Rows of a window. Within it, rows are sorted by length, so that a slice has rows of about equally many
+/// entries.
 const WINDOW: usize = 512;
 
 impl Tiles {
@@ -20,7 +21,7 @@ impl Tiles {
         let rows = from.row_start.len() - 1;
         let bands: Vec<usize> = (0..rows).step_by(shape.rows).collect();
         let band = |&first: &usize| Band { shape, cols, from, first, end: (first + shape.rows).min(rows) };
-        // Once to count, so that memory is asked for once, and once to fill it.
+        // A first pass counts, so that memory is allocated once; a second pass fills it.
         let sizes: Vec<Vec<Start>> = bands.par_iter().map(|first| band(first).sizes()).collect();
         let mut tiles = vec![Start::default()];
         let mut end = Start::default();
@@ -57,7 +58,7 @@ impl Tiles {
         let mut next = row_start.clone();
         let mut columns = vec![0; self.entries];
         let mut weights = vec![vec![0.0; self.entries]; self.weights.len()];
-        // Of one row the tiles come from left to right, and so do the entries of each.
+        // The tiles of a row come from left to right, and so do the entries within each.
         self.each(|row, column, step, lane| {
             let at = next[row];
             next[row] += 1;
@@ -84,7 +85,7 @@ impl Tiles {
                     let mut before = None;
                     for step in steps.clone() {
                         let column = self.columns[step][lane];
-                        // What follows only fills the slice up.
+                        // The remaining steps of this lane are padding.
                         if row == end_row || before >= Some(column) {
                             break;
                         }
@@ -106,7 +107,7 @@ struct Band<'a> {
     end: usize,
 }
 
-/// Where its entries go.
+/// The arrays that its entries are written to.
 struct Filled<'a> {
     slices: &'a mut [Slice],
     columns: &'a mut [[u16; LANES]],
@@ -116,14 +117,14 @@ struct Filled<'a> {
 /// A row's entries within a tile.
 #[derive(Clone, Copy)]
 struct Segment {
-    /// Within the band.
+    /// Row within the band.
     row: usize,
     first: usize,
     length: usize,
 }
 
 impl Band<'_> {
-    /// Slices and steps of each tile.
+    /// The number of slices and steps of each tile.
     fn sizes(&self) -> Vec<Start> {
         let mut sizes = Vec::new();
         self.each_tile(|_, segments| {
@@ -144,7 +145,7 @@ impl Band<'_> {
                 take(&mut to.slices, 1)[0] = Slice { rows, steps: longest as u32 };
                 for (lane, segment) in segments.iter().enumerate() {
                     let entries = segment.first..segment.first + segment.length;
-                    // Within the tile, whose columns fit 16 bits.
+                    // Columns within a tile fit 16 bits.
                     let place = |column: &u32| (*column as usize - first_column) as u16;
                     let mut last = 0;
                     for (columns, place) in
@@ -166,7 +167,8 @@ impl Band<'_> {
         });
     }
 
-    /// Calls `visit` with each tile's first column and its rows that are not empty, window by window, the longest first.
+    /// Calls `visit` with each tile's first column and its non-empty rows, window by window, the longest row
+    /// of a window first.
     fn each_tile(&self, mut visit: impl FnMut(usize, &[Segment])) {
         let mut next = self.from.row_start[self.first..self.end].to_vec();
         let ends = &self.from.row_start[self.first + 1..=self.end];
@@ -183,7 +185,7 @@ impl Band<'_> {
                 }
             }
             for window in segments.chunk_by_mut(in_one_window) {
-                // Stable: rows of one length stay in their order.
+                // The sort is stable: rows of equal length keep their order.
                 window.sort_by_key(|segment| Reverse(segment.length));
             }
             visit(first_column, &segments);
@@ -191,12 +193,12 @@ impl Band<'_> {
     }
 }
 
-/// Rows in the same window, whose sums lie so near each other that they share lines of the nearest cache.
+/// Whether two rows are in the same window. Its sums are close enough in memory to share cache lines.
 fn in_one_window(a: &Segment, b: &Segment) -> bool {
     a.row / WINDOW == b.row / WINDOW
 }
 
-/// Splits the first `count` off.
+/// Splits off the first `count` elements of `rest`.
 fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let (mine, others) = std::mem::take(rest).split_at_mut(count);
     *rest = others;

@@ -1,5 +1,5 @@
-//! The inner loop of a product by wide instructions, which look up four entries of a vector at once, or one of four vectors, and ask for
-//! the next ones ahead.
+//! The inner loop of a product by vector instructions (AVX2): they look up four entries of one vector at
+//! once, or one entry of four vectors, and prefetch the next ones.
 
 #![allow(
     unsafe_code,
@@ -9,12 +9,13 @@
 use std::arch::x86_64::*;
 
 use super::slice::{Kernel, LANES, Slice};
-use super::value::Abreast;
+use super::value::Interleaved;
 
-/// Steps ahead of its use that an entry is asked for: what memory takes to answer, since no processor guesses a stream's next page.
+/// How many steps before its use an entry is prefetched. This covers the latency of memory: hardware
+/// prefetchers do not cross pages.
 const AHEAD: usize = 80;
 
-/// `None` where the processor does not have the instructions.
+/// The kernel for one vector; `None` where the processor lacks the instructions.
 pub(super) fn of_one() -> Option<Kernel<f64>> {
     // SAFETY: the processor has them.
     is_x86_feature_detected!("avx2").then_some(|slices, columns, weights, from, to| unsafe {
@@ -22,15 +23,16 @@ pub(super) fn of_one() -> Option<Kernel<f64>> {
     })
 }
 
-/// As [`of_one`], for several vectors at once: their numbers lie side by side, and are one register.
-pub(super) fn of_four() -> Option<Kernel<Abreast>> {
+/// The kernel for four interleaved vectors, whose four numbers fill one register; `None` as for [`of_one`].
+pub(super) fn of_four() -> Option<Kernel<Interleaved>> {
     // SAFETY: the processor has them.
     is_x86_feature_detected!("avx2").then_some(|slices, columns, weights, from, to| unsafe {
-        side_by_side(slices, columns, weights, from, to);
+        of_interleaved(slices, columns, weights, from, to);
     })
 }
 
-/// Panics where a step or a row does not exist. A column that does not exist, which no tile has, reads the last of `from`.
+/// Sums of one vector. Panics where a step or a row does not exist. A column that does not exist (no tile has
+/// one) reads the last entry of `from`.
 #[target_feature(enable = "avx2")]
 fn by_four(
     slices: &[Slice],
@@ -49,7 +51,7 @@ fn by_four(
         let (mut low, mut high) =
             unsafe { (_mm256_loadu_pd(sums.as_ptr()), _mm256_loadu_pd(sums.as_ptr().add(4))) };
         for (columns, weights) in columns[first..end].iter().zip(&weights[first..end]) {
-            ask_ahead(columns, weights);
+            prefetch(columns, weights);
             // SAFETY: these read the eight values of `columns` and of `weights`.
             let (places, weights) =
                 unsafe { (_mm_loadu_si128(columns.as_ptr().cast()), _mm256_loadu_ps(weights.as_ptr())) };
@@ -63,7 +65,7 @@ fn by_four(
             };
             let weights_low = _mm256_cvtps_pd(_mm256_castps256_ps128(weights));
             let weights_high = _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(weights));
-            // Products and sums are rounded each, as everywhere else.
+            // Products and sums are rounded separately (no fused multiply-add), as in the portable kernel.
             low = _mm256_add_pd(low, _mm256_mul_pd(weights_low, from_low));
             high = _mm256_add_pd(high, _mm256_mul_pd(weights_high, from_high));
         }
@@ -77,23 +79,23 @@ fn by_four(
     }
 }
 
-/// Panics where a step, a row or a column does not exist.
+/// Sums of four interleaved vectors. Panics where a step, a row or a column does not exist.
 #[target_feature(enable = "avx2")]
-fn side_by_side(
+fn of_interleaved(
     slices: &[Slice],
     columns: &[[u16; LANES]],
     weights: &[[f32; LANES]],
-    from: &[Abreast],
-    to: &mut [Abreast],
+    from: &[Interleaved],
+    to: &mut [Interleaved],
 ) {
     // SAFETY: a value is four numbers, as well aligned as the instruction wants.
-    let load = |value: &Abreast| unsafe { _mm256_load_pd(value.0.as_ptr()) };
+    let load = |value: &Interleaved| unsafe { _mm256_load_pd(value.0.as_ptr()) };
     let mut first = 0;
     for slice in slices {
         let end = first + slice.steps as usize;
         let mut sums = slice.rows.map(|row| load(&to[usize::from(row)]));
         for (columns, weights) in columns[first..end].iter().zip(&weights[first..end]) {
-            ask_ahead(columns, weights);
+            prefetch(columns, weights);
             // SAFETY: these read the eight values of `weights`.
             let (low, high) =
                 unsafe { (_mm_loadu_ps(weights.as_ptr()), _mm_loadu_ps(weights.as_ptr().add(4))) };
@@ -109,7 +111,7 @@ fn side_by_side(
                 _mm256_permute4x64_pd::<0b11_11_11_11>(high),
             ];
             for ((sum, &column), weight) in sums.iter_mut().zip(columns).zip(weights) {
-                // Rounded each, as everywhere else.
+                // Rounded separately, as above.
                 *sum = _mm256_add_pd(*sum, _mm256_mul_pd(weight, load(&from[usize::from(column)])));
             }
         }
@@ -121,10 +123,10 @@ fn side_by_side(
     }
 }
 
-/// Asks for the entries of a later step.
+/// Prefetches the columns and weights of a later step.
 #[inline(always)]
-fn ask_ahead(columns: &[u16; LANES], weights: &[f32; LANES]) {
-    // SAFETY: this reads nothing, wherever it points.
+fn prefetch(columns: &[u16; LANES], weights: &[f32; LANES]) {
+    // SAFETY: a prefetch may point anywhere; it reads nothing.
     #[allow(unused_unsafe, reason = "newer compilers know that")]
     unsafe {
         _mm_prefetch::<_MM_HINT_T0>(columns.as_ptr().wrapping_add(AHEAD * LANES).cast());

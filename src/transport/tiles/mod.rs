@@ -1,8 +1,10 @@
-//! A sparse matrix cut into tiles, so that a product finds what it needs in the processor's caches and reads the entries as fast as
-//! memory gives them.
+//! A sparse matrix cut into tiles, so that the vectors of a product stay in the processor's caches and the
+//! entries are read at the speed of memory.
 //!
-//! Within a tile rows of about as many entries come eight at a time (a *slice*; together, "sliced ELL" of the literature): eight sums then grow side by side, each with the entries of its own row from left to right. So a product has the
-//! same bits whatever the tiles' shape, the number of threads and the instructions used.
+//! Within a tile, eight rows of about equally many entries form a *slice* (the format is known as sliced
+//! ELLPACK). The eight sums are computed at the same time, each with the entries of its own row from left to
+//! right. So a product has the same bits whatever the tiles' shape, the number of threads and the
+//! instructions used.
 
 mod build;
 #[cfg(target_arch = "x86_64")]
@@ -21,19 +23,20 @@ pub(crate) use rows::CompressedRows;
 use shape::Shape;
 use slice::{LANES, Slice};
 pub(super) use sums::Summable;
-pub(super) use value::{ABREAST, Abreast};
+pub(super) use value::{BLOCK_WIDTH, Interleaved};
 
-/// A sparse matrix of one set of `f32` weights per channel on a common pattern, by tiles.
+/// A sparse matrix in tiles, with one set of `f32` weights per channel on a common sparsity pattern.
 #[derive(Clone, Debug)]
 pub(super) struct Tiles {
     rows: usize,
     cols: usize,
     entries: usize,
     shape: Shape,
-    /// One tile after the other, from left to right and then downwards, and the end of the last.
+    /// Where each tile begins, from left to right and then downwards, and the end of the last.
     tiles: Vec<Start>,
     slices: Vec<Slice>,
-    /// Columns within the tile. Those of a row ascend; a repeated one only fills the slice up, and has no weight.
+    /// Columns within the tile, ascending in each row. A repeated column is padding of the slice and has
+    /// weight 0.
     columns: Pages<[u16; LANES]>,
     /// `[channel][step][lane]`
     weights: Vec<Pages<[f32; LANES]>>,
@@ -63,19 +66,19 @@ impl Tiles {
             + weights
     }
 
-    /// Rows of a band of tiles: each but the last has so many.
+    /// Rows of a band of tiles; the last band may have fewer.
     pub(super) fn band_rows(&self) -> usize {
         self.shape.rows
     }
 
-    /// The product with `from` of one band's rows.
+    /// The product of one band's rows with `from`.
     pub(super) fn product<V: Summable>(&self, channel: usize, band: usize, from: &[V]) -> Vec<V> {
         let across = self.cols.div_ceil(self.shape.columns);
         let starts = &self.tiles[band * across..=(band + 1) * across];
         let weights = &self.weights[channel];
         let rows = self.shape.rows.min(self.rows - band * self.shape.rows);
         let sums = V::sums();
-        // One more, for lanes without a row.
+        // One entry more, for lanes without a row.
         let mut product = vec![V::default(); rows + 1];
         for (ends, from) in starts.windows(2).zip(from.chunks(self.shape.columns)) {
             let [start, end] = [ends[0], ends[1]];
@@ -92,7 +95,7 @@ impl Tiles {
     }
 }
 
-/// Equal entries; the tiles' shape does not count.
+/// Two matrices are equal when their entries are; the shape of the tiles does not count.
 impl PartialEq for Tiles {
     fn eq(&self, other: &Self) -> bool {
         (self.rows, self.cols, self.entries) == (other.rows, other.cols, other.entries)

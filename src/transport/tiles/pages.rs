@@ -1,5 +1,5 @@
-//! Long arrays in memory of large pages: a product reads through them from end to end, and at each small page the processor
-//! begins to look ahead anew.
+//! Long arrays on large memory pages. A product reads them from end to end, and hardware prefetching starts
+//! anew at each small page.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -8,10 +8,10 @@ use std::ops::{Deref, DerefMut};
 use bytemuck::Pod;
 use memmap2::MmapMut;
 
-/// From this on an array has pages of its own.
+/// Arrays of at least this many bytes get pages of their own.
 const LONG: usize = 4 << 20;
 
-/// An array that begins as zeros.
+/// An array that is zero at first.
 pub(super) struct Pages<T> {
     memory: Memory,
     length: usize,
@@ -19,7 +19,7 @@ pub(super) struct Pages<T> {
 }
 
 enum Memory {
-    /// Words of eight bytes, for any type here needs no more to lie on.
+    /// Words of eight bytes: no element type here needs a larger alignment.
     Short(Vec<u64>),
     Long(MmapMut),
 }
@@ -31,7 +31,7 @@ impl<T: Pod> Pages<T> {
         let memory = long.map_or_else(|| Memory::Short(vec![0; bytes.div_ceil(8)]), Memory::Long);
         #[cfg(target_os = "linux")]
         if let Memory::Long(map) = &memory {
-            // Where the system does not give large pages, small ones do.
+            // Where the system gives no large pages, small ones are used.
             let _ = map.advise(memmap2::Advice::HugePage);
         }
         Self { memory, length, of: PhantomData }

@@ -1,4 +1,4 @@
-//! How large a tile is.
+//! The size of the tiles.
 
 /// Rows and columns of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -7,28 +7,31 @@ pub(super) struct Shape {
     pub(super) columns: usize,
 }
 
-/// Rows of a band, at most: places fit 16 bits, with one to spare, and sums the second cache.
+/// Most rows of a band: row numbers (and one past the last) fit 16 bits, and the sums fit the second-level
+/// cache.
 const MOST_ROWS: usize = 1 << 15;
-/// Rows of a band, at least: fewer would be lost in the work between tiles.
+/// Fewest rows of a band: with fewer, the work between tiles would dominate.
 const LEAST_ROWS: usize = 1 << 8;
-/// Bands for each thread, at least where that leaves enough rows, so that all finish about the same time.
+/// Fewest bands for each thread, where that leaves enough rows, so that all threads finish at about the same
+/// time.
 const BANDS_A_THREAD: usize = 4;
 
-/// Columns of a tile at least: 32 KiB of a vector, which the nearest cache holds.
+/// Fewest columns of a tile: 32 KiB of a vector, which the first-level cache holds.
 const LEAST_COLUMNS: usize = 1 << 12;
-/// At most: 256 KiB, for the second cache.
+/// Most columns of a tile: 256 KiB of a vector, for the second-level cache.
 const MOST_COLUMNS: usize = 1 << 15;
-/// What a row should have in a tile, so that what is done once for its sum does not show.
+/// Entries that a row should have in a tile, so that the fixed cost of its sum is small.
 const ENTRIES_OF_A_ROW: usize = 5;
 
 impl Shape {
-    /// For a matrix of `rows × columns` with so many entries, multiplied by so many threads. No sum depends on it.
+    /// The shape for a matrix of `rows × columns` with `entries` entries that is multiplied by `threads`
+    /// threads. No sum depends on it.
     pub(super) fn new(rows: usize, columns: usize, entries: usize, threads: usize) -> Self {
         let bands = BANDS_A_THREAD * threads.max(1);
         let of_band = rows.div_ceil(bands).next_power_of_two().clamp(LEAST_ROWS, MOST_ROWS);
-        // The narrowest that has enough entries of a row.
-        let wish = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
-        Self { rows: of_band, columns: wish.next_power_of_two().clamp(LEAST_COLUMNS, MOST_COLUMNS) }
+        // The narrowest tile with enough entries of a row.
+        let least = (ENTRIES_OF_A_ROW * columns * rows).div_ceil(entries.max(1));
+        Self { rows: of_band, columns: least.next_power_of_two().clamp(LEAST_COLUMNS, MOST_COLUMNS) }
     }
 }
 
@@ -37,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn full_matrices_have_narrow_tiles_and_threads_enough_bands() {
+    fn full_matrices_have_narrow_tiles_and_enough_bands_for_all_threads() {
         let shape = |side: usize, of_row, threads| {
             let pixels = side * side;
             let Shape { rows, columns } = Shape::new(pixels, pixels, of_row * pixels, threads);

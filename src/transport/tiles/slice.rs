@@ -1,18 +1,20 @@
-//! Rows whose sums grow side by side, and what adds to them.
+//! Slices: eight rows whose sums are computed at the same time, and the kernel's signature.
 
-/// Rows of a slice, whose sums grow side by side.
+/// Rows of a slice. Their sums are computed at the same time, one per SIMD lane.
 pub(super) const LANES: usize = 8;
 
-/// Eight rows of a tile with about as many entries each.
+/// Eight rows of a tile with about equally many entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::transport) struct Slice {
-    /// Within the tile, or one past its last for a lane without a row.
+    /// Row within the tile for each lane; one past the last row for a lane without a row.
     pub(super) rows: [u16; LANES],
-    /// Entries of the longest of them.
+    /// Steps: the number of entries of the longest row.
     pub(super) steps: u32,
 }
 
-/// Adds a tile's products to the sums of its rows: `to[row] += Σ weight · from[column]`, the entries of a row in their order.
+/// Adds a tile's products to the sums of its rows, `to[row] += Σ weight · from[column]`, with the entries of
+/// each row in order.
 ///
-/// Slices take their steps one after the other. Every row must be below `to.len()`, and every column below `from.len()`.
+/// The steps of a slice are taken one after the other. Every row must be below `to.len()`, and every column
+/// below `from.len()`.
 pub(in crate::transport) type Kernel<V> = fn(&[Slice], &[[u16; LANES]], &[[f32; LANES]], &[V], &mut [V]);

@@ -1,17 +1,17 @@
-//! The inner loop of a product, by the instructions that this processor is quickest with.
+//! The choice of the inner loop of a product: the fastest instructions of this processor.
 
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use super::slice::{Kernel, LANES, Slice};
-use super::value::{Abreast, Value};
+use super::value::{Interleaved, Value};
 
-/// Values that have ways to be added up.
+/// Elements that have kernels.
 pub(in crate::transport) trait Summable: Value {
-    /// By instructions that not every processor has.
+    /// The kernel that uses instructions which not every processor has.
     fn special() -> Option<Kernel<Self>>;
 
-    /// The quickest way, found out once.
+    /// The fastest kernel, measured once per process.
     fn sums() -> Sums<Self>;
 }
 
@@ -29,7 +29,7 @@ impl Summable for f64 {
     }
 }
 
-impl Summable for Abreast {
+impl Summable for Interleaved {
     fn special() -> Option<Kernel<Self>> {
         #[cfg(target_arch = "x86_64")]
         return super::gather::of_four();
@@ -38,24 +38,24 @@ impl Summable for Abreast {
     }
 
     fn sums() -> Sums<Self> {
-        static FASTEST: OnceLock<Sums<Abreast>> = OnceLock::new();
+        static FASTEST: OnceLock<Sums<Interleaved>> = OnceLock::new();
         *FASTEST.get_or_init(Sums::fastest)
     }
 }
 
-/// A way to do it. All give the same bits.
+/// A kernel of the inner loop. All kernels give the same bits.
 #[derive(Clone, Copy)]
 pub(in crate::transport) struct Sums<V>(Kernel<V>);
 
 impl<V: Summable> Sums<V> {
-    /// The way that takes the least time now: whether special instructions pay depends on the processor's maker and
-    /// generation.
+    /// The kernel that takes the least time now. Whether the special instructions are faster depends on the
+    /// processor's maker and generation.
     fn fastest() -> Self {
         let timed = Self::all().into_iter().map(|sums| (sums.time(), sums));
         timed.min_by_key(|(time, _)| *time).map_or(Self(portable), |(_, sums)| sums)
     }
 
-    /// All that this processor can do.
+    /// All kernels that this processor can run.
     pub(super) fn all() -> Vec<Self> {
         let mut all = vec![Self(portable)];
         all.extend(V::special().map(Self));
@@ -73,7 +73,7 @@ impl<V: Summable> Sums<V> {
         (self.0)(slices, columns, weights, from, to);
     }
 
-    /// The least time of several for a few thousand entries.
+    /// The shortest of several measured times for a few thousand entries.
     fn time(self) -> Duration {
         const STEPS: usize = 512;
         const COLUMNS: usize = 4096;

@@ -2,7 +2,7 @@ use super::sums::Sums;
 use super::*;
 use proptest::prelude::*;
 
-/// A matrix of two channels with about `per_row` entries in each row, some rows and columns without any.
+/// A matrix of two channels with about `per_row` entries in each row; some rows and columns are empty.
 fn matrix(rows: usize, cols: usize, per_row: usize, seed: u64) -> CompressedRows {
     let mut state = seed | 1;
     let mut draw = |below: usize| {
@@ -42,16 +42,17 @@ fn pattern(cols: usize) -> Vec<f64> {
     (0..cols).map(|column| (column * 7919 % 1013) as f64 / 1013.0 - 0.5).collect()
 }
 
-/// The vector, and multiples of it by powers of two, whose products are those multiples to the bit.
-fn four(x: &[f64]) -> Vec<Abreast> {
-    x.iter().map(|x| Abreast([*x, -2.0 * x, 0.0, 0.5 * x])).collect()
+/// The vector interleaved with multiples of it by powers of two (and zero), whose products are exact
+/// multiples of its product.
+fn four(x: &[f64]) -> Vec<Interleaved> {
+    x.iter().map(|x| Interleaved([*x, -2.0 * x, 0.0, 0.5 * x])).collect()
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
     #[test]
-    fn tiles_hold_what_the_rows_held(
+    fn tiles_hold_the_entries_of_the_rows(
         rows in 1..3000_usize, cols in 1..5000_usize, per_row in 0..12_usize, shape in shapes(), seed: u64,
     ) {
         let rows = matrix(rows, cols, per_row, seed);
@@ -70,17 +71,17 @@ proptest! {
         for channel in 0..2 {
             let bands = 0..rows.div_ceil(tiles.band_rows());
             let y: Vec<f64> = bands.clone().flat_map(|band| tiles.product(channel, band, &x)).collect();
-            // The same additions from left to right: the same to the last bit.
+            // The same additions from left to right give the same bits.
             prop_assert_eq!(&y, &product(&from, channel, &x));
             let xs = four(&x);
-            let of_four: Vec<Abreast> = bands.flat_map(|band| tiles.product(channel, band, &xs)).collect();
+            let of_four: Vec<Interleaved> = bands.flat_map(|band| tiles.product(channel, band, &xs)).collect();
             prop_assert_eq!(of_four, four(&y));
         }
     }
 }
 
 #[test]
-fn every_way_to_add_gives_the_same_bits() {
+fn all_kernels_give_the_same_bits() {
     let from = matrix(700, 4000, 40, 7);
     let tiles = Tiles::of_shape(Shape { rows: 1024, columns: 4096 }, 4000, &from);
     let x = pattern(4000);
@@ -107,7 +108,7 @@ fn check<V: Summable + PartialEq + std::fmt::Debug>(
 }
 
 #[test]
-fn a_column_that_is_not_there_is_never_read() {
+fn a_missing_column_is_never_read() {
     let slice = Slice { rows: [0, 1, 2, 3, 4, 5, 6, 7], steps: 1 };
     for sums in Sums::all() {
         let outcome = std::panic::catch_unwind(|| {

@@ -1,19 +1,19 @@
-//! What stands at a row or a column: a number, or several side by side where several vectors are multiplied at once.
+//! The element type of a product's vectors: one number, or four where four vectors are multiplied at once.
 
-/// Vectors that are multiplied at once: their four numbers are one register of today's processors.
-pub(in crate::transport) const ABREAST: usize = 4;
+/// Vectors that are multiplied at once: their four numbers fill one vector register.
+pub(in crate::transport) const BLOCK_WIDTH: usize = 4;
 
-/// Of four vectors, in one line of the caches.
+/// The entries of four vectors at one row or column, in one cache line.
 #[repr(align(32))]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::transport) struct Abreast(pub(in crate::transport) [f64; ABREAST]);
+pub(in crate::transport) struct Interleaved(pub(in crate::transport) [f64; BLOCK_WIDTH]);
 
-/// A number of each vector.
+/// An element that a product multiplies by weights and sums.
 pub(in crate::transport) trait Value: Copy + Default + Send + Sync + 'static {
-    /// Times `weight`.
+    /// The element times `weight`.
     fn times(self, weight: f64) -> Self;
 
-    /// The sum.
+    /// The sum of two elements.
     fn plus(self, other: Self) -> Self;
 }
 
@@ -27,7 +27,7 @@ impl Value for f64 {
     }
 }
 
-impl Value for Abreast {
+impl Value for Interleaved {
     fn times(self, weight: f64) -> Self {
         Self(self.0.map(|value| weight * value))
     }

@@ -1,4 +1,4 @@
-//! Ritz pairs of operators that need not be symmetric: complex in general.
+//! Ritz pairs of general operators, which may be complex.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, c64};
@@ -9,8 +9,8 @@ use super::pairs::{RitzPair, Which};
 use super::symmetric::rounding;
 use crate::error::{Error, Result};
 
-/// The wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first; `count` may
-/// cut it in two.
+/// The wanted eigenpairs of `H`. A complex pair counts as two, the one with positive imaginary part first;
+/// `count` may cut it in two.
 pub(in super::super) fn ritz(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
     let m = state.steps();
     if m == 0 || count == 0 {

@@ -1,4 +1,4 @@
-//! Rayleigh–Ritz: eigenpairs of the operator on a subspace, at no product.
+//! The Rayleigh–Ritz method: approximate eigenpairs from a subspace, without a product.
 
 pub(super) mod general;
 mod pairs;

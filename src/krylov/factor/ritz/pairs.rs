@@ -1,4 +1,4 @@
-//! Approximate eigenpairs: which are wanted, how good they are.
+//! Approximate eigenpairs: their order, and their error bounds.
 
 /// Which part of the spectrum is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -10,8 +10,8 @@ pub enum Which {
     SmallestAlgebraic,
     /// LM: the largest in absolute value.
     LargestMagnitude,
-    /// SM: the smallest in absolute value. They come late, if at all, unless they are at an end of the spectrum: a
-    /// Krylov space knows the ends first, and inverting is not possible with photos.
+    /// SM: the smallest in absolute value. Unless they are at an end of the spectrum they converge late or
+    /// never: a Krylov space approximates the ends first, and photos cannot invert the operator.
     SmallestMagnitude,
     /// BE: from both ends, the largest first, then the smallest, the second largest, and so on.
     BothEnds,
@@ -20,8 +20,8 @@ pub enum Which {
 }
 
 impl Which {
-    /// Indices of `values` (real and imaginary part), most wanted first. Of equally wanted ones (a complex pair) that
-    /// with the positive imaginary part comes first, then the first.
+    /// Indices of `values` (real and imaginary part), most wanted first. Of equally wanted ones (a complex
+    /// pair) that with the positive imaginary part comes first, then the first.
     pub(super) fn order(self, values: &[(f64, f64)]) -> Vec<usize> {
         let mut order: Vec<usize> = (0..values.len()).collect();
         let key = |index: usize| {
@@ -52,13 +52,13 @@ impl Which {
     }
 }
 
-/// What can be said of an approximate eigenpair.
+/// The status of an approximate eigenpair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PairStatus {
     /// Its residual, with the noise of the products, is within the tolerance.
     Converged,
-    /// Its residual is within the noise of the products, which is above the tolerance: only better products would
-    /// help.
+    /// Its residual is within the noise of the products, which is above the tolerance: only better products
+    /// would help.
     LimitedByNoise,
     /// More products would make it better.
     NotResolved,
@@ -71,13 +71,15 @@ pub struct RitzPair {
     pub value: f64,
     /// The imaginary part of `θ`; 0 for a symmetric operator.
     pub imaginary: f64,
-    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products that were taken. Known without another one: for a symmetric
-    /// operator it is `|β_m s_m|`, for a general one `|h_{m+1,m} s_m|`.
+    /// `‖A y − θ y‖₂` for `‖y‖ = 1`, from the products that were taken. Known without another one: for a
+    /// symmetric operator it is `|β_m s_m|`, for a general one `|h_{m+1,m} s_m|`.
     pub residual: f64,
-    /// The distance from `θ` to the nearest other Ritz value, less the residual of that one: the gap to the rest of
-    /// the spectrum as the subspace knows it. Infinite when there is no other, 0 for a general operator.
+    /// The distance from `θ` to the nearest other Ritz value, less the residual of that one: the gap to the
+    /// rest of the spectrum as the subspace knows it. Infinite when there is no other, 0 for a general
+    /// operator.
     pub gap: f64,
-    /// The condition number of `θ` as an eigenvalue of `H`: 1 for a symmetric operator, infinite for a defective one.
+    /// The condition number of `θ` as an eigenvalue of `H`: 1 for a symmetric operator, infinite for a
+    /// defective one.
     pub condition: f64,
     /// Rounding errors to allow for in `θ`, a small multiple of `ε ‖A‖`.
     pub rounding: f64,
@@ -93,15 +95,17 @@ impl RitzPair {
         self.imaginary_coefficients.is_empty()
     }
 
-    /// Whether `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. By Weyl's bound an eigenvalue is
-    /// then that near; the vector is as near as the gap to the other eigenvalues allows (Davis–Kahan).
+    /// Whether `‖A y − θ y‖ ≤ tolerance · scale`, with `scale` of the size of `‖A‖`. By Weyl's bound an
+    /// eigenvalue is then that near; the vector is as near as the gap to the other eigenvalues allows
+    /// (Davis–Kahan).
     pub fn is_resolved(&self, tolerance: f64, scale: f64) -> bool {
         self.residual <= tolerance * scale
     }
 
-    /// The verdict for a residual wanted to be at most `wanted`, when each product with a unit vector has an error of
-    /// norm `noise`, independent from product to product (then `‖E s‖` is about `noise` for any `s` of norm 1).
-    pub fn verdict(&self, wanted: f64, noise: f64) -> PairStatus {
+    /// The status for a residual that should be at most `wanted`, when each product with a unit vector has an
+    /// error of norm `noise`, independent from product to product (then `‖E s‖` is about `noise` for any `s`
+    /// of norm 1).
+    pub fn status(&self, wanted: f64, noise: f64) -> PairStatus {
         if self.residual <= wanted && noise <= wanted {
             PairStatus::Converged
         } else if self.residual <= noise {
@@ -111,8 +115,8 @@ impl RitzPair {
         }
     }
 
-    /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`, where every product with a unit
-    /// vector has an error of norm `noise` at most. Then `‖E s‖ ≤ noise · ‖s‖₁` (Simoncini and Szyld,
+    /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`, where every product with a
+    /// unit vector has an error of norm `noise` at most. Then `‖E s‖ ≤ noise · ‖s‖₁` (Simoncini and Szyld,
     /// doi:10.1137/S1064827502406415), in any case.
     pub fn true_residual(&self, noise: f64) -> f64 {
         let parts =
@@ -121,16 +125,16 @@ impl RitzPair {
         self.residual + noise * sum
     }
 
-    /// A bound on the distance of `θ` to the nearest eigenvalue. For a symmetric operator it is rigorous (there is an
-    /// eigenvalue within the residual norm: Weyl; Parlett, theorem 4.5.1). For a general one it is the first-order
-    /// estimate condition × (residual + rounding).
+    /// A bound on the distance of `θ` to the nearest eigenvalue. For a symmetric operator it is rigorous
+    /// (there is an eigenvalue within the residual norm: Weyl; Parlett, theorem 4.5.1). For a general one it
+    /// is the first-order estimate condition × (residual + rounding).
     pub fn bound(&self, noise: f64) -> f64 {
         self.condition * (self.true_residual(noise) + self.rounding)
     }
 
-    /// The Temple–Kato bound `ρ²/gap` on the same distance, where it is smaller than [`RitzPair::bound`]. It holds if
-    /// the subspace has missed no eigenvalue within the gap, which nothing but the problem itself can promise (Kato,
-    /// doi:10.1143/JPSJ.4.334; Parlett, theorem 11.7.1).
+    /// The Temple–Kato bound `ρ²/gap` on the same distance, where it is smaller than [`RitzPair::bound`]. It
+    /// holds if the subspace has missed no eigenvalue within the gap, which nothing but the problem itself
+    /// can promise (Kato, doi:10.1143/JPSJ.4.334; Parlett, theorem 11.7.1).
     pub fn gap_bound(&self, noise: f64) -> f64 {
         let residual = self.true_residual(noise);
         if self.gap > residual {

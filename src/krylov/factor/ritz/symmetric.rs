@@ -7,8 +7,8 @@ use super::super::Expansion;
 use super::pairs::{RitzPair, Which};
 use crate::error::{Error, Result};
 
-/// The wanted Ritz pairs. `T` is made of the lower triangle of `H`; what the upper one says otherwise is counted into
-/// the residuals.
+/// The wanted Ritz pairs. `T` is the lower triangle of `H`, mirrored; the difference of the upper triangle is
+/// part of the residuals.
 pub(in super::super) fn ritz(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
     let mut pairs = all(state, which)?;
     let residuals: Vec<(f64, f64)> = pairs.iter().map(|pair| (pair.value, pair.residual)).collect();

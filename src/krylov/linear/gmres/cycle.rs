@@ -1,4 +1,4 @@
-//! One cycle of GMRES: the basis, and the small least-squares problem on it.
+//! One cycle of GMRES, between two restarts: the basis, and the small least-squares problem.
 
 use super::super::super::basis::{Basis, norm};
 use super::super::rotation::rotation;
@@ -7,17 +7,17 @@ use super::super::rotation::rotation;
 #[derive(Clone)]
 pub(super) struct Cycle {
     pub(super) basis: Basis,
-    /// Flexible: `M⁻¹ v_j`. From the left: `A v_j`. Else nothing.
+    /// `M⁻¹ v_j` if flexible, `A v_j` if preconditioned from the left, else empty.
     pub(super) kept: Basis,
     /// The columns of `R`, upper triangular.
     triangle: Vec<Vec<f64>>,
     rotations: Vec<(f64, f64)>,
-    /// `Q ‖r_0‖ e_1`: one entry more than there are columns.
+    /// `Q ‖r_0‖ e_1`: one entry more than `R` has columns.
     rotated: Vec<f64>,
 }
 
 impl Cycle {
-    /// Memory for `steps` of them, and for as many `kept` vectors, so that no step asks for it.
+    /// An empty cycle with memory for `steps` steps and `kept` kept vectors, so that no step allocates any.
     pub(super) fn new(n: usize, steps: usize, kept: usize) -> Self {
         let mut cycle = Self {
             basis: Basis::new(n),
@@ -31,7 +31,7 @@ impl Cycle {
         cycle
     }
 
-    /// Starts anew from `r` of this norm; the memory is kept.
+    /// Starts from `r`, whose norm is `length`; memory is reused.
     pub(super) fn start(&mut self, r: &[f64], length: f64) {
         self.clear();
         self.rotated.push(length);
@@ -40,7 +40,7 @@ impl Cycle {
         }
     }
 
-    /// No columns, as before the start.
+    /// Removes all columns.
     pub(super) fn clear(&mut self) {
         self.basis.clear();
         self.kept.clear();
@@ -54,13 +54,13 @@ impl Cycle {
         self.triangle.len()
     }
 
-    /// `‖r_0‖`, which rotations leave as it is.
+    /// `‖r_0‖`, which rotations do not change.
     pub(super) fn first_residual(&self) -> f64 {
         norm(&self.rotated)
     }
 
-    /// A column of `H` with `below` under it. The residual norm that is then left, or `None`, and nothing appended, when
-    /// the diagonal entry of `R` would be no larger than `tiny`.
+    /// Appends a column of `H` with `below` under it, and returns the residual norm after it. Returns `None`,
+    /// and appends nothing, when the diagonal entry of `R` would be no larger than `tiny`.
     pub(super) fn append(&mut self, mut column: Vec<f64>, below: f64, tiny: f64) -> Option<f64> {
         for (k, (c, s)) in self.rotations.iter().enumerate() {
             let (a, b) = (column[k], column[k + 1]);
@@ -81,7 +81,7 @@ impl Cycle {
         Some((s * top).abs())
     }
 
-    /// Takes the last column back.
+    /// Removes the last column.
     pub(super) fn undo(&mut self) {
         let (Some((c, s)), Some(under)) = (self.rotations.pop(), self.rotated.pop()) else { return };
         self.triangle.pop();
@@ -90,7 +90,7 @@ impl Cycle {
         }
     }
 
-    /// `y = R⁻¹ (Q ‖r_0‖ e_1)`, a number for each column.
+    /// `y = R⁻¹ (Q ‖r_0‖ e_1)`, one coefficient for each column.
     pub(super) fn coefficients(&self) -> Vec<f64> {
         let count = self.triangle.len();
         let mut y = self.rotated[..count.min(self.rotated.len())].to_vec();
@@ -104,7 +104,7 @@ impl Cycle {
         y
     }
 
-    /// `sign · Σ y_j` times the basis vectors, or the kept ones, added to `sum`.
+    /// Adds `sign · Σ y_j v_j` to `sum`, over the basis vectors or the kept ones.
     pub(super) fn combine(&self, of_kept: bool, sign: f64, sum: &mut [f64]) {
         let columns = if of_kept { &self.kept } else { &self.basis };
         let mut y = self.coefficients();
@@ -113,7 +113,8 @@ impl Cycle {
         columns.accumulate(0, &y, sign, sum);
     }
 
-    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate: the rotations undone, last to first.
+    /// `r ← V Qᵀ (0 … 0, ρ)`, the residual of this cycle's iterate, by the inverse rotations from last to
+    /// first.
     pub(super) fn residual(&self, r: &mut [f64]) {
         let count = self.triangle.len();
         let mut coordinates = vec![0.0; count + 1];
@@ -123,7 +124,7 @@ impl Cycle {
             coordinates[k] = -s * below;
             coordinates[k + 1] = c * below;
         }
-        // An invariant space has no last vector, and leaves no residual along it.
+        // An invariant space has no last vector, and no residual along it.
         coordinates.truncate(self.basis.len());
         r.fill(0.0);
         self.basis.accumulate(0, &coordinates, 1.0, r);

@@ -15,21 +15,25 @@ use super::{Advance, Side, SolveOptions, Solver, precondition, refuse_left};
 use crate::error::Result;
 use crate::operator::Adjoint;
 
-/// GMRES(m): `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
+/// GMRES(m): solves `min ‖b − A x‖₂` over the Krylov space, for any square `A` of `n × n`.
 ///
-/// Preconditioned from the right, `A M⁻¹ u = b`, it minimizes the true residual. From the left, `M⁻¹ A x = M⁻¹ b`, it
-/// minimizes `‖M⁻¹ r‖`; the products are then kept beside the basis, so that the true residual is reported all the
-/// same, at no product. *Flexible* ([`Gmres::flexible`], FGMRES) it keeps each preconditioned vector, and `M` may
-/// differ from step to step.
+/// Preconditioned from the right (`A M⁻¹ u = b`) it minimizes the true residual. From the left
+/// (`M⁻¹ A x = M⁻¹ b`) it minimizes `‖M⁻¹ r‖`; it then keeps the products too, so that it can report the true
+/// residual without a further product. The flexible form ([`Gmres::flexible`], FGMRES) keeps each
+/// preconditioned vector, and `M` may differ from step to step.
 ///
 /// # Properties
-/// `‖r‖` (on the left `‖M⁻¹ r‖`) falls monotonically, through restarts too. No transpose. One product a step; a
-/// restart takes none. The basis is orthonormal to working precision. Ends with a sentence when the Krylov space is
-/// invariant and holds no solution (a singular `A`). Stores after `k` steps since the last restart `k + 1` basis
-/// vectors and, from the left or flexible, `k` more, and `b, x, r` and three to work in.
+/// `‖r‖` (from the left `‖M⁻¹ r‖`) falls monotonically, also across restarts. No transpose. One product a
+/// step; a restart takes none. The basis is orthonormal to working precision. Ends with [`Status::Breakdown`]
+/// when the Krylov space is invariant and contains no solution (a singular `A`).
+///
+/// # Storage
+/// After `k` steps since the last restart: `k + 1` basis vectors; `k` more from the left or flexible;
+/// `b, x, r` and three work vectors.
 ///
 /// # References
-/// Saad and Schultz (1986), doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028.
+/// Used for light transport compensation by O'Toole and Kutulakos, section 6. Saad and Schultz (1986),
+/// doi:10.1137/0907058; flexible: Saad (1993), doi:10.1137/0914028.
 #[derive(Clone)]
 pub struct Gmres {
     system: System,
@@ -47,12 +51,13 @@ pub struct Gmres {
 const SINGULAR: Status =
     Status::Breakdown("the Krylov space is used up and holds no solution: the operator is singular");
 
-/// A correction whose rounding errors are this share of the first residual is none: the true residual would no longer
-/// be the one reported.
+/// A correction whose rounding errors are at least this share of the first residual is not made: the reported
+/// residual would no longer be the true one.
 const MEANINGLESS: f64 = 1e-9;
 
 impl Gmres {
-    /// For `b` of length `n`. Looks at `x0`, `preconditioner`, `side` and `restart` of the options.
+    /// The state before the first step, for `b` of length `n`. Reads `x0`, `preconditioner`, `side` and
+    /// `restart` of the options.
     ///
     /// # Errors
     /// As [`Cg::new`](super::Cg::new), except that any preconditioner will do.
@@ -88,12 +93,12 @@ impl Gmres {
         })
     }
 
-    /// Basis vectors and kept ones at this moment, of length `n` each.
+    /// The number of basis vectors and kept vectors at present, of length `n` each.
     pub fn stored(&self) -> usize {
         self.cycle.basis.len() + self.cycle.kept.len()
     }
 
-    /// A cycle starts from the residual.
+    /// Starts a cycle from the residual.
     fn start(&mut self) -> Result<bool> {
         if self.side == Side::Left {
             precondition(self.preconditioner.as_ref(), &self.system.r, &mut self.hat)?;
@@ -106,12 +111,13 @@ impl Gmres {
         Ok(self.started)
     }
 
-    /// Whether `V y` has to be preconditioned to be a correction of `x`.
+    /// Whether `V y` must be preconditioned to become a correction of `x`.
     fn is_hatted(&self) -> bool {
         !self.flexible && self.side == Side::Right && self.preconditioner.is_some()
     }
 
-    /// The true residual of this cycle's iterate, from what is stored, in the place of the cycle's first residual.
+    /// Overwrites `r`, the cycle's first residual, by the true residual of this cycle's iterate, without a
+    /// product.
     fn residual(&self, r: &mut [f64]) {
         if self.side == Side::Left {
             self.cycle.combine(true, -1.0, r);
@@ -120,7 +126,7 @@ impl Gmres {
         }
     }
 
-    /// Ends the cycle: `x` and `r` are brought up to date, at no product.
+    /// Ends the cycle: updates `x` and `r`, without a product.
     fn close(&mut self) -> Result<()> {
         let mut sum = std::mem::take(&mut self.hat);
         sum.fill(0.0);
@@ -166,7 +172,8 @@ impl Solver for Gmres {
             self.hat.copy_from_slice(v);
         }
         self.system.tally.product(operator, &self.hat, &mut self.system.work)?;
-        // The new direction takes the product's place; from the left that of the basis vector, as the product is kept.
+        // The new direction overwrites the product; from the left it overwrites the basis vector, since the
+        // product is kept.
         let w = if right {
             &mut self.system.work
         } else {
@@ -175,7 +182,7 @@ impl Solver for Gmres {
         };
         let length = norm(w);
         let removed = orthogonalize(&self.cycle.basis, w, 0);
-        // What orthogonalization leaves of a vector in the span is rounding.
+        // Orthogonalization leaves only rounding errors of a vector in the span.
         let tiny = 10.0 * f64::EPSILON * length;
         let invariant = removed.norm <= tiny;
         let below = if invariant { 0.0 } else { removed.norm };
@@ -186,7 +193,7 @@ impl Solver for Gmres {
         if norm(&self.cycle.coefficients()) * self.scale * f64::EPSILON
             > MEANINGLESS * self.cycle.first_residual()
         {
-            // Rounding errors of such a correction would be larger than what it corrects.
+            // The rounding errors of such a correction would be larger than the residual that it corrects.
             self.cycle.undo();
             return Ok(Advance::Ended(SINGULAR));
         }
@@ -227,7 +234,7 @@ impl Solver for Gmres {
         }
         let (mut sum, mut hat) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         self.cycle.combine(self.flexible, 1.0, &mut sum);
-        // Should the preconditioner fail, the iterate of the last restart is what there is.
+        // If the preconditioner fails, the answer is the iterate of the last restart.
         if precondition(self.preconditioner.as_ref(), &sum, &mut hat).is_ok() {
             axpy(1.0, &hat, &mut x);
         }
