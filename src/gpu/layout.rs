@@ -1,4 +1,4 @@
-//! For tests: that the shaders lay their structures out as the host does, and know the same constants.
+//! Assertions for tests: shaders and host agree on the layout of structures and on constants.
 
 /// Asserts that the WGSL struct `name` of shader `shader` has exactly these members at these offsets, and this size.
 pub(crate) fn assert_layout(shader: &str, name: &str, members: &[(&str, usize)], size: usize) {

@@ -202,7 +202,11 @@ mod tests {
         sizer.begin(WORK);
         sizer.one_path_each();
         sizer.begin(WORK);
-        assert_eq!(sizer.paths_per_invocation(1000 * 256 * cores, 64), 1, "the driver stopped invocations with several paths");
+        assert_eq!(
+            sizer.paths_per_invocation(1000 * 256 * cores, 64),
+            1,
+            "the driver stopped invocations with several paths"
+        );
         sizer.begin(Work { max_bounces: 2, ..WORK });
         assert_eq!(sizer.paths_per_invocation(1000 * 256 * cores, 64), 64);
     }

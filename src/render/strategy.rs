@@ -1,4 +1,4 @@
-//! Which paths are traced: from the camera, and from the projector too where that stands apart.
+//! The sampling strategies: paths from the camera, and also from the projector where that stands apart.
 
 use super::chains::ChainCache;
 use super::dispatch::{Dispatches, max_paths_per_invocation};
@@ -13,26 +13,28 @@ use super::settings::TraceSettings;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// The paths of one end of the rig.
+/// One sampling strategy: the paths that start at one endpoint of the rig, with everything that their kernel needs.
 pub(super) struct Strategy {
-    /// Of each dispatch, but for which paths are its own.
+    /// The parameters of its dispatches; each dispatch sets which paths it traces.
     pub(super) parameters: Parameters,
     pub(super) features: Features,
-    /// Of one invocation.
+    /// The most paths of one invocation.
     pub(super) max_paths_per_invocation: u32,
+    /// The photon map of the other endpoint's specular chains.
     pub(super) chains: PhotonMap,
-    /// What can be seen from the pinhole that both ends share, if they do and it is of use.
+    /// The light buffer of the shared pinhole, or a placeholder where no ray uses it.
     pub(super) light_buffer: wgpu::TextureView,
     pub(super) layout: Layout,
 }
 
 impl Strategy {
+    /// Number of its paths.
     pub(super) fn paths(&self) -> u64 {
         self.parameters.start.pixels() * u64::from(self.parameters.samples)
     }
 }
 
-/// What strategies are made from.
+/// Makes strategies from the parts of a tracer.
 pub(super) struct StrategyBuilder<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) scene: &'a GpuScene,
@@ -43,7 +45,7 @@ pub(super) struct StrategyBuilder<'a> {
 }
 
 impl StrategyBuilder<'_> {
-    /// From the camera; and from the projector too, unless it is the same.
+    /// The strategies for these settings: from the camera, and from the projector unless the rig is coaxial.
     pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
         let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
         if self.rig.coaxial(settings) {
@@ -57,7 +59,8 @@ impl StrategyBuilder<'_> {
         ])
     }
 
-    /// The paths from the first of two ends to the second, which have these samples per pixel.
+    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are the path samples per pixel of
+    /// either endpoint.
     pub(super) fn strategy(
         &mut self,
         settings: &TraceSettings,
@@ -68,7 +71,7 @@ impl StrategyBuilder<'_> {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
-        // Where light passes straight through, a ray has to look at all that it meets.
+        // Where light may pass straight through a surface, a ray needs all its hits in order, which the light buffer does not give.
         let has_light_buffer = coaxial_pinhole && !self.scene.features.passable;
         let light_buffer = if has_light_buffer {
             self.light_buffers.lists(self.gpu, self.scene, start.tangent)?
@@ -101,11 +104,11 @@ impl StrategyBuilder<'_> {
             paths: 0,
             samples,
             max_bounces: settings.max_bounces,
-            // The two ends' paths share no numbers.
+            // The paths of both endpoints use different random numbers.
             seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
             mark: 0,
             end_to_start,
-            // A path from the projector estimates per projector sample what one from the camera does per camera sample.
+            // An estimate per projector sample, converted to one per camera sample.
             scale: if from_camera { 1.0 } else { end_to_start },
             gather_radius: 0.0,
             inverse_cell: 0.0,

@@ -1,14 +1,15 @@
 //! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
 //!
-//! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse matrix; every
-//! later photo is a product with it ([`Simulated`]). [`Retraced`] is the honest black box beside it: it traces anew for
-//! each photo and keeps nothing. For equal settings both are the same `Â`, to rounding; [`predict`] tells whether the matrix
-//! would fit the memory.
+//! Light paths do not depend on the pattern. [`assemble()`] therefore traces them once and keeps them as a sparse matrix; every later photo is
+//! a product with it ([`Simulated`]). [`Retraced`] traces the paths anew for each photo and keeps nothing; it is the black box against which
+//! the products are tested. With equal settings both apply the same `Â`, up to rounding. [`predict`] estimates whether the matrix fits the
+//! memory.
 //!
-//! Contributions are added up pixel by pixel as the paths come in (`rows`), so that memory grows with what the matrix
-//! will hold, not with the number of samples; then rows meet columns, block by block (`combine`), and are cut into `tiles` for fast products. A coaxial rig's matrix is
-//! symmetric to the last bit; that of any other rig has a row for each camera pixel, a column for each projector pixel, and its
-//! transpose is the dual rig. On a GPU with room for it the matrix stays in the device's memory, and products are taken there ([`Backend`]). How far `Â` is from the truth, two independent halves of the samples tell ([`Noise`]).
+//! Contributions are summed pixel by pixel as the paths arrive (`rows`), so that the memory grows with the size of the matrix and not with the
+//! number of samples. Then rows and columns are combined, block by block (`combine`), and cut into `tiles` for fast products. The matrix of a
+//! coaxial rig is symmetric to the last bit. The matrix of any other rig has a row for each camera pixel and a column for each projector pixel;
+//! its transpose is the dual rig. On a GPU with enough memory the matrix stays in the memory of the device, and products are computed there
+//! ([`Backend`]). Two independent halves of the samples give the noise of `Â` ([`Noise`]).
 
 mod abreast;
 mod assemble;
@@ -50,48 +51,47 @@ pub(crate) use tiles::CompressedRows;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// A scene as a rig sees it: project a pattern, take the photo.
+/// A rig that takes photos of a scene under projected patterns.
 pub trait Transport {
-    /// Pixels of the projector, and so of a pattern.
+    /// Resolution of the projector and of its patterns.
     fn pattern_resolution(&self) -> Resolution;
 
-    /// Pixels of the camera, and so of a photo.
+    /// Resolution of the camera and of its photos.
     fn photo_resolution(&self) -> Resolution;
 
-    /// Whether photos are gray or coloured.
+    /// Whether photos are gray or in colour.
     fn channels(&self) -> Channels;
 
-    /// The photo of `pattern`, ambient light included, in W/(m² sr). A pattern of one channel lights all alike.
+    /// The photo under `pattern` with the ambient light, in W/(m² sr). A pattern of one channel applies to all channels.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the pattern does not have the rig's resolution or channels; and whatever keeps the photo
-    /// from being taken.
+    /// [`Error::Dimension`] where the pattern does not have the resolution or the channels of the rig; and any error of taking the photo.
     fn photograph(&mut self, pattern: &Image) -> Result<Image>;
 }
 
 /// The shape of a rig's matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct RigShape {
-    /// Pixels of the camera, one row each.
+    /// Resolution of the camera; each pixel is a row.
     pub camera: Resolution,
-    /// Pixels of the projector, one column each.
+    /// Resolution of the projector; each pixel is a column.
     pub projector: Resolution,
-    /// Whether camera and projector are one, so that `A = Aᵀ`.
+    /// Whether the rig is coaxial, so that `A = Aᵀ`.
     pub symmetric: bool,
 }
 
-/// Which light transport is measured.
+/// The colour channels of light transport.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channels {
     /// One gray pattern, one photo weighted by luminance (Rec. 709).
     Luma,
-    /// Red, green and blue: three independent systems, since no surface here turns one colour into another.
+    /// Red, green and blue: three independent systems, since no surface here changes the colour of light (fluorescence).
     Rgb,
 }
 
 impl Channels {
-    /// Those of a photo with so many: one is luminance.
+    /// The channels of a photo with `count` of them: one is luminance.
     pub(crate) fn of(count: usize) -> Self {
         if count == 1 { Self::Luma } else { Self::Rgb }
     }
@@ -110,7 +110,7 @@ pub(crate) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
     red * 0.2126 + green * 0.7152 + blue * 0.0722
 }
 
-/// The planes of `pattern`, one for each of `channels`.
+/// The planes of `pattern`, one for each of `channels`. A gray pattern serves all of them.
 fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result<Vec<Vec<f64>>> {
     if pattern.resolution() != resolution {
         return Err(Error::Dimension {

@@ -3,7 +3,7 @@
 use super::kernel::{gpu, run};
 use super::material::{BSDF_SIZE, Bsdf, READ_BSDF};
 
-/// `1 − F` of unpolarized light by the textbook's formulas, in double precision.
+/// `1 − F` of unpolarized light by the textbook formulas, in double precision.
 fn transmittance(eta_o: f64, eta_t: f64, cos_o: f64) -> f64 {
     let sin_t = eta_o / eta_t * (1.0 - cos_o * cos_o).sqrt();
     if sin_t >= 1.0 {
@@ -15,7 +15,7 @@ fn transmittance(eta_o: f64, eta_t: f64, cos_o: f64) -> f64 {
     1.0 - (s * s + p * p) / 2.0
 }
 
-/// Mirrored, let through, and what a sampler finds of both together.
+/// Reflected and transmitted shares, and a sample's weight and probability, at each cosine.
 fn shares(bsdf: &Bsdf, cosines: &[f32]) -> Vec<[f32; 4]> {
     let source = format!(
         "#import rng\n#import bsdf\n{READ_BSDF}

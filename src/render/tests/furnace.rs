@@ -1,4 +1,4 @@
-//! The white furnace: `∫ K n_i² |cosθ| dω` and the deltas, the light that comes back under light from everywhere.
+//! The white furnace test: under uniform light from all directions a surface returns `∫ K n_i² |cosθ| dω` plus its delta lobes.
 
 use std::sync::LazyLock;
 
@@ -12,8 +12,8 @@ const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| CELLS.midpoints(1));
 const SAMPLES: usize = 1 << 18;
 
-/// The albedo of a gray material towards `cos_o`, regular lobes and deltas: by quadrature over `K`, and by the sampler's
-/// weights, with standard error.
+/// The directional albedo of a gray material, regular and delta lobes together: by quadrature over `K`, and by the weights of samples, with
+/// standard error.
 struct Albedo {
     integral: f64,
     sampled: f64,
@@ -38,7 +38,7 @@ fn quadrature(gpu: &Gpu, bsdf: &Bsdf, cos_o: f64) -> f64 {
     );
     let mut input = bsdf.encode().to_vec();
     input.push(outgoing(cos_o));
-    // Nothing to find below the horizon of an opaque surface.
+    // An opaque surface has no lobe below the horizon.
     let through = bsdf.transmission + bsdf.diffuse_transmission > 0.0;
     let points = &POINTS.0[..CELLS.bins() / if through { 1 } else { 2 }];
     input.extend(points);
@@ -141,7 +141,7 @@ fn white_metals_reflect_no_more_than_they_receive() {
     for alpha in [0.05, 0.25, 0.5, 1.0] {
         let (low, high) = range(&gpu, &Bsdf::metal(1.0, alpha), 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // Single scattering loses some, and a smooth surface next to nothing.
+        // The model without multiple scattering loses some light, but a smooth surface hardly any.
         assert!(low > if alpha < 0.1 { 0.88 } else { 0.3 }, "α {alpha}: {low}");
     }
 }
@@ -154,7 +154,7 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
         let white = Bsdf::dielectric(1.0, alpha);
         let (low, high) = range(&gpu, &white, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // Nor do they lose much: at grazing incidence what facets hide from each other.
+        // They do not lose much either: only light that facets hide from each other at grazing incidence.
         assert!(low > 0.5, "α {alpha}: {low}");
         assert!(range(&gpu, &white, 0.5).0 > 0.95, "α {alpha}");
         // Without reflectance at normal incidence the coat's bound has the least room.
@@ -180,12 +180,12 @@ fn rough_glass_lets_through_no_more_than_it_receives() {
         let (_, high) = range(&gpu, &paper, 0.0);
         assert!(high <= 1.0 + 1e-5, "{}: {high}", paper.describe());
     }
-    // Little is lost where facets hide little from each other.
+    // Little light is lost where facets hardly hide each other.
     assert!(range(&gpu, &Bsdf::glass(0.2), 0.5).0 > 0.95);
     assert!(range(&gpu, &Bsdf::glass(0.2).beyond(), 0.8).0 > 0.9);
 }
 
-/// White materials of all kinds, with tilted shading normals, in all media, from random directions.
+/// White materials of all kinds, with tilted shading normals, in all media, seen from random directions.
 #[test]
 fn no_material_returns_more_than_it_receives() {
     const LOOP: usize = 4096;
@@ -199,7 +199,7 @@ fn no_material_returns_more_than_it_receives() {
             var squares = 0.0;
             for (var k = 0u; k < {LOOP}u; k += 1u) {{
                 let weight = max_component(bsdf_sample(bsdf, wo, random4(index, k, 9u, 4u)).weight);
-                // From 1, which most weights are near: no digits are lost in the squares.
+                // Relative to 1, since most weights are close to it: the squares keep their precision.
                 sum += weight - 1.0;
                 squares += (weight - 1.0) * (weight - 1.0);
             }}

@@ -1,10 +1,10 @@
-//! `K(ωo, ωi) = K(ωi, ωo)`, from above and through the surface.
+//! Reciprocity of the BSDF, `K(ωo, ωi) = K(ωi, ωo)`, for reflection and for transmission.
 
 use super::kernel::{gpu, run};
 use super::material::{RANDOM_BSDF, READ_BSDF};
 
-/// The surface and a direction as the reversed path meets them: turned around the x axis if that comes from beyond, by
-/// hand, to have it independent of `bsdf_beyond`.
+/// The surface and a direction as the reverse path meets them. Where that path comes from beyond the surface, both are turned around the x axis.
+/// This is written without `bsdf_beyond`, so that the test is independent of it.
 const REVERSED: &str = "
 fn turned(v: vec3f, beyond: bool) -> vec3f {
     return select(v, vec3f(v.x, -v.y, -v.z), beyond);

@@ -1,4 +1,4 @@
-//! The sampler's promises: strata are met exactly, every number is uniform, pixels, vertices and halves are independent.
+//! Properties of the sampler: exact stratification, uniform numbers, and independent pixels, vertices and halves.
 
 use super::kernel::{gpu, run};
 use super::statistics::{chi_square_test, threshold};
@@ -58,7 +58,7 @@ fn blocks_are_nets_where_the_count_is_no_power_of_two() {
 }
 
 #[test]
-fn numbers_that_are_not_a_net_are_told_apart() {
+fn the_test_for_nets_rejects_other_points() {
     let mut points: Vec<(f32, f32)> = (0..16).map(|i| (i as f32 / 16.0, (i % 4) as f32 / 4.0)).collect();
     assert!(!is_net(&points), "four columns of equal heights");
     points = (0_u8..16).map(|i| (f32::from(i) / 16.0, f32::from(i.reverse_bits() >> 4) / 16.0)).collect();

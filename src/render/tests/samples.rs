@@ -1,4 +1,4 @@
-//! What samples say of themselves.
+//! The weight, density and direction that BSDF samples report.
 
 use super::kernel::{gpu, run};
 use super::material::{RANDOM_BSDF, READ_BSDF};
@@ -63,7 +63,7 @@ fn samples_carry_their_own_density_and_weight() {
     assert!(kinds[0] < samples.len() / 10, "{kinds:?}");
 }
 
-/// No regular lobe means no regular sample, and the other way round.
+/// A surface has a regular lobe if and only if it has regular samples.
 #[test]
 fn surfaces_know_whether_they_have_regular_lobes() {
     let source = format!(
