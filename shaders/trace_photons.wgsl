@@ -1,5 +1,5 @@
 // Traces the specular chains of one endpoint: rays from its pixels through mirrors and glass, to the surfaces behind them that scatter. Each
-// invocation traces one path. Wherever the path ends a chain, it writes a photon to a slot of its own.
+// invocation traces one path. At each surface that scatters, it writes a photon to a slot of its own.
 #import parameters
 #import bvh
 #import sampler

@@ -3,7 +3,7 @@
 //
 // The same path could have been sampled from the other endpoint. With the contribution F of the path, its density p_f as sampled
 // here and its density p_r as sampled in reverse, the balance heuristic (Veach and Guibas 1995) gives the weighted estimate
-// F / (p_f + p_r), which is what docs/operator.md calls v. The shader computes it as (F / p_f) / (1 + p_r / p_f). Densities of
+// F / (p_f + p_r), called v in docs/operator.md. The shader computes it as (F / p_f) / (1 + p_r / p_f). Densities of
 // directions are per projected solid angle times the squared refractive index, n² cosθ dω (étendue); densities of start points are
 // per area on the image plane at distance 1.
 //
@@ -68,7 +68,7 @@ struct Path {
     pdf_ratio: f32,
 }
 
-// One surface point of a path, and what is decided there.
+// One surface point of a path, with everything that connecting, gathering and scattering need.
 struct Vertex {
     surface: Surface,
     // Index of the pair of triangles in leaf order.
@@ -244,7 +244,7 @@ fn path_gather(path: ptr<function, Path>, vertex: Vertex) {
         let own = OwnChain(vertex.is_direct, path.footprint, path.start.image);
         gathered = photons_gather(vertex.surface, vertex.frame, vertex.wo, most, own, draw);
     }
-    // p_r / p_f, with the density of the photon that stands for all that were found.
+    // p_r / p_f, with the density of the photon that represents all photons found.
     var ratio = gathered.density * parameters.end_to_start;
     if (path.is_specular) {
         ratio /= vertex.first_density;

@@ -21,13 +21,13 @@ struct Photon {
 // Index of the first photon of each bucket, and finally the number of photons.
 @group(1) @binding(2) var<storage, read> photon_buckets: array<u32>;
 
-// What a path gathers at one surface point.
+// The result of gathering at one surface point.
 struct Gathered {
     // Pixel and surfaces of the chain, packed as in Photon; NONE where nothing was found.
     origin: u32,
     // Radiance that the surface sends along wo, for a pattern of 1.
     value: vec3f,
-    // Local direction and density of the photon that represents all that were found.
+    // Local direction and density of the photon that represents all photons found.
     wi: vec3f,
     density: f32,
 }

@@ -1,4 +1,4 @@
-// What the balance heuristic needs to know about the reverse of a path at one surface: densities and probabilities.
+// Densities and probabilities of the reverse of a path at one surface, for the balance heuristic.
 #import features
 #import bsdf
 

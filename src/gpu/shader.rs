@@ -50,7 +50,7 @@ shaders! {
 /// The complete WGSL of the entry point `name`, with its imports resolved.
 ///
 /// # Errors
-/// [`Error::Device`] naming the shader when it, or what it imports, does not exist or does not validate.
+/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or is not valid.
 pub fn compose(name: &str) -> Result<String> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     compose_source(name, source)
@@ -70,7 +70,7 @@ pub fn compose_source(name: &str, source: &str) -> Result<String> {
 /// The module is not validated here; wgpu validates it when it makes a kernel of it.
 ///
 /// # Errors
-/// [`Error::Device`] naming the shader when it, or what it imports, does not exist or cannot be parsed, or when an override has no
+/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or cannot be parsed, or where an override has no
 /// value.
 pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;

@@ -68,7 +68,7 @@ impl GpuMaterial {
             absorption: volume.map_or(Vec3::ZERO, |volume| volume.absorption()),
             transmission: material.transmission,
             cutoff,
-            // An index of 0 stands for a Fresnel term of 1: no light enters, and none is refracted.
+            // In glTF an index of 0 means a Fresnel term of 1: no light enters, and none is refracted.
             ior: if volume.is_some() && material.ior > 0.0 { material.ior } else { 1.0 },
             normal_scale: material.normal_scale,
             padding: 0,

@@ -161,7 +161,7 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
         let (_, high) = range(&gpu, &Bsdf { f0: glam::Vec3::ZERO, ..white }, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}, index 1: {high}");
     }
-    // Where it is smooth, Schlick's reflectance and what it leaves.
+    // A smooth surface reflects Schlick's share, and its base gets the rest.
     let (low, high) = range(&gpu, &Bsdf::dielectric(1.0, 0.0), 0.0);
     assert!(low > 1.0 - 1e-5 && high < 1.0 + 1e-5, "{low} to {high}");
 }
