@@ -12,8 +12,9 @@ const PIECE: usize = 32 << 20;
 pub(crate) const TEXTURE_WIDTH: u32 = 4096;
 
 impl Gpu {
-    /// A read-only storage buffer with `data`. The data is uploaded piece by piece, so that little memory is needed for pieces in flight. An
-    /// empty slice becomes one element of zeros, since a binding may not be empty.
+    /// A read-only storage buffer with `data`. The data is uploaded piece by piece, so that little memory is
+    /// needed for pieces in flight. An empty slice becomes one element of zeros, since a binding may not be
+    /// empty.
     ///
     /// # Errors
     /// [`Error::Device`] where the device has too little memory.

@@ -7,8 +7,8 @@ const INSTALL: &str = "install a GPU's Vulkan driver, or the software one: apt-g
 /// The kind of an adapter that is the processor itself.
 const SOFTWARE: &str = "software";
 
-/// The share of the memory granted by a GPU's driver that this process may use, in per cent. An allocation beyond it fails as out of memory,
-/// before the driver starts to evict data.
+/// The share of the memory granted by a GPU's driver that this process may use, in per cent. An allocation
+/// beyond it fails as out of memory, before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
 /// Name, driver and limits of an adapter.
@@ -67,16 +67,18 @@ pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) summary: AdapterSummary,
-    /// The device is the processor itself, so that the host reads results in place. (A GPU that shares its memory with the host could do so,
-    /// too; whether that is faster was not measured.)
+    /// The device is the processor itself, so that the host reads results in place. (A GPU that shares its
+    /// memory with the host could do so, too; whether that is faster was not measured.)
     pub(crate) shares_memory: bool,
 }
 
 impl Gpu {
-    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest kind.
+    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest
+    /// kind.
     pub(crate) fn open(wanted: Option<&str>) -> Result<Self> {
         let adapter = choose(wanted, None)?;
-        // Software Vulkan uses the memory of the machine, which other programs share: there the operating system sets the limit.
+        // Software Vulkan uses the memory of the machine, which other programs share: there the operating
+        // system sets the limit.
         if AdapterSummary::of(&adapter).is_processor() {
             return Self::on(&adapter);
         }
@@ -90,7 +92,8 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // Geometry, textures and light buffer are storage textures: six in the largest kernel. Every desktop driver allows eight.
+            // Geometry, textures and light buffer are storage textures: six in the largest kernel. Every
+            // desktop driver allows eight.
             max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()
         };
@@ -154,7 +157,8 @@ pub(crate) fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
 }
 
-/// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the driver grants.
+/// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the
+/// driver grants.
 fn enumerate(share: Option<u8>) -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,

@@ -1,5 +1,5 @@
-//! The graphics device: it is opened here, shaders are composed for it, and data is moved to and from it. Only [`crate::render`] and the GPU
-//! matrix of [`crate::transport`] use these types.
+//! The graphics device: it is opened here, shaders are composed for it, and data is moved to and from it.
+//! Only [`crate::render`] and the GPU matrix of [`crate::transport`] use these types.
 
 pub(crate) mod buffers;
 pub(crate) mod device;

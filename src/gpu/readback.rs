@@ -7,7 +7,8 @@ use wgpu::BufferUsages;
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones share them.
+/// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones
+/// share them.
 #[derive(Clone)]
 pub(crate) struct Results {
     /// The buffer to which the kernel writes.
@@ -35,7 +36,8 @@ impl Results {
         })
     }
 
-    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one. Call it within [`Gpu::guarded`].
+    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one.
+    /// Call it within [`Gpu::guarded`].
     pub(crate) fn submit(
         &self,
         gpu: &Gpu,
@@ -58,7 +60,8 @@ impl Results {
         Readback { submission, mapped, bytes }
     }
 
-    /// Waits for requested results. Drop the view and call [`Results::release`] before the device writes to the buffer again.
+    /// Waits for requested results. Drop the view and call [`Results::release`] before the device writes to
+    /// the buffer again.
     pub(crate) fn wait(&self, gpu: &Gpu, request: Readback) -> Result<wgpu::BufferView> {
         gpu.wait(Some(request.submission))?;
         let lost = |reason: String| Error::Device {

@@ -1,4 +1,5 @@
-//! WGSL sources and their composition: the line `#import NAME` inserts `shaders/shared/NAME.wgsl`, at most once for each shader.
+//! WGSL sources and their composition: the line `#import NAME` inserts `shaders/shared/NAME.wgsl`, at most
+//! once for each shader.
 //!
 //! With `KRYLUX_DUMP_WGSL=DIR` in the environment, every composed shader is also written to `DIR/NAME.wgsl`.
 
@@ -66,12 +67,13 @@ pub fn compose_source(name: &str, source: &str) -> Result<String> {
     Ok(text)
 }
 
-/// The entry point `name` with these values for its overrides, without the code that they rule out. Values without an override are ignored.
-/// The module is not validated here; wgpu validates it when it makes a kernel of it.
+/// The entry point `name` with these values for its overrides, without the code that they rule out. Values
+/// without an override are ignored. The module is not validated here; wgpu validates it when it makes a
+/// kernel of it.
 ///
 /// # Errors
-/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or cannot be parsed, or where an override has no
-/// value.
+/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or cannot be
+/// parsed, or where an override has no value.
 pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     let text = with_constants(name, &assemble(name, source)?, constants)?;
@@ -80,8 +82,8 @@ pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Modu
     Ok(module)
 }
 
-/// `text` with its overrides replaced by constants. Each override has a line of its own. Constants in the text spare a second pass over the
-/// module, which overrides would need.
+/// `text` with its overrides replaced by constants. Each override has a line of its own. Constants in the
+/// text spare a second pass over the module, which overrides would need.
 fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<String> {
     let mut out = String::with_capacity(text.len());
     for line in text.lines() {
@@ -139,7 +141,8 @@ fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -
     Ok(())
 }
 
-/// Parses and validates a shader with naga, so that an error names the line before any driver sees the shader.
+/// Parses and validates a shader with naga, so that an error names the line before any driver sees the
+/// shader.
 fn validate(name: &str, text: &str) -> Result<naga::Module> {
     let module = parse(name, text)?;
     validated(text, &module).map_err(|what| fault(name, &what))?;

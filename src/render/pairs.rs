@@ -1,26 +1,28 @@
-//! Pairs of triangles that share an edge. A ray tests both triangles of a pair at once, with four corners instead of six.
+//! Pairs of triangles that share an edge. A ray tests both triangles of a pair at once, with four corners
+//! instead of six.
 //!
-//! Embree and ray tracing hardware have quadrilaterals for the same purpose, which they take from the mesh. Here any two neighbouring
-//! triangles can become a pair.
+//! Embree and ray tracing hardware have quadrilaterals for the same purpose, which they take from the mesh.
+//! Here any two neighbouring triangles can become a pair.
 
 use glam::{DVec3, Vec3};
 
 use super::materials::NONE;
 use crate::scene::Triangle;
 
-/// The sine of the angle between the line of sight and a triangle's plane below which the pinhole sees the triangle edge-on: then rounding
-/// decides which side it sees.
+/// The sine of the angle between the line of sight and a triangle's plane below which the pinhole sees the
+/// triangle edge-on: then rounding decides which side it sees.
 const EDGE_ON: f64 = 1e-4;
 
-/// The largest surface of a box around a pair, relative to the sum of the surfaces of both triangles' boxes. The halves of a parallelogram
-/// have 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 % longer.
+/// The largest surface of a box around a pair, relative to the sum of the surfaces of both triangles' boxes.
+/// The halves of a parallelogram have 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 %
+/// longer.
 const CLOSE: f64 = 0.75;
 
 /// One or two triangles of one material and region.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pair {
-    /// The first triangle has corners 0, 1, 2, the second one corners 0, 2, 3. A single triangle has corner 3 equal to corner 0: its second
-    /// triangle has no area, and no ray meets it.
+    /// The first triangle has corners 0, 1, 2, the second one corners 0, 2, 3. A single triangle has corner 3
+    /// equal to corner 0: its second triangle has no area, and no ray meets it.
     pub(super) corners: [Vec3; 4],
     first: Rotated,
     second: Option<Rotated>,
@@ -85,8 +87,9 @@ impl Rotated {
 
 /// Pairs up the triangles of a scene. `corners` are their corners in the pinhole's frame.
 ///
-/// Each triangle is paired with the free neighbour with which its common bounding box is smallest, if that box is small relative to the
-/// boxes of both. The pinhole has to see both triangles from the same side: then neither hides the other from it.
+/// Each triangle is paired with the free neighbour with which its common bounding box is smallest, if that
+/// box is small relative to the boxes of both. The pinhole has to see both triangles from the same side: then
+/// neither hides the other from it.
 pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair> {
     let neighbours = neighbours(corners);
     let equal = |a: usize, b: usize| {
@@ -126,7 +129,8 @@ pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair
     pairs
 }
 
-/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 where it sees the triangle edge-on.
+/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 where it sees the triangle
+/// edge-on.
 fn seen_from(corners: &[Vec3; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let sine = a.normalize_or_zero().dot((b - a).cross(c - a).normalize_or_zero());
@@ -139,8 +143,8 @@ fn half_area([low, high]: [Vec3; 2]) -> f64 {
     x * y + y * z + z * x
 }
 
-/// For each edge, the edge of another triangle that runs in the opposite direction, or `NONE`. Edge 3 · triangle + corner runs from this corner
-/// to the next corner of the triangle.
+/// For each edge, the edge of another triangle that runs in the opposite direction, or `NONE`. Edge 3 ·
+/// triangle + corner runs from this corner to the next corner of the triangle.
 fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
     let ends = |edge: u32| {
         let (corners, from) = (corners[edge as usize / 3], edge as usize % 3);
@@ -170,7 +174,8 @@ fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
 /// A hash of the bits of a point. Its only purpose is to sort equal edges next to each other.
 fn hash(point: Vec3) -> u64 {
     let word = |value: f32| u64::from(value.to_bits());
-    // Odd multipliers of linear congruential generators (Steele and Vigna 2021); then the upper half is folded into the lower one.
+    // Odd multipliers of linear congruential generators (Steele and Vigna 2021); then the upper half is
+    // folded into the lower one.
     let mixed = (word(point.x).wrapping_mul(0xd134_2543_de82_ef95))
         .wrapping_add(word(point.y))
         .wrapping_mul(0xaf25_1af3_b0f0_25b5)

@@ -1,9 +1,12 @@
-//! The photon map of an endpoint's specular chains: which of its pixels see a surface point through mirrors and glass.
+//! The photon map of an endpoint's specular chains: which of its pixels see a surface point through mirrors
+//! and glass.
 //!
-//! A path that is specular at both ends (camera → mirror → wall → wall → mirror → projector) cannot be sampled by connecting surface points to
-//! an endpoint. Therefore the chains of the far endpoint are traced once, from its pixels to the first surfaces that scatter, and their ends
-//! are stored as photons. A path gathers the photons within a radius around its own points. This is a density estimate (Jensen, "Global
-//! Illumination using Photon Maps", EGWR 1996); its bias depends on how much transport changes within the radius.
+//! A path that is specular at both ends (camera → mirror → wall → wall → mirror → projector) cannot be
+//! sampled by connecting surface points to an endpoint. Therefore the chains of the far endpoint are traced
+//! once, from its pixels to the first surfaces that scatter, and their ends are stored as photons. A path
+//! gathers the photons within a radius around its own points. This is a density estimate (Jensen, "Global
+//! Illumination using Photon Maps", EGWR 1996); its bias depends on how much transport changes within the
+//! radius.
 
 use rayon::prelude::*;
 
@@ -24,8 +27,8 @@ type Photon = [[u32; 4]; 4];
 /// The most surfaces of a chain: their number has four bits.
 const MAX_CHAIN: u32 = 15;
 
-/// The most photons in one bucket, so that no invocation loops longer than the driver allows. In fuller buckets an even selection of photons
-/// is kept, and their power is increased accordingly.
+/// The most photons in one bucket, so that no invocation loops longer than the driver allows. In fuller
+/// buckets an even selection of photons is kept, and their power is increased accordingly.
 const MAX_BUCKET: usize = 512;
 
 /// The photon map of one endpoint, on the device.
@@ -43,8 +46,9 @@ pub(super) struct PhotonMap {
 pub struct Gather {
     /// Number of chains traced from each pixel.
     pub photons: u32,
-    /// Radius of the density estimate, relative to that of a disc with the area of a pixel's footprint through its chain, in the median over
-    /// all photons. A smaller radius reduces the bias and increases the variance.
+    /// Radius of the density estimate, relative to that of a disc with the area of a pixel's footprint
+    /// through its chain, in the median over all photons. A smaller radius reduces the bias and increases the
+    /// variance.
     pub radius: f32,
 }
 
@@ -181,8 +185,8 @@ impl PhotonMap {
     }
 }
 
-/// An even selection of at most `room` photons, the most that fit the device. Their power is increased, so that the total power stays the
-/// same.
+/// An even selection of at most `room` photons, the most that fit the device. Their power is increased, so
+/// that the total power stays the same.
 fn fitting(photons: Vec<Photon>, room: usize) -> Vec<Photon> {
     let step = photons.len().div_ceil(room.max(1)).max(1);
     if step == 1 {
@@ -223,7 +227,8 @@ fn bucket(photon: &Photon, inverse_cell: f32, mask: u32) -> u32 {
     (mixed ^ mixed >> 15) & mask
 }
 
-/// The radius of a disc with the area of a pixel's footprint through its chain, in the median over the photons.
+/// The radius of a disc with the area of a pixel's footprint through its chain, in the median over the
+/// photons.
 fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
     let mut densities: Vec<f32> = photons.iter().map(|photon| f32::from_bits(photon[1][0])).collect();
     let middle = densities.len() / 2;

@@ -8,7 +8,8 @@ use super::features::Features;
 use crate::error::Result;
 use crate::gpu::{Gpu, shader};
 
-/// A compiled kernel. Bind group 0 holds parameters and scene; group 1 holds the results, the photon map and the light buffer.
+/// A compiled kernel. Bind group 0 holds parameters and scene; group 1 holds the results, the photon map and
+/// the light buffer.
 pub(super) struct Pipeline {
     pub(super) pipeline: wgpu::ComputePipeline,
     pub(super) scene_layout: wgpu::BindGroupLayout,
@@ -16,7 +17,8 @@ pub(super) struct Pipeline {
 }
 
 impl Pipeline {
-    /// Composes and compiles the shader `name` for a scene and rig with these features. Its entry point has the same name.
+    /// Composes and compiles the shader `name` for a scene and rig with these features. Its entry point has
+    /// the same name.
     pub(super) fn new(gpu: &Gpu, name: &str, features: &Features) -> Result<Self> {
         let kernel = shader::kernel(name, &features.constants())?;
         gpu.guarded(name, || {
@@ -88,7 +90,8 @@ fn storage(read_only: bool) -> BindingType {
     }
 }
 
-/// The layout with these bindings. It is explicit, because an automatic layout omits the bindings that a kernel does not use.
+/// The layout with these bindings. It is explicit, because an automatic layout omits the bindings that a
+/// kernel does not use.
 fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = (0..)
         .zip(types)

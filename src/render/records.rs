@@ -9,8 +9,9 @@ pub struct Connection {
     pub projector: u32,
     /// Number of surfaces on the path, `k`.
     pub bounces: u32,
-    /// The weighted estimate `a · F/(p_f + p_r)` per channel (balance heuristic; `a` is the area of a camera pixel on the image plane): the
-    /// contribution to `A_ji`, and in a coaxial rig also to `A_ij`. It is not yet divided by the number of samples.
+    /// The weighted estimate `a · F/(p_f + p_r)` per channel (balance heuristic; `a` is the area of a camera
+    /// pixel on the image plane): the contribution to `A_ji`, and in a coaxial rig also to `A_ij`. It is not
+    /// yet divided by the number of samples.
     pub value: [f32; 3],
 }
 
@@ -21,7 +22,8 @@ pub(super) struct Layout {
     pub(super) samples: u32,
     /// The most surfaces of a path.
     pub(super) max_bounces: u32,
-    /// The connection from the first surface is the direct light, which is stored in the head instead of a slot.
+    /// The connection from the first surface is the direct light, which is stored in the head instead of a
+    /// slot.
     pub(super) direct: bool,
     /// There are gathered connections, through specular chains of the other endpoint.
     pub(super) gathers: bool,
@@ -34,8 +36,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Number of slots of a path: head, connections, gathered connections, ambient light. The records of a batch hold the first slots of all
-    /// paths, then their second slots, and so on.
+    /// Number of slots of a path: head, connections, gathered connections, ambient light. The records of a
+    /// batch hold the first slots of all paths, then their second slots, and so on.
     pub(super) fn stride(&self) -> usize {
         self.gathered(2)
             + if self.gathers { self.max_bounces as usize - 1 } else { 0 }

@@ -1,4 +1,5 @@
-//! The rig in the camera's frame, which the tracer uses: the lens centre of the camera is the origin, and the camera looks along −z.
+//! The rig in the camera's frame, which the tracer uses: the lens centre of the camera is the origin, and the
+//! camera looks along −z.
 
 use glam::{DMat3, DVec3, Vec3};
 

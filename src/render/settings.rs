@@ -5,7 +5,8 @@ use super::sampler::Sampler;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// The most surfaces that a path may meet. The numbers of rays and surfaces share a word with the mark that proves a path finished.
+/// The most surfaces that a path may meet. The numbers of rays and surfaces share a word with the mark that
+/// proves a path finished.
 pub const MAX_BOUNCES: u32 = 64;
 
 /// The settings of a trace.
@@ -23,7 +24,8 @@ pub struct TraceSettings {
     pub seed: u32,
     /// The kind of random numbers.
     pub sampler: Sampler,
-    /// Ends dim paths at random (Russian roulette). At six bounces this costs more variance than it saves time.
+    /// Ends dim paths at random (Russian roulette). At six bounces this costs more variance than it saves
+    /// time.
     pub russian_roulette: bool,
     /// Sampling of the specular chains, in scenes that have any.
     pub gather: Gather,

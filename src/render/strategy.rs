@@ -13,7 +13,8 @@ use super::settings::TraceSettings;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// One sampling strategy: the paths that start at one endpoint of the rig, with everything that their kernel needs.
+/// One sampling strategy: the paths that start at one endpoint of the rig, with everything that their kernel
+/// needs.
 pub(super) struct Strategy {
     /// The parameters of its dispatches; each dispatch sets which paths it traces.
     pub(super) parameters: Parameters,
@@ -59,8 +60,8 @@ impl StrategyBuilder<'_> {
         ])
     }
 
-    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are the path samples per pixel of
-    /// either endpoint.
+    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are
+    /// the path samples per pixel of either endpoint.
     pub(super) fn strategy(
         &mut self,
         settings: &TraceSettings,
@@ -71,7 +72,8 @@ impl StrategyBuilder<'_> {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
-        // Where light may pass straight through a surface, a ray needs all its hits in order, which the light buffer does not give.
+        // Where light may pass straight through a surface, a ray needs all its hits in order, which the light
+        // buffer does not give.
         let has_light_buffer = coaxial_pinhole && !self.scene.features.passable;
         let light_buffer = if has_light_buffer {
             self.light_buffers.lists(self.gpu, self.scene, start.tangent)?

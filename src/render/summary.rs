@@ -11,8 +11,9 @@ pub struct TraceSummary {
     pub rays: u64,
     /// Number of dispatches.
     pub dispatches: u32,
-    /// Wall time of the longest dispatch, including its read-back. The time of a dispatch that waited for another one starts when that one
-    /// was done. The host may notice the end of a dispatch late, while it reads the records of another one.
+    /// Wall time of the longest dispatch, including its read-back. The time of a dispatch that waited for
+    /// another one starts when that one was done. The host may notice the end of a dispatch late, while it
+    /// reads the records of another one.
     pub longest: Duration,
     /// The sum of these times over all dispatches.
     pub tracing: Duration,

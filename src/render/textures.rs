@@ -4,7 +4,8 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::{Material, Scene, TextureRef, Wrap};
 
-/// The factor of the material that a texture multiplies. The numbers are those of `shaders/shared/texture.wgsl`.
+/// The factor of the material that a texture multiplies. The numbers are those of
+/// `shaders/shared/texture.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     BaseColor,
@@ -117,7 +118,8 @@ pub(super) fn srgb_table() -> Vec<f32> {
 }
 
 /// A direction in 32 bits: octahedral coordinates (Cigolla et al., "A Survey of Efficient Representations for
-/// Independent Unit Vectors", JCGT 3(2), 2014), 16 bits each. The zero vector, for a corner without a normal, has a word of its own.
+/// Independent Unit Vectors", JCGT 3(2), 2014), 16 bits each. The zero vector, for a corner without a normal,
+/// has a word of its own.
 pub(super) fn pack_normal(normal: Vec3) -> u32 {
     let sum = normal.abs().element_sum();
     if sum.is_nan() || sum <= 0.0 {

@@ -41,7 +41,8 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// Opens the adapter whose name contains `adapter`, or the fastest one for `None`, and moves the scene to it.
+    /// Opens the adapter whose name contains `adapter`, or the fastest one for `None`, and moves the scene to
+    /// it.
     ///
     /// # Errors
     /// [`Error::NoAdapter`] without a Vulkan driver; [`Error::Device`] when the scene does not fit.
@@ -49,7 +50,8 @@ impl Tracer {
         Self::on(Gpu::open(adapter)?, scene)
     }
 
-    /// As [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being opened.
+    /// As [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being
+    /// opened.
     ///
     /// # Errors
     /// Errors of `load`; else as [`Tracer::new`].
@@ -81,7 +83,8 @@ impl Tracer {
         })
     }
 
-    /// Lets `observer` watch every trace from now on, and stop it. The observer that a new tracer has, `()`, does nothing.
+    /// Lets `observer` watch every trace from now on, and stop it. The observer that a new tracer has, `()`,
+    /// does nothing.
     pub fn observe(&mut self, observer: Arc<dyn Observer + Send + Sync>) {
         self.observer = observer;
     }
@@ -106,14 +109,16 @@ impl Tracer {
         settings.projector.unwrap_or(settings.resolution)
     }
 
-    /// Traces `settings.samples` paths per camera pixel, and about the same number in all from a projector that stands apart. It shows them to
-    /// `visit` batch by batch, in path order. The sizes of the batches depend on the speed of the machine; sums in path order do not.
+    /// Traces `settings.samples` paths per camera pixel, and about the same number in all from a projector
+    /// that stands apart. It shows them to `visit` batch by batch, in path order. The sizes of the batches
+    /// depend on the speed of the machine; sums in path order do not.
     ///
-    /// The observer sees a [`Step`] of stage `tracing` before each dispatch, counted in light paths, and one at the end.
+    /// The observer sees a [`Step`] of stage `tracing` before each dispatch, counted in light paths, and one
+    /// at the end.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] where the observer breaks, within two dispatches; [`Error::UnfinishedPaths`] where the driver dropped paths;
-    /// [`Error::Device`] where it failed; and errors of `visit`.
+    /// [`Error::Interrupted`] where the observer breaks, within two dispatches; [`Error::UnfinishedPaths`]
+    /// where the driver dropped paths; [`Error::Device`] where it failed; and errors of `visit`.
     pub fn trace(
         &mut self,
         settings: &TraceSettings,
@@ -176,7 +181,8 @@ impl Tracer {
         Ok(())
     }
 
-    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`]; `None` where it sees nothing.
+    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`]; `None`
+    /// where it sees nothing.
     ///
     /// # Errors
     /// [`Error::Device`] when the device failed.

@@ -1,4 +1,5 @@
-//! The light transport matrix of a scene: its light paths are traced, summed pixel by pixel, and combined into rows.
+//! The light transport matrix of a scene: its light paths are traced, summed pixel by pixel, and combined
+//! into rows.
 
 use super::combine::{Combined, combine};
 use super::layer::{Bounces, Layer};
@@ -17,7 +18,8 @@ pub struct Assembled {
     pub matrix: TransportMatrix,
     /// The photo without projector light, in W/(m² sr): light that the scene itself emits.
     pub ambient: Image,
-    /// The noise of the matrix; `None` where an endpoint has only one path per pixel, from which noise cannot be estimated.
+    /// The noise of the matrix; `None` where an endpoint has only one path per pixel, from which noise cannot
+    /// be estimated.
     pub noise: Option<Noise>,
     /// The cost of tracing.
     pub summary: TraceSummary,
@@ -25,8 +27,8 @@ pub struct Assembled {
     pub(crate) gpu_matrix: Option<GpuMatrix>,
 }
 
-/// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal bits. The tracer's observer sees the
-/// steps.
+/// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal
+/// bits. The tracer's observer sees the steps.
 ///
 /// # Errors
 /// As [`Tracer::trace`].

@@ -17,8 +17,8 @@ pub struct Prediction {
     pub bytes: f64,
 }
 
-/// Predicts the memory for [`super::assemble()`]. Where it could exceed `limit` bytes, a pilot of at most 64×64 pixels with one path each is
-/// traced, and the tracer's observer sees its steps.
+/// Predicts the memory for [`super::assemble()`]. Where it could exceed `limit` bytes, a pilot of at most
+/// 64×64 pixels with one path each is traced, and the tracer's observer sees its steps.
 ///
 /// # Errors
 /// As [`Tracer::trace`].
@@ -58,11 +58,13 @@ fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symme
     let paths = pixels * f64::from(settings.samples);
     let channels = channels.count() as f64;
     let pairs = pixels * projector;
-    // Either paths come from both endpoints, or each connection has a mirror image. There are at most as many entries as pairs of pixels.
+    // Either paths come from both endpoints, or each connection has a mirror image. There are at most as many
+    // entries as pairs of pixels.
     let from_one_end = (per_path * paths).min(pairs);
     let rows = if symmetric { from_one_end } else { 2.0 * from_one_end };
-    // Summed pixel by pixel, each entry has a key, a mean and an error. In the rows of the matrix it has a column and a weight. The rows are
-    // then cut into tiles, where columns are half as wide; heads and padding of the slices take at most three more bytes per entry.
+    // Summed pixel by pixel, each entry has a key, a mean and an error. In the rows of the matrix it has a
+    // column and a weight. The rows are then cut into tiles, where columns are half as wide; heads and
+    // padding of the slices take at most three more bytes per entry.
     let entries = (2.0 * from_one_end).min(pairs);
     let (matrix, tiles) = (entries * (4.0 + 4.0 * channels), entries * (5.0 + 4.0 * channels));
     let bytes = matrix + tiles.max(rows * (4.0 + 8.0 * channels));

@@ -1,8 +1,10 @@
-//! The rows of the matrix, combined from the contributions of each pixel's paths and their transpose, block by block.
+//! The rows of the matrix, combined from the contributions of each pixel's paths and their transpose, block
+//! by block.
 //!
-//! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`. Where the projector stands apart,
-//! the rows of the camera's pixels are rows of `A`, and those of the projector's pixels are columns of `A`. The entries of a row ascend, so
-//! that a cursor in each row yields the transpose one block at a time, without a second copy of `F`.
+//! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`.
+//! Where the projector stands apart, the rows of the camera's pixels are rows of `A`, and those of the
+//! projector's pixels are columns of `A`. The entries of a row ascend, so that a cursor in each row yields
+//! the transpose one block at a time, without a second copy of `F`.
 
 use std::ops::Range;
 
@@ -45,7 +47,8 @@ struct Term<const C: usize> {
     error: [f32; C],
 }
 
-/// Merges the chunks into `classes` layers. `direct` is the diagonal, with mean and error for each row and channel, or empty.
+/// Merges the chunks into `classes` layers. `direct` is the diagonal, with mean and error for each row and
+/// channel, or empty.
 pub(super) fn combine<const C: usize>(
     chunks: &[Chunk<C>],
     rig: RigShape,
@@ -57,7 +60,8 @@ pub(super) fn combine<const C: usize>(
     let total: usize = terms.iter().sum();
     let nothing = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); C] };
     let mut layers = vec![nothing; classes];
-    // The last layer holds nearly all entries. It never has more than this, and the system does not commit memory that is not written.
+    // The last layer holds nearly all entries. It never has more than this, and the system does not commit
+    // memory that is not written.
     if let Some(main) = layers.last_mut() {
         main.columns.reserve_exact(total);
         main.weights.iter_mut().for_each(|plane| plane.reserve_exact(total));
@@ -96,8 +100,8 @@ fn count_terms<const C: usize>(chunks: &[Chunk<C>], rig: RigShape, rows: usize) 
     terms
 }
 
-/// The terms of the rows `block` of the matrix, row after row. The terms of a row are ordered by start pixel. This is the same order for an
-/// entry and its mirror image, so that their sums agree to the last bit.
+/// The terms of the rows `block` of the matrix, row after row. The terms of a row are ordered by start pixel.
+/// This is the same order for an entry and its mirror image, so that their sums agree to the last bit.
 fn gather<const C: usize>(
     chunks: &[Chunk<C>],
     rig: RigShape,
@@ -137,8 +141,9 @@ fn gather<const C: usize>(
     gathered
 }
 
-/// Merges the terms of a block: it sorts the terms of each row, sums those of equal column and class, and appends the rows to the layers and to
-/// `sums`. `first` is the first row of the block, `counts` the number of terms of each row.
+/// Merges the terms of a block: it sorts the terms of each row, sums those of equal column and class, and
+/// appends the rows to the layers and to `sums`. `first` is the first row of the block, `counts` the number
+/// of terms of each row.
 fn merge<const C: usize>(
     terms: &mut [Term<C>],
     first: usize,

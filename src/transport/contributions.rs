@@ -1,4 +1,5 @@
-//! Contributions of a batch's paths to a photo. All cores read them in parallel; one core adds them up in path order.
+//! Contributions of a batch's paths to a photo. All cores read them in parallel; one core adds them up in
+//! path order.
 
 use rayon::prelude::*;
 
@@ -44,12 +45,14 @@ pub(super) struct Contributions<const C: usize> {
 /// Number of runs that one task reads.
 const RUNS: usize = 16;
 
-/// Kinds of contributions, as bits above those of the other pixel: direct light, ambient light; without either, a connection.
+/// Kinds of contributions, as bits above those of the other pixel: direct light, ambient light; without
+/// either, a connection.
 const DIRECT: u32 = 1 << 30;
 const AMBIENT: u32 = 1 << 31;
 
 impl<const C: usize> Contributions<C> {
-    /// Reads the records of a batch. Sums will be divided by `samples`; `project` computes the channels from RGB.
+    /// Reads the records of a batch. Sums will be divided by `samples`; `project` computes the channels from
+    /// RGB.
     pub(super) fn read(
         batch: &Batch<'_>,
         samples: u32,
@@ -113,8 +116,8 @@ impl<const C: usize> Read<C> {
         for run in runs {
             // No path has more contributions than slots.
             found.resize(end + run.paths.len() * batch.stride(), (0, [0.0; C]));
-            // A contribution that does not count is written as well, and then overwritten. This avoids a branch, so that the processor does not
-            // wait for one record before it loads the next.
+            // A contribution that does not count is written as well, and then overwritten. This avoids a
+            // branch, so that the processor does not wait for one record before it loads the next.
             let mut keep = |counts: bool, other: u32, color: [f32; 3]| {
                 let value = project(color);
                 found[end] = (other, value);

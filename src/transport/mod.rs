@@ -1,15 +1,18 @@
 //! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
 //!
-//! Light paths do not depend on the pattern. [`assemble()`] therefore traces them once and keeps them as a sparse matrix; every later photo is
-//! a product with it ([`Simulated`]). [`Retraced`] traces the paths anew for each photo and keeps nothing; it is the black box against which
-//! the products are tested. With equal settings both apply the same `Â`, up to rounding. [`predict`] estimates whether the matrix fits the
+//! Light paths do not depend on the pattern. [`assemble()`] therefore traces them once and keeps them as a
+//! sparse matrix; every later photo is a product with it ([`Simulated`]). [`Retraced`] traces the paths anew
+//! for each photo and keeps nothing; it is the black box against which the products are tested. With equal
+//! settings both apply the same `Â`, up to rounding. [`predict`] estimates whether the matrix fits the
 //! memory.
 //!
-//! Contributions are summed pixel by pixel as the paths arrive (`rows`), so that the memory grows with the size of the matrix and not with the
-//! number of samples. Then rows and columns are combined, block by block (`combine`), and cut into `tiles` for fast products. The matrix of a
-//! coaxial rig is symmetric to the last bit. The matrix of any other rig has a row for each camera pixel and a column for each projector pixel;
-//! its transpose is the dual rig. On a GPU with enough memory the matrix stays in the memory of the device, and products are computed there
-//! ([`Backend`]). Two independent halves of the samples give the noise of `Â` ([`Noise`]).
+//! Contributions are summed pixel by pixel as the paths arrive (`rows`), so that the memory grows with the
+//! size of the matrix and not with the number of samples. Then rows and columns are combined, block by block
+//! (`combine`), and cut into `tiles` for fast products. The matrix of a coaxial rig is symmetric to the last
+//! bit. The matrix of any other rig has a row for each camera pixel and a column for each projector pixel;
+//! its transpose is the dual rig. On a GPU with enough memory the matrix stays in the memory of the device,
+//! and products are computed there ([`Backend`]). Two independent halves of the samples give the noise of `Â`
+//! ([`Noise`]).
 
 mod abreast;
 mod assemble;
@@ -62,10 +65,12 @@ pub trait Transport {
     /// Whether photos are gray or in colour.
     fn channels(&self) -> Channels;
 
-    /// The photo under `pattern` with the ambient light, in W/(m² sr). A pattern of one channel applies to all channels.
+    /// The photo under `pattern` with the ambient light, in W/(m² sr). A pattern of one channel applies to
+    /// all channels.
     ///
     /// # Errors
-    /// [`Error::Dimension`] where the pattern does not have the resolution or the channels of the rig; and any error of taking the photo.
+    /// [`Error::Dimension`] where the pattern does not have the resolution or the channels of the rig; and
+    /// any error of taking the photo.
     fn photograph(&mut self, pattern: &Image) -> Result<Image>;
 }
 
@@ -86,7 +91,8 @@ pub struct RigShape {
 pub enum Channels {
     /// One gray pattern, one photo weighted by luminance (Rec. 709).
     Luma,
-    /// Red, green and blue: three independent systems, since no surface here changes the colour of light (fluorescence).
+    /// Red, green and blue: three independent systems, since no surface here changes the colour of light
+    /// (fluorescence).
     Rgb,
 }
 

@@ -4,12 +4,12 @@ use crate::image::Image;
 
 /// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N` samples per pixel in two independent halves.
 ///
-/// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has mean 0 and the variance of `Â`, entry by entry and in every linear function of the entries. It does not
-/// contain errors that both halves share, such as those of a photon map.
+/// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has mean 0 and the variance of `Â`, entry by entry and in every linear function
+/// of the entries. It does not contain errors that both halves share, such as those of a photon map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
-    /// Standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each value is `|e|` of a
-    /// single draw; only the mean square over many pixels is accurate.
+    /// Standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient
+    /// light. Each value is `|e|` of a single draw; only the mean square over many pixels is accurate.
     pub white: Image,
     /// Root mean square of these errors over the pixels, relative to that of the photo.
     pub white_relative: f64,
@@ -92,7 +92,8 @@ mod tests {
 
     #[test]
     fn a_projectors_paths_are_divided_by_the_cameras_samples() {
-        // Four paths from a pixel, of values as large as those of eight from one of the camera's: e is half as large, too.
+        // Four paths from a pixel, of values as large as those of eight from one of the camera's: e is half
+        // as large, too.
         let [mean, error] = estimate(Halves::new(8, 4), [&[1.0, 3.0], &[0.0, 0.0]]);
         assert_eq!([mean, error], [0.5, 0.5]);
     }

@@ -3,8 +3,8 @@
 use super::noise::Halves;
 use crate::render::Batch;
 
-/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel. They are summed in path order, so that the bits do not depend on
-/// the sizes of the batches.
+/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel. They are summed in path order, so
+/// that the bits do not depend on the sizes of the batches.
 pub(super) struct PixelSums<const C: usize> {
     halves: Halves,
     /// `[pixel][channel]`: mean and error.

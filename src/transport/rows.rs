@@ -8,7 +8,8 @@ use super::noise::Halves;
 use crate::error::{Error, Result};
 use crate::render::{Batch, Connection, Run};
 
-/// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest bits) its class of bounces.
+/// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest
+/// bits) its class of bounces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Key(u32);
 
@@ -34,7 +35,8 @@ impl Key {
     }
 }
 
-/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only, and 2 are all later ones.
+/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only,
+/// and 2 are all later ones.
 pub(super) fn class(bounces: u32, split: bool) -> u32 {
     match bounces {
         1 => 0,
@@ -112,8 +114,8 @@ struct Open<const C: usize> {
     entries: Vec<Entry<C>>,
 }
 
-/// One connection. `from_camera` says whether its path started from the camera or from the projector. It is `None` where both pixels have
-/// the same number, so that the entry does not show it.
+/// One connection. `from_camera` says whether its path started from the camera or from the projector. It is
+/// `None` where both pixels have the same number, so that the entry does not show it.
 #[derive(Clone, Copy, Debug)]
 struct Entry<const C: usize> {
     key: Key,
@@ -133,7 +135,8 @@ impl<const C: usize> Rows<C> {
         Self { samples, split, chunks: Vec::new(), open: None }
     }
 
-    /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the sizes of batches.
+    /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the
+    /// sizes of batches.
     pub(super) fn add(
         &mut self,
         batch: &Batch<'_>,
@@ -154,7 +157,8 @@ impl<const C: usize> Rows<C> {
         self.add_by(&runs, self.samples, paths, project)
     }
 
-    /// Adds the connections of `paths`. `runs` are all these paths in order; `samples` paths start from each pixel.
+    /// Adds the connections of `paths`. `runs` are all these paths in order; `samples` paths start from each
+    /// pixel.
     fn add_by(
         &mut self,
         runs: &[Run],

@@ -1,10 +1,13 @@
-//! The light buffer: which pairs of triangles the pinhole that camera and projector share can see, as lists over a raster of the image plane.
+//! The light buffer: which pairs of triangles the pinhole that camera and projector share can see, as lists
+//! over a raster of the image plane.
 //!
-//! The list of a texel holds the pairs of all triangles that a ray between the pinhole and a point behind that texel could meet, up to the
-//! nearest triangle that covers the whole texel: nothing behind that one is visible or lit. The lists are conservative, with margins far
-//! above rounding errors, so that a ray finds exactly the same hit as with the search tree.
+//! The list of a texel holds the pairs of all triangles that a ray between the pinhole and a point behind
+//! that texel could meet, up to the nearest triangle that covers the whole texel: nothing behind that one is
+//! visible or lit. The lists are conservative, with margins far above rounding errors, so that a ray finds
+//! exactly the same hit as with the search tree.
 //!
-//! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986), doi:10.1109/MCG.1986.276832.
+//! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986),
+//! doi:10.1109/MCG.1986.276832.
 
 mod polygon;
 
@@ -18,16 +21,16 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use polygon::{Corner, InverseDepth, clip, covers, extent_in_band};
 
-/// Marks a word of the raster that is the index of a list, and each word of a list but its last. It is `LIST_CONTINUES` in
-/// `shaders/shared/light_buffer.wgsl`.
+/// Marks a word of the raster that is the index of a list, and each word of a list but its last. It is
+/// `LIST_CONTINUES` in `shaders/shared/light_buffer.wgsl`.
 const LIST_CONTINUES: u32 = 1 << 31;
 /// Margin around a texel, in texels: rays within it count as rays through the texel.
 const MARGIN: f64 = 1.0 / 32.0;
 /// Relative margin of depths: a triangle that lies behind another one by less is not hidden.
 const DEPTH_MARGIN: f64 = 1e-4;
 
-/// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond the field of view. A fine raster has
-/// short lists; a coarse one stays in the cache.
+/// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond
+/// the field of view. A fine raster has short lists; a coarse one stays in the cache.
 pub(super) fn side(pairs: usize) -> u32 {
     // Measured on software Vulkan: see benches/README.md.
     (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
@@ -40,7 +43,8 @@ pub(super) struct LightBuffers {
 }
 
 impl LightBuffers {
-    /// The light buffer for half the extent `tangent` of the image plane at distance 1. It is made when it is first needed.
+    /// The light buffer for half the extent `tangent` of the image plane at distance 1. It is made when it is
+    /// first needed.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,
@@ -62,8 +66,9 @@ pub(super) fn none(gpu: &Gpu) -> Result<wgpu::TextureView> {
     gpu.texel_array("empty light buffer", &[])
 }
 
-/// The words of a light buffer, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the pinhole's frame, which looks along −z, and
-/// in the order of the search tree's leaves. `tangent` is half the extent of the image plane at distance 1.
+/// The words of a light buffer, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the
+/// pinhole's frame, which looks along −z, and in the order of the search tree's leaves. `tangent` is half the
+/// extent of the image plane at distance 1.
 fn lists(pairs: &[Pair], tangent: [f32; 2]) -> Vec<[u32; 4]> {
     let mut raster = Raster::new(pairs, tangent);
     for (index, pair) in (0..).zip(pairs) {
@@ -135,7 +140,8 @@ impl Raster {
         self.cover(pair, &seen);
     }
 
-    /// Whether a triangle may come closer to the pinhole than the corners of the near plane, judged by its plane and its bounding box.
+    /// Whether a triangle may come closer to the pinhole than the corners of the near plane, judged by its
+    /// plane and its bounding box.
     fn touches_the_pinhole(&self, [a, b, c]: &[DVec3; 3]) -> bool {
         let normal = (*b - *a).cross(*c - *a).normalize_or_zero();
         let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
@@ -183,7 +189,8 @@ impl Raster {
         }
     }
 
-    /// The words of all lists, without hidden triangles. Each list has its nearest pair first, and each of the scene's `pairs` pairs once.
+    /// The words of all lists, without hidden triangles. Each list has its nearest pair first, and each of
+    /// the scene's `pairs` pairs once.
     fn pack(mut self, pairs: usize) -> Vec<[u32; 4]> {
         self.entries.retain(|entry| entry.nearest >= self.covers[entry.texel as usize]);
         self.entries.sort_unstable_by(|a, b| {
@@ -222,7 +229,8 @@ impl Raster {
     }
 }
 
-/// The texels along one axis that an interval touches, with the margin; `None` where it lies outside the raster.
+/// The texels along one axis that an interval touches, with the margin; `None` where it lies outside the
+/// raster.
 fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<usize>> {
     let (low, high) = (low - MARGIN, high + MARGIN);
     if !(low < side as f64 && high >= 0.0) {

@@ -29,7 +29,8 @@ pub(super) fn clip(corners: &[DVec3; 3], near: f64) -> Vec<DVec3> {
     kept
 }
 
-/// The least and the greatest x of a convex polygon within `low ≤ y ≤ high`; `None` where it does not reach that band.
+/// The least and the greatest x of a convex polygon within `low ≤ y ≤ high`; `None` where it does not reach
+/// that band.
 pub(super) fn extent_in_band(polygon: &[Corner], low: f64, high: f64) -> Option<(f64, f64)> {
     let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut reach = |x: f64| {
@@ -75,8 +76,8 @@ pub(super) struct InverseDepth {
 }
 
 impl InverseDepth {
-    /// The function through the corners of a polygon. A polygon that is seen edge-on gets an infinite gradient: it covers no texel, and is
-    /// nowhere nearer than its corners.
+    /// The function through the corners of a polygon. A polygon that is seen edge-on gets an infinite
+    /// gradient: it covers no texel, and is nowhere nearer than its corners.
     pub(super) fn through(polygon: &[Corner]) -> Option<Self> {
         let first = polygon.first()?;
         let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };
@@ -91,7 +92,8 @@ impl InverseDepth {
             }
         }
         if largest < 1e-9 || !best.gradient.is_finite() {
-            // The polygon is seen nearly edge-on, and its gradient has no meaning. Everywhere its nearest corner counts.
+            // The polygon is seen nearly edge-on, and its gradient has no meaning. Everywhere its nearest
+            // corner counts.
             best.gradient = DVec2::splat(f64::INFINITY);
         }
         Some(best)

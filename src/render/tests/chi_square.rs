@@ -13,13 +13,14 @@ use crate::gpu::Gpu;
 const BINS: Sphere = Sphere { rings: 20, sectors: 40 };
 /// 2²⁰ samples: a density that is wrong by 1 % over a tenth of the hemisphere fails.
 const SAMPLES: usize = 1 << 20;
-/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and at a cosine of 0.05 0.12 in `s`; cells of 1/320 integrate it
-/// to 1e-4, a fraction of the counts' relative noise.
+/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and at a cosine of 0.05 0.12 in `s`; cells of
+/// 1/320 integrate it to 1e-4, a fraction of the counts' relative noise.
 const CELLS: usize = 16;
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| BINS.midpoints(CELLS));
 
-/// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. The fourth component of a sample is its kind: that of a
-/// delta lobe, `-1` for no sample, and `REGULAR` for the samples that the density describes.
+/// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. The fourth component of a
+/// sample is its kind: that of a delta lobe, `-1` for no sample, and `REGULAR` for the samples that the
+/// density describes.
 struct Sampler {
     sample: &'static str,
     density: &'static str,

@@ -7,9 +7,10 @@ const AZIMUTH: f64 = 2.2;
 
 /// Bins by `(hemisphere, ring, sector)`, which are fine where a glossy lobe may be narrow.
 ///
-/// Rings are equally spaced in `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal. Sectors are equally spaced in `s = ∛(φ/π)` from −1
-/// to 1, with the azimuth `φ` measured from the mirror direction, which is also that of transmitted light: at grazing incidence a lobe is
-/// narrower in azimuth than in height, by the cosine. The solid angle is `dω = 2t dt · 3πs² ds`.
+/// Rings are equally spaced in `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal. Sectors are
+/// equally spaced in `s = ∛(φ/π)` from −1 to 1, with the azimuth `φ` measured from the mirror direction,
+/// which is also that of transmitted light: at grazing incidence a lobe is narrower in azimuth than in
+/// height, by the cosine. The solid angle is `dω = 2t dt · 3πs² ds`.
 pub(super) struct Sphere {
     pub(super) rings: usize,
     pub(super) sectors: usize,

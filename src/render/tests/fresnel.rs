@@ -44,8 +44,8 @@ fn smooth_glass_follows_fresnels_equations_and_loses_nothing() {
         let mut totally_reflected = 0;
         for ([reflected, transmitted, weight, pdf], &cosine) in found.iter().zip(&cosines) {
             let expected = transmittance(bsdf.eta_o.into(), bsdf.eta_t.into(), cosine.into());
-            // Near the critical angle 1 − F goes as k cosθ_t, k < 9 here, and cos²θ_t, a difference from 1, has an error
-            // of 1.5e-7: k²/2 times that, divided by 1 − F.
+            // Near the critical angle 1 − F goes as k cosθ_t, k < 9 here, and cos²θ_t, a difference from 1,
+            // has an error of 1.5e-7: k²/2 times that, divided by 1 − F.
             let error = (f64::from(*transmitted) - expected).abs();
             assert!(error < 6e-6 / expected.max(1e-3), "{bsdf:?} at {cosine}: {transmitted}, not {expected}");
             assert!((reflected + transmitted - 1.0).abs() <= 2.0 * f32::EPSILON, "{bsdf:?} at {cosine}");

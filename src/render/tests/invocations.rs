@@ -34,7 +34,8 @@ fn paths_do_not_depend_on_their_invocation() {
         (apart, false),
     ];
     for (scene, by_light_buffer) in &scenes {
-        // Pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer paths.
+        // Pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer
+        // paths.
         let settings = TraceSettings::new(Resolution::new(41, 30), 13);
         let one = paths(scene, &settings, 1, *by_light_buffer);
         assert!(one.len() >= 41 * 30 * 13);
@@ -49,8 +50,8 @@ fn paths_do_not_depend_on_their_invocation() {
     }
 }
 
-/// A wall, and in front of it `count` strips one behind another. They are as wide as the field of view and thinner than a texel of the light
-/// buffer, so that a ray there is tested against each of them.
+/// A wall, and in front of it `count` strips one behind another. They are as wide as the field of view and
+/// thinner than a texel of the light buffer, so that a ray there is tested against each of them.
 fn strips(count: usize) -> Scene {
     let mut scene = builtin::plane(1.0, 0.8);
     scene.triangles.extend((0..count).map(|at| {
@@ -63,7 +64,8 @@ fn strips(count: usize) -> Scene {
 
 #[test]
 fn paths_that_are_too_long_for_one_invocation_get_one_each() {
-    // About sixty paths of an invocation meet eight thousand strips each. Software Vulkan stops it after 65,535 loop iterations.
+    // About sixty paths of an invocation meet eight thousand strips each. Software Vulkan stops it after
+    // 65,535 loop iterations.
     let scene = strips(8000);
     let settings = TraceSettings::new(Resolution::new(64, 64), 32);
     let [one, many] = [1, 64].map(|each| paths(&scene, &settings, each, true));

@@ -5,7 +5,8 @@ use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
 use crate::gpu::{Gpu, shader};
 use crate::render::pipeline::TEXEL_ARRAY;
 
-/// The entry point around the function under test. It has bind group 1, since group 0 belongs to the shared shaders.
+/// The entry point around the function under test. It has bind group 1, since group 0 belongs to the shared
+/// shaders.
 const FRAME: &str = "
 @group(1) @binding(0) var<storage, read> input: array<vec4f>;
 @group(1) @binding(1) var<storage, read_write> output: array<vec4f>;
@@ -23,8 +24,9 @@ pub(super) fn gpu() -> Gpu {
     Gpu::open(None).expect("the README's test command installs a Vulkan driver")
 }
 
-/// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may import shared shaders and read
-/// `input`. `shared` are the resources of group 0 that these shaders read, with their bindings.
+/// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may
+/// import shared shaders and read `input`. `shared` are the resources of group 0 that these shaders read,
+/// with their bindings.
 pub(super) fn run(
     gpu: &Gpu,
     source: &str,

@@ -1,4 +1,5 @@
-//! The light buffer, and tests of every pair of triangles, against the search tree: all give the same paths, to the last bit.
+//! The light buffer, and tests of every pair of triangles, against the search tree: all give the same paths,
+//! to the last bit.
 
 use glam::Vec3;
 
@@ -81,7 +82,8 @@ fn the_light_buffer_gives_the_hits_of_the_search_tree() {
 fn small_and_large_tree_layouts_give_the_same_hits() {
     for small in [shipped("cornell"), shipped("carton")] {
         let mut large = small.clone();
-        // Triangles without area, so that no ray meets them, and far from each other, so that the tree is not too deep.
+        // Triangles without area, so that no ray meets them, and far from each other, so that the tree is not
+        // too deep.
         large.triangles.extend((0..20_000).map(|at| {
             let corner = Vec3::new(10.0 + at as f32, 10.0, 10.0);
             Triangle::flat([corner, corner + 0.1, corner + 0.2], 0, 0)

@@ -3,7 +3,8 @@
 use crate::render::strategy::Strategy;
 use crate::render::{Batch, TraceSummary, Tracer};
 
-/// The record of one path as bits: rays, direct light, ambient light, and connections (camera pixel, projector pixel, value).
+/// The record of one path as bits: rays, direct light, ambient light, and connections (camera pixel,
+/// projector pixel, value).
 pub(super) type PathRecord = (u64, [u32; 3], [u32; 3], Vec<(u32, u32, [u32; 3])>);
 
 /// The records of all paths of a strategy, in path order.

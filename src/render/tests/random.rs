@@ -6,8 +6,9 @@ use crate::gpu::Gpu;
 
 const COUNT: usize = 1 << 20;
 
-/// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Without a shift all coordinates are even, so that
-/// a shift by one never gives another of these keys, and all pairs are disjoint. Pixels lie in 16 × 8 blocks of an image of width 128.
+/// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Without a
+/// shift all coordinates are even, so that a shift by one never gives another of these keys, and all pairs
+/// are disjoint. Pixels lie in 16 × 8 blocks of an image of width 128.
 fn numbers(gpu: &Gpu, offset: [u32; 4]) -> Vec<[f32; 4]> {
     let source = format!(
         "#import rng

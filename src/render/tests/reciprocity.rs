@@ -3,8 +3,9 @@
 use super::kernel::{gpu, run};
 use super::material::{RANDOM_BSDF, READ_BSDF};
 
-/// The surface and a direction as the reverse path meets them. Where that path comes from beyond the surface, both are turned around the x axis.
-/// This is written without `bsdf_beyond`, so that the test is independent of it.
+/// The surface and a direction as the reverse path meets them. Where that path comes from beyond the surface,
+/// both are turned around the x axis. This is written without `bsdf_beyond`, so that the test is independent
+/// of it.
 const REVERSED: &str = "
 fn turned(v: vec3f, beyond: bool) -> vec3f {
     return select(v, vec3f(v.x, -v.y, -v.z), beyond);
@@ -36,8 +37,9 @@ fn work(index: u32) -> vec4f {
     let change = abs(forward - backward) / max(max(forward, backward), vec3f(1e-20));
     let pdf = bsdf_pdf(other, turned(wi, beyond), turned(wo, beyond));
     let pdf_change = abs(pdf - bsdf_reverse_pdf(bsdf, wo, wi)) / max(pdf, 1e-20);
-    // How much a rounding error may grow: in the half vector, in a narrow lobe, and in the reflectance between similar media, which is the square
-    // of a difference. Only the values of tilted surfaces are rounded differently.
+    // How much a rounding error may grow: in the half vector, in a narrow lobe, and in the reflectance
+    // between similar media, which is the square of a difference. Only the values of tilted surfaces are
+    // rounded differently.
     let sum = length(bsdf.eta_o * wo + select(bsdf.eta_o, bsdf.eta_t, beyond) * wi);
     let step = select(abs(bsdf.eta_o - bsdf.eta_t) / (bsdf.eta_o + bsdf.eta_t), 1.0, bsdf.eta_o == bsdf.eta_t);
     let stability = min(sum, 1.0) * max(bsdf.alpha, 0.02) * step;

@@ -24,7 +24,8 @@ fn work(index: u32) -> vec4f {
         pdf = bsdf_pdf(bsdf, wo, wi);
         weight = relative(next.weight, bsdf_eval(bsdf, wo, wi) * n_i * n_i * abs(wi.z) / pdf);
     } else {
-        // The expected value is that of the delta lobe, the expected direction that of reflection or refraction.
+        // The expected value is that of the delta lobe, the expected direction that of reflection or
+        // refraction.
         let deltas = bsdf_deltas(bsdf, wo.z, bsdf_cosine_beyond(bsdf, wo.z));
         var value = bsdf.opacity * deltas.reflected;
         var expected = vec3f(-wo.x, -wo.y, wo.z);

@@ -51,7 +51,8 @@ fn work(index: u32) -> vec4f {
     }
 }";
 
-/// The surfaces that rays find on the scene's only triangle. Each ray has a direction, and weights of the second and third corner.
+/// The surfaces that rays find on the scene's only triangle. Each ray has a direction, and weights of the
+/// second and third corner.
 fn look(gpu: &Gpu, scene: &Scene, rays: &[(Vec3, [f32; 2])]) -> Vec<Found> {
     let uploaded = GpuScene::upload(gpu, scene).expect("one triangle fits");
     let view = wgpu::BindingResource::TextureView;
@@ -244,8 +245,8 @@ fn vertex_normals_are_blended_on_the_rays_side_and_above_the_horizon() {
     assert_eq!(look(&gpu, &scene, &[FRONT])[0].shading, Vec3::Z);
 }
 
-/// The shading normal of a normal map by glTF's definition: +X of the map along u and +Y against v (which runs downwards), in the plane
-/// perpendicular to the smooth normal.
+/// The shading normal of a normal map by glTF's definition: +X of the map along u and +Y against v (which
+/// runs downwards), in the plane perpendicular to the smooth normal.
 fn bumped(triangle: &Triangle, map: Affine2, normal: DVec3, bump: DVec3) -> DVec3 {
     let [a, b, c] = triangle.positions.map(Vec3::as_dvec3);
     let uv = triangle.texcoords.map(|[_, second]| map.transform_point2(second).as_dvec2());

@@ -1,4 +1,5 @@
-//! The weights of both endpoints' paths: together they give the same photos as the paths of one endpoint alone.
+//! The weights of both endpoints' paths: together they give the same photos as the paths of one endpoint
+//! alone.
 
 use glam::{Vec3, vec3};
 
@@ -38,7 +39,8 @@ fn sheet(name: &str, centre: Vec3, half: f32, material: u32) -> Part {
     part
 }
 
-/// A room with one object of every material that refracts or transmits light, except mirrors and smooth glass.
+/// A room with one object of every material that refracts or transmits light, except mirrors and smooth
+/// glass.
 fn room() -> Scene {
     let camera = plane(1.0, 0.5).camera;
     let matte = Material::default();
@@ -143,7 +145,8 @@ fn photos(
     seeds.map(&mut one).collect()
 }
 
-/// Compares two sets of photos: the root mean square over the pixels of the difference's z, and the z of the difference of the sums.
+/// Compares two sets of photos: the root mean square over the pixels of the difference's z, and the z of the
+/// difference of the sums.
 fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     let moments = |values: Vec<f64>| {
         let n = values.len() as f64;
@@ -165,14 +168,15 @@ const SEEDS: u32 = 20;
 fn assert_same_photos(name: &str, a: &[Vec<f64>], b: &[Vec<f64>]) {
     let (spread, sum) = compare(a, b);
     println!("{name}: z rms of pixels {spread:.3}, z of the sum {sum:+.2}");
-    // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, with an error of ± 0.05 over 256 pixels. The camera's own paths
-    // find bright spots so rarely that their spread is underestimated in pixels where none was found.
+    // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, with an error of ± 0.05 over 256
+    // pixels. The camera's own paths find bright spots so rarely that their spread is underestimated in
+    // pixels where none was found.
     assert!((0.8..1.25).contains(&spread), "{name}: z rms {spread}");
     assert!(sum.abs() < 4.0, "{name}: z of the sum {sum}");
 }
 
-/// Without delta lobes the camera's paths alone are unbiased, and so are the paths of both endpoints if their weights add up to 1. A wrong
-/// density or probability of the reverse path would show as a difference.
+/// Without delta lobes the camera's paths alone are unbiased, and so are the paths of both endpoints if their
+/// weights add up to 1. A wrong density or probability of the reverse path would show as a difference.
 #[test]
 fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
     let settings = TraceSettings {
