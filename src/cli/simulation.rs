@@ -230,18 +230,18 @@ pub(super) fn short_name(path: &Path) -> String {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn numbers_are_grouped_by_thousands() {
-        assert_eq!([0, 999, 1000, 1048576].map(super::grouped), ["0", "999", "1,000", "1,048,576"]);
-    }
-}
-
 /// Lets `work` trace with a progress bar, which also stops it where the user asks for that.
 pub(super) fn with_bar<T>(tracer: &mut Tracer, console: &Console, work: impl FnOnce(&mut Tracer) -> T) -> T {
     tracer.observe(Arc::new(console.bar("tracing")));
     let done = work(tracer);
     tracer.observe(Arc::new(()));
     done
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn numbers_are_grouped_by_thousands() {
+        assert_eq!([0, 999, 1000, 1048576].map(super::grouped), ["0", "999", "1,000", "1,048,576"]);
+    }
 }
