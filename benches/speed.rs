@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use krylux::analysis::{Capture, SegmentOptions};
 use krylux::image::{Image, Resolution};
-use krylux::krylov::keep_going;
 use krylux::render::{TraceSettings, TraceSummary, Tracer};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Retraced, Transport, assemble};
@@ -112,7 +111,7 @@ fn capture(traced: &Assembled) -> krylux::Result<Capture> {
     let mut operator = MatrixOperator::new(&traced.matrix, Part::Global, 0);
     let mut capture =
         Capture::new(SegmentOptions { photos: 50, tolerance: 0.0, ..SegmentOptions::default() })?;
-    capture.run(&mut operator, &mut keep_going)?;
+    capture.run(&mut operator)?;
     assert_eq!(capture.photos(), 50, "the run is to take 50 photos");
     Ok(capture)
 }

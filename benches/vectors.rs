@@ -4,9 +4,7 @@
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
-use krylux::krylov::{
-    Factorization, ForwardOnly, Lanczos, Method, SolveOptions, Start, keep_solving, solve_from,
-};
+use krylux::krylov::{Factorization, ForwardOnly, Lanczos, Method, SolveOptions, Start, solve_from};
 use krylux::operator::{Operator, Symmetry};
 use krylux::render::{TraceSettings, Tracer};
 use krylux::scene::builtin;
@@ -115,7 +113,7 @@ fn solvers(matrix: MatrixOperator<'_>) -> Outcome {
         let mut solver = method.solver(n, &wish, &options)?;
         timed.inside = Duration::ZERO;
         let start = Instant::now();
-        let found = solve_from(solver.as_mut(), &mut ForwardOnly(&mut timed), &options, &mut keep_solving)?;
+        let found = solve_from(solver.as_mut(), &mut ForwardOnly(&mut timed), &options)?;
         let own = start.elapsed().saturating_sub(timed.inside).as_secs_f64() / found.stats.products as f64;
         let product = timed.inside.as_secs_f64() / found.stats.products as f64;
         println!(

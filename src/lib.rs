@@ -48,7 +48,7 @@
 //!
 //! let mut global = MatrixOperator::new(&traced.matrix, Part::Global, 0);
 //! let options = SegmentOptions { photos: 20, groups: vec![2], ..SegmentOptions::default() };
-//! let found = segment(&mut global, &options, &mut krylux::krylov::keep_going)?;
+//! let found = segment(&mut global, &options)?;
 //! // Two regions exchange no light, so the eigenvalue 1 comes twice.
 //! assert!(found.photos == 20 && found.eigenvalues[1] > 0.999);
 //! # Ok(())
@@ -64,6 +64,7 @@ pub mod image;
 pub mod io;
 pub mod journal;
 pub mod krylov;
+pub mod lab;
 pub mod measure;
 pub mod observer;
 pub mod operator;

@@ -1,10 +1,15 @@
 //! Linear operators as the Krylov methods see them: signed real vectors, and a product that may fail.
 
-mod ahead;
+mod closure;
 mod each;
+mod forward;
+mod observed;
+mod recorded;
 
-pub use ahead::Ahead;
+pub use closure::Closure;
 pub use each::each_product;
+pub use observed::{Observed, Relayed};
+pub use recorded::{Product, Recorded};
 
 use crate::error::Result;
 use crate::observer::Observer;
@@ -18,7 +23,7 @@ pub enum Symmetry {
     General,
 }
 
-/// A linear operator `A` of `rows × cols`. A product is dear (a photo, on a rig), and can fail (a rig can be unplugged).
+/// A linear operator `A` of `rows × cols`. A product is expensive (on a rig it is a photo) and can fail (a rig can be unplugged).
 pub trait Operator {
     /// The length of `y` in `y = A x`.
     fn rows(&self) -> usize;
@@ -29,16 +34,27 @@ pub trait Operator {
     /// `y ← A x`; every entry of `y` is overwritten.
     ///
     /// # Errors
-    /// Whatever kept the product from being taken; `y` is unspecified then.
+    /// The error that kept the product from being taken; `y` is unspecified then.
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()>;
 
-    /// Says which vectors come next, unless whoever asks stops before; replaces what was announced before. An operator that takes
-    /// several products for little more than one ([`Ahead`]) does so when the first is asked for. Nothing else changes: no product
-    /// counts before it is asked for, and each has the same bits. One whose products are photos has no use for it.
-    fn announce(&mut self, _xs: &[Vec<f64>]) {}
+    /// `y_k ← A x_k` for each of `xs`, in order: the same bits as single products, and each counts as one product. There are as many
+    /// `ys` as `xs`. By default the products are taken one by one.
+    ///
+    /// # Errors
+    /// As [`Operator::apply`]; all of `ys` are unspecified then.
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        debug_assert_eq!(xs.len(), ys.len());
+        xs.iter().zip(ys).try_for_each(|(x, y)| self.apply(x, y))
+    }
 
-    /// Who watches the computations with this operator, and may stop them; by default nobody. An operator around another one has the
-    /// observer of that one.
+    /// How many products of a block take about as long as one. A method that knows several vectors beforehand asks for blocks of this
+    /// size. By default 1, which is right wherever a product is a photo: no photo is then taken before it is needed.
+    fn block_size(&self) -> usize {
+        1
+    }
+
+    /// The observer of the computations with this operator, which sees each step and may stop them; by default `()`, which does
+    /// nothing. An operator around another one returns the observer of that one.
     fn observer(&self) -> &dyn Observer {
         &()
     }
@@ -52,69 +68,37 @@ pub trait Adjoint: Operator {
     /// As [`Operator::apply`].
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()>;
 
-    /// As [`Operator::announce`], for products with the transpose.
-    fn announce_adjoint(&mut self, _ys: &[Vec<f64>]) {}
-}
-
-/// An operator that remembers what it was asked, and what it answered.
-pub struct Recorded<'a, O: ?Sized> {
-    operator: &'a mut O,
-    /// Each product, in order; one with the transpose is kept like any other.
-    pub products: Vec<Product>,
-}
-
-/// What was multiplied, and what came of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Product {
-    /// `x`.
-    pub from: Vec<f64>,
-    /// `A x`.
-    pub to: Vec<f64>,
-}
-
-impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
-    /// Nothing was asked yet.
-    pub fn new(operator: &'a mut O) -> Self {
-        Self { operator, products: Vec::new() }
-    }
-
-    fn keep(&mut self, from: &[f64], to: &[f64]) {
-        self.products.push(Product { from: from.to_vec(), to: to.to_vec() });
+    /// `x_k ← Aᵀ y_k` for each of `ys`, in order, as [`Operator::apply_block`].
+    ///
+    /// # Errors
+    /// As [`Operator::apply_block`].
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        debug_assert_eq!(xs.len(), ys.len());
+        ys.iter().zip(xs).try_for_each(|(y, x)| self.apply_adjoint(y, x))
     }
 }
 
-impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)?;
-        self.keep(x, y);
-        Ok(())
-    }
-
-    fn announce(&mut self, xs: &[Vec<f64>]) {
-        self.operator.announce(xs);
-    }
+/// The vectors as a block for [`Operator::apply_block`].
+pub(crate) fn block(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
+    vectors.iter().map(Vec::as_slice).collect()
 }
 
-impl<O: Adjoint + ?Sized> Adjoint for Recorded<'_, O> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.operator.apply_adjoint(y, x)?;
-        self.keep(y, x);
-        Ok(())
-    }
+/// The vectors as a block that [`Operator::apply_block`] writes to.
+pub(crate) fn block_mut(vectors: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
+    vectors.iter_mut().map(Vec::as_mut_slice).collect()
+}
 
-    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
-        self.operator.announce_adjoint(ys);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::SparseOperator;
+
+    #[test]
+    fn operators_that_own_their_data_can_move_to_another_thread() {
+        fn assert_send<T: Send>() {}
+        assert_send::<SparseOperator>();
+        assert_send::<crate::analysis::LowRank>();
+        assert_send::<crate::transport::MatrixOperator<'_>>();
+        assert_send::<Closure<fn(&[f64], &mut [f64]) -> Result<()>>>();
     }
 }

@@ -13,7 +13,7 @@ use comb::Comb;
 use krylux::krylov::{
     Advance, Arnoldi, BlockLanczos, Constraint, Diagonal, EigsMethod, EigsOptions, Factorization,
     ForwardOnly, Lanczos, METHODS, Method, Multiscale, Preconditioner, Side, SolveOptions, Solver, Start,
-    Which, eigs, eigs_from, keep_going,
+    Which, eigs, eigs_from,
 };
 use krylux::operator::Operator;
 
@@ -102,7 +102,7 @@ fn storage_is_what_the_table_of_methods_says() {
         let options =
             EigsOptions { count, which, products, method, tolerance: 0.0, ..EigsOptions::default() };
         long_allocations(|| {
-            eigs(&mut Comb::indefinite(N), &options, &mut keep_going).unwrap();
+            eigs(&mut Comb::indefinite(N), &options).unwrap();
         })
     };
     // The answer's vectors (one), the start as drawn, as passed on, and as orthogonalized are on top of the table.
@@ -206,9 +206,9 @@ fn restarts_use_the_memory_that_they_set_free() {
         max_basis: Some(10),
         ..EigsOptions::default()
     };
-    eigs_from(&mut lanczos, &mut Comb::indefinite(N), &options(12), &mut keep_going).unwrap();
+    eigs_from(&mut lanczos, &mut Comb::indefinite(N), &options(12)).unwrap();
     let later = long_allocations(|| {
-        eigs_from(&mut lanczos, &mut Comb::indefinite(N), &options(60), &mut keep_going).unwrap();
+        eigs_from(&mut lanczos, &mut Comb::indefinite(N), &options(60)).unwrap();
     });
     // The answer itself: two vectors. The ten restarts ask for nothing.
     assert!(later <= 2 + 2, "{later}");
@@ -226,7 +226,7 @@ fn bits_do_not_depend_on_the_number_of_threads() {
                 let max_basis = matches!(method, EigsMethod::BlockLanczos { .. }).then_some(14);
                 let options =
                     EigsOptions { count: 1, products: 25, method, max_basis, ..EigsOptions::default() };
-                let found = eigs(&mut Comb::indefinite(N), &options, &mut keep_going).unwrap();
+                let found = eigs(&mut Comb::indefinite(N), &options).unwrap();
                 (found.values, found.vectors, found.residuals)
             })
         };

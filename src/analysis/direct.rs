@@ -6,7 +6,8 @@
 use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
-use crate::operator::{Operator, Symmetry};
+use crate::observer::Observer;
+use crate::operator::{Operator, Symmetry, block, block_mut};
 
 /// How the direct light is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +64,13 @@ impl<'a> WithoutDirect<'a> {
         }
         Ok(Self { operator, direct })
     }
+
+    /// `y ← y − d ∘ x`.
+    fn subtract(&self, x: &[f64], y: &mut [f64]) {
+        for ((y, x), direct) in y.iter_mut().zip(x).zip(self.direct) {
+            *y -= direct * x;
+        }
+    }
 }
 
 impl Operator for WithoutDirect<'_> {
@@ -80,10 +88,22 @@ impl Operator for WithoutDirect<'_> {
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.operator.apply(x, y)?;
-        for ((y, x), direct) in y.iter_mut().zip(x).zip(self.direct) {
-            *y -= direct * x;
-        }
+        self.subtract(x, y);
         Ok(())
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.operator.apply_block(xs, ys)?;
+        xs.iter().zip(ys).for_each(|(x, y)| self.subtract(x, y));
+        Ok(())
+    }
+
+    fn block_size(&self) -> usize {
+        self.operator.block_size()
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self.operator.observer()
     }
 }
 
@@ -131,6 +151,24 @@ impl Operator for Blurred<'_> {
         self.operator.apply(&self.blur.apply(x), &mut self.photo)?;
         y.copy_from_slice(&self.blur.apply(&self.photo));
         Ok(())
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        let patterns: Vec<Vec<f64>> = xs.iter().map(|x| self.blur.apply(x)).collect();
+        let mut photos = vec![vec![0.0; self.photo.len()]; xs.len()];
+        self.operator.apply_block(&block(&patterns), &mut block_mut(&mut photos))?;
+        for (photo, y) in photos.iter().zip(ys) {
+            y.copy_from_slice(&self.blur.apply(photo));
+        }
+        Ok(())
+    }
+
+    fn block_size(&self) -> usize {
+        self.operator.block_size()
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self.operator.observer()
     }
 }
 

@@ -42,3 +42,19 @@ impl Relaxation {
         if residual >= self.gap { share.min(self.most) } else { (share * self.gap / residual).min(self.most) }
     }
 }
+
+/// How noisy the next product may be, relative to itself, for a true residual of `target` (relative to `‖b‖`) in the end:
+/// `target / (budget · residual)`, at most 1. `residual` is `‖b − A x‖ / ‖b‖` of the current iterate, and `budget` the number of
+/// products in all.
+///
+/// As the residual falls, later products may be noisier: fewer samples, or a shorter exposure. Each product adds its noise times its
+/// coefficient to the gap between the residual that the recurrence knows and the true one, and the coefficients fall as the residuals
+/// do. The operator's condition is assumed to be moderate, which preconditioning is to ensure.
+///
+/// # References
+/// Bouras and Frayssé (2005), doi:10.1137/S0895479801384743; van den Eshof and Sleijpen (2004),
+/// doi:10.1137/S0895479802403459; Simoncini and Szyld (2003), doi:10.1137/S1064827502406415.
+pub fn relaxed_noise(residual: f64, budget: usize, target: f64) -> f64 {
+    let bound = budget.max(1) as f64 * residual.min(1.0);
+    if bound > target { target / bound } else { 1.0 }
+}

@@ -2,8 +2,7 @@
 
 use super::boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi};
 use super::linear::{
-    BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Solution, SolveMonitor, SolveOptions, Solver,
-    solve_from,
+    BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Solution, SolveOptions, Solver, solve_from,
 };
 use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator};
@@ -170,27 +169,26 @@ impl Method {
 /// # Errors
 /// As [`Method::solver`] and [`solve_from`]. To keep what was taken before an operator failed, make the solver
 /// yourself and use [`solve_from`].
-pub fn solve(
+pub fn solve<O: Operator + ?Sized>(
     method: Method,
-    operator: &mut dyn Operator,
+    operator: &mut O,
     b: &[f64],
     options: &SolveOptions,
-    monitor: &mut SolveMonitor<'_>,
 ) -> Result<Solution> {
-    solve_adjoint(method, &mut ForwardOnly(operator), b, options, monitor)
+    let mut operator = operator;
+    solve_adjoint(method, &mut ForwardOnly(&mut operator), b, options)
 }
 
 /// As [`solve`], for an operator whose transpose can be applied.
 ///
 /// # Errors
 /// As [`solve`].
-pub fn solve_adjoint(
+pub fn solve_adjoint<O: Adjoint + ?Sized>(
     method: Method,
-    operator: &mut dyn Adjoint,
+    operator: &mut O,
     b: &[f64],
     options: &SolveOptions,
-    monitor: &mut SolveMonitor<'_>,
 ) -> Result<Solution> {
     let mut solver = method.solver(operator.cols(), b, options)?;
-    solve_from(solver.as_mut(), operator, options, monitor)
+    solve_from(solver.as_mut(), operator, options)
 }

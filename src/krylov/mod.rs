@@ -29,7 +29,6 @@ mod inexact;
 mod kernels;
 mod linear;
 mod methods;
-mod monitor;
 mod orthogonalize;
 mod precondition;
 mod start;
@@ -38,7 +37,7 @@ mod vectors;
 
 pub use basis::{dot, norm};
 pub use boxed::{Fista, KrylovBox, Mrnsd, Multiplicative, ProjectedJacobi, Surrogate};
-pub use eigen::{Eigs, EigsMethod, EigsOptions, eigs, eigs_from};
+pub use eigen::{Eigs, EigsMethod, EigsOptions, HistoryRow, eigs, eigs_from};
 pub use estimators::{
     DiagonalEstimate, Estimate, LowRankOptions, Nystrom, RandomizedSvd, SelfAdjoint, SpectralDensity,
     diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
@@ -46,13 +45,12 @@ pub use estimators::{
 pub use factor::{
     Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, PairStatus, RitzPair, Step, Which,
 };
-pub use inexact::Relaxation;
+pub use inexact::{Relaxation, relaxed_noise};
 pub use linear::{
-    Advance, BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Side, Solution, SolveMonitor,
-    SolveOptions, SolveProgress, SolveRow, Solver, Tally, keep_solving, solve_from,
+    Advance, BiCgStab, Cg, Cgs, ForwardOnly, Gmres, Lsmr, Lsqr, Minres, Side, Solution, SolveOptions,
+    SolveRow, Solver, Tally, solve_from,
 };
 pub use methods::{Constraint, METHODS, Method, MethodFacts, solve, solve_adjoint};
-pub use monitor::{HistoryRow, Monitor, Progress, keep_going};
 pub use precondition::{Diagonal, Multiscale, Preconditioner, UserPreconditioner};
 pub use start::Start;
 pub use stats::{Stats, Status};

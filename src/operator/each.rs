@@ -1,31 +1,30 @@
-//! Products with patterns that are known beforehand.
+//! Products with vectors that are known beforehand.
 
-use super::Operator;
+use super::{Operator, block, block_mut};
 use crate::error::Result;
 
-/// Patterns that are announced together: what an operator may take at once, twice.
-const TOGETHER: usize = 8;
+/// The largest block that is asked for at once, so that few vectors are in memory at the same time.
+const LARGEST_BLOCK: usize = 8;
 
-/// Multiplies with each of `xs` (`cols` entries each), announced a few at a time, and hands `with` each and its product, in order.
+/// Multiplies with each of `xs` (`cols` entries each), in blocks of [`Operator::block_size`], and hands `with` each vector and its
+/// product, in order.
 ///
 /// # Errors
-/// Whatever a product, or `with`, fails with; no further product is taken then.
+/// The error of the first product, or call of `with`, that fails; no further block is taken then.
 pub fn each_product(
     operator: &mut dyn Operator,
     xs: impl IntoIterator<Item = Vec<f64>>,
     mut with: impl FnMut(&[f64], Vec<f64>) -> Result<()>,
 ) -> Result<()> {
+    let (rows, size) = (operator.rows(), operator.block_size().clamp(1, LARGEST_BLOCK));
     let mut xs = xs.into_iter();
     loop {
-        let next: Vec<Vec<f64>> = xs.by_ref().take(TOGETHER).collect();
+        let next: Vec<Vec<f64>> = xs.by_ref().take(size).collect();
         if next.is_empty() {
             return Ok(());
         }
-        operator.announce(&next);
-        for x in next {
-            let mut y = vec![0.0; operator.rows()];
-            operator.apply(&x, &mut y)?;
-            with(&x, y)?;
-        }
+        let mut products = vec![vec![0.0; rows]; next.len()];
+        operator.apply_block(&block(&next), &mut block_mut(&mut products))?;
+        next.iter().zip(products).try_for_each(|(x, y)| with(x, y))?;
     }
 }

@@ -1,7 +1,6 @@
 //! Where the figures' photos come from: scenes made in memory and traced once, seen by an ideal rig or by virtual devices.
 
 use std::ops::ControlFlow;
-use std::rc::Rc;
 use std::sync::Arc;
 
 use super::devices::Devices;
@@ -48,9 +47,9 @@ pub struct BenchOptions {
 pub struct Bench {
     options: BenchOptions,
     observer: Arc<dyn Observer + Send + Sync>,
-    stages: Vec<(Set, Resolution, Rc<Stage>)>,
+    stages: Vec<(Set, Resolution, Arc<Stage>)>,
     /// Calibrated before a stage.
-    devices: Vec<(Rc<Stage>, Devices)>,
+    devices: Vec<(Arc<Stage>, Devices)>,
 }
 
 impl Bench {
@@ -70,10 +69,10 @@ impl Bench {
     }
 
     /// A scene of `side × side` pixels, traced.
-    pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Rc<Stage>> {
+    pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Arc<Stage>> {
         let resolution = Resolution::new(side, side);
         if let Some((.., stage)) = self.stages.iter().find(|(s, r, _)| (*s, *r) == (set, resolution)) {
-            return Ok(Rc::clone(stage));
+            return Ok(Arc::clone(stage));
         }
         let scene = set.scene();
         let mut tracer = Tracer::new(&scene, self.options.adapter.as_deref())?;
@@ -83,15 +82,15 @@ impl Bench {
         let settings = TraceSettings::new(resolution, samples);
         tracer.observe(Arc::clone(&self.observer));
         let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
-        let stage = Rc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
-        self.stages.push((set, resolution, Rc::clone(&stage)));
+        let stage = Arc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
+        self.stages.push((set, resolution, Arc::clone(&stage)));
         Ok(stage)
     }
 
     /// Lets `work` take photos of `stage` by the rig.
     pub(super) fn with_rig<T>(
         &mut self,
-        stage: &Rc<Stage>,
+        stage: &Arc<Stage>,
         part: Part,
         work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
     ) -> Result<T> {
@@ -106,13 +105,13 @@ impl Bench {
     }
 
     /// The devices before a stage, calibrated at the first time.
-    fn devices(&mut self, stage: &Rc<Stage>) -> Result<&Devices> {
-        let known = self.devices.iter().position(|(known, _)| Rc::ptr_eq(known, stage));
+    fn devices(&mut self, stage: &Arc<Stage>) -> Result<&Devices> {
+        let known = self.devices.iter().position(|(known, _)| Arc::ptr_eq(known, stage));
         let at = match known {
             Some(at) => at,
             None => {
                 let devices = Devices::set_up(stage, &mut || self.go_on())?;
-                self.devices.push((Rc::clone(stage), devices));
+                self.devices.push((Arc::clone(stage), devices));
                 self.devices.len() - 1
             }
         };

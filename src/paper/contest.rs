@@ -1,7 +1,7 @@
 //! Compensation as the paper's figures show it: the recipe that clamps, the methods inside the box, and the optimum, at
 //! equal numbers of photos.
 
-use std::rc::Rc;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::bench::Bench;
@@ -9,8 +9,9 @@ use super::figure::{Curve, Shot};
 use super::stage::Stage;
 use crate::analysis::compensate::Mixture;
 use crate::error::Result;
-use crate::krylov::{Diagonal, Method, SolveOptions, SolveProgress, dot, keep_solving, norm, solve_adjoint};
-use crate::operator::{Adjoint, Operator, Recorded, Symmetry};
+use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
+use crate::observer::{Estimate, OnStep, Step};
+use crate::operator::{Adjoint, Observed, Operator, Recorded, Symmetry};
 use crate::transport::Part;
 
 /// What is wished on a scene, in W/(m² sr), and the photo under white that says how much there is.
@@ -103,17 +104,19 @@ pub(super) fn enter(
     let mut entry =
         Entry { answered: Vec::new(), displayed: Vec::new(), pattern: Vec::new(), shots: Vec::new() };
     let mut recorded = Recorded::new(operator);
-    let mut watch = |progress: &SolveProgress<'_>| {
-        let answer = progress.solution();
+    let observer = OnStep::new(|step: &Step<'_>| {
+        let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
+        let answer = iterate();
         // A step may take no photo, and a photo may be two steps' in a method of pairs.
-        while entry.answered.len() < progress.products {
+        while (entry.answered.len() as u64) < step.done {
             entry.answered.push(wish.residual(stage, &answer));
             entry.displayed.push(wish.residual(stage, &clamped(&answer)));
         }
-        std::ops::ControlFlow::Continue(())
-    };
+        ControlFlow::Continue(())
+    });
     let wanted: Vec<f64> = wish.light.iter().map(|light| wish.unit * light).collect();
-    let found = solve_adjoint(method, &mut recorded, &wanted, &options, &mut watch)?;
+    let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
+    drop(observer);
     entry.pattern = found.x;
     entry.shots = recorded.products.into_iter().map(Shot::from).collect();
     Ok(entry)
@@ -140,7 +143,7 @@ impl Contest {
     /// Each method takes `photos` photos beside the white one; the optimum, which no rig has to take, `products`.
     pub(super) fn hold(
         bench: &mut Bench,
-        stage: &Rc<Stage>,
+        stage: &Arc<Stage>,
         target: &[f64],
         recipe: Method,
         photos: usize,
@@ -177,7 +180,7 @@ pub(super) fn optimum(stage: &Stage, wish: &Wish, products: usize) -> Result<(f6
     let operator = &mut stage.ideal(Part::Full);
     let mut options = wish.options(Method::Fista, products)?;
     options.diagonal = Some(stage.photo(&vec![1.0; stage.pixels()]));
-    let x = solve_adjoint(Method::Fista, operator, &wish.light, &options, &mut keep_solving)?.x;
+    let x = solve_adjoint(Method::Fista, operator, &wish.light, &options)?.x;
     let (mut seen, mut gradient) = (vec![0.0; x.len()], vec![0.0; x.len()]);
     operator.apply(&x, &mut seen)?;
     let misfit: Vec<f64> = wish.light.iter().zip(&seen).map(|(b, y)| b - y).collect();

@@ -1,6 +1,6 @@
 //! Figure 13: a sinusoid by a projector of one bit, plain and in bit planes, and what bit planes cost in noise.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::bench::{Bench, Rig};
 use super::check::Check;
@@ -122,7 +122,7 @@ fn sinusoid(side: usize) -> Vec<f64> {
 /// The photo of `pattern` in W/(m² sr), by so many bit planes of `seconds` of exposure together.
 fn photo(
     rig: &VirtualRig,
-    stage: &Rc<Stage>,
+    stage: &Arc<Stage>,
     options: &MeasureOptions,
     pattern: &[f64],
     planes: u32,

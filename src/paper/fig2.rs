@@ -6,7 +6,7 @@ use super::dense;
 use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
 use super::stage::{Set, Stage};
 use crate::error::Result;
-use crate::krylov::{EigsMethod, EigsOptions, Which, dot, eigs, keep_going, norm};
+use crate::krylov::{EigsMethod, EigsOptions, Which, dot, eigs, norm};
 use crate::operator::{Adjoint, Recorded};
 use crate::transport::Part;
 
@@ -81,7 +81,7 @@ fn iterate(operator: &mut dyn Adjoint) -> Result<Iterated> {
         start: crate::krylov::Start::Given(vec![1.0; n]),
         ..EigsOptions::default()
     };
-    let found = eigs(&mut recorded, &options, &mut keep_going)?;
+    let found = eigs(&mut recorded, &options)?;
     let patterns = recorded.products.into_iter().map(|product| product.from).collect();
     Ok(Iterated { vector: found.vectors.into_iter().next().unwrap_or_default(), patterns })
 }
@@ -89,7 +89,7 @@ fn iterate(operator: &mut dyn Adjoint) -> Result<Iterated> {
 /// By Lanczos on the matrix itself, until nothing changes.
 fn reference(stage: &Stage) -> Result<Vec<f64>> {
     let options = EigsOptions { count: 1, products: 400, tolerance: 1e-12, ..EigsOptions::default() };
-    let found = eigs(&mut stage.ideal(Part::Full), &options, &mut keep_going)?;
+    let found = eigs(&mut stage.ideal(Part::Full), &options)?;
     Ok(found.vectors.into_iter().next().unwrap_or_default())
 }
 

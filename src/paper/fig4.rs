@@ -16,8 +16,8 @@ use super::stage::{Set, Stage};
 use crate::analysis::segment::{evidence, segment};
 use crate::analysis::{Capture, SegmentOptions, Segmentation};
 use crate::error::Result;
-use crate::krylov::keep_going;
-use crate::operator::Operator;
+use crate::observer::{OnStep, Step};
+use crate::operator::{Observed, Operator};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -36,8 +36,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         bench.with_rig(&stage, Part::Global, |operator| segment_step_by_step(operator, &stage))?;
     let bent_stage = bench.stage(Set::TwoSheets, side)?;
     let options = asked(&BENT);
-    let bent =
-        bench.with_rig(&bent_stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    let bent = bench.with_rig(&bent_stage, Part::Global, |operator| segment(operator, &options))?;
 
     let mut checks = vec![
         Check::at_least("purity of two groups at 50 photos", purity(labels(&found, 2), &stage.truth), PURE),
@@ -131,13 +130,17 @@ fn segment_step_by_step(
     let mut capture = Capture::new(asked(&FOLDED))?;
     let mut curve = Vec::new();
     for photos in 4..=20 {
-        capture.run(operator, &mut |step| {
-            if step.products >= photos { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })?;
+        let observer =
+            OnStep::new(
+                |step: &Step<'_>| {
+                    if step.done >= photos { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                },
+            );
+        capture.run(&mut Observed::new(operator, &observer))?;
         let two = capture.regrouped(&[2])?;
         curve.push((two.photos as f64, purity(labels(&two, 2), &stage.truth)));
     }
-    capture.run(operator, &mut keep_going)?;
+    capture.run(operator)?;
     let found = capture.segmentation()?;
     curve.push((found.photos as f64, purity(labels(&found, 2), &stage.truth)));
     Ok((found, curve))

@@ -7,7 +7,6 @@ use super::stage::{Set, Stage};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::Result;
-use crate::krylov::keep_going;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -25,8 +24,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
     let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
-    let found =
-        bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
     let features = features(&found);
     let chosen = CHOSEN.map(|(name, [x, y])| {
         let at = |share: f64| (share * side as f64) as usize;

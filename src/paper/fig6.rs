@@ -9,7 +9,6 @@ use super::stage::{Set, Stage};
 use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
 use crate::error::Result;
-use crate::krylov::keep_going;
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -27,8 +26,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         groups: GROUPS.to_vec(),
         ..SegmentOptions::default()
     };
-    let found =
-        bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
     let mut checks = Vec::new();
     for (groups, labels) in &found.labels {
         let apart = (0..*groups as u8).filter(|&group| is_apart(labels, group, &stage)).count() as f64;

@@ -8,7 +8,6 @@ use super::stage::{Set, Stage};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::error::Result;
-use crate::krylov::keep_going;
 use crate::transport::Part;
 
 const SIDE: usize = 128;
@@ -84,7 +83,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::rc::Rc<Stage>, Segmentation)> {
+fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::sync::Arc<Stage>, Segmentation)> {
     let stage = bench.stage(set, side)?;
     let options = SegmentOptions {
         photos: PHOTOS,
@@ -93,8 +92,7 @@ fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::rc::Rc<Stage>, 
         groups: vec![CELLS, EIGENVECTORS],
         ..SegmentOptions::default()
     };
-    let found =
-        bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options, &mut keep_going))?;
+    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
     Ok((stage, found))
 }
 

@@ -7,7 +7,7 @@ use super::stage::Set;
 use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
 use crate::error::Result;
-use crate::krylov::{dot, keep_going, norm};
+use crate::krylov::{dot, norm};
 use crate::operator::Recorded;
 use crate::transport::Part;
 
@@ -20,7 +20,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
     let (photos, degree, shots) = bench.with_rig(&stage, Part::Global, |operator| {
         let mut recorded = Recorded::new(operator);
-        let found = segment(&mut recorded, &options, &mut keep_going)?;
+        let found = segment(&mut recorded, &options)?;
         let shots: Vec<Shot> = recorded.products.into_iter().map(Shot::from).collect();
         Ok((found.photos, found.degree, shots))
     })?;

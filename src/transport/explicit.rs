@@ -1,6 +1,6 @@
 //! Photos by a matrix that came from elsewhere.
 
-use super::{Channels, Transport};
+use super::{Channels, Part, Transport};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::sparse::Csr;
@@ -32,6 +32,28 @@ impl ExplicitMatrix {
     /// The matrix.
     pub fn matrix(&self) -> &Csr {
         &self.matrix
+    }
+
+    /// One part of a square matrix: its diagonal is the direct light, as for a coaxial rig, and all else the global light.
+    ///
+    /// # Errors
+    /// None that a well-formed matrix can cause.
+    pub fn part_of(matrix: &Csr, part: Part) -> Result<Csr> {
+        if part == Part::Full {
+            return Ok(matrix.clone());
+        }
+        let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+        for row in 0..matrix.rows() {
+            let (of_row, values) = matrix.row(row);
+            for (&column, &weight) in of_row.iter().zip(values) {
+                if (column as usize == row) == (part == Part::Direct) {
+                    columns.push(column);
+                    weights.push(weight);
+                }
+            }
+            row_start.push(columns.len());
+        }
+        Csr::new(matrix.cols(), row_start, columns, weights)
     }
 }
 
@@ -71,5 +93,13 @@ mod tests {
         let pattern = Image::new(Resolution::new(2, 1), 1, vec![2.0, 4.0]).expect("two samples");
         assert_eq!(given.photograph(&pattern).expect("it fits").samples(), [4.0, 0.5]);
         assert!(ExplicitMatrix::new(given.matrix.clone(), Resolution::new(2, 2)).is_err());
+    }
+
+    #[test]
+    fn direct_and_global_light_of_an_explicit_matrix_add_up_to_it() {
+        let matrix =
+            Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![4.0, 1.0, 2.0, 8.0]).expect("well formed");
+        let weights = |part| ExplicitMatrix::part_of(&matrix, part).expect("well formed").weights().to_vec();
+        assert_eq!([weights(Part::Direct), weights(Part::Global)], [vec![4.0, 8.0], vec![1.0, 2.0]]);
     }
 }

@@ -1,28 +1,27 @@
-//! Products that are written down before they are used, and that are never taken twice.
-
-use std::cell::RefCell;
+//! Products that are written to a journal before they are used, and that are never taken twice.
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::journal::{Journal, Key, Kind};
+use crate::observer::Observer;
 use crate::operator::{Adjoint, Operator, Product, Symmetry};
 
-/// An operator whose products are kept in a journal; those that are there already are handed out without it. Operators of one
-/// source share a journal, each by its name: which part of the light, and which channel.
+/// An operator whose products are kept in a journal. A product that is already there is read and not taken again. The operators of
+/// one source share a journal, each under its own name: which part of the light, and which channel.
 pub struct JournaledOperator<'a> {
-    journal: &'a RefCell<Journal>,
+    journal: &'a mut Journal,
     inner: Option<&'a mut dyn Adjoint>,
     name: String,
     shape: ([usize; 2], Symmetry),
 }
 
-/// What stands beside a product.
+/// The metadata of a product in the journal.
 #[derive(Serialize, Deserialize)]
 struct Note {
     operator: String,
     direction: Direction,
-    /// The key of what was multiplied.
+    /// The key of the vector that was multiplied.
     pattern: String,
 }
 
@@ -33,16 +32,23 @@ enum Direction {
     Adjoint,
 }
 
+/// The keys of a vector and of its product.
+struct Keys {
+    /// The vector's bytes.
+    pattern: Vec<u8>,
+    product: Key,
+}
+
 impl<'a> JournaledOperator<'a> {
-    /// Keeps the products of `inner`, whose journal's identity must say all that they depend on besides `name`.
-    pub fn new(journal: &'a RefCell<Journal>, name: impl Into<String>, inner: &'a mut dyn Adjoint) -> Self {
+    /// Keeps the products of `inner`. The journal's identity must say everything that they depend on besides `name`.
+    pub fn new(journal: &'a mut Journal, name: impl Into<String>, inner: &'a mut dyn Adjoint) -> Self {
         let shape = ([inner.rows(), inner.cols()], inner.symmetry());
         Self { journal, inner: Some(inner), name: name.into(), shape }
     }
 
-    /// Hands out what was kept under this name of an operator of this shape, and nothing else.
+    /// Reads the products that were journaled under this name of an operator of this shape; any other product is an error.
     pub fn replay(
-        journal: &'a RefCell<Journal>,
+        journal: &'a mut Journal,
         name: impl Into<String>,
         [rows, cols]: [usize; 2],
         symmetry: Symmetry,
@@ -50,8 +56,7 @@ impl<'a> JournaledOperator<'a> {
         Self { journal, inner: None, name: name.into(), shape: ([rows, cols], symmetry) }
     }
 
-    /// All products `y = A x` that were kept under this name, in the order in which they were taken; those that are damaged are
-    /// passed over.
+    /// All products `y = A x` that were journaled under this name, in the order in which they were taken, without the damaged ones.
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Journal`] for a record in a form that this version does not know.
@@ -77,39 +82,87 @@ impl<'a> JournaledOperator<'a> {
         Ok(products)
     }
 
-    fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
+    /// Reads the products that are in the journal, takes the others in blocks of the inner operator's size, and appends these in order.
+    /// When a block fails, those before it are in the journal.
+    fn block(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
+        debug_assert_eq!(from.len(), to.len());
+        let mut new: Vec<(usize, Keys)> = Vec::new();
+        let mut repeated: Vec<(usize, usize)> = Vec::new();
+        for (place, (from, to)) in from.iter().zip(&mut *to).enumerate() {
+            let keys = self.keys(direction, from);
+            if let Some((first, _)) = new.iter().find(|(_, known)| known.product == keys.product) {
+                repeated.push((*first, place));
+            } else if !self.read(keys.product, to)? {
+                new.push((place, keys));
+            }
+        }
+        for new in new.chunks(self.block_size().max(1)) {
+            let places: Vec<usize> = new.iter().map(|(place, _)| *place).collect();
+            self.take(direction, from, to, &places)?;
+            for (place, keys) in new {
+                self.append(direction, keys, to[*place])?;
+            }
+        }
+        for (first, place) in repeated {
+            let product = to[first].to_vec();
+            to[place].copy_from_slice(&product);
+        }
+        Ok(())
+    }
+
+    fn keys(&self, direction: Direction, from: &[f64]) -> Keys {
         let pattern: Vec<u8> = from.iter().flat_map(|value| value.to_le_bytes()).collect();
         let side: &[u8] = match direction {
             Direction::Forward => b"forward",
             Direction::Adjoint => b"adjoint",
         };
-        let mut journal = self.journal.borrow_mut();
         let pattern_key = Key::of(&[b"pattern", &pattern]);
-        let key = journal.key(&[b"product", self.name.as_bytes(), side, pattern_key.bytes()]);
-        if let Some(stored) = journal.get(key)? {
-            let (values, rest) = stored.payload.as_chunks::<8>();
-            if values.len() != to.len() || !rest.is_empty() {
-                return Err(Error::Dimension {
-                    what: "a product in the journal",
-                    expected: format!("{} values", to.len()),
-                    found: format!("{} bytes", stored.payload.len()),
-                });
-            }
-            for (to, value) in to.iter_mut().zip(values) {
-                *to = f64::from_le_bytes(*value);
-            }
-            return Ok(());
+        let product = self.journal.key(&[b"product", self.name.as_bytes(), side, pattern_key.bytes()]);
+        Keys { pattern, product }
+    }
+
+    /// Whether the product was in the journal, and was copied from there.
+    fn read(&mut self, key: Key, to: &mut [f64]) -> Result<bool> {
+        let Some(stored) = self.journal.get(key)? else { return Ok(false) };
+        let (values, rest) = stored.payload.as_chunks::<8>();
+        if values.len() != to.len() || !rest.is_empty() {
+            return Err(Error::Dimension {
+                what: "a product in the journal",
+                expected: format!("{} values", to.len()),
+                found: format!("{} bytes", stored.payload.len()),
+            });
         }
-        let Some(inner) = &mut self.inner else { return Err(missing(&journal, &self.name)) };
+        for (to, value) in to.iter_mut().zip(values) {
+            *to = f64::from_le_bytes(*value);
+        }
+        Ok(true)
+    }
+
+    /// Takes the products at these places (ascending) as one block.
+    fn take(
+        &mut self,
+        direction: Direction,
+        from: &[&[f64]],
+        to: &mut [&mut [f64]],
+        places: &[usize],
+    ) -> Result<()> {
+        let Some(inner) = &mut self.inner else { return Err(not_journaled(self.journal, &self.name)) };
+        let from: Vec<&[f64]> = places.iter().map(|&place| from[place]).collect();
+        let to = to.iter_mut().enumerate().filter(|(place, _)| places.contains(place));
+        let mut to: Vec<&mut [f64]> = to.map(|(_, to)| &mut **to).collect();
         match direction {
-            Direction::Forward => inner.apply(from, to)?,
-            Direction::Adjoint => inner.apply_adjoint(from, to)?,
+            Direction::Forward => inner.apply_block(&from, &mut to),
+            Direction::Adjoint => inner.apply_adjoint_block(&from, &mut to),
         }
-        let pattern = journal.pattern(&pattern)?.to_string();
+    }
+
+    fn append(&mut self, direction: Direction, keys: &Keys, to: &[f64]) -> Result<()> {
+        let pattern = self.journal.pattern(&keys.pattern)?.to_string();
         let note = Note { operator: self.name.clone(), direction, pattern };
         let photo: Vec<u8> = to.iter().flat_map(|value| value.to_le_bytes()).collect();
         // Texts always have a JSON form.
-        journal.append_soon(Kind::Photo, key, &serde_json::to_vec(&note).unwrap_or_default(), &photo)
+        let note = serde_json::to_vec(&note).unwrap_or_default();
+        self.journal.append_soon(Kind::Photo, keys.product, &note, &photo)
     }
 }
 
@@ -117,7 +170,7 @@ fn numbers(bytes: &[u8]) -> Vec<f64> {
     bytes.as_chunks::<8>().0.iter().map(|value| f64::from_le_bytes(*value)).collect()
 }
 
-fn missing(journal: &Journal, name: &str) -> Error {
+fn not_journaled(journal: &Journal, name: &str) -> Error {
     let folder = journal.path().parent().and_then(|journal| journal.parent()).unwrap_or(journal.path());
     Error::Journal {
         path: journal.path().into(),
@@ -140,20 +193,31 @@ impl Operator for JournaledOperator<'_> {
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.product(Direction::Forward, x, y)
+        self.block(Direction::Forward, &[x], &mut [y])
     }
 
-    fn announce(&mut self, xs: &[Vec<f64>]) {
-        self.inner.iter_mut().for_each(|inner| inner.announce(xs));
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.block(Direction::Forward, xs, ys)
+    }
+
+    fn block_size(&self) -> usize {
+        self.inner.as_ref().map_or(1, |inner| inner.block_size())
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        match &self.inner {
+            Some(inner) => inner.observer(),
+            None => &(),
+        }
     }
 }
 
 impl Adjoint for JournaledOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.product(Direction::Adjoint, y, x)
+        self.block(Direction::Adjoint, &[y], &mut [x])
     }
 
-    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
-        self.inner.iter_mut().for_each(|inner| inner.announce_adjoint(ys));
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.block(Direction::Adjoint, ys, xs)
     }
 }

@@ -4,35 +4,38 @@ use super::matrix::Direction;
 use super::tiles::ABREAST;
 use super::{Part, Products};
 use crate::error::Result;
-use crate::operator::{Adjoint, Ahead, Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Symmetry};
 
-/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo; those that were announced are taken
-/// four at a time, where it is the processor that multiplies.
-#[derive(Clone, Debug)]
+/// `y = P x` for one part and channel of a transport matrix. Each product stands for one photo. On the processor, a block is multiplied
+/// four vectors at a time.
+#[derive(Clone, Copy, Debug)]
 pub struct MatrixOperator<'a> {
     matrix: &'a dyn Products,
     part: Part,
     channel: usize,
-    /// By direction.
-    ahead: [Ahead; 2],
 }
 
 impl<'a> MatrixOperator<'a> {
     /// Of a frozen matrix: itself on the processor, or as part of an [`super::Assembled`] wherever that placed it. The channel is
     /// below [`super::Channels::count`].
     pub fn new(matrix: &'a dyn Products, part: Part, channel: usize) -> Self {
-        Self { matrix, part, channel, ahead: Default::default() }
+        Self { matrix, part, channel }
     }
 
-    fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
-        let (part, channel) = (self.part, self.channel);
-        match (self.matrix.on_processor(), direction) {
-            (Some(matrix), _) => self.ahead[direction as usize].product(from, to, ABREAST, |from, to| {
-                matrix.multiply_block(direction, part, channel, from, to);
+    fn product(&self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
+        match direction {
+            Direction::Forward => self.matrix.product(self.part, self.channel, from, to),
+            Direction::Backward => self.matrix.transposed_product(self.part, self.channel, from, to),
+        }
+    }
+
+    fn block(&self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
+        match self.matrix.on_processor() {
+            Some(matrix) => {
+                matrix.multiply_block(direction, self.part, self.channel, from, to);
                 Ok(())
-            }),
-            (None, Direction::Forward) => self.matrix.product(part, channel, from, to),
-            (None, Direction::Backward) => self.matrix.transposed_product(part, channel, from, to),
+            }
+            None => from.iter().zip(to).try_for_each(|(from, to)| self.product(direction, from, to)),
         }
     }
 }
@@ -54,8 +57,12 @@ impl Operator for MatrixOperator<'_> {
         self.product(Direction::Forward, x, y)
     }
 
-    fn announce(&mut self, xs: &[Vec<f64>]) {
-        self.ahead[Direction::Forward as usize].announce(xs);
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.block(Direction::Forward, xs, ys)
+    }
+
+    fn block_size(&self) -> usize {
+        if self.matrix.on_processor().is_some() { ABREAST } else { 1 }
     }
 }
 
@@ -64,7 +71,7 @@ impl Adjoint for MatrixOperator<'_> {
         self.product(Direction::Backward, y, x)
     }
 
-    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
-        self.ahead[Direction::Backward as usize].announce(ys);
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.block(Direction::Backward, ys, xs)
     }
 }

@@ -7,7 +7,7 @@ use super::tiles::{ABREAST, Abreast};
 use super::{Channels, Part, Transport, from_planes, luminance, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::operator::{Adjoint, Ahead, Operator, Symmetry};
+use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::render::{TraceSettings, Tracer};
 
 /// A scene that is traced once per photo, always with the same light paths.
@@ -116,8 +116,8 @@ impl Transport for Retraced<'_> {
     }
 }
 
-/// `y = P x` for one part and channel, traced anew for each product, or for up to four that were announced. The same matrix as
-/// the replayed one, to rounding.
+/// `y = P x` for one part and channel. The scene is traced anew for each product, or once for four vectors of a block. The matrix is
+/// that of [`super::MatrixOperator`], to rounding.
 pub struct RetracedOperator<'a> {
     /// The scene.
     pub retraced: Retraced<'a>,
@@ -125,29 +125,27 @@ pub struct RetracedOperator<'a> {
     pub part: Part,
     /// Which channel, below [`Channels::count`].
     pub channel: usize,
-    /// What was announced, and taken since; of products with the transpose, second.
-    pub ahead: &'a mut [Ahead; 2],
 }
 
 impl RetracedOperator<'_> {
-    fn product(&mut self, direction: Direction, from: &[f64], to: &mut [f64]) -> Result<()> {
+    /// Vectors of a block that are traced together.
+    pub const BLOCK_SIZE: usize = ABREAST;
+
+    fn block(&mut self, direction: Direction, from: &[&[f64]], to: &mut [&mut [f64]]) -> Result<()> {
+        debug_assert_eq!(from.len(), to.len());
         let way = Way { direction, part: self.part, with_ambient: false };
-        let (retraced, channel) = (&mut self.retraced, self.channel);
-        self.ahead[direction as usize].product(from, to, ABREAST, |from, to| {
+        for (from, to) in from.chunks(ABREAST).zip(to.chunks_mut(ABREAST)) {
             let pixels = to[0].len();
-            match (from, &mut *to) {
-                ([from], [to]) => {
-                    let seen = retraced.products(way, channel, from.as_chunks::<1>().0, pixels)?;
-                    to.copy_from_slice(seen.as_flattened());
-                }
-                _ => {
-                    let lit: Vec<_> = side_by_side(from).into_iter().map(|Abreast(lit)| lit).collect();
-                    let seen = retraced.products(way, channel, &lit, pixels)?;
-                    apart(&seen.into_iter().map(Abreast).collect::<Vec<_>>(), to);
-                }
+            if let ([from], [to]) = (from, &mut *to) {
+                let seen = self.retraced.products(way, self.channel, from.as_chunks::<1>().0, pixels)?;
+                to.copy_from_slice(seen.as_flattened());
+                continue;
             }
-            Ok(())
-        })
+            let lit: Vec<_> = side_by_side(from).into_iter().map(|Abreast(lit)| lit).collect();
+            let seen = self.retraced.products(way, self.channel, &lit, pixels)?;
+            apart(&seen.into_iter().map(Abreast).collect::<Vec<_>>(), to);
+        }
+        Ok(())
     }
 }
 
@@ -166,20 +164,24 @@ impl Operator for RetracedOperator<'_> {
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.product(Direction::Forward, x, y)
+        self.block(Direction::Forward, &[x], &mut [y])
     }
 
-    fn announce(&mut self, xs: &[Vec<f64>]) {
-        self.ahead[Direction::Forward as usize].announce(xs);
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.block(Direction::Forward, xs, ys)
+    }
+
+    fn block_size(&self) -> usize {
+        Self::BLOCK_SIZE
     }
 }
 
 impl Adjoint for RetracedOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.product(Direction::Backward, y, x)
+        self.block(Direction::Backward, &[y], &mut [x])
     }
 
-    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
-        self.ahead[Direction::Backward as usize].announce(ys);
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.block(Direction::Backward, ys, xs)
     }
 }

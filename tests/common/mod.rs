@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use krylux::image::{Image, Resolution};
 use krylux::io::npy;
@@ -40,6 +41,28 @@ pub fn settings(side: usize, samples: u32, max_bounces: u32, seed: u32) -> Trace
 /// Traces without looking on.
 pub fn trace(tracer: &mut Tracer, settings: TraceSettings, channels: Channels) -> Assembled {
     assemble(tracer, &settings, channels).expect("shipped scenes can be traced")
+}
+
+/// A shipped scene as it is traced with these settings. All tests of a binary that ask for the same share one trace, which must therefore
+/// not be what they test.
+pub fn traced(name: &'static str, settings: TraceSettings, channels: Channels) -> &'static Assembled {
+    type Key = (&'static str, TraceSettings, Channels);
+    type Shared = Vec<(Key, &'static OnceLock<Assembled>)>;
+    static TRACED: Mutex<Shared> = Mutex::new(Vec::new());
+    let key = (name, settings, channels);
+    // The list is free again while one of them is traced.
+    let cell = {
+        let mut shared = TRACED.lock().unwrap_or_else(PoisonError::into_inner);
+        match shared.iter().find(|(other, _)| *other == key) {
+            Some((_, cell)) => *cell,
+            None => {
+                let cell: &'static OnceLock<Assembled> = Box::leak(Box::default());
+                shared.push((key, cell));
+                cell
+            }
+        }
+    };
+    cell.get_or_init(|| trace(&mut tracer(&load(name)), settings, channels))
 }
 
 /// A part as a matrix of its own.

@@ -69,7 +69,7 @@ pub fn target() -> Image {
 impl Stage {
     /// To plan with these options in the place of the file's.
     pub fn planner<'a>(&'a self, rig: &'a VirtualRig, measurement: &'a MeasureOptions) -> Planner<'a> {
-        Planner { rig, twin: &self.twin, calibration: &self.calibration, measurement }
+        Planner { rig, twin: &self.twin, calibration: &self.calibration, measurement, observer: &() }
     }
 }
 

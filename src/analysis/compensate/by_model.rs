@@ -6,7 +6,7 @@ use super::target::{norm_of, residual_norm};
 use super::{CompensateOptions, Compensation, CompensationRow, Prior, Scene, Target, clipped};
 use crate::analysis::LowRank;
 use crate::error::Result;
-use crate::krylov::{Constraint, keep_solving};
+use crate::krylov::Constraint;
 
 /// Products with the model for each answer; they cost no photo.
 const PRODUCTS: usize = 300;
@@ -56,7 +56,7 @@ pub fn compensate_by_model(
         let goal = combined(&b, &missed, |b, missed| b - missed);
         let mut run =
             Run { wish, white: &white, b: &goal, options, prior: &prior, dear: false, preparation: 0 };
-        let solved = run.solve(scene.channels, options.method, PRODUCTS, false, &mut keep_solving)?;
+        let solved = run.solve(scene.channels, options.method, PRODUCTS, false)?;
         let pattern = clipped(&solved.patterns, options.floor);
         let modelled = scene.photograph(&pattern)?;
         if history.len() < corrections && !stalled {

@@ -2,7 +2,7 @@
 
 use super::{CompensateOptions, CompensationRow, Prior, Target, compensate_with};
 use crate::error::Result;
-use crate::krylov::{Constraint, METHODS, Method, SolveMonitor};
+use crate::krylov::{Constraint, METHODS, Method};
 use crate::operator::{Adjoint, Symmetry};
 
 /// One method of a comparison.
@@ -34,7 +34,6 @@ pub fn compare_methods<O: Adjoint>(
     wish: &Target,
     options: &CompensateOptions,
     prior: &Prior,
-    monitor: &mut SolveMonitor<'_>,
 ) -> Result<Vec<MethodRun>> {
     let coupled = prior.crosstalk.as_ref().is_some_and(|crosstalk| crosstalk.coupled);
     let symmetric = !coupled && channels.iter().all(|operator| operator.symmetry() == Symmetry::Symmetric);
@@ -47,7 +46,7 @@ pub fn compare_methods<O: Adjoint>(
             baseline: facts.constraint != Constraint::Box,
             ..*options
         };
-        let found = compensate_with(channels, wish, &options, prior, monitor)?;
+        let found = compensate_with(channels, wish, &options, prior)?;
         let displayed = match found.clamping {
             Some(clamping) => clamping.displayed,
             None => found.history.clone(),

@@ -6,6 +6,7 @@
 //! pattern stays inside the box, and worse where it has to be clipped.
 
 use crate::error::{Error, Result};
+use crate::observer::Observer;
 use crate::operator::{Adjoint, Operator, Symmetry};
 
 /// A mixing matrix between projector and camera, and what is done about it.
@@ -160,6 +161,12 @@ impl<O: Adjoint> Operator for Mixed<'_, O> {
             operator.apply(plane, y)?;
         }
         Ok(())
+    }
+
+    // A block is taken one by one: the order of the channels' products is part of a journal.
+
+    fn observer(&self) -> &dyn Observer {
+        self.channels.first().map_or(&(), |operator| operator.observer())
     }
 }
 

@@ -31,8 +31,8 @@ pub use target::Target;
 use super::similarity::Similarity;
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::krylov::{Constraint, Method, SolveMonitor, Status, keep_solving};
-use crate::operator::Adjoint;
+use crate::krylov::{Constraint, Method, Status};
+use crate::operator::{Adjoint, Observed, block, block_mut};
 use answer::Answer;
 use run::{Planes, Run};
 use target::{norm_of, residual_norm};
@@ -109,6 +109,7 @@ pub struct Prior {
 ///
 /// `channels` holds one operator (`n × n`) for each of the wish's channels. They are independent systems, and one colour photo is
 /// one product with each; so they are solved one after the other, and the photos are those of the one that took most.
+/// The observer of each channel's operator sees its products, and may stop them; the baseline is not observed.
 /// An answer that leaves [floor, 1] is clipped, as a projector would do: both residuals are reported, and the box
 /// belongs inside the method ([`Method::KrylovBox`]).
 ///
@@ -119,9 +120,8 @@ pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     wish: &Target,
     options: &CompensateOptions,
-    monitor: &mut SolveMonitor<'_>,
 ) -> Result<Compensation> {
-    compensate_with(channels, wish, options, &Prior::default(), monitor)
+    compensate_with(channels, wish, options, &Prior::default())
 }
 
 /// As [`compensate`], with what is known beside the photos.
@@ -134,7 +134,6 @@ pub fn compensate_with<O: Adjoint>(
     wish: &Target,
     options: &CompensateOptions,
     prior: &Prior,
-    monitor: &mut SolveMonitor<'_>,
 ) -> Result<Compensation> {
     options.check()?;
     let wish = &wish.lifted(options.lift);
@@ -147,13 +146,13 @@ pub fn compensate_with<O: Adjoint>(
     let b = wish.light(peak)?;
     let mut run = Run { wish, white: &white, b: &b, options, prior, dear: true, preparation: 1 };
     let keep = options.method.facts().constraint != Constraint::Box && options.baseline;
-    let solved = run.solve(scene.channels, options.method, options.photos, keep, monitor)?;
+    let solved = run.solve(scene.channels, options.method, options.photos, keep)?;
     let preparation = run.preparation;
     let again = solved.photos.max(1);
     let baseline = match options.method {
         Method::Jacobi => solved.history.clone(),
         _ if !options.baseline => Vec::new(),
-        _ => run.solve(scene.channels, Method::Jacobi, again, false, &mut keep_solving)?.history,
+        _ => run.solve(&mut unobserved(scene.channels), Method::Jacobi, again, false)?.history,
     };
 
     let pattern = clipped(&solved.patterns, options.floor);
@@ -168,7 +167,7 @@ pub fn compensate_with<O: Adjoint>(
     let answer = Answer { wish, options, peak, b: &b, pattern, observed, uncompensated };
     let found = answer.of(solved)?;
     let clamping = if keep {
-        let boxed = run.solve(scene.channels, Method::KrylovBox, again, false, &mut keep_solving)?.history;
+        let boxed = run.solve(&mut unobserved(scene.channels), Method::KrylovBox, again, false)?.history;
         Some(Clamping { displayed, boxed, uncompensated: found.uncompensated_residual })
     } else {
         None
@@ -219,12 +218,39 @@ impl<O: Adjoint> Scene<'_, O> {
 
     /// What would be seen of each answer, had it been clipped and projected.
     fn displayed(&mut self, answers: &[Planes], floor: f64, b: &[Vec<f64>]) -> Result<Vec<CompensationRow>> {
-        let row = |(index, answer): (usize, &Planes)| {
-            let seen = self.photograph(&clipped(answer, floor))?;
-            Ok(CompensationRow { photo: index + 1, residual: residual_norm(b, &seen) / norm_of(b) })
+        // With several channels, colour photos are taken one after the other: the order of products is part of a journal.
+        let size = match &*self.channels {
+            [operator] => operator.block_size().max(1),
+            _ => 1,
         };
-        answers.iter().enumerate().map(row).collect()
+        let mut rows = Vec::new();
+        for answers in answers.chunks(size) {
+            let patterns: Vec<Planes> = answers.iter().map(|answer| clipped(answer, floor)).collect();
+            for seen in self.photographs(patterns)? {
+                rows.push(CompensationRow {
+                    photo: rows.len() + 1,
+                    residual: residual_norm(b, &seen) / norm_of(b),
+                });
+            }
+        }
+        Ok(rows)
     }
+
+    /// The photos of several patterns; of one channel, as a block.
+    fn photographs(&mut self, patterns: Vec<Planes>) -> Result<Vec<Planes>> {
+        let [operator] = &mut *self.channels else {
+            return patterns.iter().map(|pattern| self.photograph(pattern)).collect();
+        };
+        let patterns = patterns.concat();
+        let mut photos = vec![vec![0.0; operator.rows()]; patterns.len()];
+        operator.apply_block(&block(&patterns), &mut block_mut(&mut photos))?;
+        Ok(photos.into_iter().map(|photo| vec![photo]).collect())
+    }
+}
+
+/// The channels without their observers.
+fn unobserved<O: Adjoint>(channels: &mut [O]) -> Vec<Observed<'_, O>> {
+    channels.iter_mut().map(|operator| Observed::new(operator, &())).collect()
 }
 
 fn clipped(patterns: &[Vec<f64>], floor: f64) -> Planes {

@@ -11,10 +11,11 @@ use super::{CompensationRow, Prior};
 use crate::analysis::direct::{DirectMethod, measure_direct};
 use crate::error::{Error, Result};
 use crate::krylov::{
-    Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveMonitor, SolveOptions, SolveRow,
-    Start, Status, Surrogate, solve_adjoint,
+    Constraint, Diagonal, Method, Multiscale, Preconditioner, Solution, SolveOptions, SolveRow, Start,
+    Status, Surrogate, solve_adjoint,
 };
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::observer::{Estimate, Observer, Step};
+use crate::operator::{Adjoint, Operator, Relayed, Symmetry};
 
 /// Squares and shifts by which a direct image that nobody knows is measured: 16 photos.
 const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4 };
@@ -56,7 +57,6 @@ impl Run<'_> {
         method: Method,
         photos: usize,
         keep: bool,
-        monitor: &mut SolveMonitor<'_>,
     ) -> Result<Solved> {
         let crosstalk = self.prior.crosstalk.as_ref();
         let (solutions, answers) = match crosstalk {
@@ -65,7 +65,7 @@ impl Run<'_> {
                 let (b, white) = (self.b.concat(), self.white.concat());
                 let start = self.prior.start.as_ref().map(|start| start.concat());
                 let options = self.solve_options(&mut mixed, method, photos, (None, white, start), 1.0)?;
-                let (solution, answers) = kept(method, &mut mixed, &b, &options, keep, monitor)?;
+                let (solution, answers) = kept(method, &mut mixed, &b, &options, keep)?;
                 (vec![solution], vec![answers])
             }
             _ => {
@@ -81,8 +81,7 @@ impl Run<'_> {
                     let start = starts.as_ref().map(|starts| starts[channel].clone());
                     let setup = (Some(channel), white, start);
                     let options = self.solve_options(operator, method, photos, setup, whites[channel])?;
-                    let (solution, answer) =
-                        kept(method, operator, &self.b[channel], &options, keep, monitor)?;
+                    let (solution, answer) = kept(method, operator, &self.b[channel], &options, keep)?;
                     solutions.push(solution);
                     answers.push(answer);
                 }
@@ -254,15 +253,15 @@ fn kept(
     b: &[f64],
     options: &SolveOptions,
     keep: bool,
-    monitor: &mut SolveMonitor<'_>,
 ) -> Result<(Solution, Vec<Vec<f64>>)> {
     let mut answers = Vec::new();
-    let solution = solve_adjoint(method, operator, b, options, &mut |step| {
-        if keep {
-            answers.push(step.solution());
+    let relay = |observer: &dyn Observer, step: &Step<'_>| {
+        if let (true, Estimate::Solution { iterate, .. }) = (keep, step.estimate) {
+            answers.push(iterate());
         }
-        monitor(step)
-    })?;
+        observer.step(step)
+    };
+    let solution = solve_adjoint(method, &mut Relayed::new(operator, relay), b, options)?;
     Ok((solution, answers))
 }
 

@@ -5,6 +5,7 @@ use crate::analysis::probe::smooth_patterns;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start, dot, norm};
+use crate::observer::{Estimate, Step};
 use crate::operator::{Operator, Product, Recorded, Symmetry};
 
 /// How a low-rank model is captured.
@@ -37,28 +38,14 @@ impl Default for LowRankCapture {
     }
 }
 
-/// How a capture stands after a photo.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CaptureStep {
-    /// Photos taken.
-    pub photos: usize,
-    /// What the model of the photos before would have got wrong of this one, `‖w − Q Wᵀ q‖`, in shares of the strongest photo: as it
-    /// falls, so does the model's error. Patterns are of norm 1.
-    pub news: f64,
-}
-
 /// Takes `photos` photos with `operator` (`n × n`, without its direct light) and keeps them as a model; `direct` is the direct image
-/// under white (`n`), or empty where it stays in the operator. Calls `watch` after each photo.
+/// under white (`n`), or empty where it stays in the operator. The operator's observer sees each photo
+/// ([`Estimate::Unpredicted`]); a break ends the capture with the photos taken so far.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos`; [`Error::Dimension`] when the operator is not square or `direct` has another length;
 /// whatever the operator fails with.
-pub fn capture(
-    operator: &mut dyn Operator,
-    direct: &[f64],
-    options: &LowRankCapture,
-    watch: &mut dyn FnMut(CaptureStep),
-) -> Result<LowRank> {
+pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCapture) -> Result<LowRank> {
     let n = operator.cols();
     if options.photos == 0 {
         return Err(Error::Option {
@@ -74,11 +61,11 @@ pub fn capture(
         let mut block = vec![start];
         // A block wider than the photos would leave those that it starts with unseen.
         block.extend(options.beside.iter().take(options.photos - 1).cloned());
-        run(BlockLanczos::new(&block, &[])?, &mut recorder, (options.photos, symmetric), watch)?
+        run(BlockLanczos::new(&block, &[])?, &mut recorder, (options.photos, symmetric))?
     } else {
-        run(Arnoldi::new(&start, &[])?, &mut recorder, (options.photos, symmetric), watch)?
+        run(Arnoldi::new(&start, &[])?, &mut recorder, (options.photos, symmetric))?
     };
-    let photos = recorder.products.into_iter().map(|product| product.to).collect();
+    let photos = recorder.products.into_iter().take(basis.len()).map(|product| product.to).collect();
     LowRank::new(basis, photos, direct.to_vec(), symmetric)
 }
 
@@ -87,17 +74,28 @@ fn run(
     mut process: impl Factorization,
     recorder: &mut Recorded<'_, dyn Operator + '_>,
     (photos, symmetric): (usize, bool),
-    watch: &mut dyn FnMut(CaptureStep),
 ) -> Result<Vec<Vec<f64>>> {
     while process.steps() < photos && !process.is_exhausted() {
+        process.multiply_block(recorder, photos - process.steps())?;
         process.expand(recorder)?;
-        watch(CaptureStep { photos: process.steps(), news: news(&recorder.products, symmetric) });
+        let taken = &recorder.products[..process.products()];
+        let step = Step {
+            stage: "photos",
+            done: taken.len() as u64,
+            total: photos as u64,
+            estimate: Estimate::Unpredicted(unpredicted(taken, symmetric)),
+        };
+        if recorder.observer().step(&step).is_break() {
+            break;
+        }
     }
     Ok(process.basis().to_vec())
 }
 
-/// [`CaptureStep::news`] of the last photo. Without symmetry nothing is known of a pattern that stands at right angles to all before.
-fn news(products: &[Product], symmetric: bool) -> f64 {
+/// The part of the last photo that the model of the photos before it did not predict, `‖w − Q Wᵀ q‖`, as a share of the strongest photo:
+/// the model's error falls with it. Patterns are of norm 1. Without symmetry, the model predicts nothing for a pattern that is orthogonal
+/// to all before it.
+fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };
     let mut rest = last.to.clone();
     if symmetric {

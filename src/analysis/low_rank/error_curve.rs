@@ -2,7 +2,7 @@
 
 use super::LowRank;
 use crate::error::Result;
-use crate::krylov::{EigsOptions, Start, Which, dot, eigs, keep_going};
+use crate::krylov::{EigsOptions, Start, Which, dot, eigs};
 use crate::operator::Operator;
 
 /// The error after so many photos.
@@ -59,7 +59,7 @@ pub fn optimal_errors(
         start: Start::Rademacher { seed: 0 },
         ..EigsOptions::default()
     };
-    let found = eigs(operator, &options, &mut keep_going)?;
+    let found = eigs(operator, &options)?;
     let total = frobenius * frobenius;
     let mut rest = total;
     Ok(found
@@ -123,7 +123,7 @@ mod tests {
             let mut dense = Dense { n, symmetric };
             let direct: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
             let options = LowRankCapture { photos: 5, ..LowRankCapture::default() };
-            let model = capture(&mut dense, &direct, &options, &mut |_| {})?;
+            let model = capture(&mut dense, &direct, &options)?;
             let square = |entry: &dyn Fn(usize, usize) -> f64| -> f64 {
                 (0..n * n).map(|ij| entry(ij / n, ij % n).powi(2)).sum()
             };

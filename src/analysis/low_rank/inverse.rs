@@ -11,8 +11,9 @@
 //! doi:10.1109/ICCV.2005.25, whose `C₁` is `D A⁻¹`.
 
 use crate::error::{Error, Result};
-use crate::krylov::{Method, SolveOptions, Status, keep_solving, solve};
-use crate::operator::{Operator, Symmetry};
+use crate::krylov::{Method, SolveOptions, Status, solve};
+use crate::observer::Observer;
+use crate::operator::{Operator, Symmetry, block};
 
 /// Pixels whose direct light is below this share of the greatest get none from the projector as far as can be told: what they
 /// send on is left to the others.
@@ -64,7 +65,7 @@ pub fn cancel_interreflections(
     let inverse: Vec<f64> = direct.iter().map(|&d| if d > DARK * most { 1.0 / d } else { 0.0 }).collect();
     let options = SolveOptions { products, rtol: 1e-6, ..SolveOptions::default() };
     let mut system = Scaled { global, inverse: &inverse };
-    let found = solve(Method::Gmres, &mut system, photo, &options, &mut keep_solving)?;
+    let found = solve(Method::Gmres, &mut system, photo, &options)?;
     let pattern: Vec<f64> = found.x.iter().zip(&inverse).map(|(z, inverse)| z * inverse).collect();
     let direct = found.x.iter().zip(&inverse).map(|(z, &inverse)| if inverse > 0.0 { *z } else { 0.0 });
     Ok(Cancelled {
@@ -100,6 +101,24 @@ impl Operator for Scaled<'_> {
         self.global.apply(&pattern, y)?;
         y.iter_mut().zip(x).for_each(|(y, x)| *y += x);
         Ok(())
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        let scaled = |x: &&[f64]| x.iter().zip(self.inverse).map(|(x, inverse)| x * inverse).collect();
+        let patterns: Vec<Vec<f64>> = xs.iter().map(scaled).collect();
+        self.global.apply_block(&block(&patterns), ys)?;
+        for (y, x) in ys.iter_mut().zip(xs) {
+            y.iter_mut().zip(*x).for_each(|(y, x)| *y += x);
+        }
+        Ok(())
+    }
+
+    fn block_size(&self) -> usize {
+        self.global.block_size()
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self.global.observer()
     }
 }
 
@@ -139,12 +158,8 @@ mod tests {
     fn any_photo_is_reduced_to_its_direct_light() -> Result<()> {
         // Pixel 3 is black: it sends nothing back directly, and what it was lit with cannot be known.
         let direct: Vec<f64> = (0..8).map(|i| if i == 3 { 0.0 } else { 1.0 + 0.25 * i as f64 }).collect();
-        let model = capture(
-            &mut RankTwo,
-            &direct,
-            &LowRankCapture { photos: 2, ..LowRankCapture::default() },
-            &mut |_| {},
-        )?;
+        let model =
+            capture(&mut RankTwo, &direct, &LowRankCapture { photos: 2, ..LowRankCapture::default() })?;
         for seed in 0..3 {
             let pattern: Vec<f64> =
                 (0..8).map(|i| if i == 3 { 0.0 } else { ((seed + 5 * i) % 7) as f64 / 7.0 }).collect();

@@ -6,8 +6,9 @@ use crate::analysis::compensate::compensate;
 use crate::analysis::{CompensateOptions, Target};
 use crate::error::Result;
 use crate::image::Image;
-use crate::krylov::{Method, SolveMonitor, keep_solving};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::krylov::Method;
+use crate::observer::Observer;
+use crate::operator::{Adjoint, Observed, Operator, Symmetry};
 use crate::transport::Part;
 
 /// Photos that the optimum may take. They cost nothing.
@@ -60,7 +61,7 @@ impl Planner<'_> {
             baseline: false,
             ..*options
         };
-        let found = compensate(&mut [self.in_range()?], &wish, &optimum, &mut keep_solving)?;
+        let found = compensate(&mut [self.in_range()?], &wish, &optimum)?;
         Ok(CompensationPlan {
             target: target.clone(),
             ambient,
@@ -79,13 +80,13 @@ impl Planner<'_> {
         ideal: &CompensationPlan,
         options: &CompensateOptions,
         seed: u64,
-        monitor: &mut SolveMonitor<'_>,
     ) -> Result<CompensationTrial> {
         let mut measurement = self.measure(seed)?.in_luma();
         let ambient = measurement.ambient()?.to_image()?;
         let wish = Target::new(&ideal.target, &ambient)?;
         let options = CompensateOptions { peak: None, baseline: false, ..*options };
-        let found = compensate(&mut [measurement.operator(Part::Full, 0)], &wish, &options, monitor)?;
+        let mut operator = measurement.operator(Part::Full, 0);
+        let found = compensate(&mut [Observed::new(&mut operator, self.observer)], &wish, &options)?;
         let residual = self.residual(ideal, &found.pattern)?;
         Ok(CompensationTrial {
             cost: Cost::of(&measurement, found.photos),
@@ -135,12 +136,32 @@ impl Operator for InRange<'_> {
         y.iter_mut().for_each(|value| *value *= self.range);
         Ok(())
     }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.inner.apply_block(xs, ys)?;
+        ys.iter_mut().flat_map(|y| y.iter_mut()).for_each(|value| *value *= self.range);
+        Ok(())
+    }
+
+    fn block_size(&self) -> usize {
+        self.inner.block_size()
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self.inner.observer()
+    }
 }
 
 impl Adjoint for InRange<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.inner.apply_adjoint(y, x)?;
         x.iter_mut().for_each(|value| *value *= self.range);
+        Ok(())
+    }
+
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.inner.apply_adjoint_block(ys, xs)?;
+        xs.iter_mut().flat_map(|x| x.iter_mut()).for_each(|value| *value *= self.range);
         Ok(())
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{Cost, Planner};
 use crate::error::Result;
-use crate::krylov::{Eigs, EigsOptions, Monitor, eigs, keep_going, norm};
-use crate::operator::Operator;
+use crate::krylov::{Eigs, EigsOptions, eigs, norm};
+use crate::operator::{Observed, Operator};
 use crate::transport::Part;
 
 /// Eigenvalues on the twin, and how far they are off.
@@ -22,7 +22,7 @@ impl Planner<'_> {
     /// # Errors
     /// As [`eigs`].
     pub fn ideal_eigenpairs(&self, part: Part, options: &EigsOptions) -> Result<Eigs> {
-        eigs(&mut self.twin.operator(part, 0)?, options, &mut keep_going)
+        eigs(&mut self.twin.operator(part, 0)?, options)
     }
 
     /// The eigenpairs of the twin with the noise of this seed. `ideal` is [`Planner::ideal_eigenpairs`].
@@ -35,10 +35,10 @@ impl Planner<'_> {
         options: &EigsOptions,
         ideal: &Eigs,
         seed: u64,
-        monitor: &mut Monitor<'_>,
     ) -> Result<EigenvaluesTrial> {
         let mut measurement = self.measure(seed)?.in_luma();
-        let found = eigs(&mut measurement.operator(part, 0), options, monitor)?;
+        let mut operator = measurement.operator(part, 0);
+        let found = eigs(&mut Observed::new(&mut operator, self.observer), options)?;
         let mut full = self.twin.operator(Part::Full, 0)?;
         let mut white = vec![0.0; full.rows()];
         full.apply(&vec![1.0; full.cols()], &mut white)?;

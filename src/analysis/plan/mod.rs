@@ -17,6 +17,7 @@ pub use twin::Twin;
 
 use crate::error::Result;
 use crate::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
+use crate::observer::Observer;
 use crate::operator::Operator;
 use crate::rig::VirtualRig;
 use crate::transport::Part;
@@ -32,6 +33,8 @@ pub struct Planner<'a> {
     pub calibration: &'a Calibration,
     /// How they are used.
     pub measurement: &'a MeasureOptions,
+    /// Watches the trials, and may stop them.
+    pub observer: &'a dyn Observer,
 }
 
 /// What a trial took.

@@ -4,7 +4,7 @@ use super::{Cost, Planner};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::error::Result;
-use crate::krylov::{Monitor, keep_going};
+use crate::operator::Observed;
 use crate::transport::Part;
 
 /// A segmentation on the twin, and how good it is: adjusted Rand indices for each number of groups.
@@ -24,7 +24,7 @@ impl Planner<'_> {
     /// # Errors
     /// As [`segment`].
     pub fn ideal_segmentation(&self, part: Part, options: &SegmentOptions) -> Result<Segmentation> {
-        segment(&mut self.twin.operator(part, 0)?, options, &mut keep_going)
+        segment(&mut self.twin.operator(part, 0)?, options)
     }
 
     /// Segments the twin with the noise of this seed. `ideal` is [`Planner::ideal_segmentation`], `labels` are the true ones.
@@ -38,10 +38,10 @@ impl Planner<'_> {
         ideal: &Segmentation,
         labels: Option<&[u8]>,
         seed: u64,
-        monitor: &mut Monitor<'_>,
     ) -> Result<SegmentationTrial> {
         let mut measurement = self.measure(seed)?.in_luma();
-        let found = segment(&mut measurement.operator(part, 0), options, monitor)?;
+        let mut operator = measurement.operator(part, 0);
+        let found = segment(&mut Observed::new(&mut operator, self.observer), options)?;
         let of_ideal = |groups| ideal.labels.iter().find(|(of, _)| *of == groups).map(|(_, labels)| labels);
         let mut trial = SegmentationTrial {
             cost: Cost::of(&measurement, found.photos),

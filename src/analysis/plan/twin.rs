@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::rig::{VirtualProjector, VirtualRig};
-use crate::sparse::{Csr, SparseOperator};
+use crate::sparse::SparseOperator;
 use crate::transport::{Assembled, ExplicitMatrix, MatrixOperator, Part, Transport};
 
 /// Light transport that many rigs can look at, one after the other.
@@ -20,7 +20,7 @@ pub enum Twin {
 
 impl Twin {
     /// For a rig to be opened on.
-    pub fn transport(&self) -> Box<dyn Transport> {
+    pub fn transport(&self) -> Box<dyn Transport + Send> {
         match self {
             Self::Traced(traced) => Box::new(Arc::clone(traced)),
             Self::Explicit(given) => Box::new(given.clone()),
@@ -35,7 +35,7 @@ impl Twin {
         Ok(match self {
             Self::Traced(traced) => TwinOperator::Traced(MatrixOperator::new(&**traced, part, channel)),
             Self::Explicit(given) => {
-                TwinOperator::Explicit(SparseOperator::new(part_of(given.matrix(), part)?))
+                TwinOperator::Explicit(SparseOperator::new(ExplicitMatrix::part_of(given.matrix(), part)?))
             }
         })
     }
@@ -76,25 +76,6 @@ pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
         if value - levels[below] < levels[above] - value { levels[below] } else { levels[above] }
     };
     pattern.samples().iter().map(nearest).collect()
-}
-
-/// The diagonal, or all but that: of a coaxial rig the direct light and the rest.
-fn part_of(matrix: &Csr, part: Part) -> Result<Csr> {
-    if part == Part::Full {
-        return Ok(matrix.clone());
-    }
-    let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
-    for row in 0..matrix.rows() {
-        let (of_row, values) = matrix.row(row);
-        for (&column, &weight) in of_row.iter().zip(values) {
-            if (column as usize == row) == (part == Part::Direct) {
-                columns.push(column);
-                weights.push(weight);
-            }
-        }
-        row_start.push(columns.len());
-    }
-    Csr::new(matrix.cols(), row_start, columns, weights)
 }
 
 /// One channel of a [`Twin`].
@@ -140,11 +121,26 @@ impl Operator for TwinOperator<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.inner().apply(x, y)
     }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.inner().apply_block(xs, ys)
+    }
+
+    fn block_size(&self) -> usize {
+        match self {
+            Self::Traced(operator) => operator.block_size(),
+            Self::Explicit(operator) => operator.block_size(),
+        }
+    }
 }
 
 impl Adjoint for TwinOperator<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.inner().apply_adjoint(y, x)
+    }
+
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.inner().apply_adjoint_block(ys, xs)
     }
 }
 
@@ -161,13 +157,5 @@ mod tests {
         for (found, expected) in found.iter().zip([0.0, 1.0 / 9.0, 1.0 / 9.0, 1.0]) {
             assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
         }
-    }
-
-    #[test]
-    fn direct_and_global_light_of_a_given_matrix_add_up_to_it() {
-        let matrix =
-            Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![4.0, 1.0, 2.0, 8.0]).expect("well formed");
-        let weights = |part| part_of(&matrix, part).expect("well formed").weights().to_vec();
-        assert_eq!([weights(Part::Direct), weights(Part::Global)], [vec![4.0, 8.0], vec![1.0, 2.0]]);
     }
 }

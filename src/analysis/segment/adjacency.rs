@@ -2,7 +2,8 @@
 
 use super::graph::{Graph, Raster};
 use crate::error::Result;
-use crate::operator::{Operator, Symmetry};
+use crate::observer::Observer;
+use crate::operator::{Operator, Symmetry, block};
 
 /// `N = D^-½ W D^-½` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
@@ -59,5 +60,24 @@ impl Operator for NormalizedAdjacency<'_> {
             *value *= scale;
         }
         Ok(())
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        let scaled =
+            |x: &&[f64]| x.iter().zip(&self.inverse_root).map(|(value, scale)| value * scale).collect();
+        let nodes: Vec<Vec<f64>> = xs.iter().map(scaled).collect();
+        self.graph.weights_block(self.global, &block(&nodes), ys)?;
+        for y in ys {
+            y.iter_mut().zip(&self.inverse_root).for_each(|(value, scale)| *value *= scale);
+        }
+        Ok(())
+    }
+
+    fn block_size(&self) -> usize {
+        self.global.block_size()
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self.global.observer()
     }
 }

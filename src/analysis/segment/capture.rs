@@ -6,10 +6,9 @@ use super::laplacian::NegativeLaplacian;
 use super::options::{Cut, SegmentOptions};
 use super::segmentation::{Segmentation, Taken};
 use crate::error::{Error, Result};
-use crate::krylov::{
-    EigsOptions, Factorization, HistoryRow, Lanczos, Monitor, Progress, Start, Status, Which, eigs_from,
-};
-use crate::operator::{Operator, Symmetry};
+use crate::krylov::{EigsOptions, Factorization, HistoryRow, Lanczos, Start, Status, Which, eigs_from};
+use crate::observer::{Estimate, Observer, Step};
+use crate::operator::{Operator, Relayed, Symmetry};
 
 /// The photos taken for a segmentation, and what was made of them so far.
 ///
@@ -55,15 +54,20 @@ impl Capture {
         self.photos_of_degree + self.lanczos.as_ref().map_or(0, Factorization::products)
     }
 
-    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the monitor stops it.
-    /// `global` is the symmetric `n × n` transport matrix without its direct part. The monitor's products are photos,
-    /// those of the degree included; its values are the eigenvalues sought, without the known one.
+    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global`
+    /// stops it. `global` is the symmetric `n × n` transport matrix without its direct part. The steps that the observer sees are
+    /// photos, those of the degree included; the eigenvalues are those sought, without the known one.
     ///
     /// # Errors
     /// [`Error::Numerical`] when `global` is not declared symmetric, sees no light at all, or yields NaN;
     /// [`Error::Option`] naming `--groups` when there are fewer pixels with light than groups; [`Error::Dimension`]
     /// when `global` is not square or not that of the photos before; whatever `global` fails with.
-    pub fn run(&mut self, global: &mut dyn Operator, monitor: &mut Monitor<'_>) -> Result<()> {
+    pub fn run<O: Operator + ?Sized>(&mut self, global: &mut O) -> Result<()> {
+        let mut global = global;
+        self.run_with(&mut global)
+    }
+
+    fn run_with(&mut self, global: &mut dyn Operator) -> Result<()> {
         self.status = None;
         self.measure_graph(global)?;
         let Some(graph) = &self.graph else { return Ok(()) };
@@ -76,35 +80,40 @@ impl Capture {
         let budget = self.options.photos;
         let sign = self.options.cut.sign();
         let history = &mut self.history;
-        let mut watch = |progress: &Progress<'_>| {
-            let row = HistoryRow {
-                products: progress.products + degree_photos,
-                values: progress.values.iter().map(|value| sign * value).collect(),
-                residuals: progress.residuals.to_vec(),
+        // Kept here and not by the eigensolver, so that it outlives a failure.
+        let relay = |observer: &dyn Observer, step: &Step<'_>| {
+            let Estimate::Eigenpairs { values, residuals } = step.estimate else {
+                return observer.step(step);
             };
-            let verdict = monitor(&Progress {
-                products: row.products,
-                budget,
-                values: &row.values,
-                residuals: &row.residuals,
+            let row = HistoryRow {
+                products: step.done as usize + degree_photos,
+                values: values.iter().map(|value| sign * value).collect(),
+                residuals: residuals.to_vec(),
+            };
+            let flow = observer.step(&Step {
+                done: row.products as u64,
+                total: budget as u64,
+                estimate: Estimate::Eigenpairs { values: &row.values, residuals: &row.residuals },
+                ..*step
             });
-            // Kept here and not by the eigensolver, so that it outlives a failure.
             history.push(row);
-            verdict
+            flow
         };
         let found = match self.options.cut {
             Cut::Normalized => {
-                eigs_from(lanczos, &mut NormalizedAdjacency::new(global, graph), &options, &mut watch)?
+                let mut operator = NormalizedAdjacency::new(global, graph);
+                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)?
             }
             Cut::Average => {
-                eigs_from(lanczos, &mut NegativeLaplacian::new(global, graph), &options, &mut watch)?
+                let mut operator = NegativeLaplacian::new(global, graph);
+                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)?
             }
         };
         self.status = Some(found.stats.status);
         Ok(())
     }
 
-    /// The segmentation from the photos taken so far; takes none, and disturbs nothing: a capture that is stopped by its monitor after
+    /// The segmentation from the photos taken so far; takes none, and disturbs nothing: a capture that is stopped by an observer after
     /// so many photos, asked, and run on, answers each time as one of so many photos would.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! The graph of light exchange: pixels are its nodes, and the global light from one to another the weight of an edge.
 
 use crate::error::{Error, Result};
-use crate::operator::Operator;
+use crate::operator::{Operator, block, block_mut};
 
 /// Below this share the light that masked pixels take part in is no reason for another photo: the known eigenvector
 /// is then accurate to its square root, 1e-8.
@@ -114,16 +114,41 @@ impl Graph {
         raster: &mut Raster,
         out: &mut [f64],
     ) -> Result<()> {
-        for (&pixel, &value) in self.pixels.iter().zip(x) {
-            raster.pattern[pixel] = value;
-        }
+        self.fill(x, &mut raster.pattern);
         global.apply(&raster.pattern, &mut raster.photo)?;
+        self.gather(x, &raster.photo, out);
+        Ok(())
+    }
+
+    /// As [`Graph::weights_product`], for each of `xs` at once.
+    pub(super) fn weights_block(
+        &self,
+        global: &mut dyn Operator,
+        xs: &[&[f64]],
+        outs: &mut [&mut [f64]],
+    ) -> Result<()> {
+        let mut patterns = vec![vec![0.0; self.n]; xs.len()];
+        let mut photos = patterns.clone();
+        xs.iter().zip(&mut patterns).for_each(|(x, pattern)| self.fill(x, pattern));
+        global.apply_block(&block(&patterns), &mut block_mut(&mut photos))?;
+        for ((x, photo), out) in xs.iter().zip(&photos).zip(outs) {
+            self.gather(x, photo, out);
+        }
+        Ok(())
+    }
+
+    fn fill(&self, x: &[f64], pattern: &mut [f64]) {
+        for (&pixel, &value) in self.pixels.iter().zip(x) {
+            pattern[pixel] = value;
+        }
+    }
+
+    fn gather(&self, x: &[f64], photo: &[f64], out: &mut [f64]) {
         // μ 1 1ᵀ x is arithmetic, not light.
         let everywhere = if self.mu == 0.0 { 0.0 } else { self.mu * x.iter().sum::<f64>() };
         for (value, &pixel) in out.iter_mut().zip(&self.pixels) {
-            *value = raster.photo[pixel] + everywhere;
+            *value = photo[pixel] + everywhere;
         }
-        Ok(())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::graph::{Graph, Raster};
 use crate::error::Result;
+use crate::observer::Observer;
 use crate::operator::{Operator, Symmetry};
 
 /// `W − D` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`]: minus the Laplacian.
@@ -47,9 +48,28 @@ impl Operator for NegativeLaplacian<'_> {
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.graph.weights_product(self.global, x, &mut self.raster, y)?;
-        for ((value, x), degree) in y.iter_mut().zip(x).zip(self.graph.degree()) {
-            *value -= degree * x;
-        }
+        subtract_degrees(self.graph, x, y);
         Ok(())
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.graph.weights_block(self.global, xs, ys)?;
+        xs.iter().zip(ys).for_each(|(x, y)| subtract_degrees(self.graph, x, y));
+        Ok(())
+    }
+
+    fn block_size(&self) -> usize {
+        self.global.block_size()
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self.global.observer()
+    }
+}
+
+/// `y ← y − D x`.
+fn subtract_degrees(graph: &Graph, x: &[f64], y: &mut [f64]) {
+    for ((value, x), degree) in y.iter_mut().zip(x).zip(graph.degree()) {
+        *value -= degree * x;
     }
 }

@@ -22,7 +22,9 @@ mod graph;
 mod laplacian;
 mod options;
 mod regions;
+mod request;
 mod segmentation;
+mod truth;
 
 pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
@@ -33,10 +35,11 @@ pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
 pub use options::{Cut, SegmentOptions};
 pub use regions::Regions;
+pub use request::{DirectLight, SegmentRequest, Segmented};
 pub use segmentation::{MASKED, Segmentation};
+pub use truth::Truth;
 
 use crate::error::Result;
-use crate::krylov::Monitor;
 use crate::operator::Operator;
 
 /// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the
@@ -46,12 +49,8 @@ use crate::operator::Operator;
 ///
 /// # Errors
 /// As [`Capture::new`], [`Capture::run`] and [`Capture::segmentation`].
-pub fn segment(
-    global: &mut dyn Operator,
-    options: &SegmentOptions,
-    monitor: &mut Monitor<'_>,
-) -> Result<Segmentation> {
+pub fn segment<O: Operator + ?Sized>(global: &mut O, options: &SegmentOptions) -> Result<Segmentation> {
     let mut capture = Capture::new(options.clone())?;
-    capture.run(global, monitor)?;
+    capture.run(global)?;
     capture.segmentation()
 }

@@ -102,7 +102,7 @@ pub fn separate(
                 start: Some(Start::Rademacher { seed }),
                 ..LowRankCapture::default()
             };
-            let model = capture(operator, &[], &options, &mut |_| {})?;
+            let model = capture(operator, &[], &options)?;
             let mut white = vec![0.0; resolution.pixels()];
             operator.apply(&vec![1.0; resolution.pixels()], &mut white)?;
             from_capture(&model, &white)

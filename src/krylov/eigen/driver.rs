@@ -2,12 +2,15 @@
 
 use std::ops::ControlFlow;
 
-use super::super::factor::{Factorization, PairStatus, RitzPair, Step};
-use super::super::monitor::{HistoryRow, Monitor, Progress};
+use super::super::factor::{self, Factorization, PairStatus, RitzPair};
 use super::super::stats::{Stats, Status};
-use super::options::{Eigs, EigsOptions};
+use super::options::{Eigs, EigsOptions, HistoryRow};
 use crate::error::Result;
+use crate::observer::{Estimate, Step};
 use crate::operator::Operator;
+
+/// Products are taken one by one where the residuals are within this factor of their target: a few products seldom gain more.
+const NEAR: f64 = 1e3;
 
 /// As [`eigs()`](super::eigs()), going on from a factorization; `options.products` counts the products already in it,
 /// while `method`, `start` and `deflate` are not looked at. After an error, `factorization` holds everything up to the
@@ -15,18 +18,27 @@ use crate::operator::Operator;
 ///
 /// # Errors
 /// As [`eigs()`](super::eigs()).
-pub fn eigs_from(
+pub fn eigs_from<O: Operator + ?Sized>(
+    factorization: &mut dyn Factorization,
+    operator: &mut O,
+    options: &EigsOptions,
+) -> Result<Eigs> {
+    let mut operator = operator;
+    drive(factorization, &mut operator, options)
+}
+
+/// As [`eigs_from`].
+pub(super) fn drive(
     factorization: &mut dyn Factorization,
     operator: &mut dyn Operator,
     options: &EigsOptions,
-    monitor: &mut Monitor<'_>,
 ) -> Result<Eigs> {
     options.check()?;
     let most = options.max_basis.unwrap_or(usize::MAX);
     let left = options.products.saturating_sub(factorization.products());
     let steps = (factorization.steps() + left).min(most);
     factorization.expansion_mut().reserve(steps);
-    let mut recorder = Recorder::new(options, monitor);
+    let mut recorder = Recorder::new(options);
     let mut pairs = factorization.ritz(options.which, options.count)?;
     let status = loop {
         if factorization.is_exhausted() {
@@ -45,13 +57,16 @@ pub fn eigs_from(
             let keep = options.count + steps.saturating_sub(options.count) / 2;
             factorization.shrink(options.which, keep.min(most - 2 * waiting))?;
         }
+        if !is_near(&pairs, options, factorization.scale()) {
+            factorization.multiply_block(operator, options.products - factorization.products())?;
+        }
         let step = factorization.expand(operator)?;
         pairs = factorization.ritz(options.which, options.count)?;
-        let verdict = recorder.row(factorization.products(), &pairs);
-        if step == Step::Exhausted {
+        let flow = recorder.row(operator, factorization.products(), &pairs);
+        if step == factor::Step::Exhausted {
             break Status::SpaceExhausted;
         }
-        if verdict == ControlFlow::Break(()) {
+        if flow == ControlFlow::Break(()) {
             break Status::Stopped;
         }
     };
@@ -63,6 +78,13 @@ pub fn eigs_from(
     let imaginary = imaginary.collect();
     let found = Found { pairs: &pairs, vectors, imaginary, scale: factorization.scale() };
     Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
+}
+
+/// Whether these pairs may be within the tolerance, or the noise, before a whole block is through. Products are then taken one by one,
+/// so that none is taken in vain.
+fn is_near(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> bool {
+    let target = (options.tolerance * scale).max(options.noise);
+    pairs.len() >= options.count && pairs.iter().all(|pair| pair.residual <= NEAR * target.max(pair.rounding))
 }
 
 /// Why there is nothing more to do for these pairs, if so.
@@ -81,25 +103,33 @@ pub(super) fn good_enough(pairs: &[RitzPair], options: &EigsOptions, scale: f64)
     }
 }
 
-/// Shows each product to the monitor, and keeps it.
-pub(super) struct Recorder<'a, 'm> {
+/// Tells the operator's observer of each product, and records it.
+pub(super) struct Recorder {
     budget: usize,
-    monitor: &'a mut Monitor<'m>,
     pub(super) history: Vec<HistoryRow>,
 }
 
-impl<'a, 'm> Recorder<'a, 'm> {
-    pub(super) fn new(options: &EigsOptions, monitor: &'a mut Monitor<'m>) -> Self {
-        Self { budget: options.products, monitor, history: Vec::new() }
+impl Recorder {
+    pub(super) fn new(options: &EigsOptions) -> Self {
+        Self { budget: options.products, history: Vec::new() }
     }
 
-    pub(super) fn row(&mut self, products: usize, pairs: &[RitzPair]) -> ControlFlow<()> {
+    pub(super) fn row(
+        &mut self,
+        operator: &dyn Operator,
+        products: usize,
+        pairs: &[RitzPair],
+    ) -> ControlFlow<()> {
         let values: Vec<f64> = pairs.iter().map(|pair| pair.value).collect();
         let residuals: Vec<f64> = pairs.iter().map(|pair| pair.residual).collect();
-        let progress = Progress { products, budget: self.budget, values: &values, residuals: &residuals };
-        let verdict = (self.monitor)(&progress);
+        let flow = operator.observer().step(&Step {
+            stage: "photos",
+            done: products as u64,
+            total: self.budget as u64,
+            estimate: Estimate::Eigenpairs { values: &values, residuals: &residuals },
+        });
         self.history.push(HistoryRow { products, values, residuals });
-        verdict
+        flow
     }
 }
 

@@ -7,4 +7,4 @@ mod power;
 
 pub use driver::eigs_from;
 pub use eigs::eigs;
-pub use options::{Eigs, EigsMethod, EigsOptions};
+pub use options::{Eigs, EigsMethod, EigsOptions, HistoryRow};

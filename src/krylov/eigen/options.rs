@@ -1,7 +1,6 @@
 //! What is asked for, and what was found.
 
 use super::super::factor::{PairStatus, Which};
-use super::super::monitor::HistoryRow;
 use super::super::start::Start;
 use super::super::stats::Stats;
 use crate::error::{Error, Result};
@@ -94,6 +93,17 @@ pub struct Eigs {
     pub history: Vec<HistoryRow>,
     /// Products in all, and why it ended.
     pub stats: Stats,
+}
+
+/// The eigenvalues after one product of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HistoryRow {
+    /// Products taken so far.
+    pub products: usize,
+    /// The wanted eigenvalues, the most wanted first; fewer than asked for in the first steps.
+    pub values: Vec<f64>,
+    /// The residual norm `‖A y − θ y‖` of each.
+    pub residuals: Vec<f64>,
 }
 
 impl EigsOptions {

@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 
 use super::super::basis::{dot, norm};
 use super::super::factor::{Factorization, Lanczos, RitzPair, Which, point_upwards};
-use super::super::monitor::Monitor;
 use super::super::stats::{Stats, Status};
 use super::driver::{Found, Recorder, good_enough};
 use super::options::{Eigs, EigsOptions};
@@ -22,11 +21,7 @@ use crate::operator::{Operator, Symmetry};
 /// is for a matrix without negative entries: Perron); `count` must be 1.
 ///
 /// O'Toole and Kutulakos, doi:10.1145/1882261.1866165, Algorithm 1.
-pub(super) fn power(
-    operator: &mut dyn Operator,
-    options: &EigsOptions,
-    monitor: &mut Monitor<'_>,
-) -> Result<Eigs> {
+pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Result<Eigs> {
     let n = operator.cols();
     check(operator, options)?;
     // Checks, orthonormalizes and projects as any other start; no step is ever taken.
@@ -39,7 +34,7 @@ pub(super) fn power(
     let mut best: Vec<f64> = Vec::new();
     let mut pairs: Vec<RitzPair> = Vec::new();
     let mut scale = 0.0_f64;
-    let mut recorder = Recorder::new(options, monitor);
+    let mut recorder = Recorder::new(options);
     let mut products = 0;
     let status = loop {
         if let Some(status) = good_enough(&pairs, options, scale) {
@@ -62,13 +57,13 @@ pub(super) fn power(
         let residual = distance(&product, &x, value);
         pairs = vec![pair(value, residual, scale, n, operator.symmetry())];
         best.clone_from(&x);
-        let verdict = recorder.row(products, &pairs);
+        let flow = recorder.row(operator, products, &pairs);
         for vector in known {
             let share = dot(vector, &product);
             product.iter_mut().zip(vector).for_each(|(value, entry)| *value -= share * entry);
         }
         let length = norm(&product);
-        if verdict == ControlFlow::Break(()) {
+        if flow == ControlFlow::Break(()) {
             break Status::Stopped;
         }
         if length == 0.0 {

@@ -4,7 +4,8 @@ use super::super::basis::{Basis, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::start::Start;
 use crate::error::{Error, Result};
-use crate::operator::{self, Adjoint, Operator, Symmetry};
+use crate::observer::Observer;
+use crate::operator::{self, Adjoint, Operator, Symmetry, block, block_mut};
 
 /// A mean of independent random estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,8 +85,14 @@ impl Operator for SelfAdjoint<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.operator.apply(x, y)
     }
-    fn announce(&mut self, xs: &[Vec<f64>]) {
-        self.operator.announce(xs);
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.operator.apply_block(xs, ys)
+    }
+    fn block_size(&self) -> usize {
+        self.operator.block_size()
+    }
+    fn observer(&self) -> &dyn Observer {
+        self.operator.observer()
     }
 }
 
@@ -93,8 +100,8 @@ impl Adjoint for SelfAdjoint<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
         self.operator.apply(y, x)
     }
-    fn announce_adjoint(&mut self, ys: &[Vec<f64>]) {
-        self.operator.announce(ys);
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.operator.apply_block(ys, xs)
     }
 }
 
@@ -154,13 +161,16 @@ pub(super) fn products(operator: &mut dyn Operator, xs: &[Vec<f64>]) -> Result<V
 
 /// `Aᵀ y` for each of `ys`, checked for NaN.
 pub(super) fn adjoint_products(operator: &mut dyn Adjoint, ys: &[Vec<f64>]) -> Result<Vec<Vec<f64>>> {
-    operator.announce_adjoint(ys);
-    let product = |y: &Vec<f64>| {
-        let mut x = vec![0.0; operator.cols()];
-        operator.apply_adjoint(y, &mut x)?;
-        finite(x)
-    };
-    ys.iter().map(product).collect()
+    let (cols, size) = (operator.cols(), operator.block_size().max(1));
+    let mut xs = Vec::with_capacity(ys.len());
+    for ys in ys.chunks(size) {
+        let mut products = vec![vec![0.0; cols]; ys.len()];
+        operator.apply_adjoint_block(&block(ys), &mut block_mut(&mut products))?;
+        for x in products {
+            xs.push(finite(x)?);
+        }
+    }
+    Ok(xs)
 }
 
 fn finite(y: Vec<f64>) -> Result<Vec<f64>> {

@@ -22,9 +22,8 @@ use crate::operator::Operator;
 /// eigenspace; `b` of them see `b`, so that an eigenvalue repeated up to `b` times comes with all its copies. A full
 /// round over the block costs `b` products and adds as much to the polynomial degree as one Lanczos step.
 ///
-/// It is taken one product at a time (Ruhe's band form): it stops and resumes within a block as anywhere else. The vectors that
-/// wait are announced ([`Operator::announce`]), for operators that take several products for little more than one. A product that
-/// holds nothing new makes the block narrower; so do dependent start vectors. When the block is used up, the subspace
+/// It takes one product a step (Ruhe's band form): it stops and resumes within a block as anywhere else. The products with the vectors
+/// that wait may be taken together before their steps ([`Factorization::multiply_block`]). A product that holds nothing new makes the block narrower; so do dependent start vectors. When the block is used up, the subspace
 /// is invariant, and the process goes on from `b` random vectors.
 ///
 /// Storage: `m + p + k` vectors of `n` for `k` known ones, and one more to work in.
@@ -77,6 +76,11 @@ impl Factorization for BlockLanczos {
 
     fn expansion_mut(&mut self) -> &mut Expansion {
         &mut self.expansion
+    }
+
+    fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
+        check_symmetric(operator)?;
+        self.expansion.multiply_block(operator, most)
     }
 
     fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step> {

@@ -1,5 +1,7 @@
 //! What the three factorizations share: an orthonormal basis, and the coefficients of the products on it.
 
+use std::collections::VecDeque;
+
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -7,7 +9,7 @@ use super::super::basis::{Basis, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::start::gaussian;
 use crate::error::{Error, Result};
-use crate::operator::Operator;
+use crate::operator::{Operator, block, block_mut};
 
 /// What a step of a factorization found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +58,8 @@ pub struct Expansion {
     /// Random vectors drawn so far.
     pub(super) draws: u64,
     pub(super) work: Vec<f64>,
+    /// Products with the first of the waiting vectors, where they were taken as a block.
+    pub(super) ready: VecDeque<Vec<f64>>,
 }
 
 impl Expansion {
@@ -97,6 +101,7 @@ impl Expansion {
             scale: 0.0,
             draws: 0,
             work: vec![0.0; n],
+            ready: VecDeque::new(),
         };
         if process.basis.len() == known {
             process.append_random();
@@ -104,25 +109,47 @@ impl Expansion {
         Ok(process)
     }
 
+    /// Refuses an operator of another size.
+    fn fits(&self, operator: &dyn Operator) -> Result<()> {
+        let n = self.n();
+        if operator.rows() == n && operator.cols() == n {
+            return Ok(());
+        }
+        Err(Error::Dimension {
+            what: "the operator of a Krylov process",
+            expected: format!("{n}x{n}"),
+            found: format!("{}x{}", operator.rows(), operator.cols()),
+        })
+    }
+
+    /// Takes the products with up to `most` of the waiting vectors as one block of the operator's size; the next steps use them.
+    pub(super) fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
+        let count = operator.block_size().min(most).min(self.pending());
+        if count < 2 || !self.ready.is_empty() {
+            return Ok(());
+        }
+        self.fits(operator)?;
+        let mut products = vec![vec![0.0; self.n()]; count];
+        operator.apply_block(&block(&self.waiting()[..count]), &mut block_mut(&mut products))?;
+        self.ready = products.into();
+        Ok(())
+    }
+
     /// One step: one product. `recent` is how many of the last columns hold, up to rounding, all of `A v` that is in
     /// the span (0 when all columns do).
     pub(super) fn step(&mut self, operator: &mut dyn Operator, recent: usize) -> Result<Step> {
         let n = self.n();
-        if operator.rows() != n || operator.cols() != n {
-            return Err(Error::Dimension {
-                what: "the operator of a Krylov process",
-                expected: format!("{n}x{n}"),
-                found: format!("{}x{}", operator.rows(), operator.cols()),
-            });
-        }
+        self.fits(operator)?;
         let waiting = &self.basis.columns()[self.known + self.steps()..];
         let Some(next) = waiting.first() else { return Ok(Step::Exhausted) };
-        if waiting.len() > 1 {
-            operator.announce(waiting);
+        match self.ready.pop_front() {
+            Some(product) => self.work = product,
+            None => operator.apply(next, &mut self.work)?,
         }
-        operator.apply(next, &mut self.work)?;
         let length = norm(&self.work);
         if !length.is_finite() {
+            // The step can be taken again, with a new product.
+            self.ready.clear();
             return Err(Error::Numerical(format!(
                 "product {} with the operator holds a NaN or an infinity",
                 self.products + 1

@@ -25,6 +25,17 @@ pub trait Factorization {
     /// factorization is as it was before.
     fn expand(&mut self, operator: &mut dyn Operator) -> Result<Step>;
 
+    /// Takes up to `most` of the products that come next as one block, of [`Operator::block_size`]; the following steps use them. Nothing
+    /// is taken where that size is 1, where only one vector waits, or where such products are left. For a caller that will take these
+    /// steps for certain; whether it is called changes no result. Products taken before their step do not count in
+    /// [`Factorization::products`] yet, and are not saved.
+    ///
+    /// # Errors
+    /// As [`Factorization::expand`]; the factorization is then as it was before.
+    fn multiply_block(&mut self, operator: &mut dyn Operator, most: usize) -> Result<()> {
+        self.expansion_mut().multiply_block(operator, most)
+    }
+
     /// The `count` Ritz pairs that are wanted most, most wanted first; `min(count, m)` of them. For a
     /// symmetric operator, unless a factorization does otherwise.
     ///

@@ -2,6 +2,7 @@
 //!
 //! The format is described at [`super::Lanczos::save`].
 
+use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::path::PathBuf;
 
@@ -125,7 +126,8 @@ impl<R: Read> Source<R> {
         for _ in 0..total {
             basis.push_scaled(&self.floats(n)?, 1.0);
         }
-        Ok(Expansion { basis, known, block, columns, leak, products, scale, draws, work: vec![0.0; n] })
+        let (work, ready) = (vec![0.0; n], VecDeque::new());
+        Ok(Expansion { basis, known, block, columns, leak, products, scale, draws, work, ready })
     }
 
     fn bytes(&mut self, bytes: &mut [u8]) -> Result<()> {

@@ -26,9 +26,7 @@ pub use lsmr::Lsmr;
 pub use lsqr::Lsqr;
 pub use minres::Minres;
 pub use options::{Side, SolveOptions};
-pub use solve::{
-    Advance, ForwardOnly, Solution, SolveMonitor, SolveProgress, SolveRow, Solver, keep_solving, solve_from,
-};
+pub use solve::{Advance, ForwardOnly, Solution, SolveRow, Solver, solve_from};
 pub use system::Tally;
 
 use super::precondition::Preconditioner;

@@ -6,6 +6,7 @@ use super::super::stats::{Stats, Status};
 use super::options::SolveOptions;
 use super::system::Tally;
 use crate::error::{Error, Result};
+use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Adjoint, Operator, Symmetry};
 
 /// What a step came to.
@@ -33,49 +34,7 @@ pub trait Solver {
     fn solution(&self) -> Vec<f64>;
 }
 
-/// What a monitor sees after each step.
-pub struct SolveProgress<'a> {
-    /// Products taken so far.
-    pub products: usize,
-    /// Products allowed.
-    pub budget: usize,
-    /// `‖b − A x‖ / ‖b‖` of the current iterate.
-    pub residual: f64,
-    /// The least so far.
-    pub best: f64,
-    solver: &'a dyn Solver,
-}
-
-impl SolveProgress<'_> {
-    /// The best iterate so far: no product, but with GMRES a combination of all basis vectors.
-    pub fn solution(&self) -> Vec<f64> {
-        self.solver.solution()
-    }
-
-    /// How noisy the next product may be, relative to itself, for a true residual of `target` (relative to `‖b‖`) in
-    /// the end: `target / (budget · residual)`, at most 1. As the residual falls, later products may be noisier: fewer
-    /// samples, or a shorter exposure. Each product adds its noise times its coefficient to the gap between the
-    /// residual that the recurrence knows and the true one, and the coefficients fall as the residuals do; the
-    /// operator's condition is taken as moderate, which preconditioning is to see to.
-    ///
-    /// # References
-    /// Bouras and Frayssé (2005), doi:10.1137/S0895479801384743; van den Eshof and Sleijpen (2004),
-    /// doi:10.1137/S0895479802403459; Simoncini and Szyld (2003), doi:10.1137/S1064827502406415.
-    pub fn relaxed_noise(&self, target: f64) -> f64 {
-        let bound = self.budget.max(1) as f64 * self.residual.min(1.0);
-        if bound > target { target / bound } else { 1.0 }
-    }
-}
-
-/// Sees each step, and stops the method by [`ControlFlow::Break`].
-pub type SolveMonitor<'a> = dyn FnMut(&SolveProgress<'_>) -> ControlFlow<()> + 'a;
-
-/// The monitor that looks on and never stops anything.
-pub fn keep_solving(_: &SolveProgress<'_>) -> ControlFlow<()> {
-    ControlFlow::Continue(())
-}
-
-/// One product of a run, kept.
+/// One product of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveRow {
     /// Products taken so far.
@@ -100,19 +59,23 @@ pub struct Solution {
     pub stats: Stats,
 }
 
-/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the monitor
-/// stops it, or the method itself ends. `options` should be those that the solver was made with; of them `products`,
+/// Takes steps until the tolerance is reached, the residual is at the noise floor, the budget is spent, the operator's
+/// observer stops it, or the method itself ends. The observer sees each product ([`Estimate::Solution`]). `options` should be those that the solver was made with; of them `products`,
 /// `rtol`, `atol` and `noise` are looked at. `products` counts those already taken.
 ///
 /// # Errors
 /// As [`Solver::step`]. The solver then holds everything up to the product that failed: its
 /// [`solution`](Solver::solution) is there, and calling this again goes on.
-pub fn solve_from(
+pub fn solve_from<O: Adjoint + ?Sized>(
     solver: &mut dyn Solver,
-    operator: &mut dyn Adjoint,
+    operator: &mut O,
     options: &SolveOptions,
-    monitor: &mut SolveMonitor<'_>,
 ) -> Result<Solution> {
+    let mut operator = operator;
+    drive(solver, &mut operator, options)
+}
+
+fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOptions) -> Result<Solution> {
     options.check()?;
     let mut history = Vec::new();
     let status = loop {
@@ -133,18 +96,18 @@ pub fn solve_from(
             residual: after.relative(after.residual),
             best: after.relative(after.best),
         };
-        let mut verdict = ControlFlow::Continue(());
+        let mut flow = ControlFlow::Continue(());
         if after.products > tally.products {
             history.push(row);
-            verdict = monitor(&SolveProgress {
-                products: row.products,
-                budget: options.products,
-                residual: row.residual,
-                best: row.best,
-                solver,
+            let iterate = || solver.solution();
+            flow = operator.observer().step(&Step {
+                stage: "photos",
+                done: row.products as u64,
+                total: options.products as u64,
+                estimate: Estimate::Solution { residual: row.residual, best: row.best, iterate: &iterate },
             });
         }
-        match (advance, verdict) {
+        match (advance, flow) {
             (Advance::Ended(_), _) if after.best <= options.target(after.rhs_norm) => {
                 break Status::ReachedTolerance;
             }
@@ -166,6 +129,18 @@ pub fn solve_from(
 /// transpose; of any other one a transposed product is an error.
 pub struct ForwardOnly<'a>(pub &'a mut dyn Operator);
 
+impl ForwardOnly<'_> {
+    fn check_symmetric(&self) -> Result<()> {
+        if self.symmetry() == Symmetry::Symmetric {
+            return Ok(());
+        }
+        Err(Error::Numerical(
+            "the method needs the transpose of the operator, which neither has one nor is symmetric; GMRES does not"
+                .into(),
+        ))
+    }
+}
+
 impl Operator for ForwardOnly<'_> {
     fn rows(&self) -> usize {
         self.0.rows()
@@ -179,16 +154,24 @@ impl Operator for ForwardOnly<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.0.apply(x, y)
     }
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.0.apply_block(xs, ys)
+    }
+    fn block_size(&self) -> usize {
+        self.0.block_size()
+    }
+    fn observer(&self) -> &dyn Observer {
+        self.0.observer()
+    }
 }
 
 impl Adjoint for ForwardOnly<'_> {
     fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        if self.symmetry() == Symmetry::Symmetric {
-            return self.apply(y, x);
-        }
-        Err(Error::Numerical(
-            "the method needs the transpose of the operator, which neither has one nor is symmetric; GMRES does not"
-                .into(),
-        ))
+        self.check_symmetric()?;
+        self.apply(y, x)
+    }
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.check_symmetric()?;
+        self.apply_block(ys, xs)
     }
 }
