@@ -16,11 +16,10 @@
 #import start
 #import warp
 #import endpoint
+#import connect
 #import surface
 #import reverse
 #import medium
-#import photons
-#import visibility
 
 // The record of a path has `stride` slots. A slot index addresses the same slot of all paths, side by side:
 // neighbouring paths write to one cache line, and slots that few paths reach stay untouched. The slots are,
@@ -35,9 +34,6 @@
 // A connection is a pixel (28 bits; NONE without a connection), the surfaces of the other endpoint's chain
 // (the upper 4 bits), and the weight in RGB.
 @group(1) @binding(0) var<storage, read_write> records: array<vec4u>;
-
-// Random numbers for connections have vertex numbers from here on; those for scattering have the ones below.
-const CONNECTIONS = 0x1000u;
 
 // The state of a path between two surfaces.
 struct Path {
@@ -209,71 +205,6 @@ fn path_collect(path: ptr<function, Path>, vertex: ptr<function, Vertex>) {
     vertex.first_density = density * path.chain_probability;
 }
 
-// Connects the surface point x to the other endpoint, and writes the connection to its slot. The estimate is
-// F / p_f = throughput · f(wo, wi) · D(x): the image-plane density D of x, as the other endpoint sees it,
-// carries the cosine at x.
-fn path_connect(path: ptr<function, Path>, vertex: Vertex) {
-    var connection = vec4u(NONE, 0u, 0u, 0u);
-    if (vertex.scatters && !(vertex.is_direct && path.chain == 0u)) {
-        let draw = connection_sample(path.start.pixel, path.start.sample, path.vertex);
-        let end_lens = endpoint_lens_point(parameters.end, draw.xy);
-        let end = endpoint_origin(parameters.end, end_lens);
-        let offset = vertex.surface.position - end;
-        let lit = endpoint_pixel(parameters.end, endpoint_to_local(parameters.end, offset), end_lens);
-        let density = endpoint_density(parameters.end, offset, vertex.surface.normal);
-        let wi = to_local(vertex.frame, normalize(-offset));
-        let value = path.throughput * bsdf_eval(vertex.surface.bsdf, vertex.wo, wi) * (density * parameters.scale);
-        if (lit != NONE && any(value > vec3f(0.0))) {
-            var rays = 0u;
-            let light = connection_transmission(vertex.pair, select(vertex.before, vertex.behind, wi.z < 0.0), end, &rays);
-            path.rays += rays;
-            // p_r / p_f: the reverse path would start by this connection, and its density on the image plane
-            // is D(x).
-            var ratio = density * light.probability * parameters.end_to_start;
-            if (path.is_specular) {
-                ratio *= bsdf_interaction(vertex.surface.bsdf, wi) / (vertex.interaction * vertex.first_density);
-            } else {
-                ratio *= bsdf_reverse_density(vertex.surface.bsdf, vertex.wo, wi) * path.pdf_ratio / vertex.interaction;
-            }
-            // The reverse of a path that begins with a specular chain cannot be sampled: its last connection
-            // would have to hit the chain.
-            ratio = select(ratio, 0.0, path.chain > 0u);
-            if (any(light.value > vec3f(0.0))) {
-                connection = vec4u(lit, bitcast<vec3u>(value * light.value / (1.0 + ratio)));
-            }
-        }
-    }
-    // The connection from surface k has slot k, or k − 1 where the first one is the direct light.
-    let slot = select(0u, ~0u, COAXIAL_PINHOLE) + path.surfaces;
-    if (slot > 0u) {
-        records[slot * parameters.paths + path.index] = connection;
-    }
-}
-
-// Connects the surface point to the other endpoint through specular chains on both sides, by gathering
-// photons of the other endpoint's chains, and writes the connection to its slot.
-fn path_gather(path: ptr<function, Path>, vertex: Vertex) {
-    var gathered = Gathered(NONE, vec3f(0.0), vec3f(0.0, 0.0, 1.0), 0.0);
-    if (vertex.scatters && path.chain > 0u) {
-        let most = parameters.max_bounces - path.surfaces;
-        let draw = connection_sample(path.start.pixel, path.start.sample, path.vertex).z;
-        let own = OwnChain(vertex.is_direct, path.footprint, path.start.image);
-        gathered = photons_gather(vertex.surface, vertex.frame, vertex.wo, most, own, draw);
-    }
-    // p_r / p_f, with the density of the photon that represents all photons found.
-    var ratio = gathered.density * parameters.end_to_start;
-    if (path.is_specular) {
-        ratio /= vertex.first_density;
-    } else {
-        ratio *= bsdf_reverse_density(vertex.surface.bsdf, vertex.wo, gathered.wi) * path.pdf_ratio / vertex.interaction;
-    }
-    let value = path.throughput * gathered.value * (parameters.scale / (1.0 + ratio));
-    // Behind the connections of all surfaces; the first one belongs to surface 2.
-    let first_slot = select(0u, ~0u, COAXIAL_PINHOLE) + parameters.max_bounces + 1u;
-    let slot = first_slot + path.surfaces - 2u;
-    records[slot * parameters.paths + path.index] = vec4u(gathered.origin, bitcast<vec3u>(value));
-}
-
 // Chooses the next ray from the sampled direction, and updates throughput, pdf ratio and footprint. Returns
 // whether the path goes on.
 fn path_scatter(path: ptr<function, Path>, vertex: Vertex) -> bool {
@@ -313,13 +244,4 @@ fn path_scatter(path: ptr<function, Path>, vertex: Vertex) -> bool {
     path.origin = select(vertex.before, vertex.behind, next.direction.z < 0.0);
     path.direction = leaving;
     return true;
-}
-
-// Four random numbers in [0, 1) for a connection: a point of the lens (x, y), which photon (z), whether the
-// path goes on (w).
-fn connection_sample(pixel: u32, sample: u32, vertex: u32) -> vec4f {
-    if (!LENSES && !CHAINS && !ROULETTE) {
-        return vec4f(0.0);
-    }
-    return sample4(pixel, sample, CONNECTIONS + vertex);
 }

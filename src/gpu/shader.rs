@@ -25,6 +25,7 @@ shaders! {
     "" / "trace_photons",
     "shared" / "bsdf",
     "shared" / "bvh",
+    "shared" / "connect",
     "shared" / "corners",
     "shared" / "endpoint",
     "shared" / "features",

@@ -93,33 +93,7 @@ impl StrategyBuilder<'_> {
                 0
             },
         };
-        let starts = |endpoint: &GpuEndpoint, samples: u32| {
-            f64::from(samples) * endpoint.pixels() as f64 / endpoint.image_area()
-        };
-        let end_to_start =
-            if coaxial { 1.0 } else { starts(&end, end_samples) / starts(&start, samples) } as f32;
-        let mut parameters = Parameters {
-            start,
-            end,
-            first_pixel: 0,
-            first_sample: 0,
-            paths: 0,
-            samples,
-            max_bounces: settings.max_bounces,
-            // The paths of both endpoints use different random numbers.
-            seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
-            mark: 0,
-            end_to_start,
-            // An estimate per projector sample, converted to one per camera sample.
-            scale: if from_camera { 1.0 } else { end_to_start },
-            gather_radius: 0.0,
-            inverse_cell: 0.0,
-            bucket_mask: 0,
-            stride: 0,
-            sampling: settings.sampler.word(),
-            paths_per_invocation: 1,
-            padding: 0,
-        };
+        let mut parameters = parameters(settings, [start, end], [samples, end_samples], from_camera, coaxial);
         let chains = if self.scene.features.chains {
             let request = ChainRequest { features, endpoint: end, gather: settings.gather, base: parameters };
             self.chains.map(self.gpu, self.scene, request, self.dispatches)?
@@ -144,5 +118,44 @@ impl StrategyBuilder<'_> {
         parameters.gather_radius = chains.radius;
         parameters.inverse_cell = chains.inverse_cell();
         Ok(Strategy { parameters, features, max_paths_per_invocation, chains, light_buffer, layout })
+    }
+}
+
+/// The parameters of a strategy's dispatches, without those of its photon map. Arguments as in
+/// [`StrategyBuilder::strategy`].
+fn parameters(
+    settings: &TraceSettings,
+    [start, end]: [GpuEndpoint; 2],
+    [samples, end_samples]: [u32; 2],
+    from_camera: bool,
+    coaxial: bool,
+) -> Parameters {
+    // Path samples per area of the image plane at distance 1.
+    let density = |endpoint: &GpuEndpoint, samples: u32| {
+        f64::from(samples) * endpoint.pixels() as f64 / endpoint.image_area()
+    };
+    let end_to_start =
+        if coaxial { 1.0 } else { density(&end, end_samples) / density(&start, samples) } as f32;
+    Parameters {
+        start,
+        end,
+        first_pixel: 0,
+        first_sample: 0,
+        paths: 0,
+        samples,
+        max_bounces: settings.max_bounces,
+        // The paths of both endpoints use different random numbers.
+        seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
+        mark: 0,
+        end_to_start,
+        // An estimate per projector sample, converted to one per camera sample.
+        scale: if from_camera { 1.0 } else { end_to_start },
+        gather_radius: 0.0,
+        inverse_cell: 0.0,
+        bucket_mask: 0,
+        stride: 0,
+        sampling: settings.sampler.word(),
+        paths_per_invocation: 1,
+        padding: 0,
     }
 }
