@@ -25,7 +25,7 @@ const BASE: Case = Case { side: 128, samples: 64, triangles: None };
 
 /// What one process measured.
 struct Figures {
-    /// Scene to device, kernel, lists of what the pinhole sees; seconds.
+    /// Scene to device, kernel, light buffer; seconds.
     opening: f64,
     /// Tracing and matrix; seconds.
     seconds: f64,

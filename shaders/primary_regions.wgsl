@@ -1,4 +1,5 @@
-// Finds the region of the scene that the centre of each pixel sees; NONE where it sees nothing. One invocation for each pixel.
+// Finds the region of the scene that the centre of each pixel sees; NONE where it sees nothing. One
+// invocation for each pixel.
 #import parameters
 #import endpoint
 #import bvh

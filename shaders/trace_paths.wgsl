@@ -1,8 +1,9 @@
 // Traces light paths from one endpoint of the rig to the other (`path.wgsl`).
 //
-// An invocation traces up to `paths_per_invocation` paths. When one ends, the invocation starts its next one. On software Vulkan eight
-// lanes execute every step together, and in this way no lane waits for the longest path of the others. On a GPU each invocation traces
-// one path, since a GPU hides the wait by switching to other invocations (`render::dispatch`).
+// An invocation traces up to `paths_per_invocation` paths. When one ends, the invocation starts its next one.
+// On software Vulkan eight lanes execute every step together, and in this way no lane waits for the longest
+// path of the others. On a GPU each invocation traces one path, since a GPU hides the wait by switching to
+// other invocations (`render::dispatch`).
 #import features
 #import parameters
 #import start
@@ -13,7 +14,8 @@
 
 const FAR = 3.0e38;
 
-// Lanes that software Vulkan executes together. They trace consecutive paths, then the next consecutive ones, and so on.
+// Lanes that software Vulkan executes together. They trace consecutive paths, then the next consecutive ones,
+// and so on.
 const SIDE_BY_SIDE = 8u;
 
 @compute @workgroup_size(64)
@@ -25,9 +27,9 @@ fn trace_paths(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
         return;
     }
     var current = pixel_sample(next);
-    // Where an invocation traces several paths by the light buffer, it traces the first rays of all its paths beforehand: a step in the loop
-    // below that may do so for one lane would cost as much as if all lanes did. The triangles are stored in the heads of the paths'
-    // records, without a mark.
+    // Where an invocation traces several paths by the light buffer, it traces the first rays of all its paths
+    // beforehand: a step in the loop below that may do so for one lane would cost as much as if all lanes
+    // did. The triangles are stored in the heads of the paths' records, without a mark.
     if (SEVERAL_PATHS && LIGHT_BUFFER_SIDE > 0u) {
         var ahead = current;
         for (var index = next; index < end; index += SIDE_BY_SIDE) {

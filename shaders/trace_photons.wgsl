@@ -1,5 +1,6 @@
-// Traces the specular chains of one endpoint: rays from its pixels through mirrors and glass, to the surfaces behind them that scatter. Each
-// invocation traces one path. Wherever the path ends a chain, it writes a photon to a slot of its own.
+// Traces the specular chains of one endpoint: rays from its pixels through mirrors and glass, to the surfaces
+// behind them that scatter. Each invocation traces one path. At each surface that scatters, it writes a
+// photon to a slot of its own.
 #import parameters
 #import bvh
 #import sampler
@@ -7,7 +8,8 @@
 #import photons
 #import medium
 
-// The record of a path: the mark, then `stride` photons of four slots each. The photon behind a chain of c surfaces is number c − 1.
+// The record of a path: the mark, then `stride` photons of four slots each. The photon behind a chain of c
+// surfaces is number c − 1.
 @group(1) @binding(0) var<storage, read_write> records: array<vec4u>;
 
 @compute @workgroup_size(64)
@@ -24,7 +26,8 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
     var origin = start.origin;
     var direction = start.direction;
     var footprint = footprint_at_endpoint(parameters.start, start.towards);
-    // The throughput of the chain over its probability, times the image-plane area per photon; and that probability.
+    // The throughput of the chain over its probability, times the image-plane area per photon; and that
+    // probability.
     var power = vec3f(parameters.scale);
     var probability = 1.0;
     var medium = AIR;

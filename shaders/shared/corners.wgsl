@@ -1,8 +1,8 @@
 // Attributes of a triangle's corners besides positions: texture coordinates, normals, colours.
 #import parameters
 
-// Two texels for each corner. The first holds both sets of texture coordinates; the second the normal (octahedral, 2 × 16 bits) and the
-// linear colour (4 × 16 bits).
+// Two texels for each corner. The first holds both sets of texture coordinates; the second the normal
+// (octahedral, 2 × 16 bits) and the linear colour (4 × 16 bits).
 @group(0) @binding(4) var corner_texels: texture_storage_2d<rgba32uint, read>;
 
 // The packed word that stands for a corner without a normal.
@@ -14,7 +14,8 @@ fn corner_texel(index: u32) -> vec4u {
 }
 
 struct Texcoords {
-    // Coordinates of the first corner, and differences from there to the second and the third one. x and y are set 0, z and w set 1.
+    // Coordinates of the first corner, and differences from there to the second and the third one. x and y
+    // are set 0, z and w set 1.
     origin: vec4f,
     edge1: vec4f,
     edge2: vec4f,

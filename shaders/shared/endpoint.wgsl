@@ -1,10 +1,12 @@
-// One endpoint of the rig, camera or projector, as a thin lens: its rays, its pixels and its image-plane density. A pinhole is a lens of
-// radius 0. All rays through one image point meet in the plane of focus. The image plane lies at distance 1.
+// One endpoint of the rig, camera or projector, as a thin lens: its rays, its pixels and its image-plane
+// density. A pinhole is a lens of radius 0. All rays through one image point meet in the plane of focus. The
+// image plane lies at distance 1.
 #import features
 #import parameters
 #import warp
 
-// A point of the aperture, uniform over its area, in metres and in the endpoint's frame. `u` is uniform in the unit square.
+// A point of the aperture, uniform over its area, in metres and in the endpoint's frame. `u` is uniform in
+// the unit square.
 fn endpoint_lens_point(endpoint: Endpoint, u: vec2f) -> vec2f {
     if (!LENSES) {
         return vec2f(0.0);
@@ -35,14 +37,14 @@ fn endpoint_image_point(endpoint: Endpoint, raster: vec2f) -> vec2f {
     return vec2f(ndc.x, -ndc.y) * endpoint.tangent;
 }
 
-// The direction from the lens point `lens` through the image point `image`, in the endpoint's frame. It is not normalized: its component
-// along −z is 1.
+// The direction from the lens point `lens` through the image point `image`, in the endpoint's frame. It is
+// not normalized: its component along −z is 1.
 fn endpoint_direction(endpoint: Endpoint, image: vec2f, lens: vec2f) -> vec3f {
     return vec3f(image - lens / endpoint.focus, -1.0);
 }
 
-// The pixel through which the lens point `lens` sees, or lights, a point at `offset` from it; NONE outside the field of view. `offset` is
-// in the endpoint's frame.
+// The pixel through which the lens point `lens` sees, or lights, a point at `offset` from it; NONE outside
+// the field of view. `offset` is in the endpoint's frame.
 fn endpoint_pixel(endpoint: Endpoint, offset: vec3f, lens: vec2f) -> u32 {
     if (offset.z >= 0.0) {
         return NONE;
@@ -55,9 +57,10 @@ fn endpoint_pixel(endpoint: Endpoint, offset: vec3f, lens: vec2f) -> u32 {
     return u32(raster.y) * endpoint.resolution.x + u32(raster.x);
 }
 
-// The image-plane density D(x) = cosθ_x / (r² cos³θ) of a surface point at `offset` from a lens point: area on the image plane per area
-// of the surface. θ_x is the angle at the surface, θ the angle to the optical axis. D carries the cosine at the surface. It is the
-// irradiance at x under a pattern of 1, and the density per surface area with which rays from that lens point meet the surface.
+// The image-plane density D(x) = cosθ_x / (r² cos³θ) of a surface point at `offset` from a lens point: area
+// on the image plane per area of the surface. θ_x is the angle at the surface, θ the angle to the optical
+// axis. D carries the cosine at the surface. It is the irradiance at x under a pattern of 1, and the density
+// per surface area with which rays from that lens point meet the surface.
 fn endpoint_density(endpoint: Endpoint, offset: vec3f, normal: vec3f) -> f32 {
     let depth = -dot(offset, endpoint.back);
     return abs(dot(normal, offset)) / (depth * depth * depth);

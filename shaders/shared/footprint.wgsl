@@ -1,18 +1,19 @@
-// The footprint of an image point on a surface, through mirrors and panes: ray differentials (Igehy, "Tracing Ray Differentials", SIGGRAPH
-// 1999) for flat surfaces. The area of the footprint per image-plane area is 1/D, with the generalized image-plane density D of a point
-// that is seen through a specular chain.
+// The footprint of an image point on a surface, through mirrors and panes: ray differentials (Igehy, "Tracing
+// Ray Differentials", SIGGRAPH 1999) for flat surfaces. The area of the footprint per image-plane area is
+// 1/D, with the generalized image-plane density D of a point that is seen through a specular chain.
 #import endpoint
 
 struct Footprint {
-    // Derivatives of the hit point (foot) and of the unit direction (turn) with respect to the two coordinates of the image plane at
-    // distance 1.
+    // Derivatives of the hit point (foot) and of the unit direction (turn) with respect to the two
+    // coordinates of the image plane at distance 1.
     foot_u: vec3f,
     foot_v: vec3f,
     turn_u: vec3f,
     turn_v: vec3f,
 }
 
-// The footprint of a ray that starts at a lens point. `direction` is in the endpoint's frame, with a component of 1 along −z.
+// The footprint of a ray that starts at a lens point. `direction` is in the endpoint's frame, with a
+// component of 1 along −z.
 fn footprint_at_endpoint(endpoint: Endpoint, direction: vec3f) -> Footprint {
     let scale = inverseSqrt(dot(direction, direction));
     let d = direction * scale;
@@ -40,8 +41,8 @@ fn footprint_reflect(before: Footprint, normal: vec3f) -> Footprint {
     return after;
 }
 
-// The footprint after refraction at a plane, by Snell's law: `eta` is the index before over the index behind the surface; `normal` is on
-// the side of arrival.
+// The footprint after refraction at a plane, by Snell's law: `eta` is the index before over the index behind
+// the surface; `normal` is on the side of arrival.
 fn footprint_refract(before: Footprint, eta: f32, direction: vec3f, refracted: vec3f, normal: vec3f) -> Footprint {
     var after = before;
     let bend = eta - eta * eta * dot(direction, normal) / dot(refracted, normal);

@@ -42,7 +42,8 @@ fn medium_behind(medium: Medium, surface: Surface, wi: vec3f) -> Medium {
     return AIR;
 }
 
-// The footprint after reflection or refraction at the surface; `before` and `behind` are the ray's directions.
+// The footprint after reflection or refraction at the surface; `before` and `behind` are the ray's
+// directions.
 fn footprint_turn(footprint: Footprint, surface: Surface, before: vec3f, behind: vec3f, kind: u32) -> Footprint {
     if (kind == REFLECTED) {
         return footprint_reflect(footprint, surface.normal);

@@ -1,12 +1,12 @@
 // Pairs of triangles that share an edge (`render::pairs`): their data, and their intersection with a ray.
 //
-// Pairs and the nodes of the search tree are stored in read-only storage textures: software Vulkan loads from these far faster than from
-// storage buffers.
+// Pairs and the nodes of the search tree are stored in read-only storage textures: software Vulkan loads from
+// these far faster than from storage buffers.
 #import features
 #import parameters
 
-// Four texels for each pair, in the order of the tree's leaves. Three hold a corner and the edges from there to the three other corners;
-// the fourth holds material, region, and the index of the first corner attribute.
+// Four texels for each pair, in the order of the tree's leaves. Three hold a corner and the edges from there
+// to the three other corners; the fourth holds material, region, and the index of the first corner attribute.
 @group(0) @binding(2) var pair_texels: texture_storage_2d<rgba32uint, read>;
 
 struct Hit {
@@ -17,8 +17,8 @@ struct Hit {
     barycentric: vec2f,
 }
 
-// Coordinates of a texel of the tree's textures. The texels of a small tree lie in one row, and its nodes begin at multiples of 8: software
-// Vulkan multiplies slowly, and a second coordinate costs more.
+// Coordinates of a texel of the tree's textures. The texels of a small tree lie in one row, and its nodes
+// begin at multiples of 8: software Vulkan multiplies slowly, and a second coordinate costs more.
 fn tree_place(texel: u32) -> vec2u {
     if (SMALL_TREE) {
         return vec2u(texel, 0u);
@@ -47,22 +47,26 @@ fn pair_at(pair: u32) -> Pair {
     return Pair(a.xyz, vec3f(a.w, b.xy), vec3f(b.zw, c.x), c.yzw);
 }
 
-// Intersects a ray with both triangles of a pair, from either side (Möller and Trumbore 1997), and updates `hit` if one of them is nearer.
-// Of two triangles at the same distance the one with the lower index counts, whichever is tested first.
+// Intersects a ray with both triangles of a pair, from either side (Möller and Trumbore 1997), and updates
+// `hit` if one of them is nearer. Of two triangles at the same distance the one with the lower index counts,
+// whichever is tested first.
 fn pair_intersect(index: u32, origin: vec3f, direction: vec3f, hit: ptr<function, Hit>) {
     let pair = pair_at(index);
     let s = origin - pair.corner;
     let across = cross(direction, pair.edge2);
     let first = cross(s, pair.edge1);
     let second = cross(s, pair.edge3);
-    // The side of the common edge on which the ray passes. Both triangles use the same value, so that no ray slips through between them.
+    // The side of the common edge on which the ray passes. Both triangles use the same value, so that no ray
+    // slips through between them.
     let side = dot(s, across);
     let inverse = 1.0 / vec2f(dot(pair.edge1, across), dot(pair.edge3, across));
-    // For each triangle: the weight of the corner that only it has, the weight of the end of the common edge, and the distance.
+    // For each triangle: the weight of the corner that only it has, the weight of the end of the common edge,
+    // and the distance.
     let own = side * inverse;
     let end = vec2f(dot(direction, first), dot(direction, second)) * inverse;
     let t = vec2f(dot(pair.edge2, first), dot(pair.edge2, second)) * inverse;
-    // A ray in the plane of a triangle gives NaN or infinity, and no hit. So does the missing second triangle of a single one.
+    // A ray in the plane of a triangle gives NaN or infinity, and no hit. So does the missing second triangle
+    // of a single one.
     let met = own >= vec2f(0.0) & end >= vec2f(0.0) & own + end <= vec2f(1.0) & t > vec2f(0.0);
     let is_second = met.y && !(met.x && t.x <= t.y);
     let triangle = 2u * index + u32(is_second);

@@ -1,4 +1,5 @@
-// The parameters of one dispatch. `render::parameters::Parameters` has the same layout; a test compares the two.
+// The parameters of one dispatch. `render::parameters::Parameters` has the same layout; a test compares the
+// two.
 
 // One endpoint of the rig: the camera, or the projector. The camera's frame is the frame of all geometry.
 struct Endpoint {
@@ -32,11 +33,13 @@ struct Parameters {
     // The most surfaces that a path meets.
     max_bounces: u32,
     seed: u32,
-    // Marks the records of this dispatch, so that the host does not mistake records of an earlier dispatch for them.
+    // Marks the records of this dispatch, so that the host does not mistake records of an earlier dispatch
+    // for them.
     mark: u32,
     // Path samples per image-plane area from `end`, divided by those from `start`.
     end_to_start: f32,
-    // Turns the estimate of a path from the projector into an estimate per camera sample; 1 for paths from the camera.
+    // Turns the estimate of a path from the projector into an estimate per camera sample; 1 for paths from
+    // the camera.
     scale: f32,
     // Radius in metres within which photons of specular chains are gathered, and 1 / (2 radius).
     gather_radius: f32,

@@ -1,11 +1,13 @@
-// A light path: it starts at a pixel of one endpoint of the rig (camera or projector) and runs through the scene. From each surface
-// point that scatters light it is connected to the other endpoint; each connection is one contribution to the transport matrix.
+// A light path: it starts at a pixel of one endpoint of the rig (camera or projector) and runs through the
+// scene. From each surface point that scatters light it is connected to the other endpoint; each connection
+// is one contribution to the transport matrix.
 //
-// The same path could have been sampled from the other endpoint. With the contribution F of the path, its density p_f as sampled
-// here and its density p_r as sampled in reverse, the balance heuristic (Veach and Guibas 1995) gives the weighted estimate
-// F / (p_f + p_r), which is what docs/operator.md calls v. The shader computes it as (F / p_f) / (1 + p_r / p_f). Densities of
-// directions are per projected solid angle times the squared refractive index, n² cosθ dω (étendue); densities of start points are
-// per area on the image plane at distance 1.
+// The same path could have been sampled from the other endpoint. With the contribution F of the path, its
+// density p_f as sampled here and its density p_r as sampled in reverse, the balance heuristic (Veach and
+// Guibas 1995) gives the weighted estimate F / (p_f + p_r), called v in docs/operator.md. The shader computes
+// it as (F / p_f) / (1 + p_r / p_f). Densities of directions are per projected solid angle times the squared
+// refractive index, n² cosθ dω (étendue); densities of start points are per area on the image plane at
+// distance 1.
 //
 // Nothing is summed here: each path writes to slots of its own, so that results repeat to the bit.
 #import features
@@ -14,24 +16,24 @@
 #import start
 #import warp
 #import endpoint
+#import connect
 #import surface
 #import reverse
 #import medium
-#import photons
-#import visibility
 
-// The record of a path has `stride` slots. A slot index addresses the same slot of all paths, side by side: neighbouring paths write to
-// one cache line, and slots that few paths reach stay untouched.
-// Slot 0 (head): mark (16 bits), rays traced (8 bits), surfaces met (8 bits), and the direct light that came back along the path.
-// Next: the connection from each surface; where the first one is the direct light, it has no slot.
-// Next, where there are photons: the gathered connection (through a specular chain of the other endpoint) from surface 2 on.
-// Last, in a scene that emits light: ambient radiance.
-// A connection is a pixel (28 bits; NONE without a connection), the surfaces of the other endpoint's chain (the upper 4 bits), and the
-// weight in RGB.
+// The record of a path has `stride` slots. A slot index addresses the same slot of all paths, side by side:
+// neighbouring paths write to one cache line, and slots that few paths reach stay untouched. The slots are,
+// in this order:
+// * The head: mark (16 bits), rays traced (8 bits), surfaces met (8 bits), and the direct light that came
+//   back along the path.
+// * The connection from each surface. Where the connection from the first surface is the direct light, it has
+//   no slot.
+// * With photons, the gathered connection (through a specular chain of the other endpoint) from surface 2 on.
+// * In a scene that emits light, the ambient radiance.
+//
+// A connection is a pixel (28 bits; NONE without a connection), the surfaces of the other endpoint's chain
+// (the upper 4 bits), and the weight in RGB.
 @group(1) @binding(0) var<storage, read_write> records: array<vec4u>;
-
-// Random numbers for connections have vertex numbers from here on; those for scattering have the ones below.
-const CONNECTIONS = 0x1000u;
 
 // The state of a path between two surfaces.
 struct Path {
@@ -56,19 +58,22 @@ struct Path {
     vertex: u32,
     // Surfaces that the path passed straight through one after the other.
     passes: u32,
-    // The path has met nothing but mirrors, clear refraction and pass-through so far. The following five members matter only then.
+    // So far the path has only been reflected or refracted into single directions, or passed straight through.
+    // The following five members describe this specular chain, and do not change afterwards.
     is_specular: bool,
     // Mirroring and refracting surfaces of the specular chain.
     chain: u32,
     footprint: Footprint,
-    // Throughput of light that returns along the chain, and the probability with which the path followed the chain.
+    // Throughput of light that returns along the chain, and the probability with which the path followed the
+    // chain.
     return_throughput: vec3f,
     chain_probability: f32,
-    // After the first scattering: p_r / p_f of the path so far, without the factors that the connection decides.
+    // After the first scattering: p_r / p_f of the path so far, without the factors that the connection
+    // decides.
     pdf_ratio: f32,
 }
 
-// One surface point of a path, and what is decided there.
+// One surface point of a path, with everything that connecting, gathering and scattering need.
 struct Vertex {
     surface: Surface,
     // Index of the pair of triangles in leaf order.
@@ -81,10 +86,11 @@ struct Vertex {
     behind: vec3f,
     // The sampled continuation.
     next: BsdfSample,
-    // Probability with which the surface interacts with light along wo, instead of letting it pass straight through.
-    meeting: f32,
-    // Where the path is specular so far: density, per surface area, with which paths arrive here by the same chain. It is the
-    // image-plane density D of the point times the chain's probability.
+    // Probability with which the surface interacts with light along wo, instead of letting it pass straight
+    // through.
+    interaction: f32,
+    // Where the path is specular so far: density, per surface area, with which paths arrive here by the same
+    // chain. It is the image-plane density D of the point times the chain's probability.
     first_density: f32,
     // The surface scatters into more than single directions, so that it can be connected.
     scatters: bool,
@@ -112,7 +118,8 @@ fn path_begin(index: u32, start: Start) -> Path {
     return path;
 }
 
-// Writes the head of the record, and the ambient radiance. The mark tells the host that the path came to its end.
+// Writes the head of the record, and the ambient radiance. The mark tells the host that the path came to its
+// end.
 fn path_end(path: Path) {
     let head = parameters.mark | (min(path.rays, 255u) << 8u) | path.surfaces;
     records[path.index] = vec4u(head, bitcast<vec3u>(path.direct));
@@ -121,8 +128,8 @@ fn path_end(path: Path) {
     }
 }
 
-// Handles the surface that the path's ray met: records direct light, the connection to the other endpoint and the gathered connection,
-// then chooses the next ray. Returns whether the path goes on.
+// Handles the surface that the path's ray met: records direct light, the connection to the other endpoint and
+// the gathered connection, then chooses the next ray. Returns whether the path goes on.
 fn path_meets(path: ptr<function, Path>, hit: Hit) -> bool {
     var vertex: Vertex;
     vertex.pair = hit.triangle >> 1u;
@@ -141,8 +148,8 @@ fn path_meets(path: ptr<function, Path>, hit: Hit) -> bool {
     }
     path.passes = 0u;
     path.surfaces += 1u;
-    vertex.meeting = bsdf_interaction(surface.bsdf, vertex.wo);
-    path.throughput /= vertex.meeting;
+    vertex.interaction = bsdf_interaction(surface.bsdf, vertex.wo);
+    path.throughput /= vertex.interaction;
     vertex.scatters = bsdf_regular(surface.bsdf) && !surface.black;
     vertex.is_direct = COAXIAL_PINHOLE && path.is_specular;
     path_collect(path, &vertex);
@@ -165,7 +172,8 @@ fn path_travel(path: ptr<function, Path>, distance: f32, normal: vec3f) {
     }
 }
 
-// Lets the path pass straight through the surface. Returns whether the path goes on: after MAX_PASSES surfaces in a row it ends.
+// Lets the path pass straight through the surface. Returns whether the path goes on: after MAX_PASSES
+// surfaces in a row it ends.
 fn path_pass(path: ptr<function, Path>, vertex: Vertex) -> bool {
     path.passes += 1u;
     if (path.passes == MAX_PASSES) {
@@ -180,8 +188,9 @@ fn path_pass(path: ptr<function, Path>, vertex: Vertex) -> bool {
     return true;
 }
 
-// Adds the surface's emission to the ambient light. Adds the light that returns to a coaxial pinhole along the path's own chain,
-// T² f(wo, wo) D(x) with the chain's throughput T, to the direct light. Completes the vertex's density.
+// Adds the surface's emission to the ambient light. Adds the light that returns to a coaxial pinhole along
+// the path's own chain, T² f(wo, wo) D(x) with the chain's throughput T, to the direct light. Completes the
+// vertex's density.
 fn path_collect(path: ptr<function, Path>, vertex: ptr<function, Vertex>) {
     if (AMBIENT) {
         path.ambient += path.throughput * vertex.surface.bsdf.opacity * vertex.surface.emission;
@@ -196,69 +205,8 @@ fn path_collect(path: ptr<function, Path>, vertex: ptr<function, Vertex>) {
     vertex.first_density = density * path.chain_probability;
 }
 
-// Connects the surface point x to the other endpoint, and writes the connection to its slot. The estimate is F / p_f = throughput ·
-// f(wo, wi) · D(x): the image-plane density D of x, as the other endpoint sees it, carries the cosine at x.
-fn path_connect(path: ptr<function, Path>, vertex: Vertex) {
-    var connection = vec4u(NONE, 0u, 0u, 0u);
-    if (vertex.scatters && !(vertex.is_direct && path.chain == 0u)) {
-        let draw = connection_sample(path.start.pixel, path.start.sample, path.vertex);
-        let end_lens = endpoint_lens_point(parameters.end, draw.xy);
-        let end = endpoint_origin(parameters.end, end_lens);
-        let offset = vertex.surface.position - end;
-        let lit = endpoint_pixel(parameters.end, endpoint_to_local(parameters.end, offset), end_lens);
-        let density = endpoint_density(parameters.end, offset, vertex.surface.normal);
-        let wi = to_local(vertex.frame, normalize(-offset));
-        let value = path.throughput * bsdf_eval(vertex.surface.bsdf, vertex.wo, wi) * (density * parameters.scale);
-        if (lit != NONE && any(value > vec3f(0.0))) {
-            var rays = 0u;
-            let light = connection_transmission(vertex.pair, select(vertex.before, vertex.behind, wi.z < 0.0), end, &rays);
-            path.rays += rays;
-            // p_r / p_f: the reverse path would start by this connection, and its density on the image plane is D(x).
-            var ratio = density * light.probability * parameters.end_to_start;
-            if (path.is_specular) {
-                ratio *= bsdf_interaction(vertex.surface.bsdf, wi) / (vertex.meeting * vertex.first_density);
-            } else {
-                ratio *= bsdf_reverse_density(vertex.surface.bsdf, vertex.wo, wi) * path.pdf_ratio / vertex.meeting;
-            }
-            // The reverse of a path that begins with a specular chain cannot be sampled: its last connection would have to hit the chain.
-            ratio = select(ratio, 0.0, path.chain > 0u);
-            if (any(light.value > vec3f(0.0))) {
-                connection = vec4u(lit, bitcast<vec3u>(value * light.value / (1.0 + ratio)));
-            }
-        }
-    }
-    // The connection from surface k has slot k, or k − 1 where the first one is the direct light.
-    let slot = select(0u, ~0u, COAXIAL_PINHOLE) + path.surfaces;
-    if (slot > 0u) {
-        records[slot * parameters.paths + path.index] = connection;
-    }
-}
-
-// Connects the surface point to the other endpoint through specular chains on both sides, by gathering photons of the other endpoint's
-// chains, and writes the connection to its slot.
-fn path_gather(path: ptr<function, Path>, vertex: Vertex) {
-    var gathered = Gathered(NONE, vec3f(0.0), vec3f(0.0, 0.0, 1.0), 0.0);
-    if (vertex.scatters && path.chain > 0u) {
-        let most = parameters.max_bounces - path.surfaces;
-        let draw = connection_sample(path.start.pixel, path.start.sample, path.vertex).z;
-        let own = OwnChain(vertex.is_direct, path.footprint, path.start.image);
-        gathered = photons_gather(vertex.surface, vertex.frame, vertex.wo, most, own, draw);
-    }
-    // p_r / p_f, with the density of the photon that stands for all that were found.
-    var ratio = gathered.density * parameters.end_to_start;
-    if (path.is_specular) {
-        ratio /= vertex.first_density;
-    } else {
-        ratio *= bsdf_reverse_density(vertex.surface.bsdf, vertex.wo, gathered.wi) * path.pdf_ratio / vertex.meeting;
-    }
-    let value = path.throughput * gathered.value * (parameters.scale / (1.0 + ratio));
-    // Behind the connections of all surfaces; the first one belongs to surface 2.
-    let first_slot = select(0u, ~0u, COAXIAL_PINHOLE) + parameters.max_bounces + 1u;
-    let slot = first_slot + path.surfaces - 2u;
-    records[slot * parameters.paths + path.index] = vec4u(gathered.origin, bitcast<vec3u>(value));
-}
-
-// Chooses the next ray from the sampled direction, and updates throughput, pdf ratio and footprint. Returns whether the path goes on.
+// Chooses the next ray from the sampled direction, and updates throughput, pdf ratio and footprint. Returns
+// whether the path goes on.
 fn path_scatter(path: ptr<function, Path>, vertex: Vertex) -> bool {
     let next = vertex.next;
     if (path.surfaces == parameters.max_bounces || vertex.surface.black || !(next.pdf > 0.0) || all(next.weight == vec3f(0.0))) {
@@ -266,7 +214,8 @@ fn path_scatter(path: ptr<function, Path>, vertex: Vertex) -> bool {
     }
     if (ROULETTE && path.surfaces > 2u) {
         let left = path.throughput * next.weight;
-        // This probability stays out of the balance heuristic: paths from both endpoints end by the same rule.
+        // This probability stays out of the balance heuristic: paths from both endpoints end by the same
+        // rule.
         let survival = clamp(max(max(left.x, left.y), left.z), 0.05, 1.0);
         if (connection_sample(path.start.pixel, path.start.sample, path.vertex).w >= survival) {
             return false;
@@ -290,17 +239,9 @@ fn path_scatter(path: ptr<function, Path>, vertex: Vertex) -> bool {
         path.footprint = footprint_turn(path.footprint, vertex.surface, path.direction, leaving, next.kind);
         path.chain += 1u;
     }
-    path.throughput *= next.weight * vertex.meeting;
+    path.throughput *= next.weight * vertex.interaction;
     path.medium = medium_behind(path.medium, vertex.surface, next.direction);
     path.origin = select(vertex.before, vertex.behind, next.direction.z < 0.0);
     path.direction = leaving;
     return true;
-}
-
-// Four random numbers in [0, 1) for a connection: a point of the lens (x, y), which photon (z), whether the path goes on (w).
-fn connection_sample(pixel: u32, sample: u32, vertex: u32) -> vec4f {
-    if (!LENSES && !CHAINS && !ROULETTE) {
-        return vec4f(0.0);
-    }
-    return sample4(pixel, sample, CONNECTIONS + vertex);
 }

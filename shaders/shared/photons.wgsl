@@ -1,15 +1,18 @@
-// The photon map of an endpoint's specular chains: which of its pixels see a surface point through mirrors and glass. `trace_photons` traces
-// the chains, `render::photons` sorts the photons into a hash grid, and paths gather them here.
+// The photon map of an endpoint's specular chains: which of its pixels see a surface point through mirrors
+// and glass. `trace_photons` traces the chains, `render::photons` sorts the photons into a hash grid, and
+// paths gather them here.
 #import parameters
 #import surface
 #import footprint
 
-// The end of one specular chain, as `trace_photons` records it: four vectors of four words, which are `Photon` in `render::photons`.
+// The end of one specular chain, as `trace_photons` records it: four vectors of four words, which are
+// `Photon` in `render::photons`.
 struct Photon {
     // Pixel (lower 28 bits) and surfaces of the chain (upper 4 bits); position.
     place: vec4u,
-    // Generalized image-plane density D of the point through the chain, times the chain's probability; then (RGB) the throughput of the
-    // chain over its probability, times the image-plane area that the photon represents.
+    // Generalized image-plane density D of the point through the chain, times the chain's probability; then
+    // (RGB) the throughput of the chain over its probability, times the image-plane area that the photon
+    // represents.
     light: vec4f,
     // First coordinate on the image plane; unit direction back to the chain's last surface.
     arrival: vec4f,
@@ -21,13 +24,13 @@ struct Photon {
 // Index of the first photon of each bucket, and finally the number of photons.
 @group(1) @binding(2) var<storage, read> photon_buckets: array<u32>;
 
-// What a path gathers at one surface point.
+// The result of gathering at one surface point.
 struct Gathered {
     // Pixel and surfaces of the chain, packed as in Photon; NONE where nothing was found.
     origin: u32,
     // Radiance that the surface sends along wo, for a pattern of 1.
     value: vec3f,
-    // Local direction and density of the photon that represents all that were found.
+    // Local direction and density of the photon that represents all photons found.
     wi: vec3f,
     density: f32,
 }
@@ -48,9 +51,10 @@ struct OwnChain {
     image: vec2f,
 }
 
-// Gathers all photons within the radius r around a surface point: Σ K(wo, wi) T Φ / (π r²), where Φ is the image-plane area that a photon
-// represents and T its chain's throughput (docs/operator.md, "Specular chains"). One photon, drawn with probability proportional to its
-// contribution, represents all of them. `most_surfaces` bounds the surfaces of their chains; `u` is a uniform number in [0, 1).
+// Gathers all photons within the radius r around a surface point: Σ K(wo, wi) T Φ / (π r²), where Φ is the
+// image-plane area that a photon represents and T its chain's throughput (docs/operator.md, "Specular
+// chains"). One photon, drawn with probability proportional to its contribution, represents all of them.
+// `most_surfaces` bounds the surfaces of their chains; `u` is a uniform number in [0, 1).
 fn photons_gather(surface: Surface, frame: Frame, wo: vec3f, most_surfaces: u32, own: OwnChain, u: f32) -> Gathered {
     var found = Gathered(NONE, vec3f(0.0), vec3f(0.0), 0.0);
     var total = 0.0;
@@ -68,7 +72,8 @@ fn photons_gather(surface: Surface, frame: Frame, wo: vec3f, most_surfaces: u32,
             let position = bitcast<vec3f>(photon.place.yzw);
             let offset = position - surface.position;
             let height = dot(offset, surface.normal);
-            // Photons of other cells may share the bucket, and photons on other surfaces may lie within the sphere.
+            // Photons of other cells may share the bucket, and photons on other surfaces may lie within the
+            // sphere.
             if (dot(offset, offset) >= radius * radius || abs(height) > 0.1 * radius
                 || dot(photon.ground.yzw, surface.normal) < 0.9
                 || (photon.place.x >> 28u) > most_surfaces

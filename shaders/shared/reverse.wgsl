@@ -1,4 +1,4 @@
-// What the balance heuristic needs to know about the reverse of a path at one surface: densities and probabilities.
+// Densities and probabilities of the reverse of a path at one surface, for the balance heuristic.
 #import features
 #import bsdf
 
@@ -7,13 +7,14 @@ fn bsdf_index_along(bsdf: Bsdf, wi: vec3f) -> f32 {
     return select(bsdf.eta_t, bsdf.eta_o, wi.z > 0.0);
 }
 
-// Density, per étendue n² cosθ dω of wo, with which the reverse path samples wo when it arrives along wi. The path itself arrived along
-// wo and left along wi.
+// Density, per étendue n² cosθ dω of wo, with which the reverse path samples wo when it arrives along wi. The
+// path itself arrived along wo and left along wi.
 fn bsdf_reverse_density(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
     return bsdf_reverse_pdf(bsdf, wo, wi) / (bsdf.eta_o * bsdf.eta_o * wo.z);
 }
 
-// Probability with which the surface interacts with light along `wi`, instead of letting it pass straight through.
+// Probability with which the surface interacts with light along `wi`, instead of letting it pass straight
+// through.
 fn bsdf_interaction(bsdf: Bsdf, wi: vec3f) -> f32 {
     if (!PASSABLE) {
         return 1.0;

@@ -14,7 +14,8 @@ struct PixelSample {
 struct Start {
     pixel: u32,
     sample: u32,
-    // The start point on the image plane at distance 1, and the direction towards it in the endpoint's frame, not normalized.
+    // The start point on the image plane at distance 1, and the direction towards it in the endpoint's frame,
+    // not normalized.
     image: vec2f,
     towards: vec3f,
     // The first ray, in the frame of all geometry. The direction is normalized.

@@ -7,7 +7,8 @@
 #import texture
 #import warp
 
-// Texels of one material, and the index of each among them. `render::materials::GpuMaterial` has the same layout; a test compares the two.
+// Texels of one material, and the index of each among them. `render::materials::GpuMaterial` has the same
+// layout; a test compares the two.
 const MATERIAL_TEXELS = 7u;
 // Base colour; metallic.
 const MATERIAL_BASE = 0u;
@@ -76,9 +77,9 @@ struct Look {
     shading: vec3f,
 }
 
-// The shading normal after a normal map: its texel bends the smooth normal `normal`. The texel's frame has +x along u and +y against v,
-// which runs downwards. The frame is computed from the gradients of the mapped coordinates in the triangle (TANGENT attributes are not
-// used), so that mirrored pictures are right, too.
+// The shading normal after a normal map: its texel bends the smooth normal `normal`. The texel's frame has +x
+// along u and +y against v, which runs downwards. The frame is computed from the gradients of the mapped
+// coordinates in the triangle (TANGENT attributes are not used), so that mirrored pictures are right, too.
 fn surface_bump(texture: Texture, at: Texcoords, edge1: vec3f, edge2: vec3f, normal: vec3f, texel: vec3f, scale: f32) -> vec3f {
     let second = (texture.flags & 64u) != 0u;
     let along1 = select(at.edge1.xy, at.edge1.zw, second);
@@ -98,8 +99,9 @@ fn surface_bump(texture: Texture, at: Texcoords, edge1: vec3f, edge2: vec3f, nor
     return select(normal, normalize(bumped), usable);
 }
 
-// Applies the corner attributes and the textures of the material to its factors. The textures are those from `list.x` up to `list.y` in
-// the list of textures; `first` is the first texel of the corner attributes, and `weights` are the barycentric coordinates.
+// Applies the corner attributes and the textures of the material to its factors. The textures are those from
+// `list.x` up to `list.y` in the list of textures; `first` is the first texel of the corner attributes, and
+// `weights` are the barycentric coordinates.
 fn surface_texture(
     look: ptr<function, Look>, material: u32, list: vec2u, first: u32, weights: vec3f, edge1: vec3f, edge2: vec3f,
 ) {
@@ -153,14 +155,15 @@ fn surface_texture(
     }
 }
 
-// The shading normal in the frame of the geometric normal, on the same side. At the silhouette of a coarse mesh it may lie below the
-// horizon; then it is lifted above.
+// The shading normal in the frame of the geometric normal, on the same side. At the silhouette of a coarse
+// mesh it may lie below the horizon; then it is lifted above.
 fn surface_shading(normal: vec3f, shading: vec3f) -> vec3f {
     let local = to_local(frame_around(normal), shading);
     return normalize(vec3f(local.xy, max(local.z, 0.01)));
 }
 
-// The surface that a ray in this direction finds at a hit. Its BSDF has air on the side without a medium; see `medium_meets`.
+// The surface that a ray in this direction finds at a hit. Its BSDF has air on the side without a medium; see
+// `medium_meets`.
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     let pair = pair_at(hit.triangle >> 1u);
     let texel = pair_texel(hit.triangle >> 1u, 3u);
@@ -234,8 +237,9 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     return surface;
 }
 
-// The origin of a ray that leaves a surface point on the side of `normal`, offset so far that the ray cannot meet the surface again: Wächter
-// and Binder, "A Fast and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems, 2019.
+// The origin of a ray that leaves a surface point on the side of `normal`, offset so far that the ray cannot
+// meet the surface again: Wächter and Binder, "A Fast and Robust Method for Avoiding Self-Intersection", Ray
+// Tracing Gems, 2019.
 fn offset_origin(position: vec3f, normal: vec3f) -> vec3f {
     let steps = vec3i(256.0 * normal);
     let stepped = bitcast<vec3f>(bitcast<vec3i>(position) + select(steps, -steps, position < vec3f(0.0)));

@@ -1,17 +1,19 @@
-// Textures. The texels of all textures lie in one array, as RGBA of 8 bits each. sRGB is decoded by a table, since the result of `pow`
-// differs between devices.
+// Textures. The texels of all textures lie in one array, as RGBA of 8 bits each. sRGB is decoded by a table,
+// since the result of `pow` differs between devices.
 #import parameters
 
-// One use of a texture by a material. `render::textures::GpuTexture` has the same layout; a test compares the two.
+// One use of a texture by a material. `render::textures::GpuTexture` has the same layout; a test compares the
+// two.
 struct Texture {
-    // Rows of the affine map from the surface's texture coordinates to those of the picture. `v` = 0 is the picture's top.
+    // Rows of the affine map from the surface's texture coordinates to those of the picture. `v` = 0 is the
+    // picture's top.
     u: vec3f,
     first_texel: u32,
     v: vec3f,
     width: u32,
     height: u32,
-    // Bits 0–1: wrapping of u, bits 2–3: wrapping of v (0 repeat, 1 mirrored repeat, 2 clamp); bit 4: bilinear filter; bit 5: RGB is
-    // sRGB-encoded; bit 6: set of texture coordinates; from bit 8: the role.
+    // Bits 0–1: wrapping of u, bits 2–3: wrapping of v (0 repeat, 1 mirrored repeat, 2 clamp); bit 4:
+    // bilinear filter; bit 5: RGB is sRGB-encoded; bit 6: set of texture coordinates; from bit 8: the role.
     flags: u32,
     padding: vec2u,
 }

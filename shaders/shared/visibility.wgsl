@@ -4,9 +4,9 @@
 #import medium
 #import light_buffer
 
-// Transmission from a point just off a triangle of pair `own` to `target_point`. `value` is the share of light that arrives;
-// `probability` is the probability with which a sampled path would have passed straight through every surface on the way. `rays` counts
-// the rays traced.
+// Transmission from a point just off a triangle of pair `own` to `target_point`. `value` is the share of
+// light that arrives; `probability` is the probability with which a sampled path would have passed straight
+// through every surface on the way. `rays` counts the rays traced.
 fn connection_transmission(own: u32, origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
     let direction = normalize(target_point - origin);
     var light = Pass(vec3f(1.0), 1.0);

@@ -9,7 +9,8 @@ struct Frame {
     normal: vec3f,
 }
 
-// An orthonormal frame around a unit normal: Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+// An orthonormal frame around a unit normal: Duff et al., "Building an Orthonormal Basis, Revisited", JCGT
+// 6(1), 2017.
 fn frame_around(normal: vec3f) -> Frame {
     let sign = select(-1.0, 1.0, normal.z >= 0.0);
     let a = -1.0 / (sign + normal.z);

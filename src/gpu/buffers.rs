@@ -1,19 +1,23 @@
-//! Moving data to the device: storage buffers and the storage textures that stand in for them.
+//! Storage buffers, and the storage textures that replace them where loads from buffers are slow.
 
 use wgpu::util::DeviceExt;
 
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// Bytes that [`Gpu::storage`] has on their way at a time, twice.
+/// Bytes of one piece that [`Gpu::storage`] uploads; two pieces are in flight at a time.
 const PIECE: usize = 32 << 20;
 
-/// Texels in a row of a data texture; the shaders split an index into column and row by it.
+/// Texels in a row of a data texture. Shaders split an index into column and row by this number.
 pub(crate) const TEXTURE_WIDTH: u32 = 4096;
 
 impl Gpu {
-    /// A read-only storage buffer holding `data`, which goes there piece by piece: little memory is taken for what is on the way, and too
-    /// little on the device is an error. An empty slice becomes one zeroed element: bindings may not be empty.
+    /// A read-only storage buffer with `data`. The data is uploaded piece by piece, so that little memory is
+    /// needed for pieces in flight. An empty slice becomes one element of zeros, since a binding may not be
+    /// empty.
+    ///
+    /// # Errors
+    /// [`Error::Device`] where the device has too little memory.
     pub(crate) fn storage<T: bytemuck::Pod>(&self, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let size = bytes.len().max(size_of::<T>()) as u64;
@@ -44,12 +48,12 @@ impl Gpu {
         })
     }
 
-    /// A read-only storage texture of 16-byte texels, `TEXTURE_WIDTH` to a row, padded with zeros.
+    /// A read-only storage texture of 16-byte texels in rows of [`TEXTURE_WIDTH`], padded with zeros.
     pub(crate) fn texel_array(&self, label: &str, texels: &[[u32; 4]]) -> Result<wgpu::TextureView> {
         self.texel_rows(label, texels, TEXTURE_WIDTH)
     }
 
-    /// The same in rows of `width`.
+    /// The same with rows of `width` texels.
     pub(crate) fn texel_rows(
         &self,
         label: &str,
@@ -90,11 +94,13 @@ impl Gpu {
         })
     }
 
+    /// Refuses a buffer that exceeds the device's limits.
     fn check_size(&self, label: &str, bytes: u64) -> Result<()> {
         let limit = self.summary.max_storage_binding.min(self.summary.max_buffer);
         if bytes > limit { Err(self.too_large(label, bytes, limit)) } else { Ok(()) }
     }
 
+    /// The error for data that exceeds the device's limits.
     fn too_large(&self, label: &str, bytes: u64, limit: u64) -> Error {
         Error::Device {
             fault: format!(

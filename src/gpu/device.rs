@@ -1,17 +1,17 @@
-//! Choosing an adapter and opening a device on it.
+//! The choice of an adapter, and the device that is opened on it.
 
 use crate::error::{Error, Result};
 
 const INSTALL: &str = "install a GPU's Vulkan driver, or the software one: apt-get install -y --no-install-recommends mesa-vulkan-drivers";
 
-/// The kind of adapter that is none.
+/// The kind of an adapter that is the processor itself.
 const SOFTWARE: &str = "software";
 
-/// How much of the memory that a GPU's driver grants this process may be taken, in per cent. What would exceed it is refused as out of
-/// memory, before the driver begins to move things about.
+/// The share of the memory granted by a GPU's driver that this process may use, in per cent. An allocation
+/// beyond it fails as out of memory, before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
 
-/// What identifies an adapter and its driver.
+/// Name, driver and limits of an adapter.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct AdapterSummary {
     /// The device's name, e.g. `llvmpipe (LLVM 15.0.6, 256 bits)`.
@@ -28,7 +28,7 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Largest side of a texture, in texels.
     pub max_texture_side: u32,
-    /// Shaders can calculate in `f64`.
+    /// Whether shaders can calculate in `f64`.
     pub double_precision: bool,
 }
 
@@ -55,28 +55,30 @@ impl AdapterSummary {
         }
     }
 
-    /// Whether it is the processor itself, under the name of a graphics device.
+    /// Whether the adapter is software Vulkan, which runs on the processor.
     pub fn is_processor(&self) -> bool {
         self.kind == SOFTWARE
     }
 }
 
-/// An open device with its queue. Clones share them.
+/// An open device with its queue. Clones share both.
 #[derive(Clone)]
 pub(crate) struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) summary: AdapterSummary,
-    /// The device is the processor itself, so that the host reads results where they were written. (A GPU that shares its memory
-    /// with the host could do so, too; whether that is faster there was not measured.)
+    /// The device is the processor itself, so that the host reads results in place. (A GPU that shares its
+    /// memory with the host could do so, too; whether that is faster was not measured.)
     pub(crate) shares_memory: bool,
 }
 
 impl Gpu {
-    /// Opens the adapter whose name contains `wanted` (case does not matter); without a wish, the fastest kind there is.
+    /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest
+    /// kind.
     pub(crate) fn open(wanted: Option<&str>) -> Result<Self> {
         let adapter = choose(wanted, None)?;
-        // Software Vulkan's memory is the machine's, of which others have their share: there the system decides.
+        // Software Vulkan uses the memory of the machine, which other programs share: there the operating
+        // system sets the limit.
         if AdapterSummary::of(&adapter).is_processor() {
             return Self::on(&adapter);
         }
@@ -90,17 +92,18 @@ impl Gpu {
             max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
             max_buffer_size: available.max_buffer_size,
             max_texture_dimension_2d: available.max_texture_dimension_2d,
-            // Geometry, textures and lists are read as storage textures: six in the largest kernel. Every desktop driver has eight.
+            // Geometry, textures and light buffer are storage textures: six in the largest kernel. Every
+            // desktop driver allows eight.
             max_storage_textures_per_shader_stage: available.max_storage_textures_per_shader_stage.min(8),
             ..wgpu::Limits::default()
         };
         let mappable = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
         let shares_memory = summary.is_processor() && adapter.features().contains(mappable);
-        let wishes =
+        let optional =
             wgpu::Features::SHADER_F64 | if shares_memory { mappable } else { wgpu::Features::empty() };
         let request = wgpu::DeviceDescriptor {
             label: Some("krylux"),
-            required_features: adapter.features() & wishes,
+            required_features: adapter.features() & optional,
             required_limits: limits,
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
@@ -113,7 +116,7 @@ impl Gpu {
         Ok(Self { device, queue, summary, shares_memory })
     }
 
-    /// Runs `work`, turning what the device objects to (validation, memory) into an error instead of a panic.
+    /// Runs `work`. A validation error or a lack of memory on the device becomes an error instead of a panic.
     pub(crate) fn guarded<T>(&self, what: &str, work: impl FnOnce() -> T) -> Result<T> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -134,7 +137,7 @@ impl Gpu {
         }
     }
 
-    /// Waits until `submission` is done, or everything submitted.
+    /// Waits until `submission` is done; for `None`, until everything submitted is done.
     pub(crate) fn wait(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<()> {
         let until = wgpu::PollType::Wait { submission_index: submission, timeout: None };
         self.device.poll(until).map(drop).map_err(|e| Error::Device {
@@ -144,7 +147,7 @@ impl Gpu {
     }
 }
 
-/// All adapters of this machine; none is not an error.
+/// All adapters of this machine. The list may be empty.
 pub(crate) fn adapters() -> Vec<AdapterSummary> {
     enumerate(None).iter().map(AdapterSummary::of).collect()
 }
@@ -154,7 +157,8 @@ pub(crate) fn no_adapter() -> Error {
     Error::NoAdapter { detail: String::new(), help: INSTALL.into() }
 }
 
-/// All adapters, which keep to `share` per cent of the memory that their drivers grant.
+/// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the
+/// driver grants.
 fn enumerate(share: Option<u8>) -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,
@@ -175,6 +179,7 @@ fn enumerate(share: Option<u8>) -> Vec<wgpu::Adapter> {
     adapters
 }
 
+/// The adapter whose name contains `wanted`; for `None`, the first one.
 fn choose(wanted: Option<&str>, share: Option<u8>) -> Result<wgpu::Adapter> {
     let adapters = enumerate(share);
     let Some(wanted) = wanted.filter(|_| !adapters.is_empty()) else {

@@ -1,7 +1,8 @@
-//! What a shader's constants decide is decided before the driver sees it: branches that are never taken, and all that only they use.
+//! Constant folding of shaders: it removes branches that the constants rule out, and everything that only
+//! these branches use.
 //!
-//! Drivers do that, too, but only after they have taken in the whole: for a scene of plain surfaces the software Vulkan driver took
-//! 0.12 s for that, whether its compiled kernels were cached or not, and now takes 0.03 s.
+//! Drivers do the same, but only after they have translated the whole shader. For a scene of plain surfaces
+//! that took the software Vulkan driver 0.12 s, even with compiled kernels in its cache; now it takes 0.03 s.
 
 use std::collections::HashMap;
 
@@ -11,13 +12,14 @@ use naga::{
     TypeInner, UnaryOperator,
 };
 
-/// What functions return that return a constant.
+/// The return values of the functions that return a constant.
 type Returns = HashMap<Handle<Function>, Literal>;
 
-/// Leaves only what `module`, which must be valid, may execute. It computes the same.
+/// Removes everything that `module` cannot execute. The module must be valid, and computes the same
+/// afterwards.
 pub(super) fn fold(module: &mut Module) {
     let mut returns = Returns::new();
-    // A function comes after all that it calls.
+    // In a valid module, a function comes after the functions that it calls.
     let handles: Vec<_> = module.functions.iter().map(|(handle, _)| handle).collect();
     for handle in handles {
         let mut function = std::mem::take(&mut module.functions[handle]);
@@ -36,7 +38,7 @@ pub(super) fn fold(module: &mut Module) {
 }
 
 fn fold_function(module: &Module, returns: &Returns, function: &mut Function) {
-    // Names are for whoever reads the module, and would keep what they name.
+    // Named expressions only help a reader, and would keep unused expressions alive.
     function.named_expressions.clear();
     loop {
         let mut body = std::mem::take(&mut function.body);
@@ -49,7 +51,7 @@ fn fold_function(module: &Module, returns: &Returns, function: &mut Function) {
     }
 }
 
-/// The constant that a function returns, if it is plain from its beginning that it does.
+/// The constant that a function returns, if its first statement besides stores is a return of a constant.
 fn returned(module: &Module, returns: &Returns, function: &Function) -> Option<Literal> {
     let goes_on = |statement: &&Statement| matches!(statement, Statement::Emit(_) | Statement::Store { .. });
     let Some(Statement::Return { value: Some(value) }) = function.body.iter().find(|s| !goes_on(s)) else {
@@ -58,7 +60,7 @@ fn returned(module: &Module, returns: &Returns, function: &Function) -> Option<L
     Known { module, returns, function, locals: HashMap::new() }.with_locals(&function.body).value(*value)
 }
 
-/// Puts the branch that is taken in the place of each statement that is decided; says whether there was one.
+/// Replaces each `if` whose condition is known by the branch that is taken. Returns whether there was one.
 fn fold_block(known: &Known<'_>, block: &mut Block) -> bool {
     let mut changed = false;
     let mut folded = Block::with_capacity(block.len());
@@ -96,23 +98,25 @@ fn fold_block(known: &Known<'_>, block: &mut Block) -> bool {
     changed
 }
 
-/// Nothing may stand behind it.
+/// Whether no statement may follow this one in its block.
 fn is_end(statement: &Statement) -> bool {
     matches!(statement, Statement::Return { .. } | Statement::Break | Statement::Continue | Statement::Kill)
 }
 
-/// What is known within a function.
+/// The constants known within a function.
 struct Known<'a> {
     module: &'a Module,
     returns: &'a Returns,
     function: &'a Function,
-    /// Values of the variables that stand for the results of `&&` and `||`.
+    /// The only stored value of each variable that holds the result of a `&&` or `||`; `None` where there are
+    /// several.
     locals: HashMap<Handle<LocalVariable>, Option<Handle<Expression>>>,
 }
 
 impl Known<'_> {
-    /// The parser turns `a && b` into an unnamed variable that either branch of `if a` stores to once, before it is read.
-    /// Where only one of the stores is left, it decides.
+    /// Adds the variables of `&&` and `||`. The parser turns `a && b` into an unnamed variable, to which
+    /// either branch of `if a` stores once before it is read. Where only one of these stores is left, its
+    /// value is the variable's value.
     fn with_locals(mut self, body: &Block) -> Self {
         let function = self.function;
         stores(body, &mut |pointer, value| {
@@ -127,6 +131,7 @@ impl Known<'_> {
         self
     }
 
+    /// The value of an expression, if it is a constant.
     fn value(&self, expression: Handle<Expression>) -> Option<Literal> {
         match self.function.expressions[expression] {
             Expression::Literal(literal) => Some(literal),
@@ -151,6 +156,7 @@ impl Known<'_> {
     }
 }
 
+/// The result of a comparison of two `u32` constants.
 fn compare(op: BinaryOperator, left: Literal, right: Literal) -> Option<Literal> {
     let (Literal::U32(left), Literal::U32(right)) = (left, right) else { return None };
     Some(Literal::Bool(match op {
@@ -164,7 +170,7 @@ fn compare(op: BinaryOperator, left: Literal, right: Literal) -> Option<Literal>
     }))
 }
 
-/// Shows `see` the pointer and the value of every store.
+/// Calls `see` with the pointer and the value of every store.
 fn stores(block: &Block, see: &mut dyn FnMut(Handle<Expression>, Handle<Expression>)) {
     for statement in block.iter() {
         match statement {
@@ -186,7 +192,7 @@ fn stores(block: &Block, see: &mut dyn FnMut(Handle<Expression>, Handle<Expressi
 mod tests {
     use super::*;
 
-    /// The folded module, which has to be as valid as before.
+    /// The folded module, checked to be valid.
     fn folded(text: &str) -> Module {
         let mut module = naga::front::wgsl::parse_str(text).expect("the test's WGSL can be parsed");
         fold(&mut module);
@@ -210,7 +216,7 @@ mod tests {
     ";
 
     #[test]
-    fn what_constants_rule_out_is_gone_with_all_that_only_it_used() {
+    fn branches_that_constants_rule_out_are_removed_with_everything_only_they_use() {
         let module = folded(&format!(
             "{HEAD}
             @compute @workgroup_size(1)
@@ -233,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_stays() {
+    fn branches_with_unknown_conditions_stay() {
         let module = folded(&format!(
             "{HEAD}
             @compute @workgroup_size(1)

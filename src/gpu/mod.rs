@@ -1,5 +1,5 @@
-//! The graphics device: opening it, composing shaders for it, moving data to and from it. Nothing above
-//! [`crate::render`] sees these types, but for the products of [`crate::transport`].
+//! The graphics device: it is opened here, shaders are composed for it, and data is moved to and from it.
+//! Only [`crate::render`] and the GPU matrix of [`crate::transport`] use these types.
 
 pub(crate) mod buffers;
 pub(crate) mod device;

@@ -1,4 +1,4 @@
-//! Bringing results back: a buffer is mapped as soon as the work that fills it is done.
+//! Results of kernels, read back by the host: a buffer is mapped as soon as the kernel that fills it is done.
 
 use std::sync::mpsc::Receiver;
 
@@ -7,16 +7,17 @@ use wgpu::BufferUsages;
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// Where a kernel writes what the host is to read.
+/// The buffer of a kernel's results, with a staging buffer where the host cannot read the first one. Clones
+/// share them.
 #[derive(Clone)]
 pub(crate) struct Results {
-    /// What the kernel writes to.
+    /// The buffer to which the kernel writes.
     pub(crate) buffer: wgpu::Buffer,
-    /// `None` where the host reads the results where they are: see [`Gpu::shares_memory`].
+    /// The staging buffer; `None` where the host reads results in place (see [`Gpu::shares_memory`]).
     readback: Option<wgpu::Buffer>,
 }
 
-/// Results under way.
+/// A request for results that are in flight.
 pub(crate) struct Readback {
     submission: wgpu::SubmissionIndex,
     mapped: Receiver<std::result::Result<(), wgpu::BufferAsyncError>>,
@@ -24,7 +25,7 @@ pub(crate) struct Readback {
 }
 
 impl Results {
-    /// Room for `bytes` of them.
+    /// Allocates `bytes` for results.
     pub(crate) fn new(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
         let read = if gpu.shares_memory { BufferUsages::MAP_READ } else { BufferUsages::COPY_SRC };
         let readback = (!gpu.shares_memory)
@@ -35,7 +36,8 @@ impl Results {
         })
     }
 
-    /// Hands `encoder` to the device, and with it what brings the first `bytes` to where the host reads. For [`Gpu::guarded`].
+    /// Submits `encoder`, followed by a copy of the first `bytes` to the staging buffer, if there is one.
+    /// Call it within [`Gpu::guarded`].
     pub(crate) fn submit(
         &self,
         gpu: &Gpu,
@@ -48,34 +50,37 @@ impl Results {
         gpu.queue.submit([encoder.finish()])
     }
 
-    /// Asks for the first `bytes` as `submission` leaves them.
+    /// Requests the first `bytes` in their state after `submission`.
     pub(crate) fn request(&self, bytes: u64, submission: wgpu::SubmissionIndex) -> Readback {
         let (sender, mapped) = std::sync::mpsc::channel();
         self.readable().map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            // Nobody listens any more where the work has been interrupted.
+            // After an interruption nothing receives this.
             let _ = sender.send(outcome);
         });
         Readback { submission, mapped, bytes }
     }
 
-    /// Waits for what was asked for. Drop the view and call [`Results::release`] before the device is to write there again.
-    pub(crate) fn wait(&self, gpu: &Gpu, asked: Readback) -> Result<wgpu::BufferView> {
-        gpu.wait(Some(asked.submission))?;
+    /// Waits for requested results. Drop the view and call [`Results::release`] before the device writes to
+    /// the buffer again.
+    pub(crate) fn wait(&self, gpu: &Gpu, request: Readback) -> Result<wgpu::BufferView> {
+        gpu.wait(Some(request.submission))?;
         let lost = |reason: String| Error::Device {
             fault: format!("results cannot be read back from {}: {reason}", gpu.summary.name),
             help: "run again; if it happens again, choose another --adapter".into(),
         };
-        match asked.mapped.try_recv() {
-            Ok(Ok(())) => self.readable().get_mapped_range(0..asked.bytes).map_err(|e| lost(e.to_string())),
+        match request.mapped.try_recv() {
+            Ok(Ok(())) => self.readable().get_mapped_range(0..request.bytes).map_err(|e| lost(e.to_string())),
             Ok(Err(e)) => Err(lost(e.to_string())),
             Err(e) => Err(lost(e.to_string())),
         }
     }
 
+    /// Makes the results writable again for the device.
     pub(crate) fn release(&self) {
         self.readable().unmap();
     }
 
+    /// The buffer that the host maps.
     fn readable(&self) -> &wgpu::Buffer {
         self.readback.as_ref().unwrap_or(&self.buffer)
     }

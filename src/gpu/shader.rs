@@ -1,6 +1,7 @@
-//! Composing WGSL: `#import NAME` brings in `shaders/shared/NAME.wgsl` once, before anything that follows.
+//! WGSL sources and their composition: the line `#import NAME` inserts `shaders/shared/NAME.wgsl`, at most
+//! once for each shader.
 //!
-//! With `KRYLUX_DUMP_WGSL=DIR` in the environment every composed shader is also written to `DIR/NAME.wgsl`.
+//! With `KRYLUX_DUMP_WGSL=DIR` in the environment, every composed shader is also written to `DIR/NAME.wgsl`.
 
 use super::fold::fold;
 use crate::error::{Error, Result};
@@ -24,6 +25,7 @@ shaders! {
     "" / "trace_photons",
     "shared" / "bsdf",
     "shared" / "bvh",
+    "shared" / "connect",
     "shared" / "corners",
     "shared" / "endpoint",
     "shared" / "features",
@@ -47,16 +49,16 @@ shaders! {
     "shared" / "warp",
 }
 
-/// The whole WGSL of the entry point `name`, imports resolved.
+/// The complete WGSL of the entry point `name`, with its imports resolved.
 ///
 /// # Errors
-/// [`Error::Device`] naming the shader when it, or what it imports, does not exist or does not validate.
+/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or is not valid.
 pub fn compose(name: &str) -> Result<String> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     compose_source(name, source)
 }
 
-/// As [`compose`], for WGSL that is not among [`SOURCES`] (tests of single functions).
+/// As [`compose`], for WGSL that is not one of [`SOURCES`], such as a test of a single function.
 ///
 /// # Errors
 /// As [`compose`].
@@ -66,12 +68,13 @@ pub fn compose_source(name: &str, source: &str) -> Result<String> {
     Ok(text)
 }
 
-/// The entry point `name` with these values for its overrides, and without what they rule out; what it has no override for is passed
-/// over. Not validated: whoever makes a kernel of it does that.
+/// The entry point `name` with these values for its overrides, without the code that they rule out. Values
+/// without an override are ignored. The module is not validated here; wgpu validates it when it makes a
+/// kernel of it.
 ///
 /// # Errors
-/// [`Error::Device`] naming the shader when it, or what it imports, does not exist or cannot be parsed, or when an override has no
-/// value.
+/// [`Error::Device`], which names the shader, where it or one of its imports does not exist or cannot be
+/// parsed, or where an override has no value.
 pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Module> {
     let source = lookup(name).ok_or_else(|| fault(name, "there is no such shader"))?;
     let text = with_constants(name, &assemble(name, source)?, constants)?;
@@ -80,8 +83,8 @@ pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Modu
     Ok(module)
 }
 
-/// `text` with constants in the place of overrides, which stand on lines of their own. The parser of constants needs no second
-/// pass over the module.
+/// `text` with its overrides replaced by constants. Each override has a line of its own. Constants in the
+/// text spare a second pass over the module, which overrides would need.
 fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<String> {
     let mut out = String::with_capacity(text.len());
     for line in text.lines() {
@@ -104,7 +107,7 @@ fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<S
     Ok(out)
 }
 
-/// Imports resolved, and dumped where that is wanted.
+/// The text of a shader with its imports resolved. It is also dumped, if the environment asks for that.
 fn assemble(name: &str, source: &str) -> Result<String> {
     let mut text = String::new();
     append(name, source, &mut Vec::new(), &mut text)?;
@@ -115,10 +118,12 @@ fn assemble(name: &str, source: &str) -> Result<String> {
     Ok(text)
 }
 
+/// The source of this name.
 fn lookup(name: &str) -> Option<&'static str> {
     SOURCES.iter().find(|(known, _)| *known == name).map(|(_, source)| *source)
 }
 
+/// Appends `source` to `text`, with each import that is not in `done` before the line that follows it.
 fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -> Result<()> {
     for line in source.lines() {
         let Some(import) = line.strip_prefix("#import ") else {
@@ -137,14 +142,15 @@ fn append(name: &str, source: &str, done: &mut Vec<String>, text: &mut String) -
     Ok(())
 }
 
-/// Parses and validates with naga, so that a mistake is shown with its line, before any driver sees it.
+/// Parses and validates a shader with naga, so that an error names the line before any driver sees the
+/// shader.
 fn validate(name: &str, text: &str) -> Result<naga::Module> {
     let module = parse(name, text)?;
     validated(text, &module).map_err(|what| fault(name, &what))?;
     Ok(module)
 }
 
-/// What is wrong with `module`, if anything, in the lines of `text`.
+/// Validates `module`. The error text refers to the lines of `text`.
 fn validated(text: &str, module: &naga::Module) -> std::result::Result<(), String> {
     let mut validator =
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all());
@@ -155,7 +161,7 @@ fn parse(name: &str, text: &str) -> Result<naga::Module> {
     naga::front::wgsl::parse_str(text).map_err(|e| fault(name, &e.emit_to_string(text)))
 }
 
-/// The composed shader `name` as naga sees it, e.g. to compare its layouts with the host's.
+/// The composed shader `name` as a naga module, for example to compare its layouts with those of the host.
 ///
 /// # Errors
 /// As [`compose`].
@@ -163,6 +169,7 @@ pub fn module(name: &str) -> Result<naga::Module> {
     validate(name, &compose(name)?)
 }
 
+/// An error in a shader.
 fn fault(name: &str, what: &str) -> Error {
     Error::Device {
         fault: format!("shader {name}: {what}"),
@@ -181,7 +188,7 @@ mod tests {
         }
     }
 
-    /// Values for all overrides of `trace_paths`: 1 for those named, else 0.
+    /// Values for all overrides of `trace_paths`: 1 for those in `on`, 0 for the others.
     fn constants(on: &[&str]) -> Vec<(&'static str, f64)> {
         let names = lookup("shared/features")
             .unwrap_or_default()
@@ -191,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kernel_has_nothing_that_its_scene_has_not() {
+    fn a_kernel_has_no_code_for_features_that_its_scene_lacks() {
         let functions = |on: &[&str]| -> Vec<String> {
             let module = kernel("trace_paths", &constants(on)).unwrap_or_else(|e| unreachable!("{e}"));
             validated("", &module).unwrap_or_else(|e| unreachable!("{e}"));
@@ -213,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn an_import_comes_once_and_first() {
+    fn an_import_is_inserted_once_before_its_use() {
         let text = compose_source("twice", "#import rng\n#import rng\nfn f() -> u32 { return 1u; }\n");
         let text = text.unwrap_or_else(|e| unreachable!("{e}"));
         assert_eq!(text.matches("fn pcg4d").count(), 1);
@@ -221,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mistake_is_shown_with_its_line() {
+    fn an_error_shows_the_faulty_line() {
         let error = compose_source("wrong", "fn f() -> u32 { return 1.5; }").map(drop);
         let message = error.map_or_else(|e| e.to_string(), |()| String::new());
         assert!(message.contains("shader wrong") && message.contains("1.5"), "{message}");

@@ -19,8 +19,9 @@ pub struct Run {
 
 /// Records of consecutive paths from one endpoint of the rig.
 ///
-/// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the projector stands apart from the
-/// camera, the batches of the projector's paths follow those of the camera's paths.
+/// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the
+/// projector stands apart from the camera, the batches of the projector's paths follow those of the camera's
+/// paths.
 pub struct Batch<'a> {
     first_path: u64,
     layout: Layout,
@@ -71,8 +72,8 @@ impl<'a> Batch<'a> {
         ((self.first_path + index as u64) / u64::from(self.layout.samples)) as u32
     }
 
-    /// Whether each connection counts for `A_ji` and for its mirror image `A_ij`. This is so for a coaxial rig. Where the projector stands
-    /// apart, paths are traced from both endpoints instead.
+    /// Whether each connection counts for `A_ji` and for its mirror image `A_ij`. This is so for a coaxial
+    /// rig. Where the projector stands apart, paths are traced from both endpoints instead.
     pub fn symmetric(&self) -> bool {
         self.layout.symmetric
     }
@@ -92,8 +93,9 @@ impl<'a> Batch<'a> {
         self.layout.samples
     }
 
-    /// The sample of `A_jj` by path `index`: direct light, which returns the way it came, also by mirrors and through glass. It is zero where
-    /// the ray met nothing, and in rigs with lenses or with a projector that stands apart.
+    /// The sample of `A_jj` by path `index`: direct light, which returns the way it came, also by mirrors and
+    /// through glass. It is zero where the ray met nothing, and in rigs with lenses or with a projector that
+    /// stands apart.
     pub fn direct(&self, index: usize) -> [f32; 3] {
         value(self.slot(index, 0))
     }
@@ -103,8 +105,8 @@ impl<'a> Batch<'a> {
         self.layout.ambient
     }
 
-    /// The light that the scene itself emits towards path `index`, in W/(m² sr); `None` in a scene without emission, and for paths from the
-    /// projector.
+    /// The light that the scene itself emits towards path `index`, in W/(m² sr); `None` in a scene without
+    /// emission, and for paths from the projector.
     pub fn ambient(&self, index: usize) -> Option<[f32; 3]> {
         self.layout.ambient.then(|| value(self.slot(index, self.layout.stride() - 1)))
     }
@@ -114,7 +116,8 @@ impl<'a> Batch<'a> {
         self.connections_from(self.pixel(index), index)
     }
 
-    /// As [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts from `pixel`.
+    /// As [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts
+    /// from `pixel`.
     pub fn connections_from(&self, pixel: u32, index: usize) -> impl Iterator<Item = Connection> + '_ {
         let from_camera = self.layout.from_camera;
         self.ends(index).filter(|end| end.is_seen).map(move |end| {
@@ -140,7 +143,8 @@ impl<'a> Batch<'a> {
         rays(self.slot(index, 0))
     }
 
-    /// The number of paths whose records do not carry `mark`, which the device never finished; and the number of rays of all paths.
+    /// The number of paths whose records do not carry `mark`, which the device never finished; and the number
+    /// of rays of all paths.
     pub(super) fn unfinished_and_rays(&self, mark: u32) -> (u64, u64) {
         let count = |heads: &[[u32; 4]]| {
             heads.iter().fold((0, 0), |(unfinished, sum), head| {

@@ -1,4 +1,5 @@
-//! The size of dispatches, which follows from their measured time, and the marks by which the host notices unfinished paths.
+//! The size of dispatches, which follows from their measured time, and the marks by which the host notices
+//! unfinished paths.
 
 use std::num::NonZero;
 use std::sync::OnceLock;
@@ -8,8 +9,8 @@ use super::features::SceneFeatures;
 use super::parameters::Parameters;
 use crate::gpu::Gpu;
 
-/// The time that a dispatch should take: short enough for progress, cancellation and the watchdog of a GPU, and so long that its overhead
-/// does not matter.
+/// The time that a dispatch should take: short enough for progress, cancellation and the watchdog of a GPU,
+/// and so long that its overhead does not matter.
 const TARGET: Duration = Duration::from_millis(100);
 
 /// The most bytes of records that a dispatch writes: enough paths to keep a GPU busy.
@@ -21,8 +22,9 @@ const RECORD_BYTES_IN_CACHE: u64 = 8 << 20;
 /// The most paths of one dispatch: 65,535 workgroups of 64.
 pub(super) const MAX_PATHS: u32 = 65_535 * 64;
 
-/// The most surfaces that all paths of one invocation meet together. Software Vulkan stops an invocation after 65,535 loop iterations; in a
-/// scene of a million triangles, an invocation still met a thousand surfaces.
+/// The most surfaces that all paths of one invocation meet together. Software Vulkan stops an invocation
+/// after 65,535 loop iterations; in a scene of a million triangles, an invocation still met a thousand
+/// surfaces.
 const SURFACES_OF_INVOCATION: u32 = 384;
 
 /// The most paths of one invocation.
@@ -30,10 +32,11 @@ const MAX_PATHS_PER_INVOCATION: u32 = 64;
 
 /// The most paths that one invocation may trace, one after the other.
 ///
-/// Software Vulkan executes eight invocations in lockstep. With one path each, all would wait for the longest of eight paths; with several
-/// paths each, an invocation starts its next path instead. One path each is faster in three cases: where paths gather photons, since lanes
-/// of one pixel then read the same ones; where rays test each of a few triangles, since compiling takes longer than it saves; and on a
-/// GPU, which switches to other invocations while one waits. Measured: see benches/README.md.
+/// Software Vulkan executes eight invocations in lockstep. With one path each, all would wait for the longest
+/// of eight paths; with several paths each, an invocation starts its next path instead. One path each is
+/// faster in three cases: where paths gather photons, since lanes of one pixel then read the same ones; where
+/// rays test each of a few triangles, since compiling takes longer than it saves; and on a GPU, which
+/// switches to other invocations while one waits. Measured: see benches/README.md.
 pub(super) fn max_paths_per_invocation(
     gpu: &Gpu,
     scene: &SceneFeatures,
@@ -47,7 +50,8 @@ pub(super) fn max_paths_per_invocation(
     }
 }
 
-/// The number of cores over which software Vulkan distributes a dispatch. It is determined once, since the system reads it from files.
+/// The number of cores over which software Vulkan distributes a dispatch. It is determined once, since the
+/// system reads it from files.
 fn cores() -> u32 {
     static CORES: OnceLock<u32> = OnceLock::new();
     *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, NonZero::get) as u32)
@@ -60,14 +64,16 @@ pub(super) struct Dispatches {
 }
 
 impl Dispatches {
-    /// A mark for the next dispatch, in the upper 16 bits. It is not 0, and differs from the last 65,534 marks.
+    /// A mark for the next dispatch, in the upper 16 bits. It is not 0, and differs from the last 65,534
+    /// marks.
     pub(super) fn mark(&mut self) -> u32 {
         self.count = self.count % 0xffff + 1;
         self.count << 16
     }
 
-    /// The most paths of one dispatch, of `total` paths, where each path has `stride` slots of 16 bytes and each invocation traces up to
-    /// `per_invocation` paths. On a processor all cores get the same number of workgroups, if there is at least one for each.
+    /// The most paths of one dispatch, of `total` paths, where each path has `stride` slots of 16 bytes and
+    /// each invocation traces up to `per_invocation` paths. On a processor all cores get the same number of
+    /// workgroups, if there is at least one for each.
     pub(super) fn capacity(&self, gpu: &Gpu, stride: u64, per_invocation: u32, total: u64) -> u32 {
         let target = if gpu.shares_memory { RECORD_BYTES_IN_CACHE } else { RECORD_BYTES };
         let bytes = target.min(gpu.summary.max_storage_binding).min(gpu.summary.max_buffer);
@@ -93,11 +99,12 @@ impl Work {
     }
 }
 
-/// Sizes the dispatches of one kernel: from the measured time of a dispatch follows the number of paths of the next one. A tracer keeps
-/// the sizer between traces, so that only the first trace has to find the size.
+/// Sizes the dispatches of one kernel: from the measured time of a dispatch follows the number of paths of
+/// the next one. A tracer keeps the sizer between traces, so that only the first trace has to find the size.
 #[derive(Debug, Default)]
 pub(super) struct DispatchSizer {
-    /// Target number of paths; `None` before the first dispatch. That one compiles the pipeline, so that its time is no measure.
+    /// Target number of paths; `None` before the first dispatch. That one compiles the pipeline, so that its
+    /// time is no measure.
     target: Option<u32>,
     work: Option<Work>,
     /// The driver stopped invocations with several paths, so that each invocation traces one.
@@ -112,7 +119,8 @@ impl DispatchSizer {
     /// The largest factor by which one measurement increases the size, since the next paths may take longer.
     const GROWTH: f64 = 16.0;
 
-    /// Prepares for a trace of such paths. Where they differ from those of the last trace, the size starts anew.
+    /// Prepares for a trace of such paths. Where they differ from those of the last trace, the size starts
+    /// anew.
     pub(super) fn begin(&mut self, work: Work) {
         if self.work.replace(work) != Some(work) {
             self.one_path_each = false;
@@ -125,8 +133,8 @@ impl DispatchSizer {
         self.target.unwrap_or(Self::COLD).min(most)
     }
 
-    /// Number of paths that each invocation of a dispatch of `paths` traces, at most `most`. Each core gets four workgroups, so that all
-    /// cores end at about the same time.
+    /// Number of paths that each invocation of a dispatch of `paths` traces, at most `most`. Each core gets
+    /// four workgroups, so that all cores end at about the same time.
     pub(super) fn paths_per_invocation(&self, paths: u32, most: u32) -> u32 {
         paths.div_ceil(64 * 4 * cores()).clamp(1, if self.one_path_each { 1 } else { most })
     }
@@ -136,8 +144,8 @@ impl DispatchSizer {
         self.one_path_each = true;
     }
 
-    /// The most dispatches that should be in flight. As soon as their size has been measured there are two, so that the device does not wait
-    /// for the host.
+    /// The most dispatches that should be in flight. As soon as their size has been measured there are two,
+    /// so that the device does not wait for the host.
     pub(super) fn max_in_flight(&self) -> usize {
         if self.target.is_some() { 2 } else { 1 }
     }
@@ -149,8 +157,8 @@ impl DispatchSizer {
             return;
         };
         let factor = TARGET.as_secs_f64() / elapsed.as_secs_f64().max(1e-6);
-        // A dispatch smaller than the target (the last one of a trace, or one at the capacity) is mostly overhead: it only shows whether the
-        // target is too large.
+        // A dispatch smaller than the target (the last one of a trace, or one at the capacity) is mostly
+        // overhead: it only shows whether the target is too large.
         if paths < target && factor >= 1.0 {
             return;
         }

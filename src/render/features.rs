@@ -12,7 +12,8 @@ pub(super) struct Features {
     pub(super) coaxial_pinhole: bool,
     /// Paths may end by Russian roulette.
     pub(super) roulette: bool,
-    /// Texels in a row of the light buffer, where rays from and to the pinhole use it ([`super::light_buffer`]); else 0.
+    /// Texels in a row of the light buffer, where rays from and to the pinhole use it
+    /// ([`super::light_buffer`]); else 0.
     pub(super) light_buffer_side: u32,
     /// One invocation traces several paths, one after the other.
     pub(super) several_paths: bool,
@@ -31,7 +32,8 @@ pub(super) struct SceneFeatures {
     pub(super) passable: bool,
     /// Some surfaces border on a medium.
     pub(super) media: bool,
-    /// The nodes and the triangles of the search tree lie in one texture row each, and 16 bits are enough for a node's index.
+    /// The nodes and the triangles of the search tree lie in one texture row each, and 16 bits are enough for
+    /// a node's index.
     pub(super) small_tree: bool,
     /// The number of pairs of triangles, where rays test each of them; 0 where rays traverse the search tree.
     pub(super) few_pairs: u32,

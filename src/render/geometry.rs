@@ -12,7 +12,8 @@ use crate::gpu::buffers::TEXTURE_WIDTH;
 use crate::scene::bvh::Bvh;
 use crate::scene::{AlphaMode, Camera, Material, Scene, Triangle};
 
-/// The most triangles of a scene that is traced without a search tree: visiting a node costs as much as testing several triangles.
+/// The most triangles of a scene that is traced without a search tree: visiting a node costs as much as
+/// testing several triangles.
 const FEW_TRIANGLES: usize = 8;
 
 /// A scene on the device. The first seven members are bindings 1 to 7 of group 0, in this order.
@@ -36,7 +37,8 @@ impl GpuScene {
     /// Builds the search tree, and moves the scene to the device.
     ///
     /// # Errors
-    /// [`Error::Scene`] where no search tree of bounded depth exists; [`Error::Device`] where the scene does not fit.
+    /// [`Error::Scene`] where no search tree of bounded depth exists; [`Error::Device`] where the scene does
+    /// not fit.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let frame = CameraFrame::of(&scene.camera);
         let positions: Vec<[Vec3; 3]> =
@@ -77,7 +79,8 @@ impl GpuScene {
     }
 }
 
-/// Pads each record of `FROM` texels with zeros to `TO` texels. With a power of two, a shift finds the first texel of a record.
+/// Pads each record of `FROM` texels with zeros to `TO` texels. With a power of two, a shift finds the first
+/// texel of a record.
 fn spread<const FROM: usize, const TO: usize>(texels: &[[u32; 4]]) -> Vec<[u32; 4]> {
     let records = texels.as_chunks::<FROM>().0.iter();
     records.flat_map(|record| (0..TO).map(|at| record.get(at).copied().unwrap_or_default())).collect()
@@ -103,8 +106,9 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     }
 }
 
-/// The camera's frame: the camera at the origin, looking along −z. `f32` is most precise near the origin, so that a scene whose own origin
-/// is far away loses nothing. The change of frame is computed in `f64`, so that it does not round twice.
+/// The camera's frame: the camera at the origin, looking along −z. `f32` is most precise near the origin, so
+/// that a scene whose own origin is far away loses nothing. The change of frame is computed in `f64`, so that
+/// it does not round twice.
 struct CameraFrame {
     rotation: DMat3,
     origin: DVec3,
@@ -126,8 +130,8 @@ impl CameraFrame {
     }
 }
 
-/// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are white, and its normals are those
-/// of the plane, to the precision of 16-bit coordinates.
+/// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are
+/// white, and its normals are those of the plane, to the precision of 16-bit coordinates.
 fn is_plain(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.positions;
     let normal = (b - a).cross(c - a).normalize_or_zero();
@@ -135,8 +139,8 @@ fn is_plain(triangle: &Triangle) -> bool {
     triangle.colors == [Triangle::WHITE; 3] && triangle.normals.iter().all(flat)
 }
 
-/// The texels of all pairs, as `shaders/shared/pairs.wgsl` reads them, and the texels of their corner attributes, for those pairs that have
-/// any.
+/// The texels of all pairs, as `shaders/shared/pairs.wgsl` reads them, and the texels of their corner
+/// attributes, for those pairs that have any.
 fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
     let textured: Vec<bool> =
         scene.materials.iter().map(|material| material.textures().next().is_some()).collect();
@@ -148,7 +152,8 @@ fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 
         // Both triangles of a pair have the same.
         let Triangle { material, region, .. } = triangles[0];
         let needs_corners = textured[material as usize] || !triangles.iter().all(is_plain);
-        // There are six texels for each triangle. The size limit of the array is far below u32::MAX, and is checked when it is made.
+        // There are six texels for each triangle. The size limit of the array is far below u32::MAX, and is
+        // checked when it is made.
         let first_corner = if needs_corners { corners.len() as u32 } else { NONE };
         if needs_corners {
             corners.extend(triangles.iter().flat_map(|triangle| pack_corners(triangle, frame)).flatten());

@@ -8,7 +8,8 @@ use crate::scene::{AlphaMode, Material, Scene};
 /// A surface with a smaller microfacet width `α` counts as smooth.
 pub const MIN_ALPHA: f32 = 1e-3;
 
-/// The index that stands for no pixel, triangle, region, and so on; `NONE` in `shaders/shared/parameters.wgsl`.
+/// The index that stands for no pixel, triangle, region, and so on; `NONE` in
+/// `shaders/shared/parameters.wgsl`.
 pub(super) const NONE: u32 = u32::MAX;
 
 const DOUBLE_SIDED: u32 = 1;
@@ -16,8 +17,8 @@ const LETS_LIGHT_THROUGH: u32 = 2;
 const BLEND: u32 = 4;
 const MASK: u32 = 8;
 
-/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. On software Vulkan, loads from storage textures are far
-/// cheaper than loads from buffers.
+/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. On software Vulkan, loads from
+/// storage textures are far cheaper than loads from buffers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct GpuMaterial {
@@ -44,8 +45,9 @@ pub(super) struct GpuMaterial {
 impl GpuMaterial {
     /// A material whose textures are `begin..end` of the list.
     fn new(material: &Material, [begin, end]: [u32; 2]) -> Self {
-        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ = factor. The shader applies the
-        // minimum and the factor, since both colour and factor may have a texture.
+        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ =
+        // factor. The shader applies the minimum and the factor, since both colour and factor may have a
+        // texture.
         let normal_incidence = ((material.ior - 1.0) / (material.ior + 1.0)).powi(2);
         let through = material.lets_light_through();
         // Light does not enter an opaque surface, so that it has no medium.
@@ -68,7 +70,7 @@ impl GpuMaterial {
             absorption: volume.map_or(Vec3::ZERO, |volume| volume.absorption()),
             transmission: material.transmission,
             cutoff,
-            // An index of 0 stands for a Fresnel term of 1: no light enters, and none is refracted.
+            // In glTF an index of 0 means a Fresnel term of 1: no light enters, and none is refracted.
             ior: if volume.is_some() && material.ior > 0.0 { material.ior } else { 1.0 },
             normal_scale: material.normal_scale,
             padding: 0,

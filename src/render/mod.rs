@@ -1,4 +1,5 @@
-//! The path tracer: it traces the light paths of a scene, as connections between camera pixels and projector pixels.
+//! The path tracer: it traces the light paths of a scene, as connections between camera pixels and projector
+//! pixels.
 //!
 #![doc = include_str!("../../docs/operator.md")]
 

@@ -32,7 +32,8 @@ impl StagingBuffers {
     }
 }
 
-/// The bindings of a kernel: its staging buffers, and everything that it reads. It serves one dispatch at a time.
+/// The bindings of a kernel: its staging buffers, and everything that it reads. It serves one dispatch at a
+/// time.
 pub(super) struct Output {
     staging: StagingBuffers,
     scene_group: wgpu::BindGroup,
@@ -79,8 +80,8 @@ impl Output {
         })
     }
 
-    /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each invocation, and requests the first
-    /// `bytes` of its results.
+    /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each
+    /// invocation, and requests the first `bytes` of its results.
     pub(super) fn launch(
         &self,
         gpu: &Gpu,
@@ -102,8 +103,8 @@ impl Output {
         Ok(self.staging.results.request(bytes, submission))
     }
 
-    /// Waits for a dispatch that this output launched, and returns its results. Drop the view and call [`Output::release`] before the
-    /// next launch.
+    /// Waits for a dispatch that this output launched, and returns its results. Drop the view and call
+    /// [`Output::release`] before the next launch.
     pub(super) fn wait(&self, gpu: &Gpu, in_flight: Readback) -> Result<wgpu::BufferView> {
         self.staging.results.wait(gpu, in_flight)
     }

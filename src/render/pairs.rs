@@ -1,30 +1,34 @@
-//! Triangles in pairs that share an edge: a ray tests both at once, by four corners instead of six.
+//! Pairs of triangles that share an edge. A ray tests both triangles of a pair at once, with four corners
+//! instead of six.
 //!
-//! After the quadrilaterals of Embree and of hardware, which take what they pair from the mesh; here whatever neighbours there are.
+//! Embree and ray tracing hardware have quadrilaterals for the same purpose, which they take from the mesh.
+//! Here any two neighbouring triangles can become a pair.
 
 use glam::{DVec3, Vec3};
 
 use super::materials::NONE;
 use crate::scene::Triangle;
 
-/// Sine of the angle to a triangle's plane from which on the pinhole sees it edge-on, so that rounding decides from which side.
+/// The sine of the angle between the line of sight and a triangle's plane below which the pinhole sees the
+/// triangle edge-on: then rounding decides which side it sees.
 const EDGE_ON: f64 = 1e-4;
 
-/// A box around two triangles has at most so much of both boxes' surface. Halves of a parallelogram have 0.5 to 0.6; measured: with 1, in
-/// place of 0.6 to 0.8, rays took 3 to 7 % longer.
+/// The largest surface of a box around a pair, relative to the sum of the surfaces of both triangles' boxes.
+/// The halves of a parallelogram have 0.5 to 0.6. With a limit of 1 instead of 0.6 to 0.8, rays took 3 to 7 %
+/// longer.
 const CLOSE: f64 = 0.75;
 
 /// One or two triangles of one material and region.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pair {
-    /// Corners: the first triangle's are 0, 1, 2, the second one's 0, 2, 3. One alone ends where it began, and
-    /// no ray meets what has no area.
+    /// The first triangle has corners 0, 1, 2, the second one corners 0, 2, 3. A single triangle has corner 3
+    /// equal to corner 0: its second triangle has no area, and no ray meets it.
     pub(super) corners: [Vec3; 4],
     first: Rotated,
     second: Option<Rotated>,
 }
 
-/// A triangle of the scene, and which of its corners comes first.
+/// A triangle of the scene with its corners rotated: `by` is the corner that comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Rotated {
     pub(super) index: usize,
@@ -32,11 +36,12 @@ pub(super) struct Rotated {
 }
 
 impl Pair {
+    /// A single triangle.
     fn alone(index: usize, [a, b, c]: [Vec3; 3]) -> Self {
         Self { corners: [a, b, c, a], first: Rotated { index, by: 0 }, second: None }
     }
 
-    /// Across edge `edge` of the first one, which is edge `other_edge` of the second.
+    /// Two triangles that share edge `edge` of the first, which is edge `other_edge` of the second.
     fn across(
         (index, corners, edge): (usize, [Vec3; 3], usize),
         (other, others, other_edge): (usize, [Vec3; 3], usize),
@@ -48,13 +53,13 @@ impl Pair {
         Self { corners: [a, b, c, d], first, second: Some(second) }
     }
 
-    /// Its triangles, and their corners.
+    /// The triangles of the pair, and their corners.
     pub(super) fn triangles(&self) -> impl Iterator<Item = (Rotated, [Vec3; 3])> {
         let [a, b, c, d] = self.corners;
         [Some((self.first, [a, b, c])), self.second.map(|second| (second, [a, c, d]))].into_iter().flatten()
     }
 
-    /// The least and the greatest coordinates.
+    /// The bounding box: the least and the greatest coordinates.
     pub(super) fn extent(&self) -> [Vec3; 2] {
         let [a, b, c, d] = self.corners;
         [a.min(b).min(c.min(d)), a.max(b).max(c.max(d))]
@@ -62,11 +67,12 @@ impl Pair {
 }
 
 impl Rotated {
+    /// Three values, one for each corner, in the rotated order.
     fn corners<T: Copy>(self, [a, b, c]: [T; 3]) -> [T; 3] {
         [[a, b, c], [b, c, a], [c, a, b]][self.by]
     }
 
-    /// The scene's triangle, beginning with that corner.
+    /// The triangle with its corners in the rotated order.
     pub(super) fn of(self, triangles: &[Triangle]) -> Triangle {
         let triangle = triangles[self.index];
         Triangle {
@@ -79,9 +85,11 @@ impl Rotated {
     }
 }
 
-/// Pairs up a scene's triangles, each given by its corners in the pinhole's frame: each with the neighbour beside which it takes the least
-/// room, if that is little beside what both have alone, and if the pinhole sees both from the same side, so that from there neither can
-/// hide the other.
+/// Pairs up the triangles of a scene. `corners` are their corners in the pinhole's frame.
+///
+/// Each triangle is paired with the free neighbour with which its common bounding box is smallest, if that
+/// box is small relative to the boxes of both. The pinhole has to see both triangles from the same side: then
+/// neither hides the other from it.
 pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair> {
     let neighbours = neighbours(corners);
     let equal = |a: usize, b: usize| {
@@ -121,27 +129,28 @@ pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair
     pairs
 }
 
-/// Which side of a triangle the pinhole, at the origin, sees: the sign says it, and 0 that it sees neither.
+/// The side of a triangle that the pinhole at the origin sees: 1 or −1, or 0 where it sees the triangle
+/// edge-on.
 fn seen_from(corners: &[Vec3; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let sine = a.normalize_or_zero().dot((b - a).cross(c - a).normalize_or_zero());
     if sine.abs() < EDGE_ON { 0.0 } else { sine.signum() }
 }
 
-/// Half the surface of a box.
+/// Half the surface area of a box.
 fn half_area([low, high]: [Vec3; 2]) -> f64 {
     let DVec3 { x, y, z } = (high - low).as_dvec3();
     x * y + y * z + z * x
 }
 
-/// Edges, numbered by 3 · triangle + corner, run from that corner to the triangle's next one. For each of them the one of another triangle
-/// that runs the other way, or `NONE`.
+/// For each edge, the edge of another triangle that runs in the opposite direction, or `NONE`. Edge 3 ·
+/// triangle + corner runs from this corner to the next corner of the triangle.
 fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
     let ends = |edge: u32| {
         let (corners, from) = (corners[edge as usize / 3], edge as usize % 3);
         [corners[from], corners[(from + 1) % 3]]
     };
-    // Three times as many as there may be triangles are far below 2³².
+    // Three times the largest number of triangles is far below 2³².
     let count = 3 * corners.len() as u32;
     let mut edges: Vec<(u64, u32)> = (0..count)
         .map(|edge| {
@@ -162,10 +171,11 @@ fn neighbours(corners: &[[Vec3; 3]]) -> Vec<u32> {
     neighbours
 }
 
-/// Of a point, by its bits: brings an edge beside the same edge of the neighbour, and need do no more.
+/// A hash of the bits of a point. Its only purpose is to sort equal edges next to each other.
 fn hash(point: Vec3) -> u64 {
     let word = |value: f32| u64::from(value.to_bits());
-    // Odd constants of a linear congruential generator (Steele and Vigna 2021), then the upper half folded down.
+    // Odd multipliers of linear congruential generators (Steele and Vigna 2021); then the upper half is
+    // folded into the lower one.
     let mixed = (word(point.x).wrapping_mul(0xd134_2543_de82_ef95))
         .wrapping_add(word(point.y))
         .wrapping_mul(0xaf25_1af3_b0f0_25b5)
@@ -180,7 +190,7 @@ mod tests {
 
     use super::*;
 
-    /// Ahead of the pinhole, as it looks along −z.
+    /// A triangle in front of the pinhole, which looks along −z.
     fn triangle(corners: [[f32; 2]; 3]) -> Triangle {
         Triangle::flat(corners.map(|[x, y]| vec3(x, y, -2.0)), 0, 0)
     }
@@ -194,7 +204,7 @@ mod tests {
     const UPPER: [[f32; 2]; 3] = [[1.0, 1.0], [0.0, 1.0], [0.0, 0.0]];
 
     #[test]
-    fn neighbours_make_a_pair_whichever_corner_they_begin_with() {
+    fn neighbours_make_a_pair_whichever_corner_comes_first() {
         for turn in 0..3 {
             let mut lower = LOWER;
             lower.rotate_left(turn);
@@ -233,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn each_triangle_is_in_one_pair_with_all_that_its_corners_carry() {
+    fn each_triangle_is_in_one_pair_with_all_its_corner_attributes() {
         let mut triangles = crate::scene::builtin::tessellated_box(1000).triangles;
         for (index, triangle) in triangles.iter_mut().enumerate() {
             triangle.texcoords = [0, 1, 2].map(|corner| [Vec2::new(index as f32, corner as f32); 2]);

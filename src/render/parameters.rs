@@ -1,8 +1,8 @@
-//! The uniform block of a dispatch.
+//! The uniform block of a dispatch. `shaders/shared/parameters.wgsl` describes its members.
 
 use glam::Vec3;
 
-/// Laid out as `Endpoint` in `shaders/shared/parameters.wgsl`.
+/// An endpoint of the rig, in the layout of `Endpoint` in `shaders/shared/parameters.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct GpuEndpoint {
@@ -18,7 +18,7 @@ pub(super) struct GpuEndpoint {
     pub(super) resolution: [u32; 2],
 }
 
-/// Laid out as `Parameters` in `shaders/shared/parameters.wgsl`.
+/// The parameters of a dispatch, in the layout of `Parameters` in `shaders/shared/parameters.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Parameters {
@@ -49,7 +49,7 @@ mod tests {
     use std::mem::size_of;
 
     #[test]
-    fn parameters_lie_as_the_shader_reads_them() {
+    fn parameters_have_the_layout_of_the_shader() {
         let members = offsets!(
             Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
             scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_per_invocation, padding

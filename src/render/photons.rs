@@ -1,9 +1,12 @@
-//! The map of an endpoint's specular chains: which of its pixels see a surface point through mirrors and glass.
+//! The photon map of an endpoint's specular chains: which of its pixels see a surface point through mirrors
+//! and glass.
 //!
-//! A path whose both ends are specular (camera → mirror → wall → wall → mirror → projector) cannot be sampled by
-//! connecting points: neither end of the connection is free. So the chains of the far end are traced once from its
-//! pixels to the first surfaces that scatter, and a path gathers what lies within a radius of its own points: a density
-//! estimate (Jensen, "Global Illumination using Photon Maps", EGWR 1996), biased by what changes within the radius.
+//! A path that is specular at both ends (camera → mirror → wall → wall → mirror → projector) cannot be
+//! sampled by connecting surface points to an endpoint. Therefore the chains of the far endpoint are traced
+//! once, from its pixels to the first surfaces that scatter, and their ends are stored as photons. A path
+//! gathers the photons within a radius around its own points. This is a density estimate (Jensen, "Global
+//! Illumination using Photon Maps", EGWR 1996); its bias depends on how much transport changes within the
+//! radius.
 
 use rayon::prelude::*;
 
@@ -18,33 +21,34 @@ use super::pipeline::{PhotonBuffers, Pipeline};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 
-/// As in the record of `trace_photons`: four words of four.
+/// A photon as `trace_photons` records it: `Photon` in `shaders/shared/photons.wgsl`.
 type Photon = [[u32; 4]; 4];
 
-/// ChainCache of more surfaces do not fit the four bits of their count.
+/// The most surfaces of a chain: their number has four bits.
 const MAX_CHAIN: u32 = 15;
 
-/// Photons in one bucket at most, so that no path loops longer than a device may: the brightest spots are thinned
-/// beyond that, evenly, the rest made as much brighter.
+/// The most photons in one bucket, so that no invocation loops longer than the driver allows. In fuller
+/// buckets an even selection of photons is kept, and their power is increased accordingly.
 const MAX_BUCKET: usize = 512;
 
-/// The chains of one endpoint, on the device.
+/// The photon map of one endpoint, on the device.
 #[derive(Clone)]
 pub(super) struct PhotonMap {
     pub(super) buffers: PhotonBuffers,
-    /// Buckets minus one; 0 where there are no photons.
+    /// Number of buckets minus 1; 0 without photons.
     pub(super) bucket_mask: u32,
-    /// In metres.
+    /// Radius of gathering, in metres.
     pub(super) radius: f32,
 }
 
-/// How finely chains are mapped.
+/// How densely specular chains are sampled, and the radius within which their photons are gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gather {
-    /// ChainCache traced from each pixel.
+    /// Number of chains traced from each pixel.
     pub photons: u32,
-    /// Radius of the density estimate; 1 is that of a disc as large as what a pixel sees through its chain, in the
-    /// median. The bias vanishes with it, and the variance grows.
+    /// Radius of the density estimate, relative to that of a disc with the area of a pixel's footprint
+    /// through its chain, in the median over all photons. A smaller radius reduces the bias and increases the
+    /// variance.
     pub radius: f32,
 }
 
@@ -54,12 +58,12 @@ impl Default for Gather {
     }
 }
 
-/// Which chains of a scene: all that their map depends on.
+/// Everything that the photon map of a given scene depends on.
 pub(super) struct ChainRequest {
     pub(super) features: Features,
     pub(super) endpoint: GpuEndpoint,
     pub(super) gather: Gather,
-    /// Of its paths: their number of bounces, seed and so on.
+    /// The parameters of the paths that gather: number of bounces, seed and so on.
     pub(super) base: Parameters,
 }
 
@@ -71,7 +75,7 @@ impl PartialEq for ChainRequest {
 }
 
 impl PhotonMap {
-    /// No chains.
+    /// A map without photons.
     pub(super) fn empty(gpu: &Gpu) -> Result<Self> {
         let buffers = PhotonBuffers {
             photons: gpu.storage::<Photon>("photons", &[])?,
@@ -80,7 +84,10 @@ impl PhotonMap {
         Ok(Self { buffers, bucket_mask: 0, radius: 1.0 })
     }
 
-    /// Traces what is request for.
+    /// Traces the chains of `request` and sorts their photons.
+    ///
+    /// # Errors
+    /// [`Error::UnfinishedPaths`] where the driver dropped paths; [`Error::Device`] where it failed.
     pub(super) fn trace(
         gpu: &Gpu,
         scene: &GpuScene,
@@ -88,7 +95,7 @@ impl PhotonMap {
         dispatches: &mut Dispatches,
     ) -> Result<Self> {
         let ChainRequest { features, endpoint, gather, base } = *request;
-        // At least the surface at either end of the path is not part of this chain.
+        // Of a path's surfaces, at least the first and the last one that scatter do not belong to this chain.
         let chain = base.max_bounces.saturating_sub(2).min(MAX_CHAIN);
         if chain == 0 || gather.photons == 0 {
             return Self::empty(gpu);
@@ -112,7 +119,7 @@ impl PhotonMap {
                 first_sample: (done % u64::from(gather.photons)) as u32,
                 paths,
                 samples: gather.photons,
-                // Other numbers than those of the paths that gather.
+                // Random numbers independent of those of the gathering paths.
                 seed: base.seed ^ 0x5eed_f00d,
                 mark: dispatches.mark(),
                 scale: (endpoint.image_area() / total as f64) as f32,
@@ -145,7 +152,7 @@ impl PhotonMap {
         Self::sort(gpu, photons, radius)
     }
 
-    /// The hash grid: photons in the order of their buckets.
+    /// Sorts photons into the buckets of the hash grid.
     fn sort(gpu: &Gpu, photons: Vec<Photon>, radius: f32) -> Result<Self> {
         let buckets = photons.len().next_power_of_two().max(2);
         let mask = buckets as u32 - 1;
@@ -153,7 +160,7 @@ impl PhotonMap {
             .into_par_iter()
             .map(|photon| (bucket(&photon, inverse_cell(radius), mask), photon))
             .collect();
-        // Stable: photons of one bucket stay in the order of their paths.
+        // The sort is stable: photons of one bucket stay in the order of their paths.
         keyed.par_sort_by_key(|&(bucket, _)| bucket);
         let mut start = Vec::with_capacity(buckets + 1);
         let mut sorted: Vec<Photon> = Vec::with_capacity(keyed.len());
@@ -172,12 +179,14 @@ impl PhotonMap {
         Ok(Self { buffers, bucket_mask: mask, radius })
     }
 
+    /// 1 over the width of a grid cell.
     pub(super) fn inverse_cell(&self) -> f32 {
         inverse_cell(self.radius)
     }
 }
 
-/// As many photons as the device has room for, evenly from their order, each with the power of those it stands for.
+/// An even selection of at most `room` photons, the most that fit the device. Their power is increased, so
+/// that the total power stays the same.
 fn fitting(photons: Vec<Photon>, room: usize) -> Vec<Photon> {
     let step = photons.len().div_ceil(room.max(1)).max(1);
     if step == 1 {
@@ -188,13 +197,14 @@ fn fitting(photons: Vec<Photon>, room: usize) -> Vec<Photon> {
     photons.into_iter().step_by(step).map(|photon| brightened(photon, share)).collect()
 }
 
-/// At most [`MAX_BUCKET`] of a bucket's photons, evenly from their order, each with the power of those it stands for.
+/// Appends an even selection of at most [`MAX_BUCKET`] photons of a bucket, with the total power of all.
 fn thin(run: &[(u32, Photon)], sorted: &mut Vec<Photon>) {
     let kept = run.len().min(MAX_BUCKET);
     let share = run.len() as f32 / kept as f32;
     sorted.extend((0..kept).map(|index| brightened(run[index * run.len() / kept].1, share)));
 }
 
+/// The photon with its power multiplied by `share`.
 fn brightened(mut photon: Photon, share: f32) -> Photon {
     for power in &mut photon[1][1..] {
         *power = (f32::from_bits(*power) * share).to_bits();
@@ -202,12 +212,12 @@ fn brightened(mut photon: Photon, share: f32) -> Photon {
     photon
 }
 
-/// Cells are two radii wide.
+/// 1 over the width of a grid cell, which is two radii.
 fn inverse_cell(radius: f32) -> f32 {
     0.5 / radius
 }
 
-/// As `photon_bucket` in `shaders/shared/photons.wgsl`.
+/// The bucket of a photon's position, by the same hash as `photon_bucket` in `shaders/shared/photons.wgsl`.
 fn bucket(photon: &Photon, inverse_cell: f32, mask: u32) -> u32 {
     let cell = |word: u32| ((f32::from_bits(word) * inverse_cell).floor() as i32).cast_unsigned();
     let key = cell(photon[0][1]).wrapping_mul(73_856_093)
@@ -217,7 +227,8 @@ fn bucket(photon: &Photon, inverse_cell: f32, mask: u32) -> u32 {
     (mixed ^ mixed >> 15) & mask
 }
 
-/// The radius of a disc as large as a pixel's view through its chain, in the median over the photons.
+/// The radius of a disc with the area of a pixel's footprint through its chain, in the median over the
+/// photons.
 fn median_radius(photons: &[Photon], pixel_area: f64) -> f32 {
     let mut densities: Vec<f32> = photons.iter().map(|photon| f32::from_bits(photon[1][0])).collect();
     let middle = densities.len() / 2;
@@ -230,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn thinned_photons_carry_the_light_of_all() {
+    fn a_selection_of_photons_carries_the_light_of_all() {
         let photon = |index: u32| [[index; 4], [0, 1.0_f32.to_bits(), 2.0_f32.to_bits(), 0], [0; 4], [0; 4]];
         let light =
             |photons: &[Photon]| photons.iter().map(|photon| f32::from_bits(photon[1][2])).sum::<f32>();

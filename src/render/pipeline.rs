@@ -1,4 +1,4 @@
-//! A compute kernel over a scene.
+//! Compiled compute kernels that read a scene.
 
 use std::borrow::Cow;
 
@@ -8,8 +8,8 @@ use super::features::Features;
 use crate::error::Result;
 use crate::gpu::{Gpu, shader};
 
-/// A kernel whose group 0 is the scene and whose group 1 is its output, with what a strategy prepared for it: the chains to gather
-/// from and the lists to see by.
+/// A compiled kernel. Bind group 0 holds parameters and scene; group 1 holds the results, the photon map and
+/// the light buffer.
 pub(super) struct Pipeline {
     pub(super) pipeline: wgpu::ComputePipeline,
     pub(super) scene_layout: wgpu::BindGroupLayout,
@@ -17,7 +17,8 @@ pub(super) struct Pipeline {
 }
 
 impl Pipeline {
-    /// Composes and compiles the shader `name`, whose entry point has the same name, for a scene and rig with these features.
+    /// Composes and compiles the shader `name` for a scene and rig with these features. Its entry point has
+    /// the same name.
     pub(super) fn new(gpu: &Gpu, name: &str, features: &Features) -> Result<Self> {
         let kernel = shader::kernel(name, &features.constants())?;
         gpu.guarded(name, || {
@@ -66,19 +67,21 @@ impl Pipeline {
     }
 }
 
-/// The specular chains of an endpoint as the shaders read them.
+/// The photon map of an endpoint's specular chains, as the shaders read it.
 #[derive(Clone)]
 pub(super) struct PhotonBuffers {
     pub(super) photons: wgpu::Buffer,
     pub(super) buckets: wgpu::Buffer,
 }
 
+/// A read-only storage texture, which serves as an array of texels.
 pub(super) const TEXEL_ARRAY: BindingType = BindingType::StorageTexture {
     access: wgpu::StorageTextureAccess::ReadOnly,
     format: wgpu::TextureFormat::Rgba32Uint,
     view_dimension: wgpu::TextureViewDimension::D2,
 };
 
+/// A storage buffer.
 fn storage(read_only: bool) -> BindingType {
     BindingType::Buffer {
         ty: BufferBindingType::Storage { read_only },
@@ -87,7 +90,8 @@ fn storage(read_only: bool) -> BindingType {
     }
 }
 
-/// Explicit, since an automatic layout drops the bindings that a kernel does not use.
+/// The layout with these bindings. It is explicit, because an automatic layout omits the bindings that a
+/// kernel does not use.
 fn bind_group_layout(gpu: &Gpu, label: &str, types: &[BindingType]) -> wgpu::BindGroupLayout {
     let entries: Vec<_> = (0..)
         .zip(types)

@@ -1,41 +1,43 @@
-//! What is written in the records of light paths, and where.
+//! The layout of light paths' records.
 
 /// A path's connection from its `k`-th surface to the other end of the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Connection {
-    /// Camera pixel `j`, through which the light left.
+    /// Camera pixel `j`, in which the light arrives.
     pub camera: u32,
-    /// Projector pixel `i`, through which the light came.
+    /// Projector pixel `i`, from which the light comes.
     pub projector: u32,
-    /// Number of surfaces on the way, `k`.
+    /// Number of surfaces on the path, `k`.
     pub bounces: u32,
-    /// `a · F/(p_f + p_r)` per channel: contribution to `A_ji`, and to `A_ij` where the rig is coaxial, before the division
-    /// by the sample count.
+    /// The weighted estimate `a · F/(p_f + p_r)` per channel (balance heuristic; `a` is the area of a camera
+    /// pixel on the image plane): the contribution to `A_ji`, and in a coaxial rig also to `A_ij`. It is not
+    /// yet divided by the number of samples.
     pub value: [f32; 3],
 }
 
-/// What the records of a path hold.
+/// Which slots the record of a path has.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
     /// Paths per pixel.
     pub(super) samples: u32,
-    /// Surfaces of a path at most.
+    /// The most surfaces of a path.
     pub(super) max_bounces: u32,
-    /// The first surface's connection is the direct light, which is kept apart.
+    /// The connection from the first surface is the direct light, which is stored in the head instead of a
+    /// slot.
     pub(super) direct: bool,
-    /// There are connections through specular chains.
+    /// There are gathered connections, through specular chains of the other endpoint.
     pub(super) gathers: bool,
-    /// There is ambient light.
+    /// There is a slot for ambient light.
     pub(super) ambient: bool,
-    /// Camera and projector are one.
+    /// The rig is coaxial: camera and projector are one lens.
     pub(super) symmetric: bool,
     /// The paths start at the camera.
     pub(super) from_camera: bool,
 }
 
 impl Layout {
-    /// Slots of a path: head, connections, connections through chains, ambient light. In a batch's records the first slots of all its
-    /// paths come first, then their second ones, and so on.
+    /// Number of slots of a path: head, connections, gathered connections, ambient light. The records of a
+    /// batch hold the first slots of all paths, then their second slots, and so on.
     pub(super) fn stride(&self) -> usize {
         self.gathered(2)
             + if self.gathers { self.max_bounces as usize - 1 } else { 0 }
@@ -47,25 +49,26 @@ impl Layout {
         k as usize - usize::from(self.direct)
     }
 
-    /// The slot of the connection through a chain from the `k`-th surface, `k ≥ 2`.
+    /// The slot of the gathered connection from the `k`-th surface, `k ≥ 2`.
     pub(super) fn gathered(&self, k: u32) -> usize {
         self.connected(self.max_bounces + 1) + k as usize - 2
     }
 }
 
-/// A connection as its path's record has it.
+/// The far end of a connection, as the record of its path holds it.
 pub(crate) struct End {
-    /// Without it, the rest means nothing.
+    /// The connection exists. Otherwise the other members have no meaning.
     pub(crate) is_seen: bool,
-    /// Of the other end of the rig.
+    /// The pixel of the other endpoint.
     pub(crate) pixel: u32,
-    /// As in [`Connection`], and so is the value.
+    /// As in [`Connection`].
     pub(crate) bounces: u32,
+    /// As in [`Connection`].
     pub(crate) value: [f32; 3],
 }
 
 impl End {
-    /// Of the connection from the `k`-th surface.
+    /// Reads the slot of the connection from the `k`-th surface.
     pub(super) fn new(k: u32, slot: [u32; 4]) -> Self {
         Self {
             is_seen: slot[0] != super::materials::NONE,
@@ -76,17 +79,17 @@ impl End {
     }
 }
 
-/// Of a word for a pixel; the others are for what else belongs to it: here, the number of its chain's surfaces.
+/// Bits of a word that hold a pixel. The other bits hold the number of surfaces of the far chain.
 const PIXEL_BITS: u32 = 28;
-/// Those bits.
+/// Masks those bits.
 pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 
-/// Rays traced along a path, by its first slot.
+/// Number of rays traced for a path, from the head of its record.
 pub(super) fn rays(head: [u32; 4]) -> u64 {
     u64::from(head[0] >> 8 & 0xff)
 }
 
-/// Light, by a slot that has it.
+/// The light in a slot, in RGB.
 pub(super) fn value(slot: [u32; 4]) -> [f32; 3] {
     [f32::from_bits(slot[1]), f32::from_bits(slot[2]), f32::from_bits(slot[3])]
 }

@@ -1,4 +1,5 @@
-//! The rig in the tracer's frame: the camera's pinhole or lens centre at the origin, looking along −z.
+//! The rig in the camera's frame, which the tracer uses: the lens centre of the camera is the origin, and the
+//! camera looks along −z.
 
 use glam::{DMat3, DVec3, Vec3};
 
@@ -7,32 +8,35 @@ use super::settings::TraceSettings;
 use crate::image::Resolution;
 use crate::scene::{Camera, Scene};
 
-/// Where light paths begin and end.
+/// Camera and projector, the endpoints of light paths.
 pub(super) struct Rig {
     camera: Camera,
     projector: Option<Camera>,
 }
 
 impl Rig {
+    /// The rig of a scene. Without a projector of its own, the scene has a coaxial rig.
     pub(super) fn new(scene: &Scene) -> Self {
         Self { camera: scene.camera.clone(), projector: scene.projector.clone() }
     }
 
-    /// Camera and projector look through one lens at one image plane: transport is symmetric.
+    /// Whether camera and projector share one lens and one image plane, so that transport is symmetric.
     pub(super) fn coaxial(&self, settings: &TraceSettings) -> bool {
         self.projector.is_none()
             && settings.projector.is_none_or(|resolution| resolution == settings.resolution)
     }
 
-    /// No aperture either: light finds back the way it came.
+    /// Whether they share a pinhole, so that light can return along its own path.
     pub(super) fn coaxial_pinhole(&self, settings: &TraceSettings) -> bool {
         self.coaxial(settings) && self.camera.lens.radius == 0.0
     }
 
+    /// The camera as an endpoint.
     pub(super) fn camera(&self, settings: &TraceSettings) -> GpuEndpoint {
         self.endpoint(&self.camera, settings.resolution)
     }
 
+    /// The projector as an endpoint.
     pub(super) fn projector(&self, settings: &TraceSettings) -> GpuEndpoint {
         let resolution = settings.projector.unwrap_or(settings.resolution);
         self.endpoint(self.projector.as_ref().unwrap_or(&self.camera), resolution)
@@ -41,7 +45,7 @@ impl Rig {
     fn endpoint(&self, endpoint: &Camera, resolution: Resolution) -> GpuEndpoint {
         let to_camera = axes(&self.camera).transpose();
         let [right, up, back] = if *endpoint == self.camera {
-            // Exactly, so that nothing is rounded on the way.
+            // Exact axes, without rounding.
             [Vec3::X, Vec3::Y, Vec3::Z]
         } else {
             let turned = to_camera * axes(endpoint);
@@ -64,12 +68,13 @@ impl Rig {
     }
 }
 
-/// From the endpoint's frame to the world.
+/// The rotation from the endpoint's frame to the world.
 fn axes(endpoint: &Camera) -> DMat3 {
     DMat3::from_cols(endpoint.right.as_dvec3(), endpoint.up.as_dvec3(), -endpoint.forward.as_dvec3())
 }
 
 impl GpuEndpoint {
+    /// Number of pixels.
     pub(super) fn pixels(&self) -> u64 {
         u64::from(self.resolution[0]) * u64::from(self.resolution[1])
     }

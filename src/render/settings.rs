@@ -1,36 +1,38 @@
-//! What is traced, and what of it is refused.
+//! The settings of a trace, and their limits.
 
 use super::photons::Gather;
 use super::sampler::Sampler;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// The most surfaces that a path may meet: ray and surface counts share a word with the canary.
+/// The most surfaces that a path may meet. The numbers of rays and surfaces share a word with the mark that
+/// proves a path finished.
 pub const MAX_BOUNCES: u32 = 64;
 
-/// What to trace.
+/// The settings of a trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSettings {
-    /// Pixels of the camera, and of the projector where it has none of its own.
+    /// Pixels of the camera, and of a projector without a resolution of its own.
     pub resolution: Resolution,
-    /// Pixels of a projector apart from the camera; `None`: as many as the camera's.
+    /// Pixels of the projector; `None` for those of the camera.
     pub projector: Option<Resolution>,
     /// Light paths per camera pixel, at least 1.
     pub samples: u32,
-    /// Surfaces that a path meets at most: 1 is direct light only, [`MAX_BOUNCES`] the limit.
+    /// The most surfaces that a path meets: from 1 (direct light only) to [`MAX_BOUNCES`].
     pub max_bounces: u32,
-    /// Selects the random numbers; equal seeds give equal bits.
+    /// Selects the random numbers. Equal seeds give equal bits.
     pub seed: u32,
-    /// How they are spread.
+    /// The kind of random numbers.
     pub sampler: Sampler,
-    /// Ends dim paths by chance. At six bounces that costs more variance than it saves time.
+    /// Ends dim paths at random (Russian roulette). At six bounces this costs more variance than it saves
+    /// time.
     pub russian_roulette: bool,
-    /// How finely the specular chains of the far end are mapped, where the scene has any.
+    /// Sampling of the specular chains, in scenes that have any.
     pub gather: Gather,
 }
 
 impl TraceSettings {
-    /// `samples` light paths of up to six surfaces from each of the camera's pixels.
+    /// `samples` light paths of up to six surfaces from each camera pixel, with seed 0.
     pub fn new(resolution: Resolution, samples: u32) -> Self {
         Self {
             resolution,
@@ -45,7 +47,7 @@ impl TraceSettings {
     }
 }
 
-/// Refuses settings that no device could trace, by the option that they come from.
+/// Checks the limits of the settings. The error names the option of the command line.
 pub(super) fn check(settings: &TraceSettings) -> Result<()> {
     let Resolution { width, height } = settings.resolution;
     if width == 0 || height == 0 || width > 16384 || height > 16384 {

@@ -1,4 +1,4 @@
-//! Which paths are traced: from the camera, and from the projector too where that stands apart.
+//! The sampling strategies: paths from the camera, and also from the projector where that stands apart.
 
 use super::chains::ChainCache;
 use super::dispatch::{Dispatches, max_paths_per_invocation};
@@ -13,26 +13,29 @@ use super::settings::TraceSettings;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// The paths of one end of the rig.
+/// One sampling strategy: the paths that start at one endpoint of the rig, with everything that their kernel
+/// needs.
 pub(super) struct Strategy {
-    /// Of each dispatch, but for which paths are its own.
+    /// The parameters of its dispatches; each dispatch sets which paths it traces.
     pub(super) parameters: Parameters,
     pub(super) features: Features,
-    /// Of one invocation.
+    /// The most paths of one invocation.
     pub(super) max_paths_per_invocation: u32,
+    /// The photon map of the other endpoint's specular chains.
     pub(super) chains: PhotonMap,
-    /// What can be seen from the pinhole that both ends share, if they do and it is of use.
+    /// The light buffer of the shared pinhole, or a placeholder where no ray uses it.
     pub(super) light_buffer: wgpu::TextureView,
     pub(super) layout: Layout,
 }
 
 impl Strategy {
+    /// Number of its paths.
     pub(super) fn paths(&self) -> u64 {
         self.parameters.start.pixels() * u64::from(self.parameters.samples)
     }
 }
 
-/// What strategies are made from.
+/// Makes strategies from the parts of a tracer.
 pub(super) struct StrategyBuilder<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) scene: &'a GpuScene,
@@ -43,7 +46,7 @@ pub(super) struct StrategyBuilder<'a> {
 }
 
 impl StrategyBuilder<'_> {
-    /// From the camera; and from the projector too, unless it is the same.
+    /// The strategies for these settings: from the camera, and from the projector unless the rig is coaxial.
     pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
         let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
         if self.rig.coaxial(settings) {
@@ -57,7 +60,8 @@ impl StrategyBuilder<'_> {
         ])
     }
 
-    /// The paths from the first of two ends to the second, which have these samples per pixel.
+    /// The strategy of paths from the first of two endpoints to the second. `samples` and `end_samples` are
+    /// the path samples per pixel of either endpoint.
     pub(super) fn strategy(
         &mut self,
         settings: &TraceSettings,
@@ -68,7 +72,8 @@ impl StrategyBuilder<'_> {
         let coaxial = self.rig.coaxial(settings);
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
-        // Where light passes straight through, a ray has to look at all that it meets.
+        // Where light may pass straight through a surface, a ray needs all its hits in order, which the light
+        // buffer does not give.
         let has_light_buffer = coaxial_pinhole && !self.scene.features.passable;
         let light_buffer = if has_light_buffer {
             self.light_buffers.lists(self.gpu, self.scene, start.tangent)?
@@ -88,33 +93,7 @@ impl StrategyBuilder<'_> {
                 0
             },
         };
-        let starts = |endpoint: &GpuEndpoint, samples: u32| {
-            f64::from(samples) * endpoint.pixels() as f64 / endpoint.image_area()
-        };
-        let end_to_start =
-            if coaxial { 1.0 } else { starts(&end, end_samples) / starts(&start, samples) } as f32;
-        let mut parameters = Parameters {
-            start,
-            end,
-            first_pixel: 0,
-            first_sample: 0,
-            paths: 0,
-            samples,
-            max_bounces: settings.max_bounces,
-            // The two ends' paths share no numbers.
-            seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
-            mark: 0,
-            end_to_start,
-            // A path from the projector estimates per projector sample what one from the camera does per camera sample.
-            scale: if from_camera { 1.0 } else { end_to_start },
-            gather_radius: 0.0,
-            inverse_cell: 0.0,
-            bucket_mask: 0,
-            stride: 0,
-            sampling: settings.sampler.word(),
-            paths_per_invocation: 1,
-            padding: 0,
-        };
+        let mut parameters = parameters(settings, [start, end], [samples, end_samples], from_camera, coaxial);
         let chains = if self.scene.features.chains {
             let request = ChainRequest { features, endpoint: end, gather: settings.gather, base: parameters };
             self.chains.map(self.gpu, self.scene, request, self.dispatches)?
@@ -139,5 +118,44 @@ impl StrategyBuilder<'_> {
         parameters.gather_radius = chains.radius;
         parameters.inverse_cell = chains.inverse_cell();
         Ok(Strategy { parameters, features, max_paths_per_invocation, chains, light_buffer, layout })
+    }
+}
+
+/// The parameters of a strategy's dispatches, without those of its photon map. Arguments as in
+/// [`StrategyBuilder::strategy`].
+fn parameters(
+    settings: &TraceSettings,
+    [start, end]: [GpuEndpoint; 2],
+    [samples, end_samples]: [u32; 2],
+    from_camera: bool,
+    coaxial: bool,
+) -> Parameters {
+    // Path samples per area of the image plane at distance 1.
+    let density = |endpoint: &GpuEndpoint, samples: u32| {
+        f64::from(samples) * endpoint.pixels() as f64 / endpoint.image_area()
+    };
+    let end_to_start =
+        if coaxial { 1.0 } else { density(&end, end_samples) / density(&start, samples) } as f32;
+    Parameters {
+        start,
+        end,
+        first_pixel: 0,
+        first_sample: 0,
+        paths: 0,
+        samples,
+        max_bounces: settings.max_bounces,
+        // The paths of both endpoints use different random numbers.
+        seed: if from_camera { settings.seed } else { settings.seed ^ 0x9e37_79b9 },
+        mark: 0,
+        end_to_start,
+        // An estimate per projector sample, converted to one per camera sample.
+        scale: if from_camera { 1.0 } else { end_to_start },
+        gather_radius: 0.0,
+        inverse_cell: 0.0,
+        bucket_mask: 0,
+        stride: 0,
+        sampling: settings.sampler.word(),
+        paths_per_invocation: 1,
+        padding: 0,
     }
 }

@@ -64,9 +64,10 @@ impl<'a> StrategyRun<'a> {
         let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, strategy.paths());
         let bytes = record_bytes(&strategy.parameters, capacity);
         kernel.sizer.begin(Work::of(&strategy.parameters));
-        // While the host reads the records of one dispatch, the device writes those of the next one to a second buffer. Where the device
-        // is the processor itself, one buffer is faster: the host then has all cores while it reads. A dispatch in flight would keep them
-        // busy: the driver gives each core an equal part of it, and all would wait for the core that the host uses, too.
+        // While the host reads the records of one dispatch, the device writes those of the next one to a
+        // second buffer. Where the device is the processor itself, one buffer is faster: the host then has
+        // all cores while it reads. A dispatch in flight would keep them busy: the driver gives each core an
+        // equal part of it, and all would wait for the core that the host uses, too.
         let wanted = if gpu.shares_memory { 1 } else { 2 };
         staging.retain(|buffers| buffers.bytes() >= bytes);
         staging.truncate(wanted);
@@ -124,11 +125,12 @@ impl<'a> StrategyRun<'a> {
         Ok(())
     }
 
-    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`. Returns `false` where no
-    /// dispatch is in flight.
+    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`.
+    /// Returns `false` where no dispatch is in flight.
     ///
     /// # Errors
-    /// [`Error::UnfinishedPaths`] where the driver dropped paths; [`Error::Device`] where it failed; and errors of `visit`.
+    /// [`Error::UnfinishedPaths`] where the driver dropped paths; [`Error::Device`] where it failed; and
+    /// errors of `visit`.
     pub(super) fn finish_oldest(
         &mut self,
         summary: &mut TraceSummary,
@@ -142,7 +144,8 @@ impl<'a> StrategyRun<'a> {
         let (mut unfinished, mut rays) =
             Batch::new(first_path, layout, bytemuck::cast_slice(&view)).unfinished_and_rays(parameters.mark);
         if unfinished > 0 && parameters.paths_per_invocation > 1 {
-            // The invocations looped more often than the driver allows: trace the paths again, one for each invocation.
+            // The invocations looped more often than the driver allows: trace the paths again, one for each
+            // invocation.
             self.kernel.sizer.one_path_each();
             parameters = Parameters { paths_per_invocation: 1, mark: self.dispatches.mark(), ..parameters };
             drop(view);

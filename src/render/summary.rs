@@ -1,19 +1,20 @@
-//! What a finished trace took.
+//! The cost of a finished trace.
 
 use std::time::Duration;
 
-/// What a trace took.
+/// The cost of a trace.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TraceSummary {
     /// Light paths traced.
     pub paths: u64,
-    /// Rays traced for them: to the next surface, and to the other end.
+    /// Rays traced for them: to the next surface, and to the other endpoint.
     pub rays: u64,
-    /// Dispatches, and the longest one.
+    /// Number of dispatches.
     pub dispatches: u32,
-    /// Wall time of the longest dispatch, its read-back included; one that waited for another counts from then on. The host may see
-    /// its end late, when it is taking in another's paths.
+    /// Wall time of the longest dispatch, including its read-back. The time of a dispatch that waited for
+    /// another one starts when that one was done. The host may notice the end of a dispatch late, while it
+    /// reads the records of another one.
     pub longest: Duration,
-    /// The same of all dispatches together.
+    /// The sum of these times over all dispatches.
     pub tracing: Duration,
 }

@@ -1,10 +1,11 @@
-//! Textures as the shaders read them.
+//! Textures in the form that the shaders read.
 
 use glam::{Vec2, Vec3};
 
 use crate::scene::{Material, Scene, TextureRef, Wrap};
 
-/// What a texture multiplies; the numbers of `shaders/shared/texture.wgsl`.
+/// The factor of the material that a texture multiplies. The numbers are those of
+/// `shaders/shared/texture.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     BaseColor,
@@ -28,11 +29,11 @@ impl Role {
     }
 }
 
-/// A material's use of a texture. Laid out as `Texture` in `shaders/shared/texture.wgsl`.
+/// One use of a texture by a material, in the layout of `Texture` in `shaders/shared/texture.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct GpuTexture {
-    /// Rows of the map from the surface's texture coordinates to the picture's.
+    /// Rows of the affine map from the surface's texture coordinates to those of the picture.
     u: Vec3,
     first_texel: u32,
     v: Vec3,
@@ -43,7 +44,7 @@ pub(super) struct GpuTexture {
 }
 
 impl GpuTexture {
-    /// The textures of one material.
+    /// All textures of one material.
     pub(super) fn of(scene: &Scene, material: &Material) -> Vec<Self> {
         [
             (&material.base_color_texture, Role::BaseColor),
@@ -61,6 +62,7 @@ impl GpuTexture {
         .collect()
     }
 
+    /// One use of a texture.
     pub(super) fn new(scene: &Scene, reference: &TextureRef, role: Role) -> Self {
         let texture = &scene.textures[reference.texture as usize];
         let wrap = texture.wrap.map(|wrap| match wrap {
@@ -88,12 +90,12 @@ impl GpuTexture {
     }
 }
 
-/// Where a texture's texels begin in [`pack_texels`].
+/// The index of a texture's first texel in the array of [`pack_texels`].
 fn first_texel(scene: &Scene, texture: u32) -> usize {
     scene.textures[..texture as usize].iter().map(|texture| texture.texels.len()).sum()
 }
 
-/// The texels of all textures one after the other, four to an element.
+/// The texels of all textures, one texture after the other, with four texels in each element.
 pub(super) fn pack_texels(scene: &Scene) -> Vec<[u32; 4]> {
     let total: usize = scene.textures.iter().map(|texture| texture.texels.len()).sum();
     let mut packed = vec![[0; 4]; total.div_ceil(4)];
@@ -116,7 +118,8 @@ pub(super) fn srgb_table() -> Vec<f32> {
 }
 
 /// A direction in 32 bits: octahedral coordinates (Cigolla et al., "A Survey of Efficient Representations for
-/// Independent Unit Vectors", JCGT 3(2), 2014), 16 bits each. Zero, which no direction has, stands for none.
+/// Independent Unit Vectors", JCGT 3(2), 2014), 16 bits each. The zero vector, for a corner without a normal,
+/// has a word of its own.
 pub(super) fn pack_normal(normal: Vec3) -> u32 {
     let sum = normal.abs().element_sum();
     if sum.is_nan() || sum <= 0.0 {
@@ -139,7 +142,7 @@ mod tests {
     use std::mem::size_of;
 
     #[test]
-    fn textures_lie_as_the_shader_reads_them() {
+    fn textures_have_the_layout_of_the_shader() {
         let members = offsets!(GpuTexture: u, first_texel, v, width, height, flags, padding);
         assert_layout("trace_paths", "Texture", members, size_of::<GpuTexture>());
     }

@@ -1,4 +1,4 @@
-//! Tracing a scene: the light paths of either end of the rig, batch by batch.
+//! The tracer of a scene: it traces light paths from the endpoints of the rig and returns them in batches.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -25,12 +25,12 @@ use crate::image::Resolution;
 use crate::observer::{Estimate, Observer, Step};
 use crate::scene::Scene;
 
-/// A scene on a device, ready to be traced.
+/// Traces the light paths of one scene on one device.
 pub struct Tracer {
     gpu: Gpu,
     scene: GpuScene,
     rig: Rig,
-    /// The kernels that were needed so far.
+    /// The kernels compiled so far.
     kernels: HashMap<Features, Kernel>,
     dispatches: Dispatches,
     light_buffers: LightBuffers,
@@ -41,7 +41,8 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// Opens the adapter whose name contains `adapter` (the fastest one for `None`) and moves the scene there.
+    /// Opens the adapter whose name contains `adapter`, or the fastest one for `None`, and moves the scene to
+    /// it.
     ///
     /// # Errors
     /// [`Error::NoAdapter`] without a Vulkan driver; [`Error::Device`] when the scene does not fit.
@@ -49,10 +50,11 @@ impl Tracer {
         Self::on(Gpu::open(adapter)?, scene)
     }
 
-    /// As [`Tracer::new`] for the scene that `load` returns, which it loads while the adapter is being opened.
+    /// As [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being
+    /// opened.
     ///
     /// # Errors
-    /// Whatever `load` returns; else as [`Tracer::new`].
+    /// Errors of `load`; else as [`Tracer::new`].
     pub fn open<E: From<Error>>(
         adapter: Option<&str>,
         load: impl FnOnce() -> std::result::Result<Scene, E>,
@@ -81,7 +83,8 @@ impl Tracer {
         })
     }
 
-    /// Lets `observer` watch every trace from now on, and stop it. The observer that a new tracer has, `()`, does nothing.
+    /// Lets `observer` watch every trace from now on, and stop it. The observer that a new tracer has, `()`,
+    /// does nothing.
     pub fn observe(&mut self, observer: Arc<dyn Observer + Send + Sync>) {
         self.observer = observer;
     }
@@ -91,29 +94,31 @@ impl Tracer {
         &self.gpu.summary
     }
 
-    /// The device, for what else is to be done on it.
+    /// The device, for other computations on it.
     pub(crate) fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// Whether camera and projector are one, so that the matrix is square and symmetric.
+    /// Whether the rig is coaxial, so that the matrix is square and symmetric.
     pub fn symmetric(&self, settings: &TraceSettings) -> bool {
         self.rig.coaxial(settings)
     }
 
-    /// Pixels of the projector.
+    /// Resolution of the projector.
     pub fn projector_resolution(&self, settings: &TraceSettings) -> Resolution {
         settings.projector.unwrap_or(settings.resolution)
     }
 
-    /// Traces `settings.samples` paths per camera pixel, and about as many in all from a projector that stands apart,
-    /// and hands them to `visit` in path order, batch by batch. The batches' limits depend on the machine's speed; nothing
-    /// that is summed up in path order does. The observer sees a [`Step`] of stage `tracing` before each dispatch, counted in
-    /// light paths, and one at the end.
+    /// Traces `settings.samples` paths per camera pixel, and about the same number in all from a projector
+    /// that stands apart. It shows them to `visit` batch by batch, in path order. The sizes of the batches
+    /// depend on the speed of the machine; sums in path order do not.
+    ///
+    /// The observer sees a [`Step`] of stage `tracing` before each dispatch, counted in light paths, and one
+    /// at the end.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when the observer breaks, within two dispatches; [`Error::UnfinishedPaths`] when the driver
-    /// dropped work; [`Error::Device`] when it failed; and whatever `visit` returns.
+    /// [`Error::Interrupted`] where the observer breaks, within two dispatches; [`Error::UnfinishedPaths`]
+    /// where the driver dropped paths; [`Error::Device`] where it failed; and errors of `visit`.
     pub fn trace(
         &mut self,
         settings: &TraceSettings,
@@ -126,12 +131,12 @@ impl Tracer {
         for strategy in &strategies {
             self.run(strategy, total, &mut summary, visit)?;
         }
-        // A break at the very end changes nothing any more: everything has been traced.
+        // Everything has been traced, so that a request to stop has no effect any more.
         let _ = step(&*self.observer, total, total);
         Ok(summary)
     }
 
-    /// Gives back the memory that would only make the next trace begin earlier.
+    /// Frees staging buffers and photon maps, which only make the next trace start earlier.
     pub fn release_buffers(&mut self) {
         self.staging.clear();
         self.chains = ChainCache::default();
@@ -176,7 +181,8 @@ impl Tracer {
         Ok(())
     }
 
-    /// The region (index into [`Scene::regions`]) that each camera pixel's centre sees; `None` where it sees nothing.
+    /// The region that the centre of each camera pixel sees, as an index into [`Scene::regions`]; `None`
+    /// where it sees nothing.
     ///
     /// # Errors
     /// [`Error::Device`] when the device failed.

@@ -1,4 +1,5 @@
-//! From light paths to the matrix: trace, add up pixel by pixel, and combine.
+//! The light transport matrix of a scene: its light paths are traced, summed pixel by pixel, and combined
+//! into rows.
 
 use super::combine::{Combined, combine};
 use super::layer::{Bounces, Layer};
@@ -15,17 +16,19 @@ use crate::render::{TraceSettings, TraceSummary, Tracer};
 pub struct Assembled {
     /// The light transport matrix.
     pub matrix: TransportMatrix,
-    /// The photo without projector, in W/(m² sr): the scene's own light.
+    /// The photo without projector light, in W/(m² sr): light that the scene itself emits.
     pub ambient: Image,
-    /// How far the matrix is from the true one; `None` where one path per pixel, of either end, cannot tell.
+    /// The noise of the matrix; `None` where an endpoint has only one path per pixel, from which noise cannot
+    /// be estimated.
     pub noise: Option<Noise>,
-    /// What the tracing took.
+    /// The cost of tracing.
     pub summary: TraceSummary,
-    /// The matrix on a device, if products are taken there: see [`Assembled::place`].
+    /// The matrix in the memory of a GPU, if products are computed there; see [`Assembled::place`].
     pub(crate) gpu_matrix: Option<GpuMatrix>,
 }
 
-/// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal bits.
+/// Traces the scene and assembles its light transport matrix. Equal settings on equal devices give equal
+/// bits. The tracer's observer sees the steps.
 ///
 /// # Errors
 /// As [`Tracer::trace`].
@@ -33,7 +36,7 @@ pub fn assemble(tracer: &mut Tracer, settings: &TraceSettings, channels: Channel
     assemble_layers(tracer, settings, channels, false)
 }
 
-/// As [`assemble()`]; if `split`, the second bounce and the rest are layers of their own.
+/// As [`assemble()`]. If `split` is set, the second bounce and all later ones are separate layers.
 ///
 /// # Errors
 /// As [`Tracer::trace`].
@@ -49,6 +52,7 @@ pub fn assemble_layers(
     }
 }
 
+/// [`assemble_layers`] for `C` channels; `project` computes them from RGB.
 fn run<const C: usize>(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -61,12 +65,12 @@ fn run<const C: usize>(
     let mut rows = Rows::<C>::new(settings.samples, split);
     let mut direct = PixelSums::<C>::new(camera.pixels(), settings.samples);
     let mut ambient = PixelSums::<C>::new(camera.pixels(), settings.samples);
-    // Whether each end has samples in both halves.
+    // Whether each endpoint has samples in both halves.
     let mut are_two = true;
     let summary = tracer.trace(settings, &mut |batch| {
         are_two &= batch.samples() > 1;
         let of_pixels = || {
-            // The others' paths begin at pixels of the projector, and bring neither.
+            // Paths from the projector carry neither direct light nor ambient light.
             if !batch.from_camera() {
                 return;
             }
@@ -79,7 +83,7 @@ fn run<const C: usize>(
         Ok(())
     })?;
     rows.close()?;
-    // Combining needs the most memory.
+    // Combining needs the most memory of all steps.
     tracer.release_buffers();
 
     let rig = RigShape { camera, projector: tracer.projector_resolution(settings), symmetric };
@@ -90,7 +94,7 @@ fn run<const C: usize>(
     drop(rows);
     let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
     let mut layers: Vec<Layer> = bounces.iter().zip(layers).map(tiled).collect();
-    // A coaxial pinhole rig has none: its direct light is the diagonal.
+    // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
 
     let plane = |channel: usize| direct.iter().map(|estimate| estimate[channel][0] as f32).collect();
@@ -100,6 +104,7 @@ fn run<const C: usize>(
     Ok(Assembled { matrix, ambient, noise, summary, gpu_matrix: None })
 }
 
+/// The noise of the matrix, from the sums over its rows.
 fn noise<const C: usize>(camera: Resolution, rows: &[super::combine::RowSums<C>]) -> Result<Noise> {
     let sum = |of: &dyn Fn(&super::combine::RowSums<C>) -> f64| rows.iter().map(of).sum::<f64>();
     let squares = |values: &[f64; C]| values.iter().map(|value| value * value).sum::<f64>();
@@ -111,6 +116,7 @@ fn noise<const C: usize>(camera: Resolution, rows: &[super::combine::RowSums<C>]
     })
 }
 
+/// An image of `C` channels, from a function of pixel and channel.
 fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Result<Image> {
     let plane = |channel| (0..resolution.pixels()).map(|pixel| value(pixel, channel)).collect();
     let planes: Vec<Vec<f64>> = (0..C).map(plane).collect();

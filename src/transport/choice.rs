@@ -1,24 +1,24 @@
-//! How much memory a matrix will need, before it is traced.
+//! A prediction of the memory that a matrix will need, before it is traced.
 
 use super::Channels;
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 
-/// Pixels on a side of the pilot that counts connections.
+/// Pixels on each side of the small pilot trace that counts connections.
 const PILOT: usize = 64;
 
-/// What assembling the matrix will need at its peak, in bytes, as far as the pilot's count goes; more than that never.
+/// The predicted size of a matrix. It is an upper bound, apart from the sampling error of the pilot trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
-    /// Connections in all.
+    /// Number of connections.
     pub connections: f64,
-    /// Bytes of memory at the peak.
+    /// Peak memory of assembling it, in bytes.
     pub bytes: f64,
 }
 
-/// Predicts the memory for [`super::assemble()`]. Only where it could exceed `limit` bytes does it trace: one path from each
-/// of at most 64×64 pixels. The tracer's observer sees the steps.
+/// Predicts the memory for [`super::assemble()`]. Where it could exceed `limit` bytes, a pilot of at most
+/// 64×64 pixels with one path each is traced, and the tracer's observer sees its steps.
 ///
 /// # Errors
 /// As [`Tracer::trace`].
@@ -30,7 +30,7 @@ pub fn predict(
 ) -> Result<Prediction> {
     let symmetric = tracer.symmetric(settings);
     let predict = |per_path| prediction(per_path, settings, channels, symmetric);
-    // Besides the plain one, a surface may have a connection through a specular chain.
+    // A surface has at most two connections: a plain one, and a gathered one through a specular chain.
     let most = predict(2.0 * f64::from(settings.max_bounces));
     if most.bytes <= limit as f64 {
         return Ok(most);
@@ -47,21 +47,24 @@ pub fn predict(
         connections += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
         Ok(())
     })?;
-    // A few thousand paths tell the mean to some per cent.
+    // A few thousand paths determine the mean to a few per cent.
     Ok(predict(1.05 * connections as f64 / summary.paths.max(1) as f64))
 }
 
+/// The prediction for `per_path` connections per path.
 fn prediction(per_path: f64, settings: &TraceSettings, channels: Channels, symmetric: bool) -> Prediction {
     let pixels = settings.resolution.pixels() as f64;
     let projector = settings.projector.unwrap_or(settings.resolution).pixels() as f64;
     let paths = pixels * f64::from(settings.samples);
     let channels = channels.count() as f64;
     let pairs = pixels * projector;
-    // Paths come from both ends, or each connection has a mirror image. None has more entries than there are pairs of pixels.
+    // Either paths come from both endpoints, or each connection has a mirror image. There are at most as many
+    // entries as pairs of pixels.
     let from_one_end = (per_path * paths).min(pairs);
     let rows = if symmetric { from_one_end } else { 2.0 * from_one_end };
-    // Added up pixel by pixel they have a key, a mean and an error each; in the matrix's rows, a column and a weight. They become its rows, and
-    // these its tiles, where columns are half as wide, but slices have a head and are filled up: at most three bytes an entry of its own.
+    // Summed pixel by pixel, each entry has a key, a mean and an error. In the rows of the matrix it has a
+    // column and a weight. The rows are then cut into tiles, where columns are half as wide; heads and
+    // padding of the slices take at most three more bytes per entry.
     let entries = (2.0 * from_one_end).min(pairs);
     let (matrix, tiles) = (entries * (4.0 + 4.0 * channels), entries * (5.0 + 4.0 * channels));
     let bytes = matrix + tiles.max(rows * (4.0 + 8.0 * channels));
@@ -73,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn memory_grows_with_paths_until_the_matrix_is_full() {
+    fn memory_grows_with_the_number_of_paths_until_the_matrix_is_full() {
         let settings = |side, samples| TraceSettings::new(Resolution::new(side, side), samples);
         let bytes = |side, samples| prediction(2.5, &settings(side, samples), Channels::Luma, true).bytes;
         assert_eq!(bytes(512, 64), 2.5 * 512.0 * 512.0 * 64.0 * 2.0 * (8.0 + 9.0));

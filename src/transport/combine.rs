@@ -1,8 +1,10 @@
-//! From what each pixel's paths contribute to the matrix: rows and mirrored rows meet, block by block.
+//! The rows of the matrix, combined from the contributions of each pixel's paths and their transpose, block
+//! by block.
 //!
-//! With `F` the contributions by start pixel, a coaxial rig has `A = F + Fᵀ`; of one whose projector stands apart, paths
-//! from the camera make rows and paths from the projector columns. Since a row's entries ascend, a cursor in each row
-//! yields the transpose one block at a time, so that no second copy of `F` is ever needed.
+//! Let `F` be the matrix of contributions with a row for each start pixel. A coaxial rig has `A = F + Fᵀ`.
+//! Where the projector stands apart, the rows of the camera's pixels are rows of `A`, and those of the
+//! projector's pixels are columns of `A`. The entries of a row ascend, so that a cursor in each row yields
+//! the transpose one block at a time, without a second copy of `F`.
 
 use std::ops::Range;
 
@@ -12,31 +14,32 @@ use super::RigShape;
 use super::rows::{Chunk, Key};
 use super::tiles::CompressedRows;
 
-/// Contributions that one block holds, about.
+/// Approximate number of contributions in one block.
 const BLOCK: usize = 1 << 21;
 
-/// Rows that one task merges.
+/// Number of rows that one task merges.
 const ROWS_PER_TASK: usize = 64;
 
-/// The sparse part of the matrix, with what its noise is made from.
+/// The sparse part of the matrix, with the sums from which its noise follows.
 pub(super) struct Combined<const C: usize> {
-    /// By class: one bounce, then the others.
+    /// One layer for each class: one bounce, then the others.
     pub(super) layers: Vec<CompressedRows>,
-    /// Row by row.
+    /// Sums for each row.
     pub(super) rows: Vec<RowSums<C>>,
 }
 
-/// Sums over one row of the whole matrix, the diagonal included: values, errors, and their squares.
+/// Sums over one row of the whole matrix, including the diagonal: values, errors, and their squares.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RowSums<const C: usize> {
     pub(super) mean: [f64; C],
     pub(super) error: [f64; C],
     pub(super) mean_squares: f64,
     pub(super) error_squares: f64,
-    /// The squares of the light of two bounces and more.
+    /// Squares of values and errors for light of two or more bounces.
     pub(super) global: [f64; 2],
 }
 
+/// One contribution to a row, with its error.
 #[derive(Clone, Copy)]
 struct Term<const C: usize> {
     key: Key,
@@ -44,7 +47,8 @@ struct Term<const C: usize> {
     error: [f32; C],
 }
 
-/// Merges the chunks into `classes` layers. `direct` is the diagonal, as (mean, error) for each row, or empty.
+/// Merges the chunks into `classes` layers. `direct` is the diagonal, with mean and error for each row and
+/// channel, or empty.
 pub(super) fn combine<const C: usize>(
     chunks: &[Chunk<C>],
     rig: RigShape,
@@ -56,7 +60,8 @@ pub(super) fn combine<const C: usize>(
     let total: usize = terms.iter().sum();
     let nothing = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); C] };
     let mut layers = vec![nothing; classes];
-    // The one layer that holds nearly everything never outgrows this; what is not used is never touched.
+    // The last layer holds nearly all entries. It never has more than this, and the system does not commit
+    // memory that is not written.
     if let Some(main) = layers.last_mut() {
         main.columns.reserve_exact(total);
         main.weights.iter_mut().for_each(|plane| plane.reserve_exact(total));
@@ -79,7 +84,7 @@ pub(super) fn combine<const C: usize>(
     Combined { layers, rows: sums }
 }
 
-/// How many terms each row of the matrix gets.
+/// The number of terms of each row of the matrix.
 fn count_terms<const C: usize>(chunks: &[Chunk<C>], rig: RigShape, rows: usize) -> Vec<usize> {
     let mut terms = vec![0_usize; rows];
     for chunk in chunks {
@@ -95,8 +100,8 @@ fn count_terms<const C: usize>(chunks: &[Chunk<C>], rig: RigShape, rows: usize) 
     terms
 }
 
-/// The terms of the matrix rows `block`, row after row. Those of one row come by start pixel: the same order for an entry and
-/// its mirror image, so that their sums agree to the last bit.
+/// The terms of the rows `block` of the matrix, row after row. The terms of a row are ordered by start pixel.
+/// This is the same order for an entry and its mirror image, so that their sums agree to the last bit.
 fn gather<const C: usize>(
     chunks: &[Chunk<C>],
     rig: RigShape,
@@ -136,7 +141,9 @@ fn gather<const C: usize>(
     gathered
 }
 
-/// Sorts each row's terms, adds up those that meet, and appends the rows to the layers.
+/// Merges the terms of a block: it sorts the terms of each row, sums those of equal column and class, and
+/// appends the rows to the layers and to `sums`. `first` is the first row of the block, `counts` the number
+/// of terms of each row.
 fn merge<const C: usize>(
     terms: &mut [Term<C>],
     first: usize,
@@ -178,11 +185,13 @@ fn merge<const C: usize>(
     }
 }
 
+/// The merged rows of one task.
 struct Merged<const C: usize> {
     layers: Vec<LayerRows<C>>,
     sums: Vec<RowSums<C>>,
 }
 
+/// The rows of one layer: the end of each row, and its entries.
 #[derive(Clone)]
 struct LayerRows<const C: usize> {
     ends: Vec<usize>,
@@ -197,6 +206,7 @@ impl<const C: usize> Default for LayerRows<C> {
 }
 
 impl<const C: usize> Merged<C> {
+    /// Merges the terms of one row: terms of equal column and class are summed in `f64`.
     fn row(&mut self, row: u32, terms: &mut [Term<C>], direct: Option<&[[f64; 2]; C]>) {
         terms.sort_by_key(|term| term.key);
         let mut sums = RowSums {
@@ -232,7 +242,7 @@ impl<const C: usize> Merged<C> {
             }
             sums.add(&whole, &global);
         }
-        // Nothing but direct light on the diagonal.
+        // The diagonal entry of this row has direct light only.
         if let Some(direct) = direct {
             sums.add(direct, &none);
         }
@@ -243,6 +253,7 @@ impl<const C: usize> Merged<C> {
     }
 }
 
+/// `to += more`.
 fn add<const C: usize>(to: &mut [[f64; 2]; C], more: &[[f64; 2]; C]) {
     for (to, more) in to.iter_mut().flatten().zip(more.iter().flatten()) {
         *to += more;
@@ -250,6 +261,7 @@ fn add<const C: usize>(to: &mut [[f64; 2]; C], more: &[[f64; 2]; C]) {
 }
 
 impl<const C: usize> RowSums<C> {
+    /// Adds one entry of the row: all its light, and its light of two or more bounces.
     fn add(&mut self, whole: &[[f64; 2]; C], global: &[[f64; 2]; C]) {
         for channel in 0..C {
             let [mean, error] = whole[channel];

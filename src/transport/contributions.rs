@@ -1,4 +1,5 @@
-//! What the paths of a batch contribute to a photo: read by all cores at once, and added up by one.
+//! Contributions of a batch's paths to a photo. All cores read them in parallel; one core adds them up in
+//! path order.
 
 use rayon::prelude::*;
 
@@ -6,7 +7,7 @@ use super::matrix::{Direction, Part};
 use super::noise::Halves;
 use crate::render::{Batch, PIXEL_MASK, Run};
 
-/// What light goes which way.
+/// Which part of the transport is applied, in which direction.
 #[derive(Clone, Copy)]
 pub(super) struct Way {
     pub(super) direction: Direction,
@@ -14,7 +15,7 @@ pub(super) struct Way {
     pub(super) with_ambient: bool,
 }
 
-/// Sums over samples: a mean, with its error or without.
+/// A running mean over samples, with or without its error.
 pub(super) trait Tally: Copy + Default + Send {
     /// Adds a sample.
     fn add(&mut self, halves: Halves, half: usize, value: f64);
@@ -36,20 +37,22 @@ impl Tally for [f64; 2] {
 pub(super) struct Contributions<const C: usize> {
     halves: Halves,
     symmetric: bool,
-    /// The paths begin at the pixels that see the light, and not at those that send it.
+    /// The paths start at the pixels that receive light; else at the pixels that send it.
     from_seeing: bool,
     parts: Vec<Read<C>>,
 }
 
-/// Runs that one task reads.
+/// Number of runs that one task reads.
 const RUNS: usize = 16;
 
-/// What a contribution is, above its other pixel: direct, ambient, or else a connection.
+/// Kinds of contributions, as bits above those of the other pixel: direct light, ambient light; without
+/// either, a connection.
 const DIRECT: u32 = 1 << 30;
 const AMBIENT: u32 = 1 << 31;
 
 impl<const C: usize> Contributions<C> {
-    /// Reads a batch's records. Sums are to be divided by `samples`; `project` makes channels of colours.
+    /// Reads the records of a batch. Sums will be divided by `samples`; `project` computes the channels from
+    /// RGB.
     pub(super) fn read(
         batch: &Batch<'_>,
         samples: u32,
@@ -65,7 +68,7 @@ impl<const C: usize> Contributions<C> {
         }
     }
 
-    /// `seen += P lit`, channel by channel, for what of `P` is here.
+    /// `seen += P lit`, channel by channel, for the contributions to `P` of this batch.
     pub(super) fn add_to<T: Tally>(&self, seen: &mut [[T; C]], lit: &[[f64; C]]) {
         for (run, found) in self.parts.iter().flat_map(Read::runs) {
             let start = run.pixel as usize;
@@ -81,7 +84,7 @@ impl<const C: usize> Contributions<C> {
                     AMBIENT => add(start, value, &[1.0; C]),
                     _ if self.symmetric => {
                         add(start, value, &lit[end]);
-                        // The path's reverse, as in the matrix.
+                        // The reverse of the path, which has the same weight.
                         add(end, value, &lit[start]);
                     }
                     _ if self.from_seeing => add(start, value, &lit[end]),
@@ -92,9 +95,9 @@ impl<const C: usize> Contributions<C> {
     }
 }
 
-/// What some runs' paths contribute, zeros left out: the pixel at the other end, and how much.
+/// The contributions of some runs' paths without zeros: kind and other pixel, and value.
 struct Read<const C: usize> {
-    /// Each with the end of its contributions.
+    /// Each run, with the end of its contributions.
     runs: Vec<(Run, usize)>,
     found: Vec<(u32, [f32; C])>,
 }
@@ -113,8 +116,8 @@ impl<const C: usize> Read<C> {
         for run in runs {
             // No path has more contributions than slots.
             found.resize(end + run.paths.len() * batch.stride(), (0, [0.0; C]));
-            // What does not count is written, too, and then written over: a processor that need not know whether to go that
-            // way does not wait for one record before it asks for the next.
+            // A contribution that does not count is written as well, and then overwritten. This avoids a
+            // branch, so that the processor does not wait for one record before it loads the next.
             let mut keep = |counts: bool, other: u32, color: [f32; 3]| {
                 let value = project(color);
                 found[end] = (other, value);

@@ -55,13 +55,13 @@ use crate::image::{Image, Resolution};
 
 /// A scene in front of a rig: a pattern is projected, and a photo is taken.
 pub trait Transport {
-    /// Pixels of the projector, and so of a pattern.
+    /// Resolution of the projector and of its patterns.
     fn pattern_resolution(&self) -> Resolution;
 
-    /// Pixels of the camera, and so of a photo.
+    /// Resolution of the camera and of its photos.
     fn photo_resolution(&self) -> Resolution;
 
-    /// Whether photos are gray or coloured.
+    /// Whether photos are gray or in colour.
     fn channels(&self) -> Channels;
 
     /// The photo of `pattern`, ambient light included, in W/(m² sr). A pattern of one channel is used for all
@@ -76,9 +76,9 @@ pub trait Transport {
 /// The shape of a rig's matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct RigShape {
-    /// Pixels of the camera, one row each.
+    /// Resolution of the camera; each pixel is a row.
     pub camera: Resolution,
-    /// Pixels of the projector, one column each.
+    /// Resolution of the projector; each pixel is a column.
     pub projector: Resolution,
     /// Whether the rig is coaxial, so that `A = Aᵀ`.
     pub symmetric: bool,
@@ -90,7 +90,8 @@ pub struct RigShape {
 pub enum Channels {
     /// One channel: a gray pattern, and a photo weighted by luminance (Rec. 709).
     Luma,
-    /// Red, green and blue: three independent systems, since no surface here turns one colour into another.
+    /// Red, green and blue: three independent systems, since no surface here changes the colour of light
+    /// (fluorescence).
     Rgb,
 }
 

@@ -1,21 +1,21 @@
-//! How far the frozen matrix is from the true one, told by the difference of two independent halves of the samples.
+//! The noise of the frozen matrix, estimated from the difference of two independent halves of the samples.
 
 use crate::image::Image;
 
 /// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N` samples per pixel in two independent halves.
 ///
-/// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has mean 0 and the variance of `Â`, entry by entry and in every linear function of the entries.
-/// What both halves share, such as a map of specular chains, it does not tell.
+/// `e = (Â₁ − Â₂) √(n₁ n₂)/N` has mean 0 and the variance of `Â`, entry by entry and in every linear function
+/// of the entries. It does not contain errors that both halves share, such as those of a photon map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Noise {
-    /// Standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient light. Each is
-    /// `|e|` of one draw: right on average over pixels, in the mean square.
+    /// Standard error of the photo under an all-ones pattern, pixel by pixel, in W/(m² sr), without ambient
+    /// light. Each value is `|e|` of a single draw; only the mean square over many pixels is accurate.
     pub white: Image,
-    /// Root mean square of that over the pixels, relative to the photo's.
+    /// Root mean square of these errors over the pixels, relative to that of the photo.
     pub white_relative: f64,
     /// `‖e‖_F/‖Â‖_F`: the relative error of the whole matrix.
     pub operator: f64,
-    /// The same of the light of two bounces and more.
+    /// The same for light of two or more bounces.
     pub global: f64,
 }
 
@@ -25,7 +25,7 @@ impl From<&Noise> for crate::io::manifest::Noise {
     }
 }
 
-/// How samples of either half add up to a mean and its error.
+/// The weights with which samples of either half add up to a mean and its error.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halves {
     mean: f64,
@@ -33,7 +33,7 @@ pub(super) struct Halves {
 }
 
 impl Halves {
-    /// For paths of which so many start from each pixel, while `samples` is what their sums are to be divided by.
+    /// The weights where `from_each_pixel` paths start from each pixel, and sums are divided by `samples`.
     pub(super) fn new(samples: u32, from_each_pixel: u32) -> Self {
         let [first, second] = [from_each_pixel.div_ceil(2), from_each_pixel / 2].map(f64::from);
         let mean = 1.0 / f64::from(samples);
@@ -45,19 +45,19 @@ impl Halves {
         Self { mean, error }
     }
 
-    /// What a sample adds to the mean alone.
+    /// The contribution of a sample to the mean.
     pub(super) fn share(self, value: f64) -> f64 {
         value * self.mean
     }
 
-    /// Adds a sample of half `half` to a mean and its error, `e` of [`Noise`].
+    /// Adds a sample of half `half` to a mean and its error (`e` of [`Noise`]).
     pub(super) fn add(self, to: &mut [f64; 2], half: usize, value: f64) {
         to[0] += self.share(value);
         to[1] += value * self.error[half];
     }
 }
 
-/// `‖error‖/‖value‖`; 0 where both vanish.
+/// `‖error‖/‖value‖` from the squares of both norms; 0 where both are 0.
 pub(super) fn relative(error_squares: f64, value_squares: f64) -> f64 {
     if error_squares == 0.0 { 0.0 } else { (error_squares / value_squares).sqrt() }
 }
@@ -92,7 +92,8 @@ mod tests {
 
     #[test]
     fn a_projectors_paths_are_divided_by_the_cameras_samples() {
-        // Four paths from a pixel, of values as large as those of eight from one of the camera's: e is half as large, too.
+        // Four paths from a pixel, of values as large as those of eight from one of the camera's: e is half
+        // as large, too.
         let [mean, error] = estimate(Halves::new(8, 4), [&[1.0, 3.0], &[0.0, 0.0]]);
         assert_eq!([mean, error], [0.5, 0.5]);
     }

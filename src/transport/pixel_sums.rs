@@ -1,21 +1,23 @@
-//! Sums per pixel over its samples.
+//! Sums over the samples of each pixel.
 
 use super::noise::Halves;
 use crate::render::Batch;
 
-/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel, always added up in path order: the same bits
-/// however the paths were batched.
+/// Means and errors (`e` of [`super::Noise`]) per camera pixel and channel. They are summed in path order, so
+/// that the bits do not depend on the sizes of the batches.
 pub(super) struct PixelSums<const C: usize> {
     halves: Halves,
+    /// `[pixel][channel]`: mean and error.
     pub(super) estimates: Vec<[[f64; 2]; C]>,
 }
 
 impl<const C: usize> PixelSums<C> {
+    /// Zeros for `pixels` pixels with `samples` samples each.
     pub(super) fn new(pixels: usize, samples: u32) -> Self {
         Self { halves: Halves::new(samples, samples), estimates: vec![[[0.0; 2]; C]; pixels] }
     }
 
-    /// Adds what `sample` finds on each path of the batch; zeros do not count.
+    /// Adds `sample(path)` for each path of the batch. Zeros are skipped.
     pub(super) fn add(&mut self, batch: &Batch<'_>, sample: impl Fn(usize) -> [f32; C]) {
         for run in batch.runs() {
             let estimates = &mut self.estimates[run.pixel as usize];

@@ -1,4 +1,4 @@
-//! What the light paths from each pixel contribute, added up pixel by pixel as the paths come in.
+//! The contributions of the light paths from each pixel, summed pixel by pixel as the paths arrive.
 
 use std::ops::Range;
 
@@ -8,30 +8,35 @@ use super::noise::Halves;
 use crate::error::{Error, Result};
 use crate::render::{Batch, Connection, Run};
 
-/// Where a contribution lies within a row: pixel at the other end of the paths, and class of bounces below it.
+/// The position of a contribution within a row: the pixel at the other end of the path, and (in the lowest
+/// bits) its class of bounces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Key(u32);
 
 impl Key {
     const CLASS_BITS: u32 = 2;
-    /// Set while single contributions wait to be added: from the second half of the samples.
+    /// Marks a single contribution, not yet summed, from the second half of the samples.
     const HALF: u32 = 1 << 31;
 
+    /// The key for this pixel and class.
     pub(super) fn new(other: u32, class: u32) -> Self {
         debug_assert!(other < 1 << 28 && class < 1 << Self::CLASS_BITS);
         Self(other << Self::CLASS_BITS | class)
     }
 
+    /// The pixel at the other end.
     pub(super) fn other(self) -> u32 {
         self.0 >> Self::CLASS_BITS
     }
 
+    /// The class of bounces.
     pub(super) fn class(self) -> usize {
         (self.0 & ((1 << Self::CLASS_BITS) - 1)) as usize
     }
 }
 
-/// Which class a connection belongs to: 0 for one bounce, then 1, or 1 and 2 where the second bounce is told apart.
+/// The class of a connection: 0 for one bounce, 1 for more. If `split` is set, 1 is the second bounce only,
+/// and 2 are all later ones.
 pub(super) fn class(bounces: u32, split: bool) -> u32 {
     match bounces {
         1 => 0,
@@ -41,32 +46,34 @@ pub(super) fn class(bounces: u32, split: bool) -> u32 {
     }
 }
 
-/// The paths from one pixel, which is the camera's (a row of the matrix) or the projector's (a column).
+/// The paths from one pixel. A pixel of the camera is a row of the matrix, a pixel of the projector a column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
     pub(super) pixel: u32,
     pub(super) from_camera: bool,
-    /// One past its last entry in the chunk.
+    /// Index after its last entry in the chunk.
     pub(super) end: usize,
 }
 
-/// Finished pixels, ascending, each with its entries by ascending key.
+/// Rows of finished pixels in ascending order, each with its entries by ascending key.
 #[derive(Debug)]
 pub(super) struct Chunk<const C: usize> {
     pub(super) rows: Vec<Row>,
     pub(super) keys: Vec<Key>,
-    /// Means over the samples, and their errors (`e` of [`super::Noise`]).
+    /// Means over the samples, for each key.
     pub(super) means: Vec<[f32; C]>,
+    /// Their errors (`e` of [`super::Noise`]).
     pub(super) errors: Vec<[f32; C]>,
 }
 
 impl<const C: usize> Chunk<C> {
-    /// Each row with its place among the entries.
+    /// Each row with the range of its entries.
     pub(super) fn spans(&self) -> impl Iterator<Item = (Row, Range<usize>)> + '_ {
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
         self.rows.iter().zip(starts).map(|(&row, start)| (row, start..row.end))
     }
 
+    /// The chunk of these rows.
     fn join(rows: Vec<Finished<C>>) -> Self {
         let count = rows.iter().map(|row| row.entries.len()).sum();
         let mut chunk = Self {
@@ -87,27 +94,28 @@ impl<const C: usize> Chunk<C> {
     }
 }
 
-/// All that was traced. Strips follow one another in the order of the paths.
+/// The sums of all paths so far, as chunks in the order of the paths.
 #[derive(Debug)]
 pub(super) struct Rows<const C: usize> {
-    /// What all sums are divided by.
+    /// Divisor of all sums.
     samples: u32,
     split: bool,
     pub(super) chunks: Vec<Chunk<C>>,
-    /// A pixel whose paths may not all have come yet.
+    /// The last pixel, whose paths may not be complete yet.
     open: Option<Open<C>>,
 }
 
+/// A pixel whose contributions are not summed yet.
 #[derive(Debug)]
 struct Open<const C: usize> {
     pixel: u32,
-    /// How many paths start from it.
+    /// Number of paths that start from it.
     paths: u32,
     entries: Vec<Entry<C>>,
 }
 
-/// One connection. `from_camera` says whose pixel its path started from, the camera's or the projector's; `None` where both
-/// pixels have one number, so that it does not matter.
+/// One connection. `from_camera` says whether its path started from the camera or from the projector. It is
+/// `None` where both pixels have the same number, so that the entry does not show it.
 #[derive(Clone, Copy, Debug)]
 struct Entry<const C: usize> {
     key: Key,
@@ -115,6 +123,7 @@ struct Entry<const C: usize> {
     value: [f32; C],
 }
 
+/// A pixel with its summed entries: key, mean and error.
 struct Finished<const C: usize> {
     pixel: u32,
     from_camera: bool,
@@ -126,7 +135,8 @@ impl<const C: usize> Rows<C> {
         Self { samples, split, chunks: Vec::new(), open: None }
     }
 
-    /// Adds a batch's connections. Sums are taken in path order, whatever the batches' limits are.
+    /// Adds the connections of a batch. Sums are computed in path order, so that they do not depend on the
+    /// sizes of batches.
     pub(super) fn add(
         &mut self,
         batch: &Batch<'_>,
@@ -135,7 +145,7 @@ impl<const C: usize> Rows<C> {
         self.add_by(&batch.runs().collect::<Vec<_>>(), batch.samples(), batch, project)
     }
 
-    /// As [`Rows::add`], for paths written down as start pixel, half, and connections.
+    /// As [`Rows::add`], for paths given as start pixel, half, and connections.
     #[cfg(test)]
     pub(super) fn add_paths(
         &mut self,
@@ -147,7 +157,8 @@ impl<const C: usize> Rows<C> {
         self.add_by(&runs, self.samples, paths, project)
     }
 
-    /// `runs` are all of `paths`, in order, of which so many `samples` start from each pixel.
+    /// Adds the connections of `paths`. `runs` are all these paths in order; `samples` paths start from each
+    /// pixel.
     fn add_by(
         &mut self,
         runs: &[Run],
@@ -188,7 +199,7 @@ impl<const C: usize> Rows<C> {
         Ok(())
     }
 
-    /// No more paths will come.
+    /// Finishes the last pixel, after the last batch.
     pub(super) fn close(&mut self) -> Result<()> {
         if let Some(open) = self.open.take() {
             let row = self.finish(open)?;
@@ -197,6 +208,7 @@ impl<const C: usize> Rows<C> {
         Ok(())
     }
 
+    /// The entry of a connection of a path from `pixel`.
     fn entry(&self, pixel: u32, half: u32, connection: &Connection, value: [f32; C]) -> Result<Entry<C>> {
         let Connection { camera, projector, bounces, .. } = *connection;
         let (other, from_camera) = match (camera == pixel, projector == pixel) {
@@ -209,6 +221,7 @@ impl<const C: usize> Rows<C> {
         Ok(Entry { key, from_camera, value })
     }
 
+    /// Sums the contributions of a complete pixel.
     fn finish(&self, open: Open<C>) -> Result<Finished<C>> {
         let Open { pixel, paths, mut entries } = open;
         let halves = Halves::new(self.samples, paths);
@@ -216,10 +229,10 @@ impl<const C: usize> Rows<C> {
         if entries.iter().any(|entry| entry.from_camera.is_some_and(|camera| camera != from_camera)) {
             return Err(stray(pixel));
         }
-        let place = |entry: &Entry<C>| Key(entry.key.0 & !Key::HALF);
-        // Stable: what meets on one place stays in path order.
-        entries.sort_by_key(place);
-        let merged = entries.chunk_by(|a, b| place(a) == place(b)).map(|run| {
+        let position = |entry: &Entry<C>| Key(entry.key.0 & !Key::HALF);
+        // The sort is stable: contributions to one position stay in path order.
+        entries.sort_by_key(position);
+        let merged = entries.chunk_by(|a, b| position(a) == position(b)).map(|run| {
             let mut estimates = [[0.0_f64; 2]; C];
             for entry in run {
                 let half = usize::from(entry.key.0 & Key::HALF != 0);
@@ -227,21 +240,26 @@ impl<const C: usize> Rows<C> {
                     halves.add(estimate, half, f64::from(value));
                 }
             }
-            (place(&run[0]), estimates.map(|[mean, _]| mean as f32), estimates.map(|[_, error]| error as f32))
+            (
+                position(&run[0]),
+                estimates.map(|[mean, _]| mean as f32),
+                estimates.map(|[_, error]| error as f32),
+            )
         });
         Ok(Finished { pixel, from_camera, entries: merged.collect() })
     }
 }
 
+/// The error for a connection that does not belong to its path's pixel.
 fn stray(pixel: u32) -> Error {
     Error::Numerical(format!(
         "a light path from pixel {pixel} ends at neither of its own pixels: this is a fault in krylux"
     ))
 }
 
-/// Where paths' connections come from.
+/// A source of paths' connections.
 trait Paths: Sync {
-    /// Shows `to` those of a run's paths, path by path, until it fails.
+    /// Calls `to` with each connection of a run's paths, path by path, until it fails.
     fn connections(&self, run: &Run, to: impl FnMut(Connection) -> Result<()>) -> Result<()>;
 }
 

@@ -1,10 +1,13 @@
-//! What can be seen from the pinhole that camera and projector share: lists of pairs of triangles over a raster of the image plane.
+//! The light buffer: which pairs of triangles the pinhole that camera and projector share can see, as lists
+//! over a raster of the image plane.
 //!
-//! For each texel of the raster, the pairs of all triangles that a ray between the pinhole and a point behind that texel could meet, up to
-//! the nearest one that covers the texel whole: behind that, nothing is seen and no light arrives. Conservative throughout, by
-//! margins far above rounding, so that a list finds exactly what the search tree would find.
+//! The list of a texel holds the pairs of all triangles that a ray between the pinhole and a point behind
+//! that texel could meet, up to the nearest triangle that covers the whole texel: nothing behind that one is
+//! visible or lit. The lists are conservative, with margins far above rounding errors, so that a ray finds
+//! exactly the same hit as with the search tree.
 //!
-//! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986), doi:10.1109/MCG.1986.276832.
+//! Haines and Greenberg, *The Light Buffer: A Shadow-Testing Accelerator* (1986),
+//! doi:10.1109/MCG.1986.276832.
 
 mod polygon;
 
@@ -18,29 +21,30 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use polygon::{Corner, InverseDepth, clip, covers, extent_in_band};
 
-/// Marks a word of the raster as where a list is, and one of a list as not its last. As `LIST_CONTINUES` in
-/// `shaders/shared/light_buffer.wgsl`.
+/// Marks a word of the raster that is the index of a list, and each word of a list but its last. It is
+/// `LIST_CONTINUES` in `shaders/shared/light_buffer.wgsl`.
 const LIST_CONTINUES: u32 = 1 << 31;
-/// In texels: rays this near to a texel count as its own.
+/// Margin around a texel, in texels: rays within it count as rays through the texel.
 const MARGIN: f64 = 1.0 / 32.0;
-/// Relative: a triangle that is behind another one by less is not hidden.
+/// Relative margin of depths: a triangle that lies behind another one by less is not hidden.
 const DEPTH_MARGIN: f64 = 1e-4;
 
-/// Texels in a row of the raster for a scene of so many pairs of triangles, one on each side beyond the field of view. Lists are the shorter the
-/// finer the raster, and the likelier in the cache the coarser it is.
+/// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond
+/// the field of view. A fine raster has short lists; a coarse one stays in the cache.
 pub(super) fn side(pairs: usize) -> u32 {
     // Measured on software Vulkan: see benches/README.md.
     (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
 }
 
-/// The lists on the device, by the field of view that they were made for.
+/// The light buffers of one scene on the device, by field of view.
 #[derive(Default)]
 pub(super) struct LightBuffers {
     made: HashMap<[u32; 2], wgpu::TextureView>,
 }
 
 impl LightBuffers {
-    /// Of a scene seen from its pinhole; made when they are first asked for.
+    /// The light buffer for half the extent `tangent` of the image plane at distance 1. It is made when it is
+    /// first needed.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,
@@ -51,20 +55,20 @@ impl LightBuffers {
         if let Some(made) = self.made.get(&key) {
             return Ok(made.clone());
         }
-        let made =
-            gpu.texel_array("lists of what the pinhole sees", &lists(&scene.pairs_in_order, tangent))?;
+        let made = gpu.texel_array("light buffer", &lists(&scene.pairs_in_order, tangent))?;
         self.made.insert(key, made.clone());
         Ok(made)
     }
 }
 
-/// A stand-in where no kernel looks: bindings may not be empty.
+/// A placeholder for kernels without a light buffer: a binding may not be empty.
 pub(super) fn none(gpu: &Gpu) -> Result<wgpu::TextureView> {
-    gpu.texel_array("no lists of what the pinhole sees", &[])
+    gpu.texel_array("empty light buffer", &[])
 }
 
-/// Makes the lists, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the pinhole's frame (looking along −z) and in the order of
-/// the search tree's leaves, `tangent` is half the extent of the image plane at distance 1.
+/// The words of a light buffer, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the
+/// pinhole's frame, which looks along −z, and in the order of the search tree's leaves. `tangent` is half the
+/// extent of the image plane at distance 1.
 fn lists(pairs: &[Pair], tangent: [f32; 2]) -> Vec<[u32; 4]> {
     let mut raster = Raster::new(pairs, tangent);
     for (index, pair) in (0..).zip(pairs) {
@@ -75,28 +79,33 @@ fn lists(pairs: &[Pair], tangent: [f32; 2]) -> Vec<[u32; 4]> {
     raster.pack(pairs.len())
 }
 
-/// A triangle in a texel.
+/// A triangle that touches a texel.
 struct Entry {
     texel: u32,
     pair: u32,
-    /// At most this near: 1 over its least depth there.
+    /// An upper bound of 1 over its depth there.
     nearest: f32,
 }
 
+/// The raster while triangles are added.
 struct Raster {
     /// Texels in a row.
     side: usize,
+    /// Texels per unit of the image plane.
     scale: DVec2,
+    /// Depth of the near plane.
     near: f64,
-    /// Everything as near to the pinhole as this may be seen anywhere.
+    /// A triangle that comes closer to the pinhole than this may be visible in any texel.
     around: f64,
     entries: Vec<Entry>,
+    /// Pairs that belong to the lists of all texels.
     everywhere: Vec<u32>,
-    /// By texel: 1 over the greatest depth of the nearest triangle that covers it.
+    /// For each texel, 1 over the greatest depth of the nearest triangle that covers it; 0 without one.
     covers: Vec<f32>,
 }
 
 impl Raster {
+    /// The empty raster for a scene.
     fn new(pairs: &[Pair], tangent: [f32; 2]) -> Self {
         let corners = pairs.iter().flat_map(|pair| pair.corners);
         let extent = corners.map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
@@ -114,6 +123,7 @@ impl Raster {
         }
     }
 
+    /// Adds a triangle of pair `pair`.
     fn add(&mut self, pair: u32, corners: &[DVec3; 3]) {
         if corners.iter().all(|corner| corner.z > -self.near) {
             if self.touches_the_pinhole(corners) {
@@ -130,7 +140,8 @@ impl Raster {
         self.cover(pair, &seen);
     }
 
-    /// Whether a triangle may come nearer to the pinhole than the near plane's corners: by its plane and its box.
+    /// Whether a triangle may come closer to the pinhole than the corners of the near plane, judged by its
+    /// plane and its bounding box.
     fn touches_the_pinhole(&self, [a, b, c]: &[DVec3; 3]) -> bool {
         let normal = (*b - *a).cross(*c - *a).normalize_or_zero();
         let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
@@ -139,13 +150,14 @@ impl Raster {
         boxed && normal.dot(*a).abs() <= self.around
     }
 
+    /// The image of a point on the raster.
     fn project(&self, point: DVec3) -> Corner {
         let inverse = -1.0 / point.z;
         let image = DVec2::new(point.x, point.y) * inverse;
         Corner { at: image * self.scale + DVec2::splat(0.5 * self.side as f64), inverse }
     }
 
-    /// Enters a convex polygon into every texel that it touches.
+    /// Adds the convex image of a triangle to every texel that it touches.
     fn cover(&mut self, pair: u32, polygon: &[Corner]) {
         let Some(plane) = InverseDepth::through(polygon) else { return };
         let vertices = || polygon.iter().map(|corner| corner.inverse);
@@ -177,20 +189,21 @@ impl Raster {
         }
     }
 
-    /// The lists without what is hidden, nearest first, each of `pairs` pairs once.
+    /// The words of all lists, without hidden triangles. Each list has its nearest pair first, and each of
+    /// the scene's `pairs` pairs once.
     fn pack(mut self, pairs: usize) -> Vec<[u32; 4]> {
         self.entries.retain(|entry| entry.nearest >= self.covers[entry.texel as usize]);
         self.entries.sort_unstable_by(|a, b| {
             (a.texel, b.nearest, a.pair)
                 .partial_cmp(&(b.texel, a.nearest, b.pair))
-                // Depths are finite: vertices lie behind the near plane.
+                // All depths are finite, since all vertices lie behind the near plane.
                 .unwrap_or(std::cmp::Ordering::Equal)
         });
         let raster = self.side * self.side;
         let mut words = vec![0_u32; raster];
         let mut entries = self.entries.iter().peekable();
         let mut list = Vec::new();
-        // By pair: the last texel, counted from 1, whose list has it.
+        // For each pair, the last texel, counted from 1, whose list contains it.
         let mut listed_in = vec![0; pairs];
         for texel in 0..raster {
             list.clear();
@@ -203,7 +216,7 @@ impl Raster {
                 [] => LIST_CONTINUES,
                 [only] => only,
                 [ref others @ .., last] => {
-                    // The texture's limit is far below 2³¹ words, and is checked when it is made.
+                    // The size limit of the texture is far below 2³¹ words, and is checked when it is made.
                     let begin = words.len() as u32;
                     words.extend(others.iter().map(|pair| pair | LIST_CONTINUES));
                     words.push(last);
@@ -216,7 +229,8 @@ impl Raster {
     }
 }
 
-/// The texels of one axis that a stretch touches, with the margin; none where it lies beside the raster.
+/// The texels along one axis that an interval touches, with the margin; `None` where it lies outside the
+/// raster.
 fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<usize>> {
     let (low, high) = (low - MARGIN, high + MARGIN);
     if !(low < side as f64 && high >= 0.0) {

@@ -1,18 +1,19 @@
-//! Convex polygons on a raster: which texels they touch, which they cover, and how near they are there.
+//! Convex polygons on a raster: which texels they touch, which texels they cover, and their depths there.
 
 use glam::{DVec2, DVec3};
 
 use super::MARGIN;
 
-/// A polygon's corner on the raster.
+/// A corner of a polygon on the raster.
 #[derive(Clone, Copy)]
 pub(super) struct Corner {
+    /// Position in texels.
     pub(super) at: DVec2,
-    /// 1 over its depth: linear over the image of a plane.
+    /// 1 over its depth, which is linear over the image of a plane.
     pub(super) inverse: f64,
 }
 
-/// The part of a triangle at a depth of `near` or more.
+/// The part of a triangle with a depth of at least `near`.
 pub(super) fn clip(corners: &[DVec3; 3], near: f64) -> Vec<DVec3> {
     let mut kept = Vec::with_capacity(4);
     for (index, &from) in corners.iter().enumerate() {
@@ -28,7 +29,8 @@ pub(super) fn clip(corners: &[DVec3; 3], near: f64) -> Vec<DVec3> {
     kept
 }
 
-/// From where to where a convex polygon reaches in x within `low ≤ y ≤ high`.
+/// The least and the greatest x of a convex polygon within `low ≤ y ≤ high`; `None` where it does not reach
+/// that band.
 pub(super) fn extent_in_band(polygon: &[Corner], low: f64, high: f64) -> Option<(f64, f64)> {
     let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut reach = |x: f64| {
@@ -49,7 +51,7 @@ pub(super) fn extent_in_band(polygon: &[Corner], low: f64, high: f64) -> Option<
     (left <= right).then_some((left, right))
 }
 
-/// Whether a texel, with its margin, lies inside a convex polygon.
+/// Whether a texel lies inside a convex polygon, including its margin.
 pub(super) fn covers(polygon: &[Corner], column: usize, row: usize) -> bool {
     let [left, top] = [column, row].map(|index| index as f64 - MARGIN);
     let [right, bottom] = [column, row].map(|index| index as f64 + 1.0 + MARGIN);
@@ -57,7 +59,7 @@ pub(super) fn covers(polygon: &[Corner], column: usize, row: usize) -> bool {
     for (index, corner) in polygon.iter().enumerate() {
         let edge = polygon[(index + 1) % polygon.len()].at - corner.at;
         for (x, y) in [(left, top), (right, top), (left, bottom), (right, bottom)] {
-            // NaN is on neither side: the texel is not covered.
+            // NaN counts for neither side, so that the texel is not covered.
             let side = edge.perp_dot(DVec2::new(x, y) - corner.at);
             all_left &= side < 0.0;
             all_right &= side > 0.0;
@@ -66,7 +68,7 @@ pub(super) fn covers(polygon: &[Corner], column: usize, row: usize) -> bool {
     all_left || all_right
 }
 
-/// 1 over the depth of a plane, over the raster.
+/// 1 over the depth of a plane, as a linear function of the raster.
 pub(super) struct InverseDepth {
     at: DVec2,
     value: f64,
@@ -74,7 +76,8 @@ pub(super) struct InverseDepth {
 }
 
 impl InverseDepth {
-    /// Through the corners of a polygon that is not seen edge on; edge on it covers nothing, and is nowhere nearer than its corners.
+    /// The function through the corners of a polygon. A polygon that is seen edge-on gets an infinite
+    /// gradient: it covers no texel, and is nowhere nearer than its corners.
     pub(super) fn through(polygon: &[Corner]) -> Option<Self> {
         let first = polygon.first()?;
         let mut best = Self { at: first.at, value: first.inverse, gradient: DVec2::ZERO };
@@ -89,13 +92,14 @@ impl InverseDepth {
             }
         }
         if largest < 1e-9 || !best.gradient.is_finite() {
-            // Nearly edge on: its gradient means nothing. Let it count as near as its nearest corner everywhere.
+            // The polygon is seen nearly edge-on, and its gradient has no meaning. Everywhere its nearest
+            // corner counts.
             best.gradient = DVec2::splat(f64::INFINITY);
         }
         Some(best)
     }
 
-    /// The least and the greatest over a texel with its margin.
+    /// The least and the greatest value over a texel with its margin.
     pub(super) fn over(&self, column: usize, row: usize) -> (f64, f64) {
         if !self.gradient.is_finite() {
             return (0.0, f64::INFINITY);

@@ -1,4 +1,4 @@
-//! Samplers against their densities (χ²).
+//! Samplers against their densities, by χ² tests.
 
 use std::sync::LazyLock;
 
@@ -13,13 +13,14 @@ use crate::gpu::Gpu;
 const BINS: Sphere = Sphere { rings: 20, sectors: 40 };
 /// 2²⁰ samples: a density that is wrong by 1 % over a tenth of the hemisphere fails.
 const SAMPLES: usize = 1 << 20;
-/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and at a cosine of 0.05 0.12 in `s`; cells of 1/320 integrate it
-/// to 1e-4, a fraction of the counts' relative noise.
+/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, and at a cosine of 0.05 0.12 in `s`; cells of
+/// 1/320 integrate it to 1e-4, a fraction of the counts' relative noise.
 const CELLS: usize = 16;
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| BINS.midpoints(CELLS));
 
-/// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. A sample's fourth component is the
-/// kind of a delta, `-1` for nothing, and `REGULAR` for what the density is of.
+/// A sampler and its density in WGSL, as functions of `bsdf`, `wo` and `u` or `wi`. The fourth component of a
+/// sample is its kind: that of a delta lobe, `-1` for no sample, and `REGULAR` for the samples that the
+/// density describes.
 struct Sampler {
     sample: &'static str,
     density: &'static str,
@@ -49,6 +50,7 @@ const BSDF: Sampler = Sampler {
         return vec3f(bsdf.opacity * vec2f(deltas.reflect, select(0.0, deltas.transmit, solid)), bsdf_pass(bsdf, wo).probability);",
 };
 
+/// The p-value of a sampler's histogram against its density.
 fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -> f64 {
     let Sampler { sample, density, deltas } = sampler;
     let head = format!("#import rng\n#import bsdf\n{READ_BSDF}");
@@ -98,7 +100,7 @@ fn p_value(gpu: &Gpu, sampler: &Sampler, bsdf: &Bsdf, cos_o: f64, seed: usize) -
         .collect();
     let [reflected, refracted, passed, _] = densities[points.len()].map(|p| SAMPLES as f64 * f64::from(p));
     expected.extend([reflected, refracted, passed]);
-    // What the densities leave out is what was not sampled.
+    // The rest of the probability is that of no sample.
     let left = SAMPLES as f64 - expected.iter().sum::<f64>();
     assert!(left > -1e-3 * SAMPLES as f64, "the density integrates to more than 1: {left}");
     expected.push(left.max(0.0));

@@ -1,14 +1,16 @@
-//! The sphere of directions, cut into bins, and points to integrate over it.
+//! The sphere of directions, divided into bins, and points for integrals over it.
 
 use std::f64::consts::{PI, TAU};
 
-/// Azimuth of all outgoing directions. Arbitrary: nothing may depend on it.
+/// Azimuth of all outgoing directions. Its value is arbitrary, since no result may depend on it.
 const AZIMUTH: f64 = 2.2;
 
-/// Bins by `(hemisphere, ring, sector)`, fine where a glossy lobe may be narrow. Rings are equally spaced in
-/// `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal; sectors in `s = ∛(φ/π)` from −1 to 1, with `φ` counted
-/// from the mirror direction, where transmitted light goes as well: at grazing incidence a lobe is narrower in azimuth
-/// than in height, by the cosine. A solid angle is `dω = 2t dt · 3πs² ds`.
+/// Bins by `(hemisphere, ring, sector)`, which are fine where a glossy lobe may be narrow.
+///
+/// Rings are equally spaced in `t = √(1 − |cosθ|)`, which is linear in `θ` around the normal. Sectors are
+/// equally spaced in `s = ∛(φ/π)` from −1 to 1, with the azimuth `φ` measured from the mirror direction,
+/// which is also that of transmitted light: at grazing incidence a lobe is narrower in azimuth than in
+/// height, by the cosine. The solid angle is `dω = 2t dt · 3πs² ds`.
 pub(super) struct Sphere {
     pub(super) rings: usize,
     pub(super) sectors: usize,
@@ -19,7 +21,7 @@ impl Sphere {
         2 * self.rings * self.sectors
     }
 
-    /// The bin that a direction falls into; those above the horizon come first.
+    /// The bin of a direction. The bins above the horizon come first.
     pub(super) fn bin(&self, [x, y, z]: [f64; 3]) -> usize {
         // 1 − |z| without cancellation.
         let t = ((x * x + y * y) / (1.0 + z.abs())).sqrt();
@@ -30,7 +32,7 @@ impl Sphere {
         (below + ring) * self.sectors + (sector as usize).min(self.sectors - 1)
     }
 
-    /// The midpoints of `per_side²` cells of each bin, bin by bin, and the solid angle that each stands for.
+    /// The midpoints of `per_side²` cells of each bin, bin by bin, and the solid angle of each cell.
     pub(super) fn midpoints(&self, per_side: usize) -> (Vec<[f32; 4]>, Vec<f64>) {
         let (dt, ds) = (1.0 / (self.rings * per_side) as f64, 2.0 / (self.sectors * per_side) as f64);
         let cells = per_side * per_side;

@@ -3,7 +3,7 @@
 use super::kernel::{gpu, run};
 use super::material::{BSDF_SIZE, Bsdf, READ_BSDF};
 
-/// `1 − F` of unpolarized light by the textbook's formulas, in double precision.
+/// `1 − F` of unpolarized light by the textbook formulas, in double precision.
 fn transmittance(eta_o: f64, eta_t: f64, cos_o: f64) -> f64 {
     let sin_t = eta_o / eta_t * (1.0 - cos_o * cos_o).sqrt();
     if sin_t >= 1.0 {
@@ -15,7 +15,7 @@ fn transmittance(eta_o: f64, eta_t: f64, cos_o: f64) -> f64 {
     1.0 - (s * s + p * p) / 2.0
 }
 
-/// Mirrored, let through, and what a sampler finds of both together.
+/// Reflected and transmitted shares, and a sample's weight and probability, at each cosine.
 fn shares(bsdf: &Bsdf, cosines: &[f32]) -> Vec<[f32; 4]> {
     let source = format!(
         "#import rng\n#import bsdf\n{READ_BSDF}
@@ -44,8 +44,8 @@ fn smooth_glass_follows_fresnels_equations_and_loses_nothing() {
         let mut totally_reflected = 0;
         for ([reflected, transmitted, weight, pdf], &cosine) in found.iter().zip(&cosines) {
             let expected = transmittance(bsdf.eta_o.into(), bsdf.eta_t.into(), cosine.into());
-            // Near the critical angle 1 − F goes as k cosθ_t, k < 9 here, and cos²θ_t, a difference from 1, has an error
-            // of 1.5e-7: k²/2 times that, divided by 1 − F.
+            // Near the critical angle 1 − F goes as k cosθ_t, k < 9 here, and cos²θ_t, a difference from 1,
+            // has an error of 1.5e-7: k²/2 times that, divided by 1 − F.
             let error = (f64::from(*transmitted) - expected).abs();
             assert!(error < 6e-6 / expected.max(1e-3), "{bsdf:?} at {cosine}: {transmitted}, not {expected}");
             assert!((reflected + transmitted - 1.0).abs() <= 2.0 * f32::EPSILON, "{bsdf:?} at {cosine}");

@@ -1,4 +1,5 @@
-//! The white furnace: `∫ K n_i² |cosθ| dω` and the deltas, the light that comes back under light from everywhere.
+//! The white furnace test: under uniform light from all directions a surface returns `∫ K n_i² |cosθ| dω`
+//! plus its delta lobes.
 
 use std::sync::LazyLock;
 
@@ -7,13 +8,14 @@ use super::kernel::{gpu, run};
 use super::material::{Bsdf, RANDOM_BSDF, READ_BSDF};
 use crate::gpu::Gpu;
 
-/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in `s`.
+/// The narrowest lobe here (α = 0.05) is 0.03 wide in `t`, nine cells; at a cosine of 0.05 it is 0.12 wide in
+/// `s`.
 const CELLS: Sphere = Sphere { rings: 320, sectors: 480 };
 static POINTS: LazyLock<(Vec<[f32; 4]>, Vec<f64>)> = LazyLock::new(|| CELLS.midpoints(1));
 const SAMPLES: usize = 1 << 18;
 
-/// The albedo of a gray material towards `cos_o`, regular lobes and deltas: by quadrature over `K`, and by the sampler's
-/// weights, with standard error.
+/// The directional albedo of a gray material, regular and delta lobes together: by quadrature over `K`, and
+/// by the weights of samples, with standard error.
 struct Albedo {
     integral: f64,
     sampled: f64,
@@ -38,7 +40,7 @@ fn quadrature(gpu: &Gpu, bsdf: &Bsdf, cos_o: f64) -> f64 {
     );
     let mut input = bsdf.encode().to_vec();
     input.push(outgoing(cos_o));
-    // Nothing to find below the horizon of an opaque surface.
+    // An opaque surface has no lobe below the horizon.
     let through = bsdf.transmission + bsdf.diffuse_transmission > 0.0;
     let points = &POINTS.0[..CELLS.bins() / if through { 1 } else { 2 }];
     input.extend(points);
@@ -74,8 +76,8 @@ fn lambertian_albedo_is_its_colour() {
     for (color, cos_o) in [(1.0, 1.0), (1.0, 0.05), (0.5, 0.3)] {
         let Albedo { integral, sampled, error } = albedo(&gpu, &Bsdf::lambertian(color), cos_o, 0);
         let color = f64::from(color);
-        // cosθ/π cancels against the density but for rounding: there is no Monte Carlo error. The midpoint rule's error
-        // is dt²/2 − ds²/4 relative.
+        // cosθ/π cancels against the density but for rounding: there is no Monte Carlo error. The midpoint
+        // rule's error is dt²/2 − ds²/4 relative.
         assert!(
             error < 1e-7 && (sampled - color).abs() < 4e-7 * color,
             "sampled {sampled}, expected {color}"
@@ -110,8 +112,8 @@ fn sampling_and_quadrature_find_one_albedo() {
     ] {
         for cos_o in COSINES {
             let Albedo { integral, sampled, error } = albedo(&gpu, &bsdf, cos_o, count as usize);
-            // The quadrature's own error; see the Lambertian. Where light is bent, facets on edge end a lobe with a jump,
-            // which cells on either side of it round.
+            // The quadrature's own error; see the Lambertian. Where light is bent, facets on edge end a lobe
+            // with a jump, which cells on either side of it round.
             let quadrature = if bsdf.eta_o == bsdf.eta_t { 1e-5 } else { 3e-4 };
             let z = (sampled - integral) / error.hypot(quadrature);
             (worst, squares, count) = (worst.max(z.abs()), squares + z * z, count + 1.0);
@@ -127,7 +129,8 @@ fn sampling_and_quadrature_find_one_albedo() {
     assert!(worst < 4.3 && z_rms < 1.3, "worst z {worst}, rms {z_rms}");
 }
 
-/// The least and the greatest albedo over the cosines from `from` up. Quadrature's error is of the order of 1e-5.
+/// The least and the greatest albedo over the cosines from `from` up. Quadrature's error is of the order of
+/// 1e-5.
 fn range(gpu: &Gpu, bsdf: &Bsdf, from: f64) -> (f64, f64) {
     let found = COSINES.iter().filter(|&&cos| cos >= from).map(|&cos_o| quadrature(gpu, bsdf, cos_o));
     let range = found.fold((f64::MAX, 0.0_f64), |(low, high), albedo| (low.min(albedo), high.max(albedo)));
@@ -141,7 +144,7 @@ fn white_metals_reflect_no_more_than_they_receive() {
     for alpha in [0.05, 0.25, 0.5, 1.0] {
         let (low, high) = range(&gpu, &Bsdf::metal(1.0, alpha), 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // Single scattering loses some, and a smooth surface next to nothing.
+        // The model without multiple scattering loses some light, but a smooth surface hardly any.
         assert!(low > if alpha < 0.1 { 0.88 } else { 0.3 }, "α {alpha}: {low}");
     }
 }
@@ -154,14 +157,14 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
         let white = Bsdf::dielectric(1.0, alpha);
         let (low, high) = range(&gpu, &white, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}: {high}");
-        // Nor do they lose much: at grazing incidence what facets hide from each other.
+        // They do not lose much either: only light that facets hide from each other at grazing incidence.
         assert!(low > 0.5, "α {alpha}: {low}");
         assert!(range(&gpu, &white, 0.5).0 > 0.95, "α {alpha}");
         // Without reflectance at normal incidence the coat's bound has the least room.
         let (_, high) = range(&gpu, &Bsdf { f0: glam::Vec3::ZERO, ..white }, 0.0);
         assert!(high <= 1.0 + 1e-5, "α {alpha}, index 1: {high}");
     }
-    // Where it is smooth, Schlick's reflectance and what it leaves.
+    // A smooth surface reflects Schlick's share, and its base gets the rest.
     let (low, high) = range(&gpu, &Bsdf::dielectric(1.0, 0.0), 0.0);
     assert!(low > 1.0 - 1e-5 && high < 1.0 + 1e-5, "{low} to {high}");
 }
@@ -169,7 +172,8 @@ fn white_dielectrics_reflect_no_more_than_they_receive() {
 #[test]
 fn rough_glass_lets_through_no_more_than_it_receives() {
     let gpu = gpu();
-    // Into the denser medium lobes are three times narrower; the quadrature resolves them from a width of 0.2.
+    // Into the denser medium lobes are three times narrower; the quadrature resolves them from a width of
+    // 0.2.
     for alpha in [0.2, 0.5, 1.0] {
         for bsdf in [Bsdf::pane(alpha), Bsdf::glass(alpha), Bsdf::glass(alpha).beyond()] {
             let (low, high) = range(&gpu, &bsdf, 0.0);
@@ -180,12 +184,12 @@ fn rough_glass_lets_through_no_more_than_it_receives() {
         let (_, high) = range(&gpu, &paper, 0.0);
         assert!(high <= 1.0 + 1e-5, "{}: {high}", paper.describe());
     }
-    // Little is lost where facets hide little from each other.
+    // Little light is lost where facets hardly hide each other.
     assert!(range(&gpu, &Bsdf::glass(0.2), 0.5).0 > 0.95);
     assert!(range(&gpu, &Bsdf::glass(0.2).beyond(), 0.8).0 > 0.9);
 }
 
-/// White materials of all kinds, with tilted shading normals, in all media, from random directions.
+/// White materials of all kinds, with tilted shading normals, in all media, seen from random directions.
 #[test]
 fn no_material_returns_more_than_it_receives() {
     const LOOP: usize = 4096;
@@ -199,7 +203,7 @@ fn no_material_returns_more_than_it_receives() {
             var squares = 0.0;
             for (var k = 0u; k < {LOOP}u; k += 1u) {{
                 let weight = max_component(bsdf_sample(bsdf, wo, random4(index, k, 9u, 4u)).weight);
-                // From 1, which most weights are near: no digits are lost in the squares.
+                // Relative to 1, since most weights are close to it: the squares keep their precision.
                 sum += weight - 1.0;
                 squares += (weight - 1.0) * (weight - 1.0);
             }}

@@ -1,4 +1,4 @@
-//! However many paths one invocation takes, each path is the same, to the last bit.
+//! Paths do not depend on the number of paths of an invocation, to the last bit.
 
 use glam::Vec3;
 
@@ -7,7 +7,7 @@ use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, Triangle, builtin};
 
-/// All paths of either end, when an invocation takes so many.
+/// All paths of all strategies, where an invocation traces `each` of them, with or without the light buffer.
 fn paths(scene: &Scene, settings: &TraceSettings, each: u32, by_light_buffer: bool) -> Vec<PathRecord> {
     let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
     let mut strategies = tracer.strategy_builder().strategies(settings).expect("the settings are sound");
@@ -24,7 +24,7 @@ fn paths(scene: &Scene, settings: &TraceSettings, each: u32, by_light_buffer: bo
 }
 
 #[test]
-fn a_path_is_the_same_in_whatever_invocation() {
+fn paths_do_not_depend_on_their_invocation() {
     let mirror_ball = builtin::mirror_ball().to_scene();
     let apart = Scene { projector: Some(Scene::clone(&mirror_ball).camera), ..builtin::carton().to_scene() };
     let scenes = [
@@ -34,7 +34,8 @@ fn a_path_is_the_same_in_whatever_invocation() {
         (apart, false),
     ];
     for (scene, by_light_buffer) in &scenes {
-        // So many samples that pixels begin and end amid an invocation's paths, and its last ones are none.
+        // Pixels begin and end in the middle of an invocation's paths, and the last invocation has fewer
+        // paths.
         let settings = TraceSettings::new(Resolution::new(41, 30), 13);
         let one = paths(scene, &settings, 1, *by_light_buffer);
         assert!(one.len() >= 41 * 30 * 13);
@@ -42,15 +43,15 @@ fn a_path_is_the_same_in_whatever_invocation() {
             let several = paths(scene, &settings, each, *by_light_buffer);
             assert!(
                 one == several,
-                "{}, by lists: {by_light_buffer}, {each} paths each",
+                "{}, by the light buffer: {by_light_buffer}, {each} paths each",
                 scene.path.display()
             );
         }
     }
 }
 
-/// A wall, and before it so many strips one behind another, as broad as the field of view and lower than anything that a list of what
-/// the pinhole sees tells apart: whatever goes there has to be tested against each.
+/// A wall, and in front of it `count` strips one behind another. They are as wide as the field of view and
+/// thinner than a texel of the light buffer, so that a ray there is tested against each of them.
 fn strips(count: usize) -> Scene {
     let mut scene = builtin::plane(1.0, 0.8);
     scene.triangles.extend((0..count).map(|at| {
@@ -62,8 +63,9 @@ fn strips(count: usize) -> Scene {
 }
 
 #[test]
-fn paths_with_too_long_a_way_for_one_invocation_get_one_each() {
-    // Some sixty paths of an invocation's meet eight thousand strips each; software Vulkan ends it at 65,535 turns.
+fn paths_that_are_too_long_for_one_invocation_get_one_each() {
+    // About sixty paths of an invocation meet eight thousand strips each. Software Vulkan stops it after
+    // 65,535 loop iterations.
     let scene = strips(8000);
     let settings = TraceSettings::new(Resolution::new(64, 64), 32);
     let [one, many] = [1, 64].map(|each| paths(&scene, &settings, each, true));

@@ -5,7 +5,8 @@ use wgpu::{BindingType, BufferBindingType, BufferUsages, ShaderStages};
 use crate::gpu::{Gpu, shader};
 use crate::render::pipeline::TEXEL_ARRAY;
 
-/// What stands around the function under test. Group 1 is its own, since group 0 belongs to the shared shaders.
+/// The entry point around the function under test. It has bind group 1, since group 0 belongs to the shared
+/// shaders.
 const FRAME: &str = "
 @group(1) @binding(0) var<storage, read> input: array<vec4f>;
 @group(1) @binding(1) var<storage, read_write> output: array<vec4f>;
@@ -18,13 +19,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 }
 ";
 
-/// The first adapter, as the tests' environment provides it.
+/// The first adapter of the machine.
 pub(super) fn gpu() -> Gpu {
     Gpu::open(None).expect("the README's test command installs a Vulkan driver")
 }
 
-/// `work(0), …, work(count − 1)` of the WGSL in `source`, which defines `fn work(index: u32) -> vec4f` and may import
-/// shared shaders and read `input`. `shared` are the resources of group 0 that these shaders read, by binding.
+/// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may
+/// import shared shaders and read `input`. `shared` are the resources of group 0 that these shaders read,
+/// with their bindings.
 pub(super) fn run(
     gpu: &Gpu,
     source: &str,
@@ -82,7 +84,7 @@ pub(super) fn run(
     bytemuck::cast_slice(&view).to_vec()
 }
 
-/// Binding, buffer or storage texture, and whether it is read only.
+/// A binding, its buffer or storage texture, and whether it is read-only.
 type Entry<'a> = (u32, wgpu::BindingResource<'a>, bool);
 
 fn layout(gpu: &Gpu, group: &[Entry<'_>]) -> wgpu::BindGroupLayout {

@@ -1,4 +1,5 @@
-//! Lists of what the pinhole sees, and rays that test every pair of triangles, against the search tree: the same paths, to the last bit.
+//! The light buffer, and tests of every pair of triangles, against the search tree: all give the same paths,
+//! to the last bit.
 
 use glam::Vec3;
 
@@ -7,18 +8,18 @@ use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, Triangle, builtin};
 
-/// How rays find what they hit.
+/// The method by which rays find their hits.
 #[derive(Clone, Copy)]
 struct By {
-    /// Those from and to the pinhole by its lists.
+    /// Rays from and to the pinhole use the light buffer.
     light_buffer: bool,
-    /// The others by testing every pair of triangles.
+    /// The other rays test every pair of triangles.
     each: bool,
 }
 
 const TREE: By = By { light_buffer: false, each: false };
 
-/// All paths of a scene, by the lists, by every pair or by the tree.
+/// All paths of a scene, by this method.
 fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<PathRecord> {
     let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
     let pairs = tracer.strategy_builder().scene.pairs_in_order.len() as u32;
@@ -27,7 +28,7 @@ fn paths(scene: &Scene, settings: &TraceSettings, by: By) -> Vec<PathRecord> {
     let strategy = &mut strategies[0];
     assert!(
         strategy.features.light_buffer_side > 0,
-        "{}: nothing here lets light straight through",
+        "{}: no surface here lets light pass straight through",
         scene.path.display()
     );
     if !by.light_buffer {
@@ -44,8 +45,8 @@ fn shipped(name: &str) -> Scene {
 }
 
 #[test]
-fn every_triangle_tested_finds_what_the_tree_finds() {
-    // Few triangles and more, with a mirror, and with a ceiling that rays meet at all angles.
+fn testing_every_pair_gives_the_hits_of_the_search_tree() {
+    // Scenes of a few and of more triangles, with a mirror, and with a ceiling that rays meet at all angles.
     for scene in [shipped("corner"), shipped("mirror"), shipped("zigzag"), shipped("cornell")] {
         let settings = TraceSettings::new(Resolution::new(56, 40), 16);
         let [each, tree] =
@@ -57,7 +58,7 @@ fn every_triangle_tested_finds_what_the_tree_finds() {
 }
 
 #[test]
-fn lists_find_what_the_tree_finds() {
+fn the_light_buffer_gives_the_hits_of_the_search_tree() {
     let scenes = [
         shipped("zigzag"),
         shipped("carton"),
@@ -67,7 +68,7 @@ fn lists_find_what_the_tree_finds() {
         builtin::tessellated_box(100_000),
     ];
     for scene in &scenes {
-        // Not square, so that both tangents count.
+        // The image is not square, so that both tangents matter.
         let settings = TraceSettings::new(Resolution::new(56, 40), 16);
         let [with, without] =
             [By { light_buffer: true, each: false }, TREE].map(|by| paths(scene, &settings, by));
@@ -78,10 +79,11 @@ fn lists_find_what_the_tree_finds() {
 }
 
 #[test]
-fn a_small_trees_layout_finds_what_a_large_ones_does() {
+fn small_and_large_tree_layouts_give_the_same_hits() {
     for small in [shipped("cornell"), shipped("carton")] {
         let mut large = small.clone();
-        // Without an area, so that no ray meets them; and apart, so that the tree is not too deep.
+        // Triangles without area, so that no ray meets them, and far from each other, so that the tree is not
+        // too deep.
         large.triangles.extend((0..20_000).map(|at| {
             let corner = Vec3::new(10.0 + at as f32, 10.0, 10.0);
             Triangle::flat([corner, corner + 0.1, corner + 0.2], 0, 0)

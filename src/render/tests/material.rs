@@ -2,7 +2,7 @@
 
 use glam::{Vec3, vec3};
 
-/// As `Bsdf` in `shaders/shared/lobes.wgsl`.
+/// `Bsdf` of `shaders/shared/lobes.wgsl`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bsdf {
     pub(super) base_color: Vec3,
@@ -19,10 +19,10 @@ pub(super) struct Bsdf {
     pub(super) shading: Vec3,
 }
 
-/// Elements of `input` that a [`Bsdf`] takes.
+/// Number of elements of `input` that hold a [`Bsdf`].
 pub(super) const BSDF_SIZE: usize = 5;
 
-/// Reads a [`Bsdf`] from `input`.
+/// WGSL that reads a [`Bsdf`] from `input`.
 pub(super) const READ_BSDF: &str = "
 fn bsdf_at(first: u32) -> Bsdf {
     let base = input[first];
@@ -53,7 +53,7 @@ impl Bsdf {
         }
     }
 
-    /// Index of refraction 1.5.
+    /// A dielectric with refractive index 1.5.
     pub(super) fn dielectric(albedo: f32, alpha: f32) -> Self {
         Self { f0: Vec3::splat(0.04), f90: 1.0, alpha, ..Self::lambertian(albedo) }
     }
@@ -78,13 +78,13 @@ impl Bsdf {
         Self { eta_o: self.eta_t, eta_t: self.eta_o, shading, ..self }
     }
 
-    /// With a shading normal at this angle to the geometric one.
+    /// The same surface with a shading normal at this angle to the geometric one.
     pub(super) fn tilted(self, degrees: f32) -> Self {
         let (sin, cos) = degrees.to_radians().sin_cos();
         Self { shading: vec3(0.8 * sin, 0.6 * sin, cos), ..self }
     }
 
-    /// What sets it apart, in a line.
+    /// The parameters in one line.
     pub(super) fn describe(&self) -> String {
         let Self { metallic, alpha, transmission, diffuse_transmission, opacity, eta_o, eta_t, .. } = self;
         format!(
@@ -105,8 +105,8 @@ impl Bsdf {
     }
 }
 
-/// Materials at random: `random_bsdf(index)` of all kinds, white ones if `white`, smooth ones if `smooth_ones`, with a
-/// tilted shading normal if `tilted`.
+/// WGSL for random materials of all kinds: white ones if `white`, smooth ones if `smooth_ones`, with a tilted
+/// shading normal if `tilted`.
 pub(super) const RANDOM_BSDF: &str = "
 fn random_bsdf(index: u32, white: bool, smooth_ones: bool, tilted: bool) -> Bsdf {
     let color = select(mix(vec4f(0.02), vec4f(1.0), random4(index, 0u, 1u, 3u)), vec4f(1.0), white);

@@ -9,7 +9,8 @@ use crate::observer::{Observer, Step};
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::builtin;
 
-/// Notes the paths done and the paths in all of each step, and breaks at the step of this number, counted from 1.
+/// Notes the paths done and the paths in all of each step, and breaks at the step of this number, counted
+/// from 1.
 struct Notes {
     steps: Mutex<Vec<(u64, u64)>>,
     breaks_at: usize,

@@ -1,12 +1,13 @@
-//! What light paths leave behind, to be compared to the last bit.
+//! The records of light paths, for comparisons to the last bit.
 
 use crate::render::strategy::Strategy;
 use crate::render::{Batch, TraceSummary, Tracer};
 
-/// Of one path, as bits: rays, direct light, ambient light and connections.
+/// The record of one path as bits: rays, direct light, ambient light, and connections (camera pixel,
+/// projector pixel, value).
 pub(super) type PathRecord = (u64, [u32; 3], [u32; 3], Vec<(u32, u32, [u32; 3])>);
 
-/// All paths of a strategy, in their order.
+/// The records of all paths of a strategy, in path order.
 pub(super) fn path_records(tracer: &mut Tracer, strategy: &Strategy) -> Vec<PathRecord> {
     let mut records = Vec::new();
     let mut visit = |batch: &Batch<'_>| {

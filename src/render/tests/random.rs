@@ -1,4 +1,4 @@
-//! The hash that stands for random numbers.
+//! The hash that serves as random number generator.
 
 use super::kernel::{gpu, run};
 use super::statistics::{chi_square_test, threshold};
@@ -6,8 +6,9 @@ use crate::gpu::Gpu;
 
 const COUNT: usize = 1 << 20;
 
-/// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Coordinates are even, so that a
-/// key shifted by one is never another of them: all pairs are disjoint. Pixels lie in 16 × 8 blocks of an image 128 wide.
+/// `random4` at 128 × 8 × 8 × 128 keys (pixel, sample, vertex, seed), each shifted by `offset`. Without a
+/// shift all coordinates are even, so that a shift by one never gives another of these keys, and all pairs
+/// are disjoint. Pixels lie in 16 × 8 blocks of an image of width 128.
 fn numbers(gpu: &Gpu, offset: [u32; 4]) -> Vec<[f32; 4]> {
     let source = format!(
         "#import rng

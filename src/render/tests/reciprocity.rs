@@ -1,10 +1,11 @@
-//! `K(ωo, ωi) = K(ωi, ωo)`, from above and through the surface.
+//! Reciprocity of the BSDF, `K(ωo, ωi) = K(ωi, ωo)`, for reflection and for transmission.
 
 use super::kernel::{gpu, run};
 use super::material::{RANDOM_BSDF, READ_BSDF};
 
-/// The surface and a direction as the reversed path meets them: turned around the x axis if that comes from beyond, by
-/// hand, to have it independent of `bsdf_beyond`.
+/// The surface and a direction as the reverse path meets them. Where that path comes from beyond the surface,
+/// both are turned around the x axis. This is written without `bsdf_beyond`, so that the test is independent
+/// of it.
 const REVERSED: &str = "
 fn turned(v: vec3f, beyond: bool) -> vec3f {
     return select(v, vec3f(v.x, -v.y, -v.z), beyond);
@@ -36,8 +37,9 @@ fn work(index: u32) -> vec4f {
     let change = abs(forward - backward) / max(max(forward, backward), vec3f(1e-20));
     let pdf = bsdf_pdf(other, turned(wi, beyond), turned(wo, beyond));
     let pdf_change = abs(pdf - bsdf_reverse_pdf(bsdf, wo, wi)) / max(pdf, 1e-20);
-    // What a rounding does: to the half vector, then to a narrow lobe, and to the reflectance between like media, a square
-    // of a difference. Of the values only tilted ones are rounded differently.
+    // How much a rounding error may grow: in the half vector, in a narrow lobe, and in the reflectance
+    // between similar media, which is the square of a difference. Only the values of tilted surfaces are
+    // rounded differently.
     let sum = length(bsdf.eta_o * wo + select(bsdf.eta_o, bsdf.eta_t, beyond) * wi);
     let step = select(abs(bsdf.eta_o - bsdf.eta_t) / (bsdf.eta_o + bsdf.eta_t), 1.0, bsdf.eta_o == bsdf.eta_t);
     let stability = min(sum, 1.0) * max(bsdf.alpha, 0.02) * step;
@@ -93,7 +95,7 @@ fn work(index: u32) -> vec4f {
         pdf = bsdf_pass(other, back).probability;
     }
     let change = abs(value - next.weight * next.pdf) / max(value, vec3f(1e-20));
-    // Refracted back, a cosine has lost what its square has lost against 1.
+    // A cosine that is refracted back has the rounding error of 1 minus its square.
     let cosine = min(wo.z, back.z);
     let stability = select(1.0, cosine * cosine, next.kind == REFRACTED);
     return vec4f(max(change.x, max(change.y, change.z)) * stability, abs(pdf - next.pdf) / pdf * stability, 0.0, f32(next.kind));

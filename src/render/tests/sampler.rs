@@ -1,10 +1,12 @@
-//! The sampler's promises: strata are met exactly, every number is uniform, pixels, vertices and halves are independent.
+//! Properties of the sampler: exact stratification, uniform numbers, and independent pixels, vertices and
+//! halves.
 
 use super::kernel::{gpu, run};
 use super::statistics::{chi_square_test, threshold};
 use crate::gpu::Gpu;
 
-/// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`; `[pixel · samples + sample]`.
+/// `stratified4` for the samples `0 .. samples` of `pixels` pixels, at `vertex`; `[pixel · samples +
+/// sample]`.
 fn points(gpu: &Gpu, pixels: usize, samples: usize, vertex: u32) -> Vec<[f32; 4]> {
     let source = format!(
         "#import sampler
@@ -15,7 +17,8 @@ fn points(gpu: &Gpu, pixels: usize, samples: usize, vertex: u32) -> Vec<[f32; 4]
     run(gpu, &source, &[], &[[0.0; 4]], pixels * samples)
 }
 
-/// Whether each elementary interval, `2ᵃ × 2ᵇ` of them for all `a + b = m`, holds exactly one of these `2ᵐ` points.
+/// Whether each elementary interval, `2ᵃ × 2ᵇ` of them for all `a + b = m`, holds exactly one of these `2ᵐ`
+/// points.
 fn is_net(points: &[(f32, f32)]) -> bool {
     let count = points.len();
     assert!(count.is_power_of_two());
@@ -58,7 +61,7 @@ fn blocks_are_nets_where_the_count_is_no_power_of_two() {
 }
 
 #[test]
-fn numbers_that_are_not_a_net_are_told_apart() {
+fn the_test_for_nets_rejects_other_points() {
     let mut points: Vec<(f32, f32)> = (0..16).map(|i| (i as f32 / 16.0, (i % 4) as f32 / 4.0)).collect();
     assert!(!is_net(&points), "four columns of equal heights");
     points = (0_u8..16).map(|i| (f32::from(i) / 16.0, f32::from(i.reverse_bits() >> 4) / 16.0)).collect();
@@ -113,7 +116,8 @@ fn a_sample_is_uniform_and_independent_of_other_halves_vertices_pixels_and_of_it
             }
         }
     }
-    // Within a half the pairs of one vertex are shuffled against each other: x of one sample says nothing on z of another.
+    // Within a half the pairs of one vertex are shuffled against each other: x of one sample says nothing on
+    // z of another.
     let next = of(0, 2);
     for (c, d) in [(0, 2), (0, 3), (1, 2), (1, 3)] {
         let p = pair_p_value(32, base.iter().zip(&next).map(|(a, b)| (a[c], b[d])));

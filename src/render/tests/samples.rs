@@ -1,4 +1,4 @@
-//! What samples say of themselves.
+//! The weight, density and direction that BSDF samples report.
 
 use super::kernel::{gpu, run};
 use super::material::{RANDOM_BSDF, READ_BSDF};
@@ -24,7 +24,8 @@ fn work(index: u32) -> vec4f {
         pdf = bsdf_pdf(bsdf, wo, wi);
         weight = relative(next.weight, bsdf_eval(bsdf, wo, wi) * n_i * n_i * abs(wi.z) / pdf);
     } else {
-        // The value is what the deltas say, and the direction that of the laws of reflection and refraction.
+        // The expected value is that of the delta lobe, the expected direction that of reflection or
+        // refraction.
         let deltas = bsdf_deltas(bsdf, wo.z, bsdf_cosine_beyond(bsdf, wo.z));
         var value = bsdf.opacity * deltas.reflected;
         var expected = vec3f(-wo.x, -wo.y, wo.z);
@@ -63,7 +64,7 @@ fn samples_carry_their_own_density_and_weight() {
     assert!(kinds[0] < samples.len() / 10, "{kinds:?}");
 }
 
-/// No regular lobe means no regular sample, and the other way round.
+/// A surface has a regular lobe if and only if it has regular samples.
 #[test]
 fn surfaces_know_whether_they_have_regular_lobes() {
     let source = format!(

@@ -1,15 +1,17 @@
 //! Goodness of fit: Pearson's χ² and its p-value.
 
-/// The probability with which a family of tests rejects although all is well.
+/// The probability that at least one test of a family rejects a correct program.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The p-value below which one of `tests` independent tests fails (Šidák), so that the family keeps the significance.
+/// The p-value below which one of `tests` independent tests fails (Šidák), so that the family keeps the
+/// significance.
 pub(super) fn threshold(tests: usize) -> f64 {
     1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests as f64)
 }
 
-/// The p-value of counts in bins against what is expected there. Bins with an expectation below 5, where χ² would not be
-/// distributed as χ², are pooled into one; should even that one expect less, it joins the smallest of the others.
+/// The p-value of counts in bins against their expectations. Bins with an expectation below 5, for which
+/// Pearson's statistic does not follow the χ² distribution, are pooled into one. If that one still has an
+/// expectation below 5, it is merged with the smallest other bin.
 pub(super) fn chi_square_test(observed: &[f64], expected: &[f64]) -> f64 {
     const ENOUGH: f64 = 5.0;
     let mut bins: Vec<(f64, f64)> = expected.iter().copied().zip(observed.iter().copied()).collect();
@@ -33,8 +35,8 @@ fn chi_square_survival(statistic: f64, freedom: f64) -> f64 {
     upper_incomplete_gamma(freedom / 2.0, statistic / 2.0)
 }
 
-/// The regularized `Q(a, x)`: below `a + 1` from the series of `P = 1 − Q`, above from Legendre's continued fraction,
-/// evaluated by Lentz's method (Abramowitz and Stegun 6.5.29 and 6.5.31).
+/// The regularized `Q(a, x)`: below `a + 1` from the series of `P = 1 − Q`, above from Legendre's continued
+/// fraction, evaluated by Lentz's method (Abramowitz and Stegun 6.5.29 and 6.5.31).
 fn upper_incomplete_gamma(a: f64, x: f64) -> f64 {
     let front = (a * x.ln() - x - ln_gamma(a)).exp();
     if x <= 0.0 {
@@ -65,7 +67,8 @@ fn upper_incomplete_gamma(a: f64, x: f64) -> f64 {
     front * fraction
 }
 
-/// Stirling's series beyond 15, reached by `Γ(a+1) = a Γ(a)`: its error there is below 1e-15.
+/// `ln Γ(a)` by Stirling's series at 15 and above, where its error is below 1e-15. Smaller arguments are
+/// raised by `Γ(a+1) = a Γ(a)`.
 fn ln_gamma(a: f64) -> f64 {
     if a < 15.0 {
         return ln_gamma(a + 1.0) - a.ln();

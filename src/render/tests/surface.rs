@@ -1,4 +1,4 @@
-//! What a ray finds on a surface, against the host's reading of the scene.
+//! The surface at a hit point, against a computation from the scene on the host.
 
 use glam::{Affine2, DMat2, DVec2, DVec3, Vec2, Vec3, vec2, vec3};
 use rand::{RngExt, SeedableRng};
@@ -9,7 +9,7 @@ use crate::gpu::Gpu;
 use crate::render::geometry::GpuScene;
 use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Triangle, Volume, Wrap, builtin};
 
-/// What `surface_at` says, in the words of `shaders/shared/surface.wgsl`.
+/// The result of `surface_at`, with the names of `shaders/shared/surface.wgsl`.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     base_color: Vec3,
@@ -51,7 +51,8 @@ fn work(index: u32) -> vec4f {
     }
 }";
 
-/// What rays of these directions find at these weights of the second and third corner of the scene's one triangle.
+/// The surfaces that rays find on the scene's only triangle. Each ray has a direction, and weights of the
+/// second and third corner.
 fn look(gpu: &Gpu, scene: &Scene, rays: &[(Vec3, [f32; 2])]) -> Vec<Found> {
     let uploaded = GpuScene::upload(gpu, scene).expect("one triangle fits");
     let view = wgpu::BindingResource::TextureView;
@@ -91,7 +92,7 @@ fn look(gpu: &Gpu, scene: &Scene, rays: &[(Vec3, [f32; 2])]) -> Vec<Found> {
     values.chunks_exact(FIELDS).map(found).collect()
 }
 
-/// One triangle in z = −2 that faces the pinhole, of this material.
+/// A scene of one triangle with this material, which faces the pinhole in the plane z = −2.
 fn scene(material: Material) -> Scene {
     let corners = [vec3(0.0, 0.0, -2.0), vec3(1.0, 0.0, -2.0), vec3(0.0, 1.0, -2.0)];
     Scene {
@@ -173,7 +174,7 @@ fn each_texture_multiplies_its_own_factor() {
 }
 
 #[test]
-fn the_alpha_mode_says_what_the_opacity_does() {
+fn the_alpha_mode_decides_the_effect_of_the_opacity() {
     let gpu = gpu();
     let opacity = |alpha_mode, opacity| {
         look(&gpu, &scene(Material { alpha_mode, opacity, ..Material::default() }), &[FRONT])[0].opacity
@@ -185,7 +186,7 @@ fn the_alpha_mode_says_what_the_opacity_does() {
 }
 
 #[test]
-fn the_back_of_what_is_opaque_and_one_sided_is_black() {
+fn the_back_of_a_one_sided_opaque_surface_is_black() {
     let gpu = gpu();
     let one_sided = Material { double_sided: false, emission: Vec3::ONE, ..Material::default() };
     let sides = |material: Material| {
@@ -244,8 +245,8 @@ fn vertex_normals_are_blended_on_the_rays_side_and_above_the_horizon() {
     assert_eq!(look(&gpu, &scene, &[FRONT])[0].shading, Vec3::Z);
 }
 
-/// The shading normal of a normal map as glTF says: +X of the map along u, +Y against v (which runs downwards), in the
-/// plane across the smooth normal.
+/// The shading normal of a normal map by glTF's definition: +X of the map along u and +Y against v (which
+/// runs downwards), in the plane perpendicular to the smooth normal.
 fn bumped(triangle: &Triangle, map: Affine2, normal: DVec3, bump: DVec3) -> DVec3 {
     let [a, b, c] = triangle.positions.map(Vec3::as_dvec3);
     let uv = triangle.texcoords.map(|[_, second]| map.transform_point2(second).as_dvec2());

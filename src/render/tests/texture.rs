@@ -1,4 +1,4 @@
-//! Texture look-ups against the host's.
+//! Texture look-ups against a computation on the host.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -7,7 +7,7 @@ use super::kernel::{gpu, run};
 use crate::render::textures::{GpuTexture, Role, pack_texels, srgb_table};
 use crate::scene::{Texture, TextureRef, Wrap, builtin};
 
-/// Texel index of a coordinate outside `0..size`, in the words of OpenGL 4.6, table 8.20.
+/// Texel index of a coordinate that may lie outside `0..size`, by table 8.20 of OpenGL 4.6.
 fn wrapped(coordinate: i64, size: i64, wrap: Wrap) -> i64 {
     let mirror = |a: i64| if a >= 0 { a } else { -(1 + a) };
     match wrap {
@@ -44,7 +44,7 @@ fn value(texture: &Texture, uv: [f32; 2], role: Role) -> [f64; 4] {
 }
 
 #[test]
-fn textures_are_filtered_and_wrapped_as_gltf_says() {
+fn textures_are_filtered_and_wrapped_as_gltf_defines() {
     let mut random = Pcg64::seed_from_u64(1);
     let wraps = [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge];
     let mut scene = builtin::plane(1.0, 1.0);

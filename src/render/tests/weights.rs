@@ -1,4 +1,5 @@
-//! The weights of the two ends' paths: with both, photos must be what either end's alone would give.
+//! The weights of both endpoints' paths: together they give the same photos as the paths of one endpoint
+//! alone.
 
 use glam::{Vec3, vec3};
 
@@ -9,7 +10,7 @@ use crate::scene::{AlphaMode, Lens, Material, Scene, Volume};
 
 const SIDE: usize = 16;
 
-/// A closed box, its front outside.
+/// A closed box with its front outside.
 fn block(name: &str, low: Vec3, high: Vec3, material: u32) -> Part {
     let mut part = Part::new(name, None);
     part.material = material;
@@ -38,7 +39,8 @@ fn sheet(name: &str, centre: Vec3, half: f32, material: u32) -> Part {
     part
 }
 
-/// A room with one object of every kind that bends or lets light through, but for mirrors and smooth glass.
+/// A room with one object of every material that refracts or transmits light, except mirrors and smooth
+/// glass.
 fn room() -> Scene {
     let camera = plane(1.0, 0.5).camera;
     let matte = Material::default();
@@ -76,7 +78,7 @@ fn room() -> Scene {
             diffuse_transmission_color: vec3(0.9, 0.7, 0.6),
             ..matte.clone()
         },
-        // A filter: tinted, without reflection.
+        // A tinted filter without reflection.
         Material { roughness: 0.0, transmission: 0.7, base_color: vec3(0.4, 0.6, 0.9), ..matte.clone() },
         Material { roughness: 0.3, specular: 1.0, base_color: vec3(0.7, 0.2, 0.2), ..matte },
     ];
@@ -103,7 +105,7 @@ fn room() -> Scene {
     Model { name: "room", parts, materials, camera }.to_scene()
 }
 
-/// White photos, one a seed: by the paths of both ends, or of the camera alone.
+/// White photos, one for each seed, by the paths of both endpoints or of the camera alone.
 fn photos(
     tracer: &mut Tracer,
     settings: &TraceSettings,
@@ -116,7 +118,7 @@ fn photos(
         let mut strategies = tracer.strategy_builder().strategies(&settings).expect("the scene fits");
         if camera_alone {
             strategies.truncate(1);
-            // As if the projector had no samples: every weight becomes 1.
+            // With no samples from the projector, every weight becomes 1.
             strategies[0].parameters.end_to_start = 0.0;
         }
         for strategy in &strategies {
@@ -143,7 +145,8 @@ fn photos(
     seeds.map(&mut one).collect()
 }
 
-/// z of each pixel's difference between two sets of photos, by their own spread; and of the difference of their sums.
+/// Compares two sets of photos: the root mean square over the pixels of the difference's z, and the z of the
+/// difference of the sums.
 fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     let moments = |values: Vec<f64>| {
         let n = values.len() as f64;
@@ -162,19 +165,20 @@ fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
 
 const SEEDS: u32 = 20;
 
-fn assert_alike(name: &str, a: &[Vec<f64>], b: &[Vec<f64>]) {
+fn assert_same_photos(name: &str, a: &[Vec<f64>], b: &[Vec<f64>]) {
     let (spread, sum) = compare(a, b);
     println!("{name}: z rms of pixels {spread:.3}, z of the sum {sum:+.2}");
-    // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, good to ± 0.05 over 256 pixels; the camera's own
-    // paths find bright spots so seldom that their spread is underestimated where none was met.
+    // Student's t with 38 degrees of freedom has an rms of √(38/36) = 1.027, with an error of ± 0.05 over 256
+    // pixels. The camera's own paths find bright spots so rarely that their spread is underestimated in
+    // pixels where none was found.
     assert!((0.8..1.25).contains(&spread), "{name}: z rms {spread}");
     assert!(sum.abs() < 4.0, "{name}: z of the sum {sum}");
 }
 
-/// The camera's paths alone are unbiased where nothing mirrors in single directions; so are both ends' with weights that add
-/// up to 1. A density or a probability that is not the reverse's own would show.
+/// Without delta lobes the camera's paths alone are unbiased, and so are the paths of both endpoints if their
+/// weights add up to 1. A wrong density or probability of the reverse path would show as a difference.
 #[test]
-fn both_ends_paths_together_give_the_photo_of_the_cameras_alone() {
+fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
     let settings = TraceSettings {
         max_bounces: 5,
         sampler: Sampler::Independent,
@@ -183,10 +187,10 @@ fn both_ends_paths_together_give_the_photo_of_the_cameras_alone() {
     let coaxial = room();
     let mut tracer = Tracer::new(&coaxial, None).expect("the README's test command installs a Vulkan driver");
     let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
-    // Other seeds than those of the paths alone.
+    // Seeds other than those of the camera's paths alone.
     let both =
         photos(&mut tracer, &TraceSettings { russian_roulette: true, ..settings }, false, 100..100 + SEEDS);
-    assert_alike("coaxial", &alone, &both);
+    assert_same_photos("coaxial", &alone, &both);
 
     let mut apart = room();
     let mut projector = apart.camera.clone();
@@ -199,5 +203,5 @@ fn both_ends_paths_together_give_the_photo_of_the_cameras_alone() {
     let mut tracer = Tracer::new(&apart, None).expect("the README's test command installs a Vulkan driver");
     let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
     let both = photos(&mut tracer, &settings, false, 100..100 + SEEDS);
-    assert_alike("apart, with lenses", &alone, &both);
+    assert_same_photos("apart, with lenses", &alone, &both);
 }
