@@ -1,5 +1,7 @@
 //! Scenes from files and from memory: what is in them comes out, and what is not supported is refused by name.
 
+#![allow(clippy::panic, reason = "a failed test panics")]
+
 #[path = "../scene_support/mod.rs"]
 mod scene_support;
 
