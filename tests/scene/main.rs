@@ -1,5 +1,7 @@
 //! Tests of scenes: loading of files, refusal of unsupported or malformed files, and built-in scenes.
 
+#![allow(clippy::panic, reason = "a failed test panics")]
+
 #[path = "../scene_support/mod.rs"]
 mod scene_support;
 
