@@ -1,7 +1,6 @@
 //! What the adapter at hand gives: tracing in rays a second with the longest dispatch, and products with the matrix in its memory beside
 //! plain copies there. `cargo bench --bench device`, with `-- --force` also for products on software Vulkan; see `docs/gpu.md`.
 
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
@@ -63,7 +62,7 @@ fn trace(scene: &Scene, side: usize) -> Outcome<(Tracer, TransportMatrix)> {
     let settings = TraceSettings::new(Resolution::new(side, side), 64);
     let trace = |tracer: &mut Tracer, samples| {
         let settings = TraceSettings { samples, ..settings };
-        assemble(tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))
+        assemble(tracer, &settings, Channels::Luma)
     };
     trace(&mut tracer, 1)?;
     let start = Instant::now();

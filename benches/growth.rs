@@ -1,7 +1,6 @@
 //! Time and memory of making a matrix against pixels (64² to 1024²), samples (16 to 1024) and triangles (10² to 10⁶). `cargo bench --bench
 //! growth`, with `-- --svg DIR` for the plots; see `benches/README.md`.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -143,16 +142,15 @@ fn write(folder: &str, name: &str, x_label: &str, y_label: &str, series: Vec<Ser
 /// Prints the figures of one case.
 fn measure(case: Case) -> Outcome<()> {
     let scene = case.scene();
-    let go_on = &mut |_| ControlFlow::Continue(());
     let start = Instant::now();
     let mut tracer = Tracer::new(&scene, None)?;
     // Compiles the kernel.
-    assemble(&mut tracer, &TraceSettings::new(Resolution::new(8, 8), 1), Channels::Luma, go_on)?;
+    assemble(&mut tracer, &TraceSettings::new(Resolution::new(8, 8), 1), Channels::Luma)?;
     let opening = start.elapsed().as_secs_f64();
     let before = status("VmHWM:")?;
     let start = Instant::now();
     let settings = TraceSettings::new(Resolution::new(case.side, case.side), case.samples);
-    let traced = assemble(&mut tracer, &settings, Channels::Luma, go_on)?;
+    let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
     let seconds = start.elapsed().as_secs_f64();
     let matrix = traced.matrix.bytes() as f64 / f64::from(1 << 20);
     println!("{opening} {seconds} {before} {} {matrix}", status("VmHWM:")?);

@@ -85,7 +85,7 @@ impl Row {
         let folder = tempfile::tempdir()?;
         let journal = Journal::create(folder.path(), &Identity::new())?;
         let open = Box::new(|after| {
-            let bench = rig.open(&Helper::of(env!("CARGO_BIN_EXE_krylux")), after)?;
+            let bench = rig.open(&Helper::at(env!("CARGO_BIN_EXE_krylux")), after)?;
             let live: Box<dyn FrameSource> = Box::new(LiveFrames::new(bench, 0.0, 3));
             Ok(live)
         });

@@ -2,7 +2,6 @@
 //! arrays that no cache holds, and against one over as many bytes, some of which may. `cargo bench --bench
 //! products`; see `benches/README.md`.
 
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use krylux::image::Resolution;
@@ -53,7 +52,7 @@ fn main() -> Outcome {
 fn measure(name: &str, scene: &Scene, side: usize, memory: &mut Triad) -> Outcome {
     let mut tracer = Tracer::new(scene, None)?;
     let settings = TraceSettings::new(Resolution::new(side, side), 64);
-    let matrix = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?.matrix;
+    let matrix = assemble(&mut tracer, &settings, Channels::Luma)?.matrix;
     let pixels = side * side;
     // Weights and columns once, the pattern read and the photo written once.
     let bytes = matrix.bytes() + 16 * pixels;

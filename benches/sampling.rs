@@ -1,8 +1,6 @@
 //! What scrambled Sobol points save: the variance of photo and matrix against independent random numbers, at equal time.
 //! `cargo bench --bench sampling`; see `benches/README.md`.
 
-use std::ops::ControlFlow;
-
 use krylux::image::Resolution;
 use krylux::render::{Sampler, TraceSettings, Tracer};
 use krylux::scene::{Scene, builtin};
@@ -91,7 +89,7 @@ fn compare(name: &str, scene: &Scene, samples: u32) -> Outcome {
 
 impl Measured {
     fn run(&mut self, tracer: &mut Tracer, settings: &TraceSettings) -> Outcome {
-        let traced = assemble(tracer, settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
+        let traced = assemble(tracer, settings, Channels::Luma)?;
         let pixels = SIDE * SIDE;
         let mut photo = vec![0.0; pixels];
         traced.matrix.apply(Part::Full, 0, &vec![1.0; pixels], &mut photo);

@@ -1,6 +1,5 @@
 //! How fast tracing, products and a whole run are, as ratios taken in one process. `cargo bench`; see `benches/README.md`.
 
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use krylux::analysis::{Capture, SegmentOptions};
@@ -37,7 +36,7 @@ fn settings(side: usize, samples: u32) -> TraceSettings {
 }
 
 fn trace(tracer: &mut Tracer, settings: &TraceSettings) -> krylux::Result<Assembled> {
-    assemble(tracer, settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))
+    assemble(tracer, settings, Channels::Luma)
 }
 
 /// Paths and rays per second, by the number of triangles.
@@ -88,11 +87,8 @@ fn whole_run(name: &str, scene: &Scene) -> Outcome {
             Ok(())
         })?;
         let retraced = time(|| {
-            let mut progress = |_| ControlFlow::Continue(());
             let channels = Channels::Luma;
-            Retraced { tracer: &mut tracer, settings, channels, progress: &mut progress }
-                .photograph(&white)
-                .map(drop)
+            Retraced { tracer: &mut tracer, settings, channels }.photograph(&white).map(drop)
         })?;
         let tracing = traced.summary.tracing.as_secs_f64();
         let one = twenty.as_secs_f64() / 20.0;

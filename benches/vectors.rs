@@ -1,7 +1,6 @@
 //! What the Krylov methods' own vector work costs beside the products that they ask for, at 512×512. `cargo bench`; see
 //! `benches/README.md`.
 
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use krylux::image::Resolution;
@@ -32,7 +31,7 @@ fn main() -> Outcome {
     ] {
         let mut tracer = Tracer::new(&scene, None)?;
         let settings = TraceSettings::new(Resolution::new(SIDE, SIDE), 64);
-        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
+        let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
         println!("{name}: {:.1} million entries", traced.matrix.nonzeros() as f64 / 1e6);
         let matrix = MatrixOperator::new(&traced.matrix, Part::Full, 0);
         orthogonalization(matrix.clone())?;

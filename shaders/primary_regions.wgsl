@@ -1,6 +1,6 @@
-// The region that each pixel's centre sees.
+// Finds the region of the scene that the centre of each pixel sees; NONE where it sees nothing. One invocation for each pixel.
 #import parameters
-#import eye
+#import endpoint
 #import bvh
 #import pairs
 
@@ -12,11 +12,11 @@ fn primary_regions(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let pixel = parameters.first_pixel + id.x;
-    let eye = parameters.start;
-    let corner = vec2u(pixel % eye.resolution.x, pixel / eye.resolution.x);
-    let image = eye_image_point(eye, vec2f(corner) + 0.5);
-    let direction = normalize(eye_to_world(eye, eye_direction(eye, image, vec2f(0.0))));
-    let hit = bvh_trace(eye.position, direction, 3.0e38, false);
+    let endpoint = parameters.start;
+    let corner = vec2u(pixel % endpoint.resolution.x, pixel / endpoint.resolution.x);
+    let image = endpoint_image_point(endpoint, vec2f(corner) + 0.5);
+    let direction = normalize(endpoint_to_world(endpoint, endpoint_direction(endpoint, image, vec2f(0.0))));
+    let hit = bvh_trace(endpoint.position, direction, 3.0e38, false);
     var region = NONE;
     if (hit.triangle != NONE) {
         region = pair_texel(hit.triangle >> 1u, 3u).y;

@@ -1,46 +1,47 @@
-// Light paths, from one end of the rig to the other (`path.wgsl`).
+// Traces light paths from one endpoint of the rig to the other (`path.wgsl`).
 //
-// One invocation traces `paths_each` of them: when one ends, it goes on with its next, so that on software Vulkan, where eight lanes take
-// every step together, none has to wait for the others' longest path. A GPU has other invocations to turn to: one path each there
-// (`render::dispatch`).
+// An invocation traces up to `paths_per_invocation` paths. When one ends, the invocation starts its next one. On software Vulkan eight
+// lanes execute every step together, and in this way no lane waits for the longest path of the others. On a GPU each invocation traces
+// one path, since a GPU hides the wait by switching to other invocations (`render::dispatch`).
 #import features
 #import parameters
 #import start
 #import path
 #import bvh
 #import pairs
-#import sight
+#import light_buffer
 
 const FAR = 3.0e38;
 
-// Invocations that take consecutive paths, and again the next ones: those that software Vulkan takes side by side.
+// Lanes that software Vulkan executes together. They trace consecutive paths, then the next consecutive ones, and so on.
 const SIDE_BY_SIDE = 8u;
 
 @compute @workgroup_size(64)
 fn trace_paths(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let each = parameters.paths_each;
-    var next = group.x * 64u * each + lane / SIDE_BY_SIDE * SIDE_BY_SIDE * each + lane % SIDE_BY_SIDE;
-    let end = min(next + SIDE_BY_SIDE * each, parameters.paths);
+    let most = parameters.paths_per_invocation;
+    var next = group.x * 64u * most + lane / SIDE_BY_SIDE * SIDE_BY_SIDE * most + lane % SIDE_BY_SIDE;
+    let end = min(next + SIDE_BY_SIDE * most, parameters.paths);
     if (next >= end) {
         return;
     }
-    var place = path_place(next);
-    // Of several paths, where rays from the pinhole go by lists, the triangles that their first rays meet are found out beforehand: a step
-    // that might do it for a new path would cost all lanes as if each did. They wait where the paths will leave their heads, without a mark.
-    if (SEVERAL_PATHS && SIGHT_SIDE > 0u) {
-        var ahead = place;
+    var current = pixel_sample(next);
+    // Where an invocation traces several paths by the light buffer, it traces the first rays of all its paths beforehand: a step in the loop
+    // below that may do so for one lane would cost as much as if all lanes did. The triangles are stored in the heads of the paths'
+    // records, without a mark.
+    if (SEVERAL_PATHS && LIGHT_BUFFER_SIDE > 0u) {
+        var ahead = current;
         for (var index = next; index < end; index += SIDE_BY_SIDE) {
             let start = path_start(ahead);
-            ahead = path_place_after(ahead, SIDE_BY_SIDE);
-            let hit = sight_trace(start.image, start.origin, start.direction, FAR, NONE, false);
+            ahead = pixel_sample_after(ahead, SIDE_BY_SIDE);
+            let hit = light_buffer_trace(start.image, start.origin, start.direction, FAR, NONE, false);
             records[index] = vec4u(0u, hit.triangle, 0u, 0u);
         }
     }
 
-    var path = path_begin(next, path_start(place));
+    var path = path_begin(next, path_start(current));
     var hit = first_hit(path);
-    // The path's first ray is yet to be traced.
-    var begins = SIGHT_SIDE == 0u;
+    // The first ray of the path has not been traced yet.
+    var begins = LIGHT_BUFFER_SIDE == 0u;
     loop {
         var goes_on = begins;
         if (hit.triangle != NONE && !begins) {
@@ -58,22 +59,22 @@ fn trace_paths(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
             if (!SEVERAL_PATHS || next >= end) {
                 break;
             }
-            place = path_place_after(place, SIDE_BY_SIDE);
-            path = path_begin(next, path_start(place));
+            current = pixel_sample_after(current, SIDE_BY_SIDE);
+            path = path_begin(next, path_start(current));
             hit = first_hit(path);
-            begins = SIGHT_SIDE == 0u;
+            begins = LIGHT_BUFFER_SIDE == 0u;
         }
     }
 }
 
-// What the path's first ray meets, where that goes by lists.
+// The hit of the path's first ray, where first rays use the light buffer; no hit elsewhere.
 fn first_hit(path: Path) -> Hit {
     var hit = Hit(NONE, FAR, vec2f(0.0));
-    if (SIGHT_SIDE == 0u) {
+    if (LIGHT_BUFFER_SIDE == 0u) {
         return hit;
     }
     if (!SEVERAL_PATHS) {
-        return sight_trace(path.start.image, path.origin, path.direction, FAR, NONE, false);
+        return light_buffer_trace(path.start.image, path.origin, path.direction, FAR, NONE, false);
     }
     let triangle = records[path.index].y;
     if (triangle != NONE) {

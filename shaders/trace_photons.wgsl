@@ -1,5 +1,5 @@
-// The specular chains of one eye: rays from it through mirrors and glass, to the surfaces behind them that scatter. One
-// path per invocation; each chain that it finds goes to a slot of its own.
+// Traces the specular chains of one endpoint: rays from its pixels through mirrors and glass, to the surfaces behind them that scatter. Each
+// invocation traces one path. Wherever the path ends a chain, it writes a photon to a slot of its own.
 #import parameters
 #import bvh
 #import sampler
@@ -7,7 +7,7 @@
 #import photons
 #import medium
 
-// A path's record: mark, then `stride` photons of four words each, the one behind a chain of c surfaces at place c − 1.
+// The record of a path: the mark, then `stride` photons of four slots each. The photon behind a chain of c surfaces is number c − 1.
 @group(1) @binding(0) var<storage, read_write> records: array<vec4u>;
 
 @compute @workgroup_size(64)
@@ -15,7 +15,7 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= parameters.paths) {
         return;
     }
-    let start = path_start(path_place(id.x));
+    let start = path_start(pixel_sample(id.x));
     let first_slot = id.x * (4u * parameters.stride + 1u);
     for (var index = 0u; index < parameters.stride; index += 1u) {
         records[first_slot + 4u * index + 1u] = vec4u(NONE);
@@ -23,8 +23,8 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
 
     var origin = start.origin;
     var direction = start.direction;
-    var footprint = footprint_at_eye(parameters.start, start.towards);
-    // Along the chain: what it lets through, over its probability; and that probability.
+    var footprint = footprint_at_endpoint(parameters.start, start.towards);
+    // The throughput of the chain over its probability, times the image-plane area per photon; and that probability.
     var power = vec3f(parameters.scale);
     var probability = 1.0;
     var medium = AIR;
@@ -68,7 +68,7 @@ fn trace_photons(@builtin(global_invocation_id) id: vec3u) {
             direction = leaving;
             chain += 1u;
         }
-        origin = surface_leave(surface.position, select(surface.normal, -surface.normal, next.direction.z < 0.0));
+        origin = offset_origin(surface.position, select(surface.normal, -surface.normal, next.direction.z < 0.0));
     }
     records[first_slot] = vec4u(parameters.mark, 0u, 0u, 0u);
 }

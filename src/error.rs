@@ -1,25 +1,25 @@
-//! The library's one error type. Each message names the file or the option, says what was expected, and what to do.
+//! The library's error type. A message names the file or the option, says what was expected and what to do.
 
 use std::path::PathBuf;
 
 /// A result with krylux's [`enum@Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Everything that can go wrong, by what the caller should check.
+/// Every error of the library. The variants say what the caller should check.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The scene file is malformed or asks for something that is not supported.
+    /// A scene file is malformed or uses an unsupported feature.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     Scene {
-        /// The file at fault (the scene, or a buffer or picture that it names).
+        /// The file at fault: the scene, or a buffer or picture that it refers to.
         path: PathBuf,
         /// What is wrong with it.
         fault: String,
         /// What to do about it.
         help: String,
     },
-    /// A data file (pattern, image, matrix) is malformed or of the wrong shape.
+    /// A data file (pattern, image, matrix) is malformed or has the wrong shape.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     Data {
         /// The file at fault.
@@ -32,7 +32,7 @@ pub enum Error {
     /// An option's value cannot be used.
     #[error("{option}: {fault}\n  help: {help}")]
     Option {
-        /// The option as the caller knows it, e.g. `--size`.
+        /// The option's name, such as `--size`.
         option: String,
         /// What is wrong with its value.
         fault: String,
@@ -55,15 +55,15 @@ pub enum Error {
         /// The system's reason.
         reason: std::io::Error,
     },
-    /// No Vulkan adapter: neither a GPU's driver nor the software one is installed.
+    /// There is no Vulkan adapter: neither the driver of a GPU nor a software driver is installed.
     #[error("no Vulkan adapter found{detail}\n  help: {help}")]
     NoAdapter {
-        /// What was looked for, or empty.
+        /// Which adapter was requested; may be empty.
         detail: String,
-        /// What to install, or which adapters there are.
+        /// What to install, or which adapters exist.
         help: String,
     },
-    /// The graphics device refused a request, ran out of memory or was lost.
+    /// The GPU device refused a request, ran out of memory or was lost.
     #[error("graphics device: {fault}\n  help: {help}")]
     Device {
         /// What happened.
@@ -71,17 +71,17 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
-    /// A projector or camera refused a request, gave nothing usable, or is gone.
+    /// A projector or camera refused a request, returned no usable data, or was disconnected.
     #[error("{device}: {fault}\n  help: {help}")]
     Rig {
-        /// The device as the rig file names it, e.g. `camera` or `projector`.
+        /// The device as the rig file names it, such as `camera` or `projector`.
         device: String,
         /// What happened.
         fault: String,
         /// What to do about it.
         help: String,
     },
-    /// A camera counts no further: some pixel is at its highest count in every exposure that it can be given.
+    /// A camera is saturated: some pixel has the highest count at every available exposure.
     #[error("{device}: {fault}\n  help: {help}")]
     Saturated {
         /// The camera as the rig file names it.
@@ -91,7 +91,8 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
-    /// A journal of photos cannot be read or written, is in use, or lacks what is asked of it. Photos in it stay as they are.
+    /// A journal of photos cannot be read or written, is in use, or lacks a required record. Its photos are
+    /// not changed.
     #[error("{}: {fault}\n  help: {help}", path.display())]
     Journal {
         /// The file at fault.
@@ -101,42 +102,43 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
-    /// The tracer's canary: a path did not report that it finished, so its photo would be wrong.
+    /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a
+    /// shader invocation without an error.
     #[error(
         "{unfinished} of {total} light paths never finished: the driver stopped them silently, and the photo would be wrong\n  help: lower --max-bounces, or use another --adapter"
     )]
     UnfinishedPaths {
-        /// Paths without the mark of completion.
+        /// Number of paths that did not finish.
         unfinished: u64,
-        /// Paths traced.
+        /// Number of paths traced.
         total: u64,
     },
-    /// The user asked to stop.
+    /// The user or an observer stopped the computation.
     #[error("interrupted")]
     Interrupted,
-    /// Two things that must agree in size do not.
+    /// A size differs from the required one.
     #[error("{what}: {expected} expected, but there are {found}")]
     Dimension {
-        /// What was being matched.
+        /// What was counted or measured.
         what: &'static str,
-        /// The size that fits.
+        /// The required size.
         expected: String,
-        /// The size that came.
+        /// The actual size.
         found: String,
     },
-    /// A numerical method was given, or met, something that it cannot work with (NaN, a breakdown without way out).
+    /// A numerical method cannot continue, for example because of NaN or a breakdown.
     #[error("{0}")]
     Numerical(String),
 }
 
 impl Error {
-    /// A function for `map_err` that names the file which could not be read.
+    /// A function for `map_err` that makes [`Error::Read`] for the file at `path`.
     pub fn reading(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |reason| Self::Read { path, reason }
     }
 
-    /// A function for `map_err` that names the file which could not be written.
+    /// A function for `map_err` that makes [`Error::Write`] for the file at `path`.
     pub fn writing(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |reason| Self::Write { path, reason }

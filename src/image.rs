@@ -1,6 +1,7 @@
-//! Patterns and photos: dense `f32` rasters in linear radiometric units.
+//! Images: patterns and photos as dense `f32` rasters in linear radiometric units.
 
 mod blur;
+pub(crate) mod codec;
 
 pub use blur::Blur;
 
@@ -36,8 +37,8 @@ impl std::fmt::Display for Resolution {
 /// A raster of 1 (luma) or 3 (linear RGB) channels, interleaved, row by row from the top left:
 /// sample `c` of pixel `(x, y)` is `samples[(y·w + x)·channels + c]`.
 ///
-/// As a pattern, 1 means an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m; as a photo, values are
-/// radiance in W/(m² sr).
+/// In a pattern, 1 stands for an irradiance of 1 W/m² per channel on a fronto-parallel plane at 1 m. In a
+/// photo, values are radiance in W/(m² sr).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     resolution: Resolution,
@@ -46,10 +47,11 @@ pub struct Image {
 }
 
 impl Image {
-    /// Wraps samples laid out as the type says.
+    /// An image with these samples, in the order that [`Image`] describes.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or the number of samples is not `w·h·channels`.
+    /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or when the number of samples is not
+    /// `w·h·channels`.
     pub fn new(resolution: Resolution, channels: usize, samples: Vec<f32>) -> Result<Self> {
         if channels != 1 && channels != 3 {
             return Err(Error::Dimension {
@@ -74,10 +76,10 @@ impl Image {
         Self { resolution, channels, samples: vec![value; resolution.pixels() * channels] }
     }
 
-    /// The image of these planes of `w·h` values, one for each channel, narrowed to `f32`.
+    /// An image from planes of `w·h` values, one plane for each channel. The values are rounded to `f32`.
     ///
     /// # Errors
-    /// As [`Image::new`]; [`Error::Dimension`] when a plane is shorter than the others.
+    /// [`Error::Dimension`] as from [`Image::new`], also when a plane is too short.
     pub fn from_planes(resolution: Resolution, planes: &[Vec<f64>]) -> Result<Self> {
         let samples = (0..resolution.pixels()).flat_map(|pixel| {
             planes.iter().filter_map(move |plane| plane.get(pixel)).map(|&value| value as f32)
@@ -85,12 +87,12 @@ impl Image {
         Self::new(resolution, planes.len(), samples.collect())
     }
 
-    /// Size in pixels.
+    /// The size in pixels.
     pub fn resolution(&self) -> Resolution {
         self.resolution
     }
 
-    /// 1 (luma) or 3 (linear RGB).
+    /// The number of channels: 1 (luma) or 3 (linear RGB).
     pub fn channels(&self) -> usize {
         self.channels
     }
@@ -100,12 +102,12 @@ impl Image {
         &self.samples
     }
 
-    /// All samples, interleaved, to write.
+    /// All samples, interleaved, for writing.
     pub fn samples_mut(&mut self) -> &mut [f32] {
         &mut self.samples
     }
 
-    /// One channel as a plane of `w·h` values, widened to `f64`.
+    /// One channel as a plane of `w·h` values, converted to `f64`.
     pub fn plane(&self, channel: usize) -> Vec<f64> {
         self.samples.iter().skip(channel).step_by(self.channels).map(|&v| f64::from(v)).collect()
     }

@@ -33,7 +33,6 @@
 //! # From a scene to its groups
 //!
 //! ```
-//! use std::ops::ControlFlow;
 //! use std::path::Path;
 //!
 //! use krylux::analysis::{SegmentOptions, segment::segment};
@@ -45,7 +44,7 @@
 //! let scene = krylux::scene::load(Path::new("assets/scenes/zigzag/scene.glb"), None)?;
 //! let mut tracer = Tracer::new(&scene, None)?;
 //! let settings = TraceSettings::new(Resolution::new(32, 32), 64);
-//! let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |_| ControlFlow::Continue(()))?;
+//! let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
 //!
 //! let mut global = MatrixOperator::new(&traced.matrix, Part::Global, 0);
 //! let options = SegmentOptions { photos: 20, groups: vec![2], ..SegmentOptions::default() };
@@ -65,6 +64,7 @@ pub mod image;
 pub mod io;
 pub mod journal;
 pub mod krylov;
+pub mod lab;
 pub mod measure;
 pub mod observer;
 pub mod operator;

@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     quiet_the_driver();
+    krylux::rig::Helper::declare_this_program();
     krylux::cli::main()
 }
 

@@ -1,26 +1,29 @@
-//! One way to watch long computations: progress, messages, photos as they are taken, and a request to stop.
+//! Observers of long computations. They receive progress, messages and photos, and can stop the computation.
 //!
-//! Everything that takes long tells an [`Observer`] what it does. The Krylov methods find it at their operator
-//! ([`Operator::observer`](crate::operator::Operator::observer)), the tracer and the laboratory hold their own. `()` is the observer that does
-//! nothing: it is the default everywhere.
+//! Every long computation calls an [`Observer`]. The Krylov methods take it from their operator
+//! ([`Operator::observer`](crate::operator::Operator::observer)); the tracer and the laboratory have their
+//! own. The default everywhere is `()`, an observer that does nothing.
 
 use std::cell::RefCell;
 use std::fmt;
 use std::ops::ControlFlow;
 
-/// Watches long computations. Every method has a default that does nothing, and never stops anything.
+/// An observer of long computations. The default of every method does nothing and lets the computation
+/// continue.
 pub trait Observer {
-    /// Called after each step. [`ControlFlow::Break`] stops the computation: an iterative method then returns the best result so far,
-    /// and anything else ends with [`Error::Interrupted`](crate::Error::Interrupted).
+    /// Called after each step. [`ControlFlow::Break`] stops the computation. An iterative method then returns
+    /// its best result so far; any other computation ends with
+    /// [`Error::Interrupted`](crate::Error::Interrupted).
     fn step(&self, _step: &Step<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 
-    /// Called with a message for a person.
+    /// Called with a message for the user.
     fn log(&self, _level: Level, _message: &str) {}
 
     /// Called after each photo. [`ControlFlow::Break`] ends the computation with
-    /// [`Error::Interrupted`](crate::Error::Interrupted); the photo is kept.
+    /// [`Error::Interrupted`](crate::Error::Interrupted). The photo is not lost: it is in the journal, if
+    /// there is one.
     fn photo(&self, _photo: &PhotoTaken<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -32,22 +35,22 @@ impl Observer for () {}
 /// One step of a computation.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
-    /// What is computed, in a word or two: `tracing`, `photos`.
+    /// The name of the computation's stage, such as `tracing` or `photos`.
     pub stage: &'static str,
-    /// Steps done so far: light paths, or products with the operator.
+    /// The number of steps done so far: light paths, or products with the operator.
     pub done: u64,
-    /// Steps in all, at most.
+    /// The largest possible number of steps.
     pub total: u64,
-    /// What is known of the result so far.
+    /// The current estimate of the result.
     pub estimate: Estimate<'a>,
 }
 
-/// What is known of a result before it is complete.
+/// An estimate of a result before the computation is complete.
 #[derive(Clone, Copy)]
 pub enum Estimate<'a> {
-    /// Nothing.
+    /// There is no estimate yet.
     None,
-    /// Eigenpairs, the best wanted first; fewer than asked for in the first steps.
+    /// Eigenpairs, in the order of the result. In the first steps there are fewer than requested.
     Eigenpairs {
         /// The eigenvalues.
         values: &'a [f64],
@@ -56,19 +59,20 @@ pub enum Estimate<'a> {
     },
     /// The solution of a linear system.
     Solution {
-        /// `‖b − A x‖ / ‖b‖` of the current iterate.
+        /// The relative residual `‖b − A x‖ / ‖b‖` of the current iterate.
         residual: f64,
-        /// The least so far.
+        /// The smallest relative residual so far.
         best: f64,
-        /// Computes the best iterate so far. It takes no product, but a combination of all basis vectors with GMRES.
+        /// Computes the best iterate so far. It takes no product with `A`. With GMRES it forms a linear
+        /// combination of all basis vectors.
         iterate: &'a dyn Fn() -> Vec<f64>,
     },
-    /// A low-rank model: the part of the last photo that the model of the photos before it did not predict, as a share of the strongest
-    /// photo.
+    /// The error of a low-rank model: the norm of the part of the last photo that the model of the earlier
+    /// photos did not predict, relative to the strongest photo.
     Unpredicted(f64),
 }
 
-/// A line of at most 40 characters; empty where nothing is known.
+/// Formats the estimate as a text of at most 40 characters. The text is empty if there is no estimate.
 impl fmt::Display for Estimate<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -92,38 +96,38 @@ impl fmt::Debug for Estimate<'_> {
     }
 }
 
-/// How important a message is.
+/// The importance of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// Something may be wrong.
+    /// A possible problem.
     Warning,
-    /// Something that was decided without being asked for.
+    /// A choice that the program made by itself.
     Note,
     /// A result.
     Info,
-    /// Only of interest to somebody who looks for the cause of something.
+    /// A detail for diagnosis.
     Detail,
 }
 
-/// A photo and the pattern that it was taken of.
+/// A photo and its pattern.
 #[derive(Clone, Copy, Debug)]
 pub struct PhotoTaken<'a> {
-    /// The channel, below the number of channels.
+    /// The index of the channel.
     pub channel: usize,
-    /// The pattern, one value for each pixel; it may be signed.
+    /// The pattern, one value for each pixel. It may have negative values.
     pub pattern: &'a [f64],
     /// The photo, one value for each pixel.
     pub photo: &'a [f64],
-    /// Whether projector and camera have changed places, so that the pattern has the camera's pixels and the photo the
-    /// projector's.
+    /// Whether this is a dual photo (a product with the transpose): the pattern has the camera's pixels, and
+    /// the photo the projector's.
     pub is_dual: bool,
 }
 
-/// An observer that hands every step to a closure.
+/// An observer that calls a closure at each step.
 pub struct OnStep<F>(RefCell<F>);
 
 impl<F: FnMut(&Step<'_>) -> ControlFlow<()>> OnStep<F> {
-    /// Calls `closure` after each step.
+    /// An observer that calls `closure` after each step.
     pub fn new(closure: F) -> Self {
         Self(RefCell::new(closure))
     }
@@ -133,7 +137,8 @@ impl<F: FnMut(&Step<'_>) -> ControlFlow<()>> Observer for OnStep<F> {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         match self.0.try_borrow_mut() {
             Ok(mut closure) => closure(step),
-            // A closure that computes something that is watched by itself is not told of its own steps.
+            // The closure is running: it performs a computation with this observer. Such nested steps are not
+            // reported.
             Err(_) => ControlFlow::Continue(()),
         }
     }
@@ -144,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn estimates_fit_a_line() {
+    fn estimates_are_formatted_as_short_texts() {
         let residuals = [1e-9, 2.5e-3];
         let eigenpairs = |count| Estimate::Eigenpairs { values: &[], residuals: &residuals[..count] };
         let lines = [0, 1, 2].map(|count| eigenpairs(count).to_string());

@@ -1,13 +1,15 @@
-// The surface's BSDF as sample / eval / pdf. Directions are local to the geometric normal (+z, on the side of wo) and point
-// away from the surface; wi.z < 0 is light from beyond it. Densities are per solid angle.
+// The BSDF of a surface: sample, eval and pdf. Directions are local to the geometric normal (+z, on the side of wo) and point away from
+// the surface; wi.z < 0 is light from beyond the surface. Densities are per solid angle.
 //
-// Values are in basic radiance L* = L/n², which refraction leaves as it is: eval returns the K of
-// L*_o = ∫ K L*_i n_i² |cosθ_i| dω_i, and K(wo, wi) = K(wi, wo), the latter seen from wi's side.
+// Values are for basic radiance L* = L/n², which refraction leaves unchanged. bsdf_eval returns the K of
+// L*_o = ∫ K L*_i n_i² |cosθ_i| dω_i: it does not include the cosine. K(wo, wi) = K(wi, wo), where the latter is seen from the side of wi.
+// See docs/bsdf.md.
 #import warp
 #import microfacet
 #import lobes
 
-// What a sample is: drawn from the density, or one of the deltas: mirrored, refracted into another medium, or straight on.
+// Kinds of samples: a direction drawn from the density of the regular lobes, or one of the delta lobes: reflected, refracted into another
+// medium, or passed straight through.
 const REGULAR = 0u;
 const REFLECTED = 1u;
 const REFRACTED = 2u;
@@ -15,30 +17,32 @@ const PASSED = 3u;
 
 struct BsdfSample {
     direction: vec3f,
-    // Regular: K n_i² |cosθ_i| / pdf; delta: value / probability.
+    // For the regular kind K n_i² |cosθ_i| / pdf, with the cosine; for the others value / probability.
     weight: vec3f,
-    // Regular: per solid angle; delta: the probability, which the reversed path has too. 0 when nothing was sampled.
+    // For the regular kind a density per solid angle; for the others the probability, which the reverse path has, too. 0 where
+    // nothing was sampled.
     pdf: f32,
     kind: u32,
 }
 
-// What goes straight on, and the probability with which it is sampled.
+// The light that passes straight through a surface, as a share, and the probability with which a path does so.
 struct Pass {
     value: vec3f,
     probability: f32,
 }
 
-// K and pdf of the regular lobes.
+// K and pdf (per solid angle) of the regular lobes.
 struct Response {
     value: vec3f,
     pdf: f32,
 }
 
-// The cosine beyond a smooth surface.
+// The cosine beyond a smooth surface, by Snell's law; 0 at total reflection.
 fn bsdf_cosine_beyond(bsdf: Bsdf, cosine: f32) -> f32 {
     return refracted_cosine(cosine, bsdf.eta_o / bsdf.eta_t);
 }
 
+// The light along wo that passes straight through the surface.
 fn bsdf_pass(bsdf: Bsdf, wo: vec3f) -> Pass {
     if (!PASSABLE || (bsdf.opacity == 1.0 && (bsdf.transmission == 0.0 || bsdf.alpha >= MIN_ALPHA))) {
         return Pass(vec3f(0.0), 0.0);
@@ -46,25 +50,27 @@ fn bsdf_pass(bsdf: Bsdf, wo: vec3f) -> Pass {
     return bsdf_straight(bsdf, bsdf_deltas(bsdf, wo.z, wo.z));
 }
 
+// The same, where the delta lobes are known: light that misses the surface, and light through a thin smooth wall.
 fn bsdf_straight(bsdf: Bsdf, deltas: Deltas) -> Pass {
-    // What solid glass lets through is bent.
+    // Solid glass refracts the light that it transmits.
     let met = select(0.0, bsdf.opacity, bsdf.eta_o == bsdf.eta_t);
     let missed = 1.0 - bsdf.opacity;
     return Pass(vec3f(missed) + met * deltas.transmitted, missed + met * deltas.transmit);
 }
 
-// Whether there is anything but deltas.
+// Whether the surface has any lobe besides the delta lobes.
 fn bsdf_regular(bsdf: Bsdf) -> bool {
     return MATTE || (bsdf.opacity > 0.0 && (bsdf.alpha >= MIN_ALPHA || bsdf_base_weight(bsdf) > 0.0));
 }
 
+// K and pdf of the regular lobes for light that arrives along wi and leaves along wo. K does not include the cosine.
 fn bsdf_response(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> Response {
     let beyond = wi.z < 0.0;
     if (bsdf_plain(bsdf)) {
         let lit = wo.z > 0.0 && wi.z > 0.0;
         return Response(select(vec3f(0.0), bsdf.base_color * INV_PI, lit), select(0.0, wi.z * INV_PI, lit));
     }
-    // The lobes live in the frame of the shading normal, and only there: cosines outside of them are geometric.
+    // The lobes are evaluated in the frame of the shading normal. All cosines outside the lobes are geometric.
     let frame = frame_around(bsdf.shading);
     let o = to_local(frame, wo);
     var i = to_local(frame, wi);
@@ -76,7 +82,7 @@ fn bsdf_response(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> Response {
     let n_i = select(bsdf.eta_o, bsdf.eta_t, beyond);
     let smooth_surface = bsdf.alpha < MIN_ALPHA;
 
-    // The base; under a smooth coat with the cosines of the deltas, which are geometric.
+    // The diffuse base. Under a smooth coat, the coupling uses the cosines of the delta lobes, which are geometric.
     let coat_o = select(o.z, wo.z, smooth_surface);
     let coat_i = abs(select(i.z, wi.z, smooth_surface));
     let n = max(bsdf.eta_o, n_i);
@@ -92,17 +98,18 @@ fn bsdf_response(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> Response {
         value += facets.value;
         pdf = shares.x * facets.pdf + shares.y * pdf;
     }
-    // So that no shading normal makes a surface give back more than it receives: ∫ f |cosθ| ≤ ∫ f |cosθ_s|.
+    // With this factor, no shading normal makes a surface return more light than it receives: ∫ f |cosθ| ≤ ∫ f |cosθ_s|.
     let visible = min(1.0, o.z / wo.z) * min(1.0, i.z / wi.z);
     return Response(value * (visible * bsdf.opacity), pdf * bsdf.opacity);
 }
 
-// The microfacets of a rough surface, in the frame of the shading normal.
+// K and pdf of the microfacets of a rough surface, in the frame of the shading normal. `bent`: the light is refracted; `beyond`: it comes
+// from beyond the surface.
 fn bsdf_facets(bsdf: Bsdf, o: vec3f, i: vec3f, bent: bool, beyond: bool) -> Response {
-    // A thin wall sends on what it would mirror, on the other side.
+    // A thin wall transmits like a mirror image: its transmitted lobe is the reflected one on the other side.
     let out = select(i, vec3f(i.xy, -i.z), beyond && !bent);
     let n_i = select(bsdf.eta_o, bsdf.eta_t, bent);
-    // Half vector of reflection, or of refraction: normal to the facet.
+    // The half vector of reflection, or of refraction, is the facet's normal.
     let sum = bsdf.eta_o * o + n_i * out;
     let squared = dot(sum, sum);
     let h = sum * (select(1.0, -1.0, sum.z < 0.0) / sqrt(squared));
@@ -130,15 +137,17 @@ fn bsdf_facets(bsdf: Bsdf, o: vec3f, i: vec3f, bent: bool, beyond: bool) -> Resp
     return Response(color * (distribution * visibility), share * 0.25 * distribution * masking);
 }
 
+// K of the regular lobes, in 1/sr. The caller multiplies by n_i² |cosθ_i|, or by an image-plane density that carries the cosine.
 fn bsdf_eval(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> vec3f {
     return bsdf_response(bsdf, wo, wi).value;
 }
 
+// Density per solid angle with which bsdf_sample draws the direction wi from the regular lobes.
 fn bsdf_pdf(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
     return bsdf_response(bsdf, wo, wi).pdf;
 }
 
-// The surface seen from beyond, where a direction is `bsdf_mirrored`.
+// The same surface as seen from its other side. Directions have to be turned by `bsdf_mirrored`.
 fn bsdf_beyond(bsdf: Bsdf) -> Bsdf {
     var other = bsdf;
     other.eta_o = bsdf.eta_t;
@@ -147,11 +156,12 @@ fn bsdf_beyond(bsdf: Bsdf) -> Bsdf {
     return other;
 }
 
+// A direction in the frame of the surface's other side.
 fn bsdf_mirrored(direction: vec3f) -> vec3f {
     return vec3f(direction.xy, -direction.z);
 }
 
-// The density with which the reversed path would have gone on from wi to wo.
+// The density, per solid angle of wo, with which the reverse path samples wo when it arrives along wi.
 fn bsdf_reverse_pdf(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
     if (wi.z > 0.0) {
         return bsdf_pdf(bsdf, wi, wo);
@@ -159,7 +169,8 @@ fn bsdf_reverse_pdf(bsdf: Bsdf, wo: vec3f, wi: vec3f) -> f32 {
     return bsdf_pdf(bsdf_beyond(bsdf), bsdf_mirrored(wi), bsdf_mirrored(wo));
 }
 
-// u.w chooses among the deltas and the regular lobes, u.z among these; u.xy become the direction.
+// Samples the direction in which a path that arrived along wo goes on. u.w chooses between the delta lobes and the regular lobes, u.z
+// among the regular lobes, and u.xy choose the direction.
 fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec4f) -> BsdfSample {
     var wi = square_to_cosine_hemisphere(u.xy);
     if (!bsdf_plain(bsdf)) {
@@ -189,8 +200,8 @@ fn bsdf_sample(bsdf: Bsdf, wo: vec3f, u: vec4f) -> BsdfSample {
     return BsdfSample(wi, response.value * (n_i * n_i * (abs(wi.z) / response.pdf)), response.pdf, REGULAR);
 }
 
-// A direction from the regular lobes, or 0 where a facet sends light to the wrong side. `diffuse` is one from the cosine
-// hemisphere.
+// Samples a direction of the regular lobes; the zero vector where a facet sends light to the wrong side. `diffuse` is a sample of the
+// cosine-weighted hemisphere.
 fn bsdf_sample_regular(bsdf: Bsdf, wo: vec3f, diffuse: vec3f, u: vec3f) -> vec3f {
     let shares = select(bsdf_rough_shares(bsdf), vec2f(0.0, 1.0), bsdf.alpha < MIN_ALPHA);
     if (u.z >= shares.x) {

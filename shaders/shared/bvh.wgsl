@@ -1,20 +1,22 @@
-// Ray traversal of a compressed wide BVH: Ylitie, Karras and Laine, "Efficient Incoherent Ray Traversal on GPUs Through
+// Ray traversal of the search tree, a compressed wide BVH: Ylitie, Karras and Laine, "Efficient Incoherent Ray Traversal on GPUs Through
 // Compressed Wide BVHs", HPG 2017, in the node layout of the crate obvhs (80 bytes, five texels). Leaves are pairs of triangles.
 #import features
 #import pairs
 
 @group(0) @binding(1) var bvh_nodes: texture_storage_2d<rgba32uint, read>;
 
+// One of the five texels of a node.
 fn bvh_node_texel(node: u32, texel: u32) -> vec4u {
     return textureLoad(bvh_nodes, tree_place(node * select(5u, 8u, SMALL_TREE) + texel));
 }
 
-// Deeper than any tree that the builder makes (the host refuses others). Private: a function's own array would be
-// zeroed at each call.
+// The traversal stack: a pair of words for each level. The host refuses trees that are deeper. It is a private variable, because a
+// function's local array would be zeroed at each call.
 var<private> bvh_stack: array<vec2u, 32>;
-// The same for a small tree, a word each: on software Vulkan every word is put down and taken up lane by lane.
+// The stack for a small tree, with one word for each level: software Vulkan stores and loads every word lane by lane.
 var<private> bvh_small_stack: array<u32, 32>;
 
+// Puts a group of children on the stack.
 fn bvh_put(depth: u32, group: vec2u) {
     if (SMALL_TREE) {
         bvh_small_stack[depth] = (group.x << 16u) | (group.y >> 16u & 0xff00u) | (group.y & 0xffu);
@@ -23,6 +25,7 @@ fn bvh_put(depth: u32, group: vec2u) {
     }
 }
 
+// The group of children at this level of the stack.
 fn bvh_take(depth: u32) -> vec2u {
     if (SMALL_TREE) {
         let word = bvh_small_stack[depth];
@@ -31,8 +34,9 @@ fn bvh_take(depth: u32) -> vec2u {
     return bvh_stack[depth];
 }
 
-// Which of four children the ray meets, as bits for the traversal: inner children in the top byte by octant order,
-// pairs of triangles in the lower 24. `meta4` is the children's meta bytes.
+// Which of four children the ray meets, as bits for the traversal: inner children in the top byte, in the octant's order, and pairs of
+// triangles in the lower 24 bits. `meta4` holds the meta bytes of the children. `near` and `far` are the distances at which the ray
+// enters and leaves each child's box.
 fn bvh_children4(meta4: u32, octant4: u32, near: vec4f, far: vec4f) -> u32 {
     let inner = meta4 & (meta4 << 1u) & 0x10101010u;
     let inner_mask = (inner >> 4u) * 0xffu;
@@ -42,6 +46,8 @@ fn bvh_children4(meta4: u32, octant4: u32, near: vec4f, far: vec4f) -> u32 {
     return met.x | met.y | met.z | met.w;
 }
 
+// Which children of a node the ray meets before `limit`, as bits in the layout of `bvh_children4`. `inverse` is 1 over the direction,
+// component by component.
 fn bvh_intersect_node(
     texel0: vec4u, texel1: vec4u, node: u32, origin: vec3f, inverse: vec3f, octant4: u32, limit: f32,
 ) -> u32 {
@@ -50,11 +56,11 @@ fn bvh_intersect_node(
     let x = bvh_node_texel(node, 2u);
     let y = bvh_node_texel(node, 3u);
     let z = bvh_node_texel(node, 4u);
-    // Planes come as (lo₀₋₃, lo₄₋₇, hi₀₋₃, hi₄₋₇); swap near and far where the ray runs backwards.
+    // The planes are stored as (lo₀₋₃, lo₄₋₇, hi₀₋₃, hi₄₋₇). Near and far are exchanged where the direction is negative.
     let xs = select(x, x.zwxy, inverse.x < 0.0);
     let ys = select(y, y.zwxy, inverse.y < 0.0);
     let zs = select(z, z.zwxy, inverse.z < 0.0);
-    // Widened by two ulps, so that rounding cannot lose a box of no thickness.
+    // Boxes are widened by two units in the last place, so that rounding cannot lose a box without thickness.
     const WIDEN = 1.0000003;
     var mask = 0u;
     {
@@ -74,7 +80,7 @@ fn bvh_intersect_node(
     return mask;
 }
 
-// The closest hit before `limit`, or any one if `any` is set. Which triangle is hit does not depend on how it is found.
+// The closest hit before `limit`, or any hit if `any` is set. The closest hit does not depend on the order of traversal.
 fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
     var hit = Hit(NONE, limit, vec2f(0.0));
     if (FEW_PAIRS > 0u) {
@@ -87,14 +93,14 @@ fn bvh_trace(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
     let inverse = 1.0 / select(direction, vec3f(1e-20), tiny);
     let octant4 = select(0x04040404u, 0u, inverse.x < 0.0) | select(0x02020202u, 0u, inverse.y < 0.0)
         | select(0x01010101u, 0u, inverse.z < 0.0);
-    // x: first child's index; y: children yet to visit (top byte) and which of all are inner (low byte).
+    // x: index of the first child; y: the children still to be visited (top byte), and which of all children are inner nodes (low byte).
     var group = vec2u(0u, 0x80000000u);
     var depth = 0u;
     var left = true;
     loop {
-        // Nodes until four have leaves that the ray may meet, or none is left, and only then the leaves: of lanes that take every step
-        // together, few have leaves in the same one (speculative traversal: Aila and Laine 2009). Their first pairs, and which
-        // of the 24 from there.
+        // Visit nodes until four have leaves that the ray may meet, or until no node is left, and only then test the leaves: lanes that
+        // execute every step together rarely have leaves in the same step (speculative traversal, Aila and Laine 2009). `bases` holds the
+        // first pairs of these four nodes, `masks` which of the 24 pairs from there are to be tested.
         var bases = vec4u(0u);
         var masks = vec4u(0u);
         loop {

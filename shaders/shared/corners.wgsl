@@ -1,23 +1,26 @@
-// What a triangle's corners carry beside their positions: texture coordinates, normals, colours.
+// Attributes of a triangle's corners besides positions: texture coordinates, normals, colours.
 #import parameters
 
-// Two texels a corner: both sets of texture coordinates; normal (octahedral, 2 × 16 bits) and linear colour (4 × 16 bits).
+// Two texels for each corner. The first holds both sets of texture coordinates; the second the normal (octahedral, 2 × 16 bits) and the
+// linear colour (4 × 16 bits).
 @group(0) @binding(4) var corner_texels: texture_storage_2d<rgba32uint, read>;
 
-// What no normal is packed into.
+// The packed word that stands for a corner without a normal.
 const NO_NORMAL = 0x80008000u;
 
+// The texel at this index.
 fn corner_texel(index: u32) -> vec4u {
     return textureLoad(corner_texels, vec2u(index & 4095u, index >> 12u));
 }
 
 struct Texcoords {
-    // At the first corner, and from there to the others. x and y: set 0, z and w: set 1.
+    // Coordinates of the first corner, and differences from there to the second and the third one. x and y are set 0, z and w set 1.
     origin: vec4f,
     edge1: vec4f,
     edge2: vec4f,
 }
 
+// The texture coordinates of the triangle whose attributes begin at texel `first`.
 fn corner_texcoords(first: u32) -> Texcoords {
     let origin = bitcast<vec4f>(corner_texel(first));
     let edge1 = bitcast<vec4f>(corner_texel(first + 2u)) - origin;
@@ -25,6 +28,7 @@ fn corner_texcoords(first: u32) -> Texcoords {
     return Texcoords(origin, edge1, edge2);
 }
 
+// The unit normal that a word packs; zero for none.
 fn corner_normal(packed: u32) -> vec3f {
     if (packed == NO_NORMAL) {
         return vec3f(0.0);
@@ -35,13 +39,14 @@ fn corner_normal(packed: u32) -> vec3f {
     return normalize(vec3f(xy - select(vec2f(-fold), vec2f(fold), xy >= vec2f(0.0)), z));
 }
 
+// Corner attributes, interpolated.
 struct Blend {
-    // Not normalized; zero without normals.
+    // It is not normalized, and zero where the corners have no normals.
     normal: vec3f,
     color: vec4f,
 }
 
-// Normal and colour at a point with these weights of the three corners.
+// Normal and colour at the point with these barycentric weights.
 fn corner_blend(first: u32, weights: vec3f) -> Blend {
     var blend = Blend(vec3f(0.0), vec4f(0.0));
     for (var corner = 0u; corner < 3u; corner += 1u) {

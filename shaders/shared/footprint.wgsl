@@ -1,26 +1,27 @@
-// How far a ray's foot moves with its image point, through mirrors and panes: ray differentials (Igehy, "Tracing Ray
-// Differentials", SIGGRAPH 1999) for flat surfaces. Its area is the inverse of the generalized density D of a point that is
-// seen by way of a specular chain.
-#import eye
+// The footprint of an image point on a surface, through mirrors and panes: ray differentials (Igehy, "Tracing Ray Differentials", SIGGRAPH
+// 1999) for flat surfaces. The area of the footprint per image-plane area is 1/D, with the generalized image-plane density D of a point
+// that is seen through a specular chain.
+#import endpoint
 
 struct Footprint {
-    // Derivatives of the foot and of the unit direction by the two coordinates of the image plane at distance 1.
+    // Derivatives of the hit point (foot) and of the unit direction (turn) with respect to the two coordinates of the image plane at
+    // distance 1.
     foot_u: vec3f,
     foot_v: vec3f,
     turn_u: vec3f,
     turn_v: vec3f,
 }
 
-// Of a ray that leaves a point of the lens in `direction` (local, not normalized, −z component 1).
-fn footprint_at_eye(eye: Eye, direction: vec3f) -> Footprint {
+// The footprint of a ray that starts at a lens point. `direction` is in the endpoint's frame, with a component of 1 along −z.
+fn footprint_at_endpoint(endpoint: Endpoint, direction: vec3f) -> Footprint {
     let scale = inverseSqrt(dot(direction, direction));
     let d = direction * scale;
     let turn_u = scale * (vec3f(1.0, 0.0, 0.0) - d.x * d);
     let turn_v = scale * (vec3f(0.0, 1.0, 0.0) - d.y * d);
-    return Footprint(vec3f(0.0), vec3f(0.0), eye_to_world(eye, turn_u), eye_to_world(eye, turn_v));
+    return Footprint(vec3f(0.0), vec3f(0.0), endpoint_to_world(endpoint, turn_u), endpoint_to_world(endpoint, turn_v));
 }
 
-// After `distance` along `direction`, on a plane with this normal.
+// The footprint after `distance` metres along `direction`, on a plane with this normal.
 fn footprint_travel(before: Footprint, distance: f32, direction: vec3f, normal: vec3f) -> Footprint {
     var after = before;
     let along = 1.0 / dot(direction, normal);
@@ -31,6 +32,7 @@ fn footprint_travel(before: Footprint, distance: f32, direction: vec3f, normal: 
     return after;
 }
 
+// The footprint after reflection at a plane with this normal.
 fn footprint_reflect(before: Footprint, normal: vec3f) -> Footprint {
     var after = before;
     after.turn_u -= 2.0 * dot(before.turn_u, normal) * normal;
@@ -38,7 +40,8 @@ fn footprint_reflect(before: Footprint, normal: vec3f) -> Footprint {
     return after;
 }
 
-// Snell's law for flat surfaces: `eta` is the index before over the index behind; `normal` is on the side of arrival.
+// The footprint after refraction at a plane, by Snell's law: `eta` is the index before over the index behind the surface; `normal` is on
+// the side of arrival.
 fn footprint_refract(before: Footprint, eta: f32, direction: vec3f, refracted: vec3f, normal: vec3f) -> Footprint {
     var after = before;
     let bend = eta - eta * eta * dot(direction, normal) / dot(refracted, normal);
@@ -47,7 +50,7 @@ fn footprint_refract(before: Footprint, eta: f32, direction: vec3f, refracted: v
     return after;
 }
 
-// D: area on the image plane per area of the surface that the foot is on.
+// The image-plane density D: area on the image plane per area of the surface at the hit point.
 fn footprint_density(footprint: Footprint) -> f32 {
     return 1.0 / max(length(cross(footprint.foot_u, footprint.foot_v)), 1e-30);
 }

@@ -1,4 +1,4 @@
-// What a ray runs in: air, or the inside of a solid. Solids do not overlap.
+// The medium in which a ray runs: air, or the inside of a solid. Solids do not overlap.
 #import features
 #import surface
 #import footprint
@@ -12,10 +12,10 @@ struct Medium {
 
 const AIR = Medium(1.0, vec3f(0.0));
 
-// Surfaces in a row that light passes straight through, at most; what lies behind them stays dark.
+// The most surfaces in a row that light passes straight through; whatever lies behind them is dark.
 const MAX_PASSES = 16u;
 
-// Beer and Lambert.
+// The share of light that remains after `distance` metres, by Beer and Lambert's law.
 fn medium_transmittance(medium: Medium, distance: f32) -> vec3f {
     if (!MEDIA || all(medium.absorption == vec3f(0.0))) {
         return vec3f(1.0);
@@ -23,7 +23,7 @@ fn medium_transmittance(medium: Medium, distance: f32) -> vec3f {
     return exp(-medium.absorption * distance);
 }
 
-// A surface that borders on no medium of its own stands in the one that the ray came through, on both sides.
+// Sets the refractive indices of a surface that borders on no medium: it has the ray's medium on both sides.
 fn medium_meets(medium: Medium, surface: ptr<function, Surface>) {
     if (MEDIA && (*surface).ior == 1.0) {
         (*surface).bsdf.eta_o = medium.ior;
@@ -31,7 +31,7 @@ fn medium_meets(medium: Medium, surface: ptr<function, Surface>) {
     }
 }
 
-// Where a ray goes on that leaves the surface along `wi` (local).
+// The medium of a ray that leaves the surface along the local direction `wi`.
 fn medium_behind(medium: Medium, surface: Surface, wi: vec3f) -> Medium {
     if (!MEDIA || wi.z > 0.0 || surface.ior == 1.0) {
         return medium;
@@ -42,7 +42,7 @@ fn medium_behind(medium: Medium, surface: Surface, wi: vec3f) -> Medium {
     return AIR;
 }
 
-// The footprint of a ray that is mirrored or refracted.
+// The footprint after reflection or refraction at the surface; `before` and `behind` are the ray's directions.
 fn footprint_turn(footprint: Footprint, surface: Surface, before: vec3f, behind: vec3f, kind: u32) -> Footprint {
     if (kind == REFLECTED) {
         return footprint_reflect(footprint, surface.normal);

@@ -1,15 +1,15 @@
-// The GGX distribution of microfacet normals (Walter et al. 2007), isotropic, width α. Local frame, normal +z.
+// The isotropic GGX distribution of microfacet normals with width α (Walter et al. 2007). Directions are local, with the normal along +z.
 #import warp
 
-// Density of microfacet normals per solid angle, ∫ D(h) cosθ_h dω = 1. The sine comes from the tangential
-// components: 1 − h.z² would cancel for small α.
+// D(h): density of microfacet normals per solid angle, with ∫ D(h) cosθ_h dω = 1. The sine is computed from the tangential components:
+// 1 − h.z² would cancel for small α.
 fn ggx_distribution(h: vec3f, alpha: f32) -> f32 {
     let a2 = alpha * alpha;
     let denominator = dot(h.xy, h.xy) + a2 * h.z * h.z;
     return a2 * INV_PI / (denominator * denominator);
 }
 
-// Smith's height-correlated shadowing–masking, divided by 4 cosθ_o cosθ_i (glTF 2.0, appendix B). Symmetric.
+// Smith's height-correlated shadowing–masking function, divided by 4 cosθ_o cosθ_i (glTF 2.0, appendix B). It is symmetric.
 fn ggx_visibility(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
     let a2 = alpha * alpha;
     let lambda_o = cos_i * sqrt(cos_o * cos_o * (1.0 - a2) + a2);
@@ -17,14 +17,14 @@ fn ggx_visibility(cos_o: f32, cos_i: f32, alpha: f32) -> f32 {
     return 0.5 / (lambda_o + lambda_i);
 }
 
-// Smith's masking in one direction, divided by its cosine: G₁/cosθ.
+// Smith's masking function in one direction, divided by the cosine of that direction: G₁/cosθ.
 fn ggx_masking(cosine: f32, alpha: f32) -> f32 {
     let a2 = alpha * alpha;
     return 2.0 / (cosine + sqrt(a2 + (1.0 - a2) * cosine * cosine));
 }
 
-// A microfacet normal from those visible along wo: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical
-// Caps", 2023. Their density per solid angle is G₁(wo)/cosθ_o · D(h) · wo·h.
+// Samples a microfacet normal among those visible from wo: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023.
+// The density per solid angle is G₁(wo)/cosθ_o · D(h) · wo·h.
 fn ggx_sample_visible_normal(wo: vec3f, alpha: f32, u: vec2f) -> vec3f {
     let stretched = normalize(vec3f(wo.xy * alpha, wo.z));
     let angle = 2.0 * PI * u.x;

@@ -1,23 +1,24 @@
-// Triangles in pairs that share an edge (`render::pairs`): where they lie, and where a ray meets them.
+// Pairs of triangles that share an edge (`render::pairs`): their data, and their intersection with a ray.
 //
-// They, and the search tree's nodes, lie in read-only storage textures: on software Vulkan their loads are far cheaper than those of
+// Pairs and the nodes of the search tree are stored in read-only storage textures: software Vulkan loads from these far faster than from
 // storage buffers.
 #import features
 #import parameters
 
-// Four texels a pair of triangles, in leaf order: a corner, and from there the edges to the other three; then material, region and
-// where its corners' attributes are.
+// Four texels for each pair, in the order of the tree's leaves. Three hold a corner and the edges from there to the three other corners;
+// the fourth holds material, region, and the index of the first corner attribute.
 @group(0) @binding(2) var pair_texels: texture_storage_2d<rgba32uint, read>;
 
 struct Hit {
-    // The index of its pair in leaf order, doubled, and 1 more for the second one of the pair; or NONE.
+    // Twice the index of the pair in leaf order, plus 1 for the second triangle of the pair; or NONE.
     triangle: u32,
     distance: f32,
-    // Weights of its second and third corner.
+    // Weights of the triangle's second and third corner.
     barycentric: vec2f,
 }
 
-// Texels of a small tree are in one row, and nodes begin at multiples of 8: software Vulkan multiplies slowly, and a row more.
+// Coordinates of a texel of the tree's textures. The texels of a small tree lie in one row, and its nodes begin at multiples of 8: software
+// Vulkan multiplies slowly, and a second coordinate costs more.
 fn tree_place(texel: u32) -> vec2u {
     if (SMALL_TREE) {
         return vec2u(texel, 0u);
@@ -25,10 +26,12 @@ fn tree_place(texel: u32) -> vec2u {
     return vec2u(texel & 4095u, texel >> 12u);
 }
 
+// One of the four texels of a pair.
 fn pair_texel(pair: u32, texel: u32) -> vec4u {
     return textureLoad(pair_texels, tree_place(4u * pair + texel));
 }
 
+// The first triangle has edges 1 and 2, the second one edges 2 and 3, all from one corner.
 struct Pair {
     corner: vec3f,
     edge1: vec3f,
@@ -36,6 +39,7 @@ struct Pair {
     edge3: vec3f,
 }
 
+// The geometry of a pair.
 fn pair_at(pair: u32) -> Pair {
     let a = bitcast<vec4f>(pair_texel(pair, 0u));
     let b = bitcast<vec4f>(pair_texel(pair, 1u));
@@ -43,22 +47,22 @@ fn pair_at(pair: u32) -> Pair {
     return Pair(a.xyz, vec3f(a.w, b.xy), vec3f(b.zw, c.x), c.yzw);
 }
 
-// Möller and Trumbore 1997, both sides, for the triangles with edges 1 and 2 and with edges 2 and 3. Shrinks `hit` if one of them is
-// nearer; of two at the same distance the one of lower index counts, whichever is met first.
+// Intersects a ray with both triangles of a pair, from either side (Möller and Trumbore 1997), and updates `hit` if one of them is nearer.
+// Of two triangles at the same distance the one with the lower index counts, whichever is tested first.
 fn pair_intersect(index: u32, origin: vec3f, direction: vec3f, hit: ptr<function, Hit>) {
     let pair = pair_at(index);
     let s = origin - pair.corner;
     let across = cross(direction, pair.edge2);
     let first = cross(s, pair.edge1);
     let second = cross(s, pair.edge3);
-    // By which side of the common edge the ray passes, for both alike: it cannot slip through between them.
+    // The side of the common edge on which the ray passes. Both triangles use the same value, so that no ray slips through between them.
     let side = dot(s, across);
     let inverse = 1.0 / vec2f(dot(pair.edge1, across), dot(pair.edge3, across));
-    // Of either triangle: the weight of the corner that is its own, that of the common edge's end, and the distance.
+    // For each triangle: the weight of the corner that only it has, the weight of the end of the common edge, and the distance.
     let own = side * inverse;
     let end = vec2f(dot(direction, first), dot(direction, second)) * inverse;
     let t = vec2f(dot(pair.edge2, first), dot(pair.edge2, second)) * inverse;
-    // A ray in a triangle's plane gives NaN or infinity here, and no hit; so does a pair's second triangle that is none.
+    // A ray in the plane of a triangle gives NaN or infinity, and no hit. So does the missing second triangle of a single one.
     let met = own >= vec2f(0.0) & end >= vec2f(0.0) & own + end <= vec2f(1.0) & t > vec2f(0.0);
     let is_second = met.y && !(met.x && t.x <= t.y);
     let triangle = 2u * index + u32(is_second);

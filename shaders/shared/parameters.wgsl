@@ -1,13 +1,13 @@
-// What one dispatch works on. Laid out as `render::parameters::Parameters`; a test compares the two.
+// The parameters of one dispatch. `render::parameters::Parameters` has the same layout; a test compares the two.
 
-// One end of the rig: the camera, or the projector. The camera's own frame is the frame of all geometry.
-struct Eye {
-    // Its axes: right, up, and backwards along the optical axis.
+// One endpoint of the rig: the camera, or the projector. The camera's frame is the frame of all geometry.
+struct Endpoint {
+    // Its axes in that frame: right, up, and backwards along the optical axis.
     right: vec3f,
-    // Radius of the aperture; 0 is a pinhole.
+    // Radius of the aperture in metres; 0 is a pinhole.
     radius: f32,
     up: vec3f,
-    // Distance of the plane in focus along the optical axis.
+    // Distance of the plane of focus along the optical axis, in metres.
     focus: f32,
     back: vec3f,
     padding: f32,
@@ -19,9 +19,9 @@ struct Eye {
 }
 
 struct Parameters {
-    // Where the paths of this dispatch begin, and where their connections end.
-    start: Eye,
-    end: Eye,
+    // The endpoint at which the paths start, and the one to which they are connected.
+    start: Endpoint,
+    end: Endpoint,
     // The first path of this dispatch, as pixel and sample.
     first_pixel: u32,
     first_sample: u32,
@@ -29,31 +29,34 @@ struct Parameters {
     paths: u32,
     // Samples per pixel.
     samples: u32,
+    // The most surfaces that a path meets.
     max_bounces: u32,
     seed: u32,
-    // Marks the records of this dispatch, so that those of an earlier one cannot be taken for them.
+    // Marks the records of this dispatch, so that the host does not mistake records of an earlier dispatch for them.
     mark: u32,
-    // Samples per image-plane area from `end`, over those from `start`.
+    // Path samples per image-plane area from `end`, divided by those from `start`.
     end_to_start: f32,
-    // Turns the estimate of a path from the projector into one per camera sample; 1 for paths from the camera.
+    // Turns the estimate of a path from the projector into an estimate per camera sample; 1 for paths from the camera.
     scale: f32,
-    // Radius within which photons of the specular chains are gathered, and 1 / (2 radius).
+    // Radius in metres within which photons of specular chains are gathered, and 1 / (2 radius).
     gather_radius: f32,
     inverse_cell: f32,
-    // Buckets of the photons' hash grid (a power of two) minus 1; 0 where there are no photons.
+    // Buckets of the photons' hash grid (a power of two) minus 1; 0 without photons.
     bucket_mask: u32,
-    // Slots of a path's record.
+    // Slots of a path's record; for `trace_photons`, the most surfaces of a chain.
     stride: u32,
     // SOBOL or INDEPENDENT.
     sampling: u32,
-    // Paths that one invocation takes, one after the other.
-    paths_each: u32,
+    // The most paths that one invocation traces, one after the other.
+    paths_per_invocation: u32,
     padding: u32,
 }
 
+// The sampler: scrambled Sobol points, or independent numbers.
 const SOBOL = 0u;
 const INDEPENDENT = 1u;
 
+// The index that stands for no triangle, no pixel, no region, and so on.
 const NONE = 0xffffffffu;
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;

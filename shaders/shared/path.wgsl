@@ -1,73 +1,118 @@
-// A light path: from a pixel of one end of the rig through the scene, and from each surface point on it to the other end. Each such
-// connection is one contribution to the matrix; the weight makes the sum of what both ends' paths contribute unbiased (see
-// `render`'s documentation). Nothing is added up here: a path writes to its own slots.
+// A light path: it starts at a pixel of one endpoint of the rig (camera or projector) and runs through the scene. From each surface
+// point that scatters light it is connected to the other endpoint; each connection is one contribution to the transport matrix.
+//
+// The same path could have been sampled from the other endpoint. With the contribution F of the path, its density p_f as sampled
+// here and its density p_r as sampled in reverse, the balance heuristic (Veach and Guibas 1995) gives the weighted estimate
+// F / (p_f + p_r), which is what docs/operator.md calls v. The shader computes it as (F / p_f) / (1 + p_r / p_f). Densities of
+// directions are per projected solid angle times the squared refractive index, n² cosθ dω (étendue); densities of start points are
+// per area on the image plane at distance 1.
+//
+// Nothing is summed here: each path writes to slots of its own, so that results repeat to the bit.
 #import features
 #import parameters
 #import sampler
 #import start
 #import warp
-#import eye
+#import endpoint
 #import surface
-#import side
+#import reverse
 #import medium
 #import photons
 #import visibility
 
-// `stride` slots a path, and the same slot of all paths side by side: neighbours write to one cache line, and what few paths
-// reach is touched by few. Slot 0: mark (16 bits), rays traced (8), surfaces met (8), and direct light that came back the way
-// it went. Then the connections from each surface, the first one left out where it is the direct light. Where there are
-// photons, the connections through specular chains from the second surface on. Last: ambient radiance.
-// A connection is pixel (or NONE; the upper four bits count the chain's surfaces) and weight.
+// The record of a path has `stride` slots. A slot index addresses the same slot of all paths, side by side: neighbouring paths write to
+// one cache line, and slots that few paths reach stay untouched.
+// Slot 0 (head): mark (16 bits), rays traced (8 bits), surfaces met (8 bits), and the direct light that came back along the path.
+// Next: the connection from each surface; where the first one is the direct light, it has no slot.
+// Next, where there are photons: the gathered connection (through a specular chain of the other endpoint) from surface 2 on.
+// Last, in a scene that emits light: ambient radiance.
+// A connection is a pixel (28 bits; NONE without a connection), the surfaces of the other endpoint's chain (the upper 4 bits), and the
+// weight in RGB.
 @group(1) @binding(0) var<storage, read_write> records: array<vec4u>;
 
-// The numbers for connections come after those for vertices.
+// Random numbers for connections have vertex numbers from here on; those for scattering have the ones below.
 const CONNECTIONS = 0x1000u;
 
+// The state of a path between two surfaces.
 struct Path {
-    // Within the dispatch.
+    // Number of the path within the dispatch.
     index: u32,
     start: Start,
-    // The ray on which it goes on.
+    // The next ray.
     origin: vec3f,
     direction: vec3f,
+    // Product of BSDF values and cosines over sampling densities so far, for radiance divided by n².
     throughput: vec3f,
+    // Direct light that came back along the path: its sample of the matrix's diagonal.
     direct: vec3f,
+    // Light emitted by the scene, W/(m² sr).
     ambient: vec3f,
+    // The medium in which the next ray runs.
     medium: Medium,
+    // Surfaces met; those that the path passed straight through do not count.
     surfaces: u32,
     rays: u32,
+    // Vertices so far, those passed straight through included: the number that selects the random numbers.
     vertex: u32,
+    // Surfaces that the path passed straight through one after the other.
     passes: u32,
-    // Until the path has been scattered for the first time: surfaces of its specular chain and its footprint, what the chain
-    // lets through, and the probability with which the path followed it.
-    straight: bool,
+    // The path has met nothing but mirrors, clear refraction and pass-through so far. The following five members matter only then.
+    is_specular: bool,
+    // Mirroring and refracting surfaces of the specular chain.
     chain: u32,
     footprint: Footprint,
-    retraced: vec3f,
-    probability: f32,
-    // Afterwards: density of the reverse path over that of this one, but for what happens at the connection.
-    odds: f32,
+    // Throughput of light that returns along the chain, and the probability with which the path followed the chain.
+    return_throughput: vec3f,
+    chain_probability: f32,
+    // After the first scattering: p_r / p_f of the path so far, without the factors that the connection decides.
+    pdf_ratio: f32,
 }
 
+// One surface point of a path, and what is decided there.
+struct Vertex {
+    surface: Surface,
+    // Index of the pair of triangles in leaf order.
+    pair: u32,
+    // The frame around the geometric normal, and the direction back along the ray, local to it.
+    frame: Frame,
+    wo: vec3f,
+    // Origins for rays that leave on the side of arrival, and on the other side.
+    before: vec3f,
+    behind: vec3f,
+    // The sampled continuation.
+    next: BsdfSample,
+    // Probability with which the surface interacts with light along wo, instead of letting it pass straight through.
+    meeting: f32,
+    // Where the path is specular so far: density, per surface area, with which paths arrive here by the same chain. It is the
+    // image-plane density D of the point times the chain's probability.
+    first_density: f32,
+    // The surface scatters into more than single directions, so that it can be connected.
+    scatters: bool,
+    // Light can return from here to the pinhole along the path's own chain.
+    is_direct: bool,
+}
+
+// The path at its start, with its first ray.
 fn path_begin(index: u32, start: Start) -> Path {
     var path: Path;
     path.index = index;
-    // By lists, where there are any; other first rays are counted when they are traced.
-    path.rays = select(0u, 1u, SIGHT_SIDE > 0u);
+    // A first ray that uses the light buffer is counted here; any other one is counted when it is traced.
+    path.rays = select(0u, 1u, LIGHT_BUFFER_SIDE > 0u);
     path.start = start;
     path.origin = start.origin;
     path.direction = start.direction;
     path.throughput = vec3f(1.0);
     path.medium = AIR;
-    path.straight = true;
+    path.is_specular = true;
     if (CHAINS) {
-        path.footprint = footprint_at_eye(parameters.start, start.towards);
+        path.footprint = footprint_at_endpoint(parameters.start, start.towards);
     }
-    path.retraced = vec3f(1.0);
-    path.probability = 1.0;
+    path.return_throughput = vec3f(1.0);
+    path.chain_probability = 1.0;
     return path;
 }
 
+// Writes the head of the record, and the ambient radiance. The mark tells the host that the path came to its end.
 fn path_end(path: Path) {
     let head = parameters.mark | (min(path.rays, 255u) << 8u) | path.surfaces;
     records[path.index] = vec4u(head, bitcast<vec3u>(path.direct));
@@ -76,147 +121,183 @@ fn path_end(path: Path) {
     }
 }
 
-// The path meets a surface there: its direct light, its connection to the other end, and whether and how it goes on.
+// Handles the surface that the path's ray met: records direct light, the connection to the other endpoint and the gathered connection,
+// then chooses the next ray. Returns whether the path goes on.
 fn path_meets(path: ptr<function, Path>, hit: Hit) -> bool {
-    // The slot of the connection from surface k is this plus k; that of the gathered one, plus k − 2.
-    let connection_slot = select(0u, ~0u, COAXIAL_PINHOLE);
-    let gather_slot = connection_slot + parameters.max_bounces + 1u;
-    let gathers = CHAINS && parameters.bucket_mask != 0u;
+    var vertex: Vertex;
+    vertex.pair = hit.triangle >> 1u;
     var surface = surface_at(hit, path.direction);
     medium_meets(path.medium, &surface);
-    let frame = frame_around(surface.normal);
-    let wo = to_local(frame, -path.direction);
-    let before = surface_leave(surface.position, surface.normal);
-    let behind = surface_leave(surface.position, -surface.normal);
-    if (MEDIA) {
-        let clear = medium_transmittance(path.medium, hit.distance);
-        path.throughput *= clear;
-        path.retraced *= clear;
-    }
-    if (CHAINS && path.straight) {
-        path.footprint = footprint_travel(path.footprint, hit.distance, path.direction, surface.normal);
-    }
+    vertex.surface = surface;
+    vertex.frame = frame_around(surface.normal);
+    vertex.wo = to_local(vertex.frame, -path.direction);
+    vertex.before = offset_origin(surface.position, surface.normal);
+    vertex.behind = offset_origin(surface.position, -surface.normal);
+    path_travel(path, hit.distance, surface.normal);
     path.vertex += 1u;
-    let next = bsdf_sample(surface.bsdf, wo, sample4(path.start.pixel, path.start.sample, path.vertex));
-    if (PASSABLE && next.kind == PASSED && next.pdf > 0.0 && !surface.black) {
-        path.passes += 1u;
-        if (path.passes == MAX_PASSES) {
-            return false;
-        }
-        if (path.straight) {
-            path.retraced *= next.weight * next.pdf;
-            path.probability *= next.pdf;
-        }
-        path.throughput *= next.weight;
-        path.origin = behind;
-        return true;
+    vertex.next = bsdf_sample(surface.bsdf, vertex.wo, sample4(path.start.pixel, path.start.sample, path.vertex));
+    if (PASSABLE && vertex.next.kind == PASSED && vertex.next.pdf > 0.0 && !surface.black) {
+        return path_pass(path, vertex);
     }
     path.passes = 0u;
     path.surfaces += 1u;
-    let meeting = bsdf_meeting(surface.bsdf, wo);
-    path.throughput /= meeting;
+    vertex.meeting = bsdf_interaction(surface.bsdf, vertex.wo);
+    path.throughput /= vertex.meeting;
+    vertex.scatters = bsdf_regular(surface.bsdf) && !surface.black;
+    vertex.is_direct = COAXIAL_PINHOLE && path.is_specular;
+    path_collect(path, &vertex);
+    path_connect(path, vertex);
+    if (CHAINS && parameters.bucket_mask != 0u && path.surfaces > 1u) {
+        path_gather(path, vertex);
+    }
+    return path_scatter(path, vertex);
+}
+
+// Carries the path over `distance` metres of its medium, to a surface with this normal.
+fn path_travel(path: ptr<function, Path>, distance: f32, normal: vec3f) {
+    if (MEDIA) {
+        let clear = medium_transmittance(path.medium, distance);
+        path.throughput *= clear;
+        path.return_throughput *= clear;
+    }
+    if (CHAINS && path.is_specular) {
+        path.footprint = footprint_travel(path.footprint, distance, path.direction, normal);
+    }
+}
+
+// Lets the path pass straight through the surface. Returns whether the path goes on: after MAX_PASSES surfaces in a row it ends.
+fn path_pass(path: ptr<function, Path>, vertex: Vertex) -> bool {
+    path.passes += 1u;
+    if (path.passes == MAX_PASSES) {
+        return false;
+    }
+    if (path.is_specular) {
+        path.return_throughput *= vertex.next.weight * vertex.next.pdf;
+        path.chain_probability *= vertex.next.pdf;
+    }
+    path.throughput *= vertex.next.weight;
+    path.origin = vertex.behind;
+    return true;
+}
+
+// Adds the surface's emission to the ambient light. Adds the light that returns to a coaxial pinhole along the path's own chain,
+// T² f(wo, wo) D(x) with the chain's throughput T, to the direct light. Completes the vertex's density.
+fn path_collect(path: ptr<function, Path>, vertex: ptr<function, Vertex>) {
     if (AMBIENT) {
-        path.ambient += path.throughput * surface.bsdf.opacity * surface.emission;
+        path.ambient += path.throughput * vertex.surface.bsdf.opacity * vertex.surface.emission;
     }
-
-    // The density with which paths come here by this chain: what this path and one that ends here have in common.
-    var first_density = eye_density(parameters.start, surface.position - path.start.origin, surface.normal);
+    var density = endpoint_density(parameters.start, vertex.surface.position - path.start.origin, vertex.surface.normal);
     if (CHAINS && path.chain > 0u) {
-        first_density = footprint_density(path.footprint);
+        density = footprint_density(path.footprint);
     }
-    let scatters = bsdf_regular(surface.bsdf) && !surface.black;
-    let is_direct = COAXIAL_PINHOLE && path.straight;
-    if (is_direct && scatters && path.surfaces + path.chain <= parameters.max_bounces) {
-        path.direct += path.throughput * path.retraced * bsdf_eval(surface.bsdf, wo, wo) * first_density;
+    if (vertex.is_direct && vertex.scatters && path.surfaces + path.chain <= parameters.max_bounces) {
+        path.direct += path.throughput * path.return_throughput * bsdf_eval(vertex.surface.bsdf, vertex.wo, vertex.wo) * density;
     }
-    first_density *= path.probability;
+    vertex.first_density = density * path.chain_probability;
+}
 
-    let slot = connection_slot + path.surfaces;
+// Connects the surface point x to the other endpoint, and writes the connection to its slot. The estimate is F / p_f = throughput ·
+// f(wo, wi) · D(x): the image-plane density D of x, as the other endpoint sees it, carries the cosine at x.
+fn path_connect(path: ptr<function, Path>, vertex: Vertex) {
     var connection = vec4u(NONE, 0u, 0u, 0u);
-    if (scatters && !(is_direct && path.chain == 0u)) {
+    if (vertex.scatters && !(vertex.is_direct && path.chain == 0u)) {
         let draw = connection_sample(path.start.pixel, path.start.sample, path.vertex);
-        let end_lens = eye_lens_point(parameters.end, draw.xy);
-        let end = eye_origin(parameters.end, end_lens);
-        let offset = surface.position - end;
-        let lit = eye_pixel(parameters.end, eye_to_local(parameters.end, offset), end_lens);
-        let density = eye_density(parameters.end, offset, surface.normal);
-        let wi = to_local(frame, normalize(-offset));
-        let value = path.throughput * bsdf_eval(surface.bsdf, wo, wi) * (density * parameters.scale);
+        let end_lens = endpoint_lens_point(parameters.end, draw.xy);
+        let end = endpoint_origin(parameters.end, end_lens);
+        let offset = vertex.surface.position - end;
+        let lit = endpoint_pixel(parameters.end, endpoint_to_local(parameters.end, offset), end_lens);
+        let density = endpoint_density(parameters.end, offset, vertex.surface.normal);
+        let wi = to_local(vertex.frame, normalize(-offset));
+        let value = path.throughput * bsdf_eval(vertex.surface.bsdf, vertex.wo, wi) * (density * parameters.scale);
         if (lit != NONE && any(value > vec3f(0.0))) {
             var rays = 0u;
-            let light = connection_light(hit.triangle >> 1u, select(before, behind, wi.z < 0.0), end, &rays);
+            let light = connection_transmission(vertex.pair, select(vertex.before, vertex.behind, wi.z < 0.0), end, &rays);
             path.rays += rays;
-            // Density of the reverse path over that of this one.
-            var reverse = density * light.probability * parameters.end_to_start;
-            if (path.straight) {
-                reverse *= bsdf_meeting(surface.bsdf, wi) / (meeting * first_density);
+            // p_r / p_f: the reverse path would start by this connection, and its density on the image plane is D(x).
+            var ratio = density * light.probability * parameters.end_to_start;
+            if (path.is_specular) {
+                ratio *= bsdf_interaction(vertex.surface.bsdf, wi) / (vertex.meeting * vertex.first_density);
             } else {
-                reverse *= bsdf_reverse_density(surface.bsdf, wo, wi) * path.odds / meeting;
+                ratio *= bsdf_reverse_density(vertex.surface.bsdf, vertex.wo, wi) * path.pdf_ratio / vertex.meeting;
             }
-            // A chain at the path's beginning cannot be met by its reverse. Else the balance heuristic: Veach and Guibas 1995.
-            reverse = select(reverse, 0.0, path.chain > 0u);
+            // The reverse of a path that begins with a specular chain cannot be sampled: its last connection would have to hit the chain.
+            ratio = select(ratio, 0.0, path.chain > 0u);
             if (any(light.value > vec3f(0.0))) {
-                connection = vec4u(lit, bitcast<vec3u>(value * light.value / (1.0 + reverse)));
+                connection = vec4u(lit, bitcast<vec3u>(value * light.value / (1.0 + ratio)));
             }
         }
     }
+    // The connection from surface k has slot k, or k − 1 where the first one is the direct light.
+    let slot = select(0u, ~0u, COAXIAL_PINHOLE) + path.surfaces;
     if (slot > 0u) {
         records[slot * parameters.paths + path.index] = connection;
     }
-    // Specular at both ends: by way of the photons.
-    if (gathers && path.surfaces > 1u) {
-        var gathered = Gathered(NONE, vec3f(0.0), vec3f(0.0, 0.0, 1.0), 0.0);
-        if (scatters && path.chain > 0u) {
-            let most = parameters.max_bounces - path.surfaces;
-            let draw = connection_sample(path.start.pixel, path.start.sample, path.vertex).z;
-            gathered = photons_gather(surface, frame, wo, most, is_direct, path.footprint, path.start.image, draw);
-        }
-        var reverse = gathered.density * parameters.end_to_start;
-        if (path.straight) {
-            reverse /= first_density;
-        } else {
-            reverse *= bsdf_reverse_density(surface.bsdf, wo, gathered.wi) * path.odds / meeting;
-        }
-        let value = path.throughput * gathered.value * (parameters.scale / (1.0 + reverse));
-        records[(gather_slot + path.surfaces - 2u) * parameters.paths + path.index] = vec4u(gathered.origin, bitcast<vec3u>(value));
-    }
+}
 
-    if (path.surfaces == parameters.max_bounces || surface.black || !(next.pdf > 0.0) || all(next.weight == vec3f(0.0))) {
+// Connects the surface point to the other endpoint through specular chains on both sides, by gathering photons of the other endpoint's
+// chains, and writes the connection to its slot.
+fn path_gather(path: ptr<function, Path>, vertex: Vertex) {
+    var gathered = Gathered(NONE, vec3f(0.0), vec3f(0.0, 0.0, 1.0), 0.0);
+    if (vertex.scatters && path.chain > 0u) {
+        let most = parameters.max_bounces - path.surfaces;
+        let draw = connection_sample(path.start.pixel, path.start.sample, path.vertex).z;
+        let own = OwnChain(vertex.is_direct, path.footprint, path.start.image);
+        gathered = photons_gather(vertex.surface, vertex.frame, vertex.wo, most, own, draw);
+    }
+    // p_r / p_f, with the density of the photon that stands for all that were found.
+    var ratio = gathered.density * parameters.end_to_start;
+    if (path.is_specular) {
+        ratio /= vertex.first_density;
+    } else {
+        ratio *= bsdf_reverse_density(vertex.surface.bsdf, vertex.wo, gathered.wi) * path.pdf_ratio / vertex.meeting;
+    }
+    let value = path.throughput * gathered.value * (parameters.scale / (1.0 + ratio));
+    // Behind the connections of all surfaces; the first one belongs to surface 2.
+    let first_slot = select(0u, ~0u, COAXIAL_PINHOLE) + parameters.max_bounces + 1u;
+    let slot = first_slot + path.surfaces - 2u;
+    records[slot * parameters.paths + path.index] = vec4u(gathered.origin, bitcast<vec3u>(value));
+}
+
+// Chooses the next ray from the sampled direction, and updates throughput, pdf ratio and footprint. Returns whether the path goes on.
+fn path_scatter(path: ptr<function, Path>, vertex: Vertex) -> bool {
+    let next = vertex.next;
+    if (path.surfaces == parameters.max_bounces || vertex.surface.black || !(next.pdf > 0.0) || all(next.weight == vec3f(0.0))) {
         return false;
     }
     if (ROULETTE && path.surfaces > 2u) {
         let left = path.throughput * next.weight;
-        // Stays out of the weights: both ends' paths end by chance alike.
+        // This probability stays out of the balance heuristic: paths from both endpoints end by the same rule.
         let survival = clamp(max(max(left.x, left.y), left.z), 0.05, 1.0);
         if (connection_sample(path.start.pixel, path.start.sample, path.vertex).w >= survival) {
             return false;
         }
         path.throughput /= survival;
     }
-    let leaving = to_world(frame, next.direction);
+    let leaving = to_world(vertex.frame, next.direction);
     if (next.kind == REGULAR) {
-        let index = bsdf_index_along(surface.bsdf, next.direction);
+        // Density of the sampled direction per étendue n² cosθ dω.
+        let index = bsdf_index_along(vertex.surface.bsdf, next.direction);
         let forward = next.pdf / (index * index * abs(next.direction.z));
-        if (path.straight) {
-            path.odds = bsdf_meeting(surface.bsdf, next.direction) / (first_density * forward);
-            path.straight = false;
+        if (path.is_specular) {
+            path.pdf_ratio = bsdf_interaction(vertex.surface.bsdf, next.direction) / (vertex.first_density * forward);
+            path.is_specular = false;
         } else {
-            path.odds *= bsdf_reverse_density(surface.bsdf, wo, next.direction) / forward;
+            path.pdf_ratio *= bsdf_reverse_density(vertex.surface.bsdf, vertex.wo, next.direction) / forward;
         }
-    } else if (CHAINS && path.straight) {
-        path.retraced *= next.weight * next.pdf;
-        path.probability *= next.pdf;
-        path.footprint = footprint_turn(path.footprint, surface, path.direction, leaving, next.kind);
+    } else if (CHAINS && path.is_specular) {
+        path.return_throughput *= next.weight * next.pdf;
+        path.chain_probability *= next.pdf;
+        path.footprint = footprint_turn(path.footprint, vertex.surface, path.direction, leaving, next.kind);
         path.chain += 1u;
     }
-    path.throughput *= next.weight * meeting;
-    path.medium = medium_behind(path.medium, surface, next.direction);
-    path.origin = select(before, behind, next.direction.z < 0.0);
+    path.throughput *= next.weight * vertex.meeting;
+    path.medium = medium_behind(path.medium, vertex.surface, next.direction);
+    path.origin = select(vertex.before, vertex.behind, next.direction.z < 0.0);
     path.direction = leaving;
     return true;
 }
 
-// The numbers that a connection needs: a point of the lens, which photon, whether to go on.
+// Four random numbers in [0, 1) for a connection: a point of the lens (x, y), which photon (z), whether the path goes on (w).
 fn connection_sample(pixel: u32, sample: u32, vertex: u32) -> vec4f {
     if (!LENSES && !CHAINS && !ROULETTE) {
         return vec4f(0.0);

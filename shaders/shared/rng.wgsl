@@ -1,6 +1,6 @@
-// Random numbers by hashing: no state, so any path can be retraced on its own.
-// PCG4D: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
+// Random numbers by hashing. There is no state, so that any path can be traced again on its own.
 
+// Four hashes of four words: PCG4D, Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 fn pcg4d(key: vec4u) -> vec4u {
     var v = key * 1664525u + 1013904223u;
     v.x += v.y * v.w;

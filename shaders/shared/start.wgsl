@@ -1,10 +1,10 @@
-// Where a path begins: which pixel and sample it has, and the ray that they stand for.
+// The start of a path: its pixel, its sample, and its first ray.
 #import parameters
 #import sampler
-#import eye
+#import endpoint
 
-// Whose turn it is.
-struct Place {
+// Identifies a path: one sample of one pixel of the endpoint at which paths start.
+struct PixelSample {
     pixel: u32,
     sample: u32,
     // Column and row of the pixel.
@@ -14,25 +14,25 @@ struct Place {
 struct Start {
     pixel: u32,
     sample: u32,
-    // On the image plane at distance 1, and the direction towards it in the eye's frame.
+    // The start point on the image plane at distance 1, and the direction towards it in the endpoint's frame, not normalized.
     image: vec2f,
     towards: vec3f,
-    // The ray, in the frame of all geometry.
+    // The first ray, in the frame of all geometry. The direction is normalized.
     origin: vec3f,
     direction: vec3f,
 }
 
-// Of the dispatch's path `index`.
-fn path_place(index: u32) -> Place {
+// Pixel and sample of the dispatch's path `index`. Paths are numbered pixel by pixel, sample by sample.
+fn pixel_sample(index: u32) -> PixelSample {
     let path = parameters.first_sample + index;
     let pixel = parameters.first_pixel + path / parameters.samples;
     let width = parameters.start.resolution.x;
-    return Place(pixel, path % parameters.samples, vec2u(pixel % width, pixel / width));
+    return PixelSample(pixel, path % parameters.samples, vec2u(pixel % width, pixel / width));
 }
 
-// Of the path so many behind the one there. Without divisions, which are slow.
-fn path_place_after(place: Place, paths: u32) -> Place {
-    var after = place;
+// Pixel and sample of the path that comes `paths` later. It uses no division, which is slow.
+fn pixel_sample_after(earlier: PixelSample, paths: u32) -> PixelSample {
+    var after = earlier;
     after.sample += paths;
     while (after.sample >= parameters.samples) {
         after.sample -= parameters.samples;
@@ -45,11 +45,12 @@ fn path_place_after(place: Place, paths: u32) -> Place {
     return after;
 }
 
-fn path_start(place: Place) -> Start {
-    let u = sample4(place.pixel, place.sample, 0u);
-    let lens = eye_lens_point(parameters.start, u.zw);
-    let image = eye_image_point(parameters.start, vec2f(place.corner) + u.xy);
-    let towards = eye_direction(parameters.start, image, lens);
-    let direction = normalize(eye_to_world(parameters.start, towards));
-    return Start(place.pixel, place.sample, image, towards, eye_origin(parameters.start, lens), direction);
+// The start of a path: uniform over the area of the pixel on the image plane, and over the area of the lens.
+fn path_start(which: PixelSample) -> Start {
+    let u = sample4(which.pixel, which.sample, 0u);
+    let lens = endpoint_lens_point(parameters.start, u.zw);
+    let image = endpoint_image_point(parameters.start, vec2f(which.corner) + u.xy);
+    let towards = endpoint_direction(parameters.start, image, lens);
+    let direction = normalize(endpoint_to_world(parameters.start, towards));
+    return Start(which.pixel, which.sample, image, towards, endpoint_origin(parameters.start, lens), direction);
 }

@@ -1,4 +1,4 @@
-// What a ray finds where it hits: position, normal, medium and BSDF.
+// The surface at a hit point: position, normal, emission, medium and BSDF.
 #import features
 #import parameters
 #import pairs
@@ -7,7 +7,7 @@
 #import texture
 #import warp
 
-// Texels of a material, laid out as `render::materials::GpuMaterial`; a test compares the two.
+// Texels of one material, and the index of each among them. `render::materials::GpuMaterial` has the same layout; a test compares the two.
 const MATERIAL_TEXELS = 7u;
 // Base colour; metallic.
 const MATERIAL_BASE = 0u;
@@ -15,15 +15,16 @@ const MATERIAL_BASE = 0u;
 const MATERIAL_F0 = 1u;
 // Emission; roughness.
 const MATERIAL_EMISSION = 2u;
-// Diffuse transmission's colour, and how much.
+// Colour of the diffuse transmission; its share.
 const MATERIAL_DIFFUSE_TRANSMISSION = 3u;
 // Absorption; transmission.
 const MATERIAL_ABSORPTION = 4u;
-// Cutoff of the opacity, index of refraction, scale of the normal map.
+// Opacity cutoff of the mask mode, refractive index, scale of the normal map.
 const MATERIAL_NUMBERS = 5u;
-// Flags, begin and end of its textures in the list, opacity.
+// Flags, begin and end of the material's textures in the list of textures, opacity.
 const MATERIAL_FLAGS = 6u;
 
+// Bits of the flags.
 const MATERIAL_DOUBLE_SIDED = 1u;
 const MATERIAL_LETS_LIGHT_THROUGH = 2u;
 const MATERIAL_BLEND = 4u;
@@ -31,32 +32,35 @@ const MATERIAL_MASK = 8u;
 
 @group(0) @binding(3) var materials: texture_storage_2d<rgba32uint, read>;
 
+// One texel of a material, as words.
 fn material_words(material: u32, which: u32) -> vec4u {
     let index = MATERIAL_TEXELS * material + which;
     return textureLoad(materials, vec2u(index & 4095u, index >> 12u));
 }
 
+// One texel of a material, as numbers.
 fn material_texel(material: u32, which: u32) -> vec4f {
     return bitcast<vec4f>(material_words(material, which));
 }
 
 struct Surface {
     position: vec3f,
-    // Geometric, on the side that the ray came from.
+    // The geometric unit normal, on the side from which the ray came.
     normal: vec3f,
+    // Emitted radiance, W/(m² sr).
     emission: vec3f,
-    // The back of a one-sided opaque surface: no light comes from it, and none gets through.
+    // The ray met the back of a one-sided opaque surface: it reflects, emits and transmits nothing.
     black: bool,
     // The ray met the front.
     front: bool,
-    // Per metre, of the medium behind the front; 0 unless there is one.
+    // Absorption per metre of the medium behind the front; 0 without a medium.
     absorption: vec3f,
-    // Refractive index of that medium; 1 for thin walls and opaque surfaces.
+    // Refractive index of that medium; 1 for thin walls and for opaque surfaces.
     ior: f32,
     bsdf: Bsdf,
 }
 
-// The material's factors at one point, after the textures.
+// The factors of the material at one point, with its textures applied.
 struct Look {
     // Opacity in w.
     base_color: vec4f,
@@ -68,13 +72,13 @@ struct Look {
     transmission: f32,
     diffuse_transmission: f32,
     diffuse_transmission_color: vec3f,
-    // Unit, on the front's side of the smooth surface.
+    // Unit shading normal, on the side of the front.
     shading: vec3f,
 }
 
-// The shading normal that a normal map's texel makes of the smooth one, in the frame of the texture coordinates: +x along
-// u, +y against v, which runs downwards. The triangle's own gradients of the mapped coordinates span the frame (TANGENT
-// attributes are not used), so mirrored pictures come out right, too.
+// The shading normal after a normal map: its texel bends the smooth normal `normal`. The texel's frame has +x along u and +y against v,
+// which runs downwards. The frame is computed from the gradients of the mapped coordinates in the triangle (TANGENT attributes are not
+// used), so that mirrored pictures are right, too.
 fn surface_bump(texture: Texture, at: Texcoords, edge1: vec3f, edge2: vec3f, normal: vec3f, texel: vec3f, scale: f32) -> vec3f {
     let second = (texture.flags & 64u) != 0u;
     let along1 = select(at.edge1.xy, at.edge1.zw, second);
@@ -94,7 +98,8 @@ fn surface_bump(texture: Texture, at: Texcoords, edge1: vec3f, edge2: vec3f, nor
     return select(normal, normalize(bumped), usable);
 }
 
-// Applies what the corners carry, and the material's textures: from `list.x` up to `list.y` in the list.
+// Applies the corner attributes and the textures of the material to its factors. The textures are those from `list.x` up to `list.y` in
+// the list of textures; `first` is the first texel of the corner attributes, and `weights` are the barycentric coordinates.
 fn surface_texture(
     look: ptr<function, Look>, material: u32, list: vec2u, first: u32, weights: vec3f, edge1: vec3f, edge2: vec3f,
 ) {
@@ -148,13 +153,14 @@ fn surface_texture(
     }
 }
 
-// The shading normal in the frame of the geometric one, on the same side. At the silhouettes of coarse meshes it may lie
-// below the horizon, and is lifted above.
+// The shading normal in the frame of the geometric normal, on the same side. At the silhouette of a coarse mesh it may lie below the
+// horizon; then it is lifted above.
 fn surface_shading(normal: vec3f, shading: vec3f) -> vec3f {
     let local = to_local(frame_around(normal), shading);
     return normalize(vec3f(local.xy, max(local.z, 0.01)));
 }
 
+// The surface that a ray in this direction finds at a hit. Its BSDF has air on the side without a medium; see `medium_meets`.
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     let pair = pair_at(hit.triangle >> 1u);
     let texel = pair_texel(hit.triangle >> 1u, 3u);
@@ -193,7 +199,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
         surface.absorption = medium.xyz;
         surface.ior = material_texel(index, MATERIAL_NUMBERS).y;
     }
-    // From the barycentric coordinates: nearer to the plane than origin + t · direction.
+    // The barycentric coordinates give a point nearer to the plane than origin + t · direction.
     surface.position = pair.corner + hit.barycentric.x * edge1 + hit.barycentric.y * edge2;
     surface.normal = select(outward, -outward, back);
     surface.front = !back;
@@ -228,9 +234,9 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     return surface;
 }
 
-// A point just off the surface, on the side of its normal, from which a ray meets the surface no more: Wächter and
-// Binder, "A Fast and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems, 2019.
-fn surface_leave(position: vec3f, normal: vec3f) -> vec3f {
+// The origin of a ray that leaves a surface point on the side of `normal`, offset so far that the ray cannot meet the surface again: Wächter
+// and Binder, "A Fast and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems, 2019.
+fn offset_origin(position: vec3f, normal: vec3f) -> vec3f {
     let steps = vec3i(256.0 * normal);
     let stepped = bitcast<vec3f>(bitcast<vec3i>(position) + select(steps, -steps, position < vec3f(0.0)));
     return select(stepped, position + normal * 0x1p-16f, abs(position) < vec3f(0x1p-5f));

@@ -1,21 +1,22 @@
-// Textures: the texels of all in one array, RGBA, 8 bits each. sRGB is decoded through a table (a `pow` would differ from
-// device to device).
+// Textures. The texels of all textures lie in one array, as RGBA of 8 bits each. sRGB is decoded by a table, since the result of `pow`
+// differs between devices.
 #import parameters
 
-// A material's use of a texture. Laid out as `render::textures::GpuTexture`; a test compares the two.
+// One use of a texture by a material. `render::textures::GpuTexture` has the same layout; a test compares the two.
 struct Texture {
-    // Rows of the map from the surface's texture coordinates to the picture's, which `v` = 0 begins at the top.
+    // Rows of the affine map from the surface's texture coordinates to those of the picture. `v` = 0 is the picture's top.
     u: vec3f,
     first_texel: u32,
     v: vec3f,
     width: u32,
     height: u32,
-    // Bits 0–1: wrap of u, bits 2–3: wrap of v (0 repeat, 1 mirrored, 2 clamp); bit 4: bilinear; bit 5: RGB is sRGB-encoded;
-    // bit 6: set of texture coordinates; from bit 8: its role.
+    // Bits 0–1: wrapping of u, bits 2–3: wrapping of v (0 repeat, 1 mirrored repeat, 2 clamp); bit 4: bilinear filter; bit 5: RGB is
+    // sRGB-encoded; bit 6: set of texture coordinates; from bit 8: the role.
     flags: u32,
     padding: vec2u,
 }
 
+// Roles: which factor of the material a texture multiplies.
 const ROLE_BASE_COLOR = 0u;
 const ROLE_METALLIC_ROUGHNESS = 1u;
 const ROLE_NORMAL = 2u;
@@ -27,11 +28,12 @@ const ROLE_DIFFUSE_TRANSMISSION = 7u;
 const ROLE_DIFFUSE_TRANSMISSION_COLOR = 8u;
 
 @group(0) @binding(5) var<storage, read> textures: array<Texture>;
-// Four texels to an element.
+// Texels, four in each element.
 @group(0) @binding(6) var texels: texture_storage_2d<rgba32uint, read>;
-// Linear value of each sRGB byte, four to a vector.
+// The linear value of each sRGB byte, four in each vector.
 @group(0) @binding(7) var<storage, read> srgb_table: array<vec4f, 64>;
 
+// The index of a texel along one axis, wrapped into the picture.
 fn texture_wrap(coordinate: i32, size: i32, mode: u32) -> u32 {
     if (mode == 2u) {
         return u32(clamp(coordinate, 0, size - 1));
@@ -41,6 +43,7 @@ fn texture_wrap(coordinate: i32, size: i32, mode: u32) -> u32 {
     return u32(select(within, period - 1 - within, within >= size));
 }
 
+// Linear RGBA of the texel at column x and row y, which may lie outside the picture.
 fn texture_texel(texture: Texture, x: i32, y: i32) -> vec4f {
     let column = texture_wrap(x, i32(texture.width), texture.flags & 3u);
     let row = texture_wrap(y, i32(texture.height), (texture.flags >> 2u) & 3u);
@@ -56,14 +59,14 @@ fn texture_texel(texture: Texture, x: i32, y: i32) -> vec4f {
     );
 }
 
-// The picture's coordinates of the surface's `uv`.
+// Maps the surface's coordinates `uv` to coordinates of the picture.
 fn texture_map(texture: Texture, uv: vec2f) -> vec2f {
     return vec2f(dot(texture.u, vec3f(uv, 1.0)), dot(texture.v, vec3f(uv, 1.0)));
 }
 
-// Linear RGBA at the surface's coordinates `uv`.
+// Linear RGBA at the surface's coordinates `uv`, filtered.
 fn texture_value(texture: Texture, uv: vec2f) -> vec4f {
-    // Far coordinates carry no fraction any more, and must not overflow the integers.
+    // Large coordinates have no fraction in f32, and must not overflow the integers.
     let mapped = clamp(texture_map(texture, uv), vec2f(-1e4), vec2f(1e4));
     let position = mapped * vec2f(f32(texture.width), f32(texture.height));
     if ((texture.flags & 16u) == 0u) {

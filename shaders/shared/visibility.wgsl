@@ -1,20 +1,22 @@
-// What light a connection loses on its way.
+// Visibility along a connection: how much light reaches the other endpoint.
 #import bvh
 #import surface
 #import medium
-#import sight
+#import light_buffer
 
-// From a point just off a triangle of pair `own`. `value` is what gets through; `probability` that a sampled path had passed all that it passes.
-fn connection_light(own: u32, origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
+// Transmission from a point just off a triangle of pair `own` to `target_point`. `value` is the share of light that arrives;
+// `probability` is the probability with which a sampled path would have passed straight through every surface on the way. `rays` counts
+// the rays traced.
+fn connection_transmission(own: u32, origin: vec3f, target_point: vec3f, rays: ptr<function, u32>) -> Pass {
     let direction = normalize(target_point - origin);
     var light = Pass(vec3f(1.0), 1.0);
     if (!PASSABLE) {
         *rays += 1u;
         let reach = distance(origin, target_point);
         var met: Hit;
-        if (SIGHT_SIDE > 0u) {
-            // The target is the pinhole, and that is where all geometry has its origin.
-            met = sight_trace(origin.xy / -origin.z, origin, direction, reach, own, true);
+        if (LIGHT_BUFFER_SIDE > 0u) {
+            // The target is the pinhole, and the pinhole is the origin of all geometry.
+            met = light_buffer_trace(origin.xy / -origin.z, origin, direction, reach, own, true);
         } else {
             met = bvh_trace(origin, direction, reach, true);
         }
@@ -35,7 +37,7 @@ fn connection_light(own: u32, origin: vec3f, target_point: vec3f, rays: ptr<func
         if (all(light.value == vec3f(0.0))) {
             break;
         }
-        from_point = surface_leave(surface.position, -surface.normal);
+        from_point = offset_origin(surface.position, -surface.normal);
     }
     return Pass(vec3f(0.0), 1.0);
 }

@@ -18,11 +18,13 @@
 
 pub mod align;
 pub mod audit;
+pub mod brute_force;
 pub mod compensate;
 pub mod direct;
 pub mod kmeans;
 pub mod low_rank;
 pub mod plan;
+pub mod planes;
 pub mod probe;
 mod rand_index;
 pub mod segment;

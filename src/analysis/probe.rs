@@ -13,6 +13,7 @@ use rand_pcg::Pcg64;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::operator::Operator;
+use crate::sparse::Csr;
 
 /// Which paths are let through.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,6 +95,17 @@ impl Probing {
             Self::Far { sigma } => 1.0 - near(sigma),
             Self::NearIndirect { sigma } => near(sigma) - direct,
         }
+    }
+
+    /// `(Π ∘ A) 1` from the matrix itself (`n × n`), without noise.
+    pub fn exact(self, matrix: &Csr, resolution: Resolution) -> Vec<f64> {
+        let place = |pixel: usize| [(pixel % resolution.width) as f64, (pixel / resolution.width) as f64];
+        let mut sums = vec![0.0; matrix.rows()];
+        matrix.entries().for_each(|(row, column, weight)| {
+            let ([x, y], [u, v]) = (place(row), place(column));
+            sums[row] += self.weight((x - u).hypot(y - v)) * weight;
+        });
+        sums
     }
 }
 

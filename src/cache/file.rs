@@ -1,8 +1,10 @@
-//! A cached matrix as files, one for each channel.
+//! The files of a cached matrix, one for each channel.
 //!
-//! `indices`, `indptr`, `data`, `shape` and `format` are SciPy's, and hold the last layer: the light of two bounces and more
-//! (or of three, where the second bounce is apart). Other layers have their name before these words. `direct` is the diagonal,
-//! `ambient` the photo without projector, `white_error` and `noise` what is known of the noise. `krylux.json` says the rest.
+//! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's. They
+//! hold the last layer: the light of two bounces and more, or of three and more if the second bounce is a
+//! layer of its own. The members of other layers have the layer's name as a prefix. `direct` is the diagonal,
+//! `ambient` the photo without the projector, `white_error` the noise of the white photo, and `noise` the
+//! relative errors. `krylux.json` is the record of everything else.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -19,21 +21,23 @@ use crate::io::{atomic, sparse};
 use crate::render::TraceSummary;
 use crate::transport::{Assembled, CompressedRows, Layer, Noise, TransportMatrix};
 
+/// The name of the record's member.
 const RECORD: &str = "krylux.json";
 
-/// Arrays beyond this many bytes are refused, so that a small archive cannot fill the memory.
-const LARGEST: u64 = 1 << 36;
+/// The largest size of a member in bytes. It keeps a small malicious archive from filling the memory.
+const MAX_MEMBER_BYTES: u64 = 1 << 36;
 
-/// Writes one file for each channel.
+/// Writes the files of a matrix, one for each channel.
 pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> Result<()> {
     for (channel, path) in files.iter().enumerate() {
-        let (record, arrays) = take_apart(key, traced, channel);
+        let (record, arrays) = channel_content(key, traced, channel);
         atomic::write_with(path, |file| write_channel(file, record, &arrays))?;
     }
     Ok(())
 }
 
-fn take_apart(key: &Key, traced: &Assembled, channel: usize) -> (Record, Arrays) {
+/// The record and the arrays of one channel.
+fn channel_content(key: &Key, traced: &Assembled, channel: usize) -> (Record, Arrays) {
     let Assembled { matrix, ambient, noise, summary, .. } = traced;
     let plane =
         |image: &Image| image.samples().iter().skip(channel).step_by(image.channels()).copied().collect();
@@ -72,6 +76,7 @@ fn take_apart(key: &Key, traced: &Assembled, channel: usize) -> (Record, Arrays)
     (record, arrays)
 }
 
+/// Writes the archive of one channel.
 fn write_channel(file: &mut (impl Write + io::Seek), mut record: Record, arrays: &Arrays) -> io::Result<()> {
     record.checksum = record.checksum(arrays)?;
     let mut archive = ZipWriter::new(file);
@@ -82,7 +87,7 @@ fn write_channel(file: &mut (impl Write + io::Seek), mut record: Record, arrays:
         arrays.layers.iter().zip(&record.layers).enumerate()
     {
         let name = |array| member(bounces, index == last, array);
-        // SciPy wants both index arrays of one kind, 32 bits where they suffice.
+        // SciPy uses one type for both index arrays, 32 bits if possible.
         if i32::try_from(columns.len()).is_ok() {
             sparse::add_to_npz(
                 &mut archive,
@@ -125,7 +130,7 @@ fn write_channel(file: &mut (impl Write + io::Seek), mut record: Record, arrays:
     Ok(())
 }
 
-/// What a file says that it is; `None` if it cannot be read.
+/// The description of the matrix in a file; `None` if the file cannot be read.
 pub(super) fn label(path: &Path) -> Option<String> {
     let mut archive = ZipArchive::new(BufReader::new(File::open(path).ok()?)).ok()?;
     Some(read_record(&mut archive).ok()?.label)
@@ -133,21 +138,23 @@ pub(super) fn label(path: &Path) -> Option<String> {
 
 type Archive = ZipArchive<BufReader<File>>;
 
-/// Puts the channels' files together again, or says what is wrong with them.
+/// Reads a matrix from the open files of its channels, with their paths for messages. `Err` says what is
+/// wrong with them.
 pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> std::result::Result<Assembled, String> {
     let count = files.len();
     let channels = files.into_iter().enumerate().map(|(channel, (path, file))| {
         let (record, arrays) = read_channel(file).map_err(|why| format!("{}: {why}", path.display()))?;
         let expected = (key.hex(), channel, count);
         if (record.key.as_str(), record.channel, record.channels.count()) != expected {
-            return Err(format!("{}: it is not what its name says", path.display()));
+            return Err(format!("{}: its content belongs to another key or channel", path.display()));
         }
         Ok((record, arrays))
     });
     let channels = channels.collect::<std::result::Result<Vec<_>, String>>()?;
-    put_together(channels).ok_or_else(|| "its channels do not belong together".into())
+    combine_channels(channels).ok_or_else(|| "its channels do not belong to one matrix".into())
 }
 
+/// Reads the archive of one channel and verifies its checksum.
 fn read_channel(file: File) -> std::result::Result<(Record, Arrays), String> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
     let record = read_record(&mut archive)?;
@@ -165,7 +172,7 @@ fn read_channel(file: File) -> std::result::Result<(Record, Arrays), String> {
     arrays.noise = read_array(&mut archive, "noise")?;
     let checksum = record.checksum(&arrays).map_err(|error| error.to_string())?;
     if checksum != record.checksum {
-        return Err("its checksum is not that of its content".into());
+        return Err("its content does not match its checksum".into());
     }
     Ok((record, arrays))
 }
@@ -174,10 +181,11 @@ fn read_record(archive: &mut Archive) -> std::result::Result<Record, String> {
     serde_json::from_slice(&read_member(archive, RECORD)?).map_err(|error| format!("{RECORD}: {error}"))
 }
 
+/// The bytes of a member.
 fn read_member(archive: &mut Archive, name: &str) -> std::result::Result<Vec<u8>, String> {
     let member = archive.by_name(name).map_err(|error| format!("{name}: {error}"))?;
     let mut bytes = Vec::new();
-    member.take(LARGEST).read_to_end(&mut bytes).map_err(|error| format!("{name}: {error}"))?;
+    member.take(MAX_MEMBER_BYTES).read_to_end(&mut bytes).map_err(|error| format!("{name}: {error}"))?;
     Ok(bytes)
 }
 
@@ -190,7 +198,7 @@ fn read_array<T: npyz::Deserialize>(
     values.map_err(|error| format!("{name}: {error}"))
 }
 
-/// An array of 32 or 64 bits.
+/// Reads an index array of 32 or 64 bits.
 fn read_indices(archive: &mut Archive, name: &str) -> std::result::Result<Vec<u64>, String> {
     match read_array::<i32>(archive, name) {
         Ok(values) => Ok(values.into_iter().map(|value| value as u64).collect()),
@@ -198,7 +206,8 @@ fn read_indices(archive: &mut Archive, name: &str) -> std::result::Result<Vec<u6
     }
 }
 
-fn put_together(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
+/// Combines the channels to a matrix; `None` if they differ in anything but their values.
+fn combine_channels(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
     let (first, shared) = channels.first()?;
     let (rig, kind, bounces) = (first.rig, first.channels, first.layers.clone());
     let fits = |(record, arrays): &(Record, Arrays)| {

@@ -1,21 +1,23 @@
-//! What a matrix depends on.
-
-use std::fmt::Write;
+//! Keys of traced matrices.
 
 use crate::gpu::{AdapterSummary, shader};
 use crate::render::TraceSettings;
 use crate::scene::Scene;
 use crate::transport::Channels;
 
-/// To be raised whenever equal paths come to make another matrix, or its file another format, or the host makes something else of a scene
-/// (how triangles are paired decides last bits). What changes in the shaders is told by themselves.
+/// The version of everything that a matrix depends on but the key does not hash. It must be raised when the
+/// same paths give another matrix, when the file format changes, or when the host prepares a scene
+/// differently for the tracer (the pairing of triangles affects the last bits). Changes of the shaders need
+/// no new version, since their sources are hashed.
 const OPERATOR_VERSION: u32 = 1;
 
-/// Hexadecimal digits of a key: 128 bits.
+/// The number of hexadecimal digits of a key, which has 128 bits.
 pub(super) const HEX_DIGITS: usize = 32;
 
-/// BLAKE3 of everything that a traced matrix depends on: the scene's files, camera, projector and materials, resolutions,
-/// samples, bounces, seed, sampler, channels, layers; the shaders; and adapter and driver, since sines and powers differ by device.
+/// The key of a traced matrix: a BLAKE3 hash of everything that the matrix depends on. That is the scene's
+/// files, camera, projector and materials, the resolutions, samples, bounces, seed, sampler, channels and
+/// layers, the sources of the shaders, and the adapter with its driver, since the results of sines and powers
+/// depend on the device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Key {
     hex: String,
@@ -24,8 +26,11 @@ pub struct Key {
 }
 
 impl Key {
-    /// The key of the matrix that tracing `scene` on `adapter` makes; `split` as in
-    /// [`crate::transport::assemble_layers`]. Geometry and textures count by [`Scene::hash`].
+    /// The key of the matrix that results from tracing `scene` on `adapter`. `split` is as in
+    /// [`crate::transport::assemble_layers`]. Geometry and textures enter by [`Scene::hash`].
+    ///
+    /// The `Debug` texts of the camera, the materials, the settings and the channels are hashed, so renaming
+    /// a field of these types changes every key.
     pub fn new(
         scene: &Scene,
         adapter: &AdapterSummary,
@@ -35,12 +40,12 @@ impl Key {
     ) -> Self {
         let mut hasher = blake3::Hasher::new();
         let mut part = |text: &str| {
-            // With its length, so that no two lists of parts run into one text.
+            // The length separates the parts: other parts with the same concatenation have another hash.
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
         };
         part(&format!("krylux operator {OPERATOR_VERSION}"));
-        // Products come after the matrix.
+        // The shader of products does not affect the matrix.
         shader::SOURCES.iter().filter(|(name, _)| *name != "product").for_each(|(name, source)| {
             part(name);
             part(source);
@@ -50,11 +55,7 @@ impl Key {
         part(&format!("{:?}", scene.materials));
         part(&format!("{settings:?} {channels:?} {split}"));
         part(&format!("{} {} {}", adapter.name, adapter.driver, adapter.driver_version));
-        let mut hex = String::new();
-        for byte in &hasher.finalize().as_bytes()[..HEX_DIGITS / 2] {
-            // Writing to a string cannot fail.
-            let _ = write!(hex, "{byte:02x}");
-        }
+        let hex = hasher.finalize().to_hex()[..HEX_DIGITS].to_owned();
         let label = format!(
             "{}, {}, {} samples, {} bounces, seed {}",
             scene.path.display(),
@@ -71,12 +72,12 @@ impl Key {
         &self.hex
     }
 
-    /// What the matrix is of, in words.
+    /// A description of the scene and the settings of the matrix.
     pub fn label(&self) -> &str {
         &self.label
     }
 
-    /// How many files the matrix has: one for each channel.
+    /// The channels of the matrix. It has one file for each of them.
     pub fn channels(&self) -> Channels {
         self.channels
     }

@@ -1,8 +1,9 @@
-//! Traced matrices on disk, so that a second run on a scene need not trace it again.
+//! The cache: traced matrices on disk, so that later runs on the same scene do not trace it again.
 //!
-//! A matrix is found by a key over everything that it depends on ([`Key`]). Its files, one for each channel, are ZIP archives
-//! that `scipy.sparse.load_npz` opens, with more members than SciPy asks for (`file`). They appear whole or not at all, so that
-//! any number of runs can share a cache. What has been damaged is noticed by its checksum, and traced anew.
+//! A matrix is found by its [`Key`], a hash of everything that it depends on. It has one file for each
+//! channel: a ZIP archive that `scipy.sparse.load_npz` opens, with additional members (see `file`). Files are
+//! written atomically, so several runs can share a cache. A damaged file is recognized by its checksum; its
+//! matrix is then traced again.
 
 mod file;
 mod key;
@@ -19,42 +20,43 @@ pub use key::Key;
 use crate::error::{Error, Result};
 use crate::transport::{Assembled, Channels};
 
-/// What a cache holds at most, unless told otherwise: 4 GiB.
+/// The default limit of a cache's size in bytes: 4 GiB.
 pub const LIMIT: u64 = 4 << 30;
 
-/// A folder of matrices.
+/// A folder of traced matrices.
 #[derive(Clone, Debug)]
 pub struct Cache {
     folder: PathBuf,
     limit: u64,
 }
 
-/// What a cache knows of a key.
+/// The result of looking up a key.
 #[derive(Debug)]
 pub enum Found {
     /// The matrix, bit for bit as it was traced.
     Whole(Box<Assembled>),
-    /// Nothing.
+    /// The cache has no matrix with this key.
     Missing,
-    /// Files that cannot be used, and why.
+    /// The cache has files with this key that cannot be used, for this reason.
     Damaged(String),
 }
 
 /// One matrix in the cache.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// Its key, in hexadecimal.
+    /// Its key in hexadecimal.
     pub key: String,
-    /// What it is of, in words; `None` where the file is damaged.
+    /// A description of the scene and the settings; `None` if the file is damaged.
     pub label: Option<String>,
-    /// Bytes on disk.
+    /// Its size on disk in bytes.
     pub bytes: u64,
-    /// When it was last stored or found.
+    /// The time when it was last stored or found.
     pub used: SystemTime,
     files: Vec<PathBuf>,
 }
 
-/// `XDG_CACHE_HOME/krylux`, or `~/.cache/krylux`; `None` where neither is set.
+/// The default folder, `$XDG_CACHE_HOME/krylux` or `~/.cache/krylux`. `None` if neither `XDG_CACHE_HOME` nor
+/// `HOME` is set.
 pub fn default_folder() -> Option<PathBuf> {
     let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
@@ -62,20 +64,20 @@ pub fn default_folder() -> Option<PathBuf> {
 }
 
 impl Cache {
-    /// The cache in `folder`, which need not exist yet, of at most `limit` bytes.
+    /// A cache in `folder` of at most `limit` bytes. The folder is created when the first matrix is stored.
     pub fn new(folder: impl Into<PathBuf>, limit: u64) -> Self {
         Self { folder: folder.into(), limit }
     }
 
-    /// Where it is.
+    /// The folder of the cache.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Looks a matrix up. What is found counts as used now.
+    /// Looks up a matrix, and marks it as used now.
     pub fn load(&self, key: &Key) -> Found {
         let files = self.files(key);
-        // Once open, a file stays whole, though another run may give it up.
+        // An open file stays readable even if another run removes it from the cache.
         let open = |path: &PathBuf| Ok((path.clone(), fs::File::open(path)?));
         let opened = match files.iter().map(open).collect::<io::Result<Vec<_>>>() {
             Ok(opened) => opened,
@@ -84,7 +86,8 @@ impl Cache {
         };
         match file::read(key, opened) {
             Ok(found) => {
-                // A folder that others may only read serves as well; it just cannot tell what was used last.
+                // An error is ignored: the cache also works if it is read-only, but then times of use are not
+                // recorded.
                 let touch = |path: &PathBuf| {
                     fs::File::options().append(true).open(path)?.set_modified(SystemTime::now())
                 };
@@ -95,8 +98,9 @@ impl Cache {
         }
     }
 
-    /// Keeps a matrix, and gives up those unused for longest until all fit the limit. One that is larger than the limit is not
-    /// kept: `false`. That another run gives it up at once is nothing that this one says.
+    /// Stores a matrix, and removes the least recently used ones until the cache fits its limit. Returns
+    /// `false` if the matrix alone is larger than the limit; it is not stored then. Another run that shares
+    /// the cache may remove the matrix at any time.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -115,7 +119,8 @@ impl Cache {
             }
             remove(&entry.files)?;
             held -= entry.bytes;
-            // Sorted last: even alone, with its archive's headers, it is larger than the limit.
+            // The new matrix is sorted last. With the headers of its archive it is larger than the limit even
+            // alone.
             if entry.key == key.hex() {
                 return Ok(false);
             }
@@ -123,15 +128,15 @@ impl Cache {
         Ok(true)
     }
 
-    /// All matrices, by key. A folder that does not exist holds none.
+    /// All matrices, ordered by key. If the folder does not exist, there are none.
     ///
     /// # Errors
-    /// [`Error::Read`] when the folder is there and cannot be read.
+    /// [`Error::Read`] when the folder exists but cannot be read.
     pub fn entries(&self) -> Result<Vec<Entry>> {
         let mut entries = BTreeMap::<String, Entry>::new();
         for path in self.listing()? {
             let Some(key) = key_of(&path) else { continue };
-            // Another run may have given it up meanwhile.
+            // Another run may have removed it meanwhile.
             let Ok(about) = fs::metadata(&path) else { continue };
             let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             let entry = entries.entry(key.clone()).or_insert(Entry {
@@ -148,8 +153,8 @@ impl Cache {
         Ok(entries.into_values().collect())
     }
 
-    /// Empties the cache, and says how many matrices it held and their bytes. Other files in the folder stay, but for what a
-    /// killed run left unfinished an hour ago or earlier.
+    /// Removes all matrices, and returns their number and their size in bytes. Temporary files that a killed
+    /// run left an hour ago or earlier are removed, too. Other files in the folder stay.
     ///
     /// # Errors
     /// [`Error::Read`], [`Error::Write`].
@@ -162,6 +167,7 @@ impl Cache {
         Ok((entries.len(), entries.iter().map(|entry| entry.bytes).sum()))
     }
 
+    /// The paths of the files of a matrix, one for each channel.
     fn files(&self, key: &Key) -> Vec<PathBuf> {
         let names: &[&str] = match key.channels() {
             Channels::Luma => &["luma"],
@@ -170,6 +176,7 @@ impl Cache {
         names.iter().map(|name| self.folder.join(format!("{}.{name}.npz", key.hex()))).collect()
     }
 
+    /// The paths in the cache's folder.
     fn listing(&self) -> Result<Vec<PathBuf>> {
         let reading = Error::reading(&self.folder);
         match fs::read_dir(&self.folder) {
@@ -180,15 +187,15 @@ impl Cache {
     }
 }
 
-/// The key in a file's name, if it is one of ours.
+/// The key in the name of a cache file; `None` for other files.
 fn key_of(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_str()?;
     let (key, rest) = name.split_once('.')?;
-    let ours = key.len() == key::HEX_DIGITS && key.bytes().all(|byte| byte.is_ascii_hexdigit());
-    (ours && matches!(rest, "luma.npz" | "r.npz" | "g.npz" | "b.npz")).then(|| key.to_owned())
+    let is_key = key.len() == key::HEX_DIGITS && key.bytes().all(|byte| byte.is_ascii_hexdigit());
+    (is_key && matches!(rest, "luma.npz" | "r.npz" | "g.npz" | "b.npz")).then(|| key.to_owned())
 }
 
-/// `.KEY.luma.npz.PID-COUNT.tmp`, as atomic writing names what is not whole yet.
+/// Whether a file is a temporary one of atomic writing, `.KEY.luma.npz.RANDOM.tmp`.
 fn is_unfinished(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let parts = name
@@ -198,12 +205,13 @@ fn is_unfinished(path: &Path) -> bool {
     parts.is_some_and(|(target, _)| key_of(Path::new(target)).is_some())
 }
 
-/// Whether nobody can still be writing it.
+/// Whether a file was last written more than an hour ago, so that no run can still be writing it.
 fn is_old(path: &Path) -> bool {
     let written = fs::metadata(path).and_then(|about| about.modified());
     written.is_ok_and(|when| when.elapsed().is_ok_and(|age| age > Duration::from_secs(3600)))
 }
 
+/// Removes files. A file that is gone already is not an error.
 fn remove(files: &[PathBuf]) -> Result<()> {
     for path in files {
         match fs::remove_file(path) {
@@ -219,14 +227,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_its_own_files_belong_to_a_cache() {
+    fn a_cache_recognizes_its_own_files_only() {
         let key = "0123456789abcdef0123456789abcdef";
         let path = |name: &str| PathBuf::from("/cache").join(name);
         assert_eq!(key_of(&path(&format!("{key}.luma.npz"))).as_deref(), Some(key));
         for other in ["matrix.npz", "0123.luma.npz", &format!("{key}.txt"), &format!("{key}x.r.npz"), key] {
             assert_eq!(key_of(&path(other)), None, "{other}");
         }
-        assert!(is_unfinished(&path(&format!(".{key}.g.npz.12-3.tmp"))));
+        assert!(is_unfinished(&path(&format!(".{key}.g.npz.a7Xk2Q.tmp"))));
         for other in [".thesis.tmp", &format!("{key}.g.npz"), &format!(".{key}.g.npz"), ".a.b.tmp"] {
             assert!(!is_unfinished(&path(other)), "{other}");
         }

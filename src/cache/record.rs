@@ -1,4 +1,4 @@
-//! What is in a cached file, and its checksum.
+//! The content of a cached file and its checksum.
 
 use std::io;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::transport::{Bounces, Channels, RigShape};
 
-/// What the arrays do not say.
+/// The member `krylux.json` of a file: everything but the arrays. Its JSON text is part of the checksum.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Record {
     pub(super) key: String,
@@ -21,14 +21,14 @@ pub(super) struct Record {
     pub(super) dispatches: u32,
     pub(super) longest_ns: u64,
     pub(super) tracing_ns: u64,
-    /// BLAKE3 of all of the above, and of the arrays; empty while that is computed.
+    /// BLAKE3 hash of the fields above and of the arrays. It is empty while the hash is computed.
     pub(super) checksum: String,
 }
 
 /// The arrays of one file.
 #[derive(Debug, Default)]
 pub(super) struct Arrays {
-    /// By layer: row starts, columns, weights.
+    /// The layers in CSR form: row starts, columns and weights.
     pub(super) layers: Vec<(Vec<u64>, Vec<u32>, Vec<f32>)>,
     pub(super) direct: Vec<f32>,
     pub(super) ambient: Vec<f32>,
@@ -37,6 +37,7 @@ pub(super) struct Arrays {
 }
 
 impl Record {
+    /// The checksum of this record with these arrays.
     pub(super) fn checksum(&self, arrays: &Arrays) -> io::Result<String> {
         let record = Self { checksum: String::new(), ..self.clone() };
         let mut hasher = blake3::Hasher::new();
@@ -58,7 +59,8 @@ impl Record {
     }
 }
 
-/// The name of an array of layer `index` of `count`.
+/// The name of a layer's array in the archive. The arrays of the last layer have SciPy's names, those of
+/// other layers a prefix.
 pub(super) fn member(bounces: Bounces, last: bool, array: &str) -> String {
     let layer = match bounces {
         _ if last => return array.into(),

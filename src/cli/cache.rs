@@ -2,16 +2,16 @@
 
 use std::time::SystemTime;
 
-use anyhow::Result;
 use clap::Subcommand;
 use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::operator::{CacheArgs, in_words};
+use super::operator::CacheArgs;
 use super::options::OutputArgs;
 use crate::cache::Cache;
-use crate::error::Error;
+use crate::error::{Error, Result};
+use crate::lab::text;
 
 /// Show or empty the cache of traced matrices
 #[derive(clap::Args)]
@@ -49,7 +49,7 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let cache = args.action().cache.open().ok_or_else(|| Error::Option {
+    let cache = args.action().cache.choice().open().ok_or_else(|| Error::Option {
         option: "--cache".into(),
         fault: "there is no cache to look at".into(),
         help: "name its folder by --cache DIR or KRYLUX_CACHE".into(),
@@ -66,13 +66,13 @@ fn list(cache: &Cache, console: &Console) -> Result<Outcome> {
     let bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
     for entry in &entries {
         let label = entry.label.as_deref().unwrap_or("damaged; a run that needs it will make it anew");
-        console.say(format_args!("{}  {:>10}  {label}", &entry.key[..12], in_words(entry.bytes)))?;
+        console.say(format_args!("{}  {:>10}  {label}", &entry.key[..12], text::bytes(entry.bytes)))?;
     }
     console.say(format_args!(
         "cache     {}: {} matrices, {}",
         cache.folder().display(),
         entries.len(),
-        in_words(bytes)
+        text::bytes(bytes)
     ))?;
     let seconds =
         |used: SystemTime| used.duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_secs());
@@ -93,7 +93,7 @@ fn clear(cache: &Cache, console: &Console) -> Result<Outcome> {
     console.say(format_args!(
         "cache     {}: removed {count} matrices, {}",
         cache.folder().display(),
-        in_words(bytes)
+        text::bytes(bytes)
     ))?;
     console.summary(&json!({
         "verb": "cache clear",

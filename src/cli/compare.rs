@@ -2,16 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
 use super::options::OutputArgs;
 use crate::analysis::similarity::{Similarity, data_range, similarity};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::{npy, picture};
+use crate::lab::text::percent;
 use crate::report::colormap::{paint_signed, robust_range};
 
 /// Compare two images: RMSE, relative RMSE, PSNR and SSIM; exit status 1 past a threshold
@@ -85,8 +85,7 @@ fn compared(args: &Args, image: &Image, reference: &Image) -> Result<Similarity>
                 in_words(reference)
             ),
             help: "give two images of one size, both gray or both coloured".into(),
-        }
-        .into());
+        });
     }
     Ok(similarity(image, reference, args.range.unwrap_or_else(|| data_range(reference)))?)
 }
@@ -102,8 +101,7 @@ fn misses(args: &Args, found: &Similarity) -> Result<Vec<String>> {
             option: "--min-ssim".into(),
             fault: "the images are smaller than SSIM's window, 11x11 pixels".into(),
             help: "use --max-relative-rmse or --min-psnr".into(),
-        }
-        .into());
+        });
     }
     let above = [
         ("the RMSE", found.rmse, args.max_rmse),
@@ -130,7 +128,7 @@ fn say(found: &Similarity, console: &Console) -> Result<()> {
     console.say(format_args!(
         "rmse      {:.5e}, {} % of B's root mean square; {:.5e} at most",
         found.rmse,
-        super::noise::percent(found.relative_rmse),
+        percent(found.relative_rmse),
         found.largest
     ))?;
     console.say(format_args!("psnr      {:.2} dB, for a data range of {:.5}", found.psnr, found.range))?;

@@ -1,29 +1,29 @@
-//! What the user sees while a verb runs: results on stdout, progress and notes on stderr.
+//! What the user sees: results on stdout; messages, progress bars and errors on stderr; Ctrl-C.
 
-use std::cell::Cell;
 use std::fmt::Display;
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::ops::ControlFlow;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
-
-use anyhow::Result;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::options::OutputArgs;
+use super::progress::{Bar, Progress};
+use crate::error::{Error, Result};
+use crate::observer::{Level, Observer, PhotoTaken, Step};
 
-/// Where text goes, and whether the user has asked to stop.
+/// Stdout and stderr, the progress of the computation at hand, and whether the user has asked to stop. It observes everything that takes
+/// long.
 #[derive(Clone)]
 pub(super) struct Console {
     json: bool,
     quiet: bool,
     verbose: bool,
     interrupted: Arc<AtomicBool>,
+    progress: Arc<Mutex<Progress>>,
 }
 
 impl Console {
-    /// Listens to Ctrl-C: the first one stops the work in good order, a second one at once.
+    /// Watches for Ctrl-C from now on: the first one asks to stop, the second one stops the program.
     pub(super) fn new() -> Self {
         let interrupted = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&interrupted);
@@ -32,7 +32,8 @@ impl Console {
                 std::process::exit(130);
             }
         });
-        let console = Self { json: false, quiet: false, verbose: false, interrupted };
+        let progress = Arc::default();
+        let console = Self { json: false, quiet: false, verbose: false, interrupted, progress };
         if handler.is_err() {
             console.note("note: Ctrl-C cannot be handled here; it will stop krylux at once");
         }
@@ -45,38 +46,47 @@ impl Console {
     }
 
     /// A line of the result on stdout; nothing with `--json` or `-q`.
+    ///
+    /// # Errors
+    /// [`Error::Write`] when stdout cannot be written. A reader who has gone (`krylux … | head`) is not an error.
     pub(super) fn say(&self, line: impl Display) -> Result<()> {
-        if !self.json && !self.quiet {
-            writeln!(std::io::stdout().lock(), "{line}")?;
+        if self.json || self.quiet {
+            return Ok(());
         }
-        Ok(())
+        self.progress().clear();
+        written(writeln!(std::io::stdout().lock(), "{line}"))
     }
 
-    /// The machine summary on stdout; nothing without `--json`.
+    /// The machine-readable summary on stdout; nothing without `--json`.
+    ///
+    /// # Errors
+    /// As [`Self::say`].
     pub(super) fn summary(&self, summary: &serde_json::Value) -> Result<()> {
-        if self.json {
-            writeln!(std::io::stdout().lock(), "{summary:#}")?;
+        if !self.json {
+            return Ok(());
         }
-        Ok(())
+        written(writeln!(std::io::stdout().lock(), "{summary:#}"))
     }
 
-    /// A line on stderr; nothing with `-q`.
+    /// A line on stderr; nothing with `-q`. A stderr that cannot be written stops nothing.
     pub(super) fn note(&self, line: impl Display) {
         if !self.quiet {
-            eprintln!("{line}");
+            self.progress().clear();
+            let _ = writeln!(std::io::stderr().lock(), "{line}");
         }
     }
 
     /// A line on stderr with `-v` only.
     pub(super) fn detail(&self, line: impl Display) {
         if self.verbose {
-            eprintln!("{line}");
+            self.note(line);
         }
     }
 
     /// The error that ends the program.
-    pub(super) fn error(&self, error: &anyhow::Error) {
-        eprintln!("krylux: error: {error:#}");
+    pub(super) fn error(&self, error: &Error) {
+        self.progress().clear();
+        let _ = writeln!(std::io::stderr().lock(), "krylux: error: {error}");
     }
 
     /// Whether the user has asked to stop.
@@ -88,88 +98,65 @@ impl Console {
         }
     }
 
+    /// As [`Self::check`], as an error.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub(super) fn go_on(&self) -> Result<()> {
+        if self.check().is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
     /// Whether progress is drawn on a terminal.
     pub(super) fn has_terminal(&self) -> bool {
         std::io::stderr().is_terminal()
     }
 
+    /// Whether progress is drawn at all.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
     /// A bar for steps of `what`: drawn on a terminal, invisible in a pipe and with `-q`.
     pub(super) fn bar(&self, what: &'static str) -> Bar {
-        self.drawn(what, TEMPLATE)
+        Bar::steps(self, what)
     }
 
-    /// A bar that counts photos.
-    pub(super) fn photos(&self) -> Bar {
-        self.drawn("photos", PHOTOS)
-    }
-
-    /// One line that is written anew again and again.
+    /// One line that is rewritten again and again.
     pub(super) fn line(&self) -> Bar {
-        self.drawn("", LINE)
+        Bar::line(self)
     }
 
-    fn drawn(&self, what: &'static str, template: &str) -> Bar {
-        let hidden = self.quiet || !self.has_terminal();
-        let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        let bar = ProgressBar::with_draw_target(Some(0), target);
-        // The templates are constants, so that they parse is settled by the test below.
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style.progress_chars("━╸─"));
+    /// What is shown of a running computation.
+    pub(super) fn progress(&self) -> MutexGuard<'_, Progress> {
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Observer for Console {
+    fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
+        self.progress().step(self, step);
+        self.check()
+    }
+
+    fn log(&self, level: Level, message: &str) {
+        match level {
+            Level::Warning | Level::Note => self.note(message),
+            Level::Detail => self.detail(message),
+            // A result that cannot be written is an error when the verb writes its own.
+            Level::Info => drop(self.say(message)),
         }
-        bar.set_prefix(what);
-        bar.enable_steady_tick(Duration::from_millis(200));
-        Bar { console: self.clone(), bar, total: Cell::new(0) }
+    }
+
+    fn photo(&self, photo: &PhotoTaken<'_>) -> ControlFlow<()> {
+        self.progress().photo(self, photo);
+        self.check()
     }
 }
 
-const TEMPLATE: &str = "{prefix:<9} {bar:32} {percent:>3} %  {elapsed} gone, {eta} left";
-
-const LINE: &str = "{wide_msg}";
-
-/// One line of 80 columns, with what is said of the answer so far.
-const PHOTOS: &str = "{prefix:<9} {bar:16} {pos:>3}/{len}  {elapsed} gone, {eta} left  {wide_msg}";
-
-/// A progress bar that also answers whether to go on.
-pub(super) struct Bar {
-    console: Console,
-    bar: ProgressBar,
-    total: Cell<u64>,
-}
-
-impl Bar {
-    /// Something beside it.
-    pub(super) fn say(&self, text: &str) {
-        self.bar.set_message(text.to_owned());
-    }
-
-    /// `done` of `total` steps are done.
-    pub(super) fn at(&self, done: u64, total: u64) -> ControlFlow<()> {
-        if self.total.replace(total) != total {
-            self.bar.set_length(total);
-        }
-        self.bar.set_position(done);
-        self.console.check()
-    }
-}
-
-impl Drop for Bar {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
-    }
-}
-
-/// Whether the reader of our output has gone, which is no fault: `krylux … | head`.
-pub(super) fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    let io = error.downcast_ref::<std::io::Error>();
-    io.is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn the_bars_templates_parse() {
-        for template in [super::TEMPLATE, super::PHOTOS, super::LINE] {
-            assert!(indicatif::ProgressStyle::with_template(template).is_ok(), "{template}");
-        }
+/// A reader of our output who has gone is not an error.
+fn written(done: std::io::Result<()>) -> Result<()> {
+    match done {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::writing("standard output")(error)),
+        _ => Ok(()),
     }
 }

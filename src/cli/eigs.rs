@@ -1,39 +1,26 @@
 //! `krylux eigs`: eigenvalues and eigenvectors, of a scene's light transport or of a matrix from a file.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::live::{Live, LiveArgs};
 use super::matrix::PartArg;
+use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs, ViewArgs};
-use super::run_folder::RunFolder;
-use super::source::Source;
+use super::options::{OutputArgs, RunArgs, SourceArgs};
+use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use crate::image::Resolution;
-use crate::io::sparse;
-use crate::krylov::{Eigs, EigsMethod, EigsOptions, PairStatus, Start, Which, eigs};
-use crate::observer::{OnStep, Step};
-use crate::operator::Observed;
-use crate::report::contact_sheet::ContactSheet;
-use crate::report::eigenpairs::EigenpairsRun;
-use crate::sparse::SparseOperator;
-use crate::transport::{Channels, Part};
+use crate::error::Result;
+use crate::krylov::{EigsMethod, EigsOptions, Start, Which};
+use crate::lab::{Eigenpairs, Lab};
+use crate::transport::Part;
 
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// A scene (.glb, .gltf, .obj), a rig (.toml), the folder of a run on a rig, or a matrix (.npz of SciPy, .mtx, or a
-    /// dense .npy)
-    #[arg(value_name = "SOURCE|MATRIX")]
-    source: PathBuf,
     #[command(flatten)]
-    view: ViewArgs,
+    source: SourceArgs,
     #[command(flatten)]
     trace: TraceArgs,
     #[command(flatten)]
@@ -54,7 +41,7 @@ pub(super) struct Question {
     /// Which light of a scene or rig
     #[arg(long, value_enum, default_value = "full")]
     part: PartArg,
-    /// How they are found
+    /// The method
     #[arg(long, value_enum, default_value = "lanczos")]
     method: MethodArg,
     /// Vectors in the block of block-lanczos: as many copies of a repeated eigenvalue are found
@@ -103,8 +90,8 @@ enum WhichArg {
 }
 
 impl Question {
-    /// As the library has it; `seed` for the starting vector, `held` the photos of a run that is asked anew.
-    pub(super) fn options(&self, seed: u64, held: Option<usize>) -> EigsOptions {
+    /// The library's options; `seed` for the starting vector, `photos_of_run` the default budget of a run that is asked again.
+    pub(super) fn options(&self, seed: u64, photos_of_run: Option<usize>) -> EigsOptions {
         EigsOptions {
             count: self.count,
             which: match self.which {
@@ -115,7 +102,7 @@ impl Question {
                 WhichArg::Be => Which::BothEnds,
                 WhichArg::Li => Which::LargestImaginary,
             },
-            products: self.photos.or(held).unwrap_or(50),
+            products: self.photos.or(photos_of_run).unwrap_or(50),
             tolerance: self.tolerance,
             method: match self.method {
                 MethodArg::Power => EigsMethod::Power,
@@ -135,120 +122,44 @@ impl Question {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    if is_matrix(&args.source) {
-        let mut operator = SparseOperator::new(sparse::read(&args.source)?);
-        let stem = args.source.file_stem().unwrap_or_default().to_string_lossy();
-        let mut folder = RunFolder::create(&args.run, &format!("{stem}-eigs"), console)?;
-        folder.manifest.seed = Some(args.trace.seed());
-        let outcome = folder
-            .describe_file(&args.source)
-            .map_err(Into::into)
-            .and_then(|()| {
-                let bar = console.photos();
-                let options = args.question.options(args.trace.seed(), None);
-                let observer = OnStep::new(|step: &Step<'_>| {
-                    bar.say(&step.estimate.to_string());
-                    bar.at(step.done, step.total)
-                });
-                let mut operator = Observed::new(&mut operator, &observer);
-                Ok(folder.timed("photos", |_| eigs(&mut operator, &options))?)
-            })
-            .and_then(|found| {
-                interrupted(console)?;
-                report(args, console, &found, &stem, None, &mut folder)
-            });
-        return folder.close(outcome);
+    let opening = Opening::new(&args.source, &args.trace).operator(&args.operator);
+    let mut lab = opening.open_shown(&args.live, console)?;
+    in_run(&mut lab, &args.run, "eigs", |lab| answer(args, lab, console))
+}
+
+fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
+    let options = args.question.options(lab.seed(), lab.photos_of_run());
+    if let Some(run) = lab.run() {
+        run.manifest.seed = Some(args.trace.overrides().vector_seed());
+        run.manifest.photos_allowed = Some(options.products);
     }
-    let source = SourceArgs { source: args.source.clone(), view: args.view.clone() };
-    let mut source = Source::open(&source, &args.trace, console)?;
-    let (name, resolution, unit) = (source.name(), source.resolution(), source.unit());
-    let mut folder = RunFolder::create(&args.run, &format!("{name}-eigs"), console)?;
-    source.describe(&mut folder.manifest, Channels::Luma);
-    let options = args.question.options(args.trace.seed(), source.held());
-    folder.manifest.photos_allowed = Some(options.products);
-    let live = Live::new(&args.live, &source, Channels::Luma, console);
-    let light = folder.timed(source.preparation(), |folder| {
-        source.light(&args.operator, Channels::Luma, Some(folder), console)
-    });
-    let outcome = light.and_then(|mut light| {
-        folder.describe_light(&light);
-        live.expect(options.products);
-        let found = folder.timed("photos", |_| {
-            light.with_operator(args.question.part(), console, |operator| {
-                let observer = OnStep::new(|step: &Step<'_>| live.so_far(step.estimate));
-                eigs(&mut Observed::new(&mut live.watch(0, operator), &observer), &options)
-            })
-        });
-        live.pause();
-        let found = folder.record_rig(&mut light, found, console)?;
-        interrupted(console)?;
-        report(args, console, &found, &name, Some((resolution, live.strip(), unit)), &mut folder)
-    });
-    folder.close(outcome)
-}
-
-fn is_matrix(source: &Path) -> bool {
-    let extension = source.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-    matches!(extension.as_deref(), Some("npz" | "mtx" | "npy"))
-}
-
-fn interrupted(console: &Console) -> Result<()> {
-    if console.check().is_break() { Err(crate::Error::Interrupted.into()) } else { Ok(()) }
-}
-
-fn report(
-    args: &Args,
-    console: &Console,
-    found: &Eigs,
-    name: &str,
-    pictures: Option<(Resolution, ContactSheet, &str)>,
-    folder: &mut RunFolder,
-) -> Result<(Outcome, String)> {
-    folder.manifest.photos = found.stats.products as u64;
-    let verdicts: Vec<String> = found.statuses.iter().map(|verdict| word(*verdict).to_owned()).collect();
-    let good = found.statuses.iter().all(|&verdict| verdict == PairStatus::Converged)
-        && found.values.len() == args.question.count;
-    say(found, &verdicts, console)?;
-    let title = format!("{name} · eigenpairs");
-    let (resolution, strip) = match &pictures {
-        Some((resolution, strip, unit)) => (Some(*resolution), Some((strip, *unit))),
-        None => (None, None),
-    };
-    let run = EigenpairsRun { title, found, resolution, verdicts: &verdicts, good, strip };
-    let seconds = folder.seconds();
-    folder.manifest.outputs =
-        folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
-    let report = folder.path.join("report.html");
-    console.say(format_args!("report    {}", report.display()))?;
-    console.summary(&json!({
-        "verb": "eigs",
-        "folder": folder.path,
-        "report": report,
+    let found = lab.eigs(args.question.part(), &options)?;
+    let pairs = Eigenpairs { found: &found, wanted: options.count };
+    say(&pairs, console)?;
+    let summary = json!({
         "photos": found.stats.products,
         "status": found.stats.status.to_string(),
         "eigenvalues": found.values,
         "imaginary_parts": found.imaginary_values,
         "residuals": found.residuals,
         "bounds": found.bounds,
-        "noise": folder.manifest.noise,
-        "rig": folder.manifest.rig,
-        "verdicts": verdicts,
-        "seconds": folder.seconds(),
-    }))?;
-    let outcome = if good { Outcome::Done } else { Outcome::NotGoodEnough };
-    Ok((outcome, format!("{} photos: {}", found.stats.products, found.stats.status)))
+        "verdicts": pairs.statuses(),
+    });
+    let ending = Ending { run: &args.run, is_good: pairs.is_good(), summary };
+    Ok(finish(lab, console, &pairs, ending)?.1)
 }
 
-fn say(found: &Eigs, verdicts: &[String], console: &Console) -> Result<()> {
+fn say(pairs: &Eigenpairs<'_>, console: &Console) -> Result<()> {
+    let found = pairs.found;
     console.say(format_args!("photos    {}: {}", found.stats.products, found.stats.status))?;
     console.say("           eigenvalue   residual   error at most")?;
-    for (index, verdict) in verdicts.iter().enumerate() {
+    for (index, status) in pairs.statuses().iter().enumerate() {
         let imaginary = match found.imaginary_values[index] {
             0.0 => String::new(),
             value => format!(" {value:+.8} i"),
         };
         console.say(format_args!(
-            "  {:>6}  {:>11.8}{imaginary}   {:.1e}    {:.1e}   {verdict}",
+            "  {:>6}  {:>11.8}{imaginary}   {:.1e}    {:.1e}   {status}",
             index + 1,
             found.values[index],
             found.residuals[index],
@@ -256,12 +167,4 @@ fn say(found: &Eigs, verdicts: &[String], console: &Console) -> Result<()> {
         ))?;
     }
     Ok(())
-}
-
-fn word(verdict: PairStatus) -> &'static str {
-    match verdict {
-        PairStatus::Converged => "converged",
-        PairStatus::LimitedByNoise => "limited by noise",
-        PairStatus::NotResolved => "not resolved",
-    }
 }

@@ -1,18 +1,19 @@
 //! `krylux info`: the adapters, and what is in a scene or a rig file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use glam::Vec3;
+use indicatif::HumanCount;
 use serde_json::json;
 
 use super::console::Console;
 use super::options::{OutputArgs, ViewArgs};
-use super::source::is_rig;
-use super::{Outcome, rig_info, simulation};
+use super::{Outcome, rig_info};
+use crate::error::Result;
+use crate::lab::SourceKind;
 use crate::measure::RigFile;
 use crate::render;
-use crate::scene::Scene;
+use crate::scene::{self, LoadOptions, Scene};
 
 /// Show the graphics adapters and their limits, and what is in a scene or a rig file
 #[derive(clap::Args)]
@@ -30,8 +31,8 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut scene = None;
     let mut rig = None;
     match &args.source {
-        Some(path) if is_rig(path) => rig = Some(RigFile::load(path)?),
-        Some(path) => scene = Some(simulation::load(path, &args.view, console)?),
+        Some(path) if SourceKind::of(path) == SourceKind::Rig => rig = Some(RigFile::load(path)?),
+        Some(path) => scene = Some(load(path, &args.view, console)?),
         None => {}
     }
     if let Some(rig) = &rig {
@@ -61,9 +62,19 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }))?;
     // A rig may do without.
     if adapters.is_empty() && rig.is_none() {
-        return Err(render::no_adapter().into());
+        return Err(render::no_adapter());
     }
     Ok(Outcome::Done)
+}
+
+/// Loads the scene and says what was ignored in it.
+fn load(path: &Path, view: &ViewArgs, console: &Console) -> Result<Scene> {
+    let options = LoadOptions { camera: view.camera.as_deref(), rig: view.camera_file.as_deref() };
+    let scene = scene::load_with(path, &options)?;
+    for warning in &scene.warnings {
+        console.note(format_args!("warning: {}: {warning}", scene.path.display()));
+    }
+    Ok(scene)
 }
 
 fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
@@ -73,7 +84,7 @@ fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
     console.say(format_args!("scene     {}", scene.path.display()))?;
     console.say(format_args!(
         "  shape   {} triangles, {:.3} x {:.3} x {:.3} m",
-        simulation::grouped(scene.triangles.len() as u64),
+        HumanCount(scene.triangles.len() as u64),
         (high - low).x,
         (high - low).y,
         (high - low).z

@@ -2,15 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
+use super::opening::Opening;
 use super::options::{OutputArgs, SourceArgs};
-use super::source::Source;
 use super::trace::{SizeArgs, TraceArgs};
-use super::truth::true_labels;
+use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::io::{npy, picture};
 use crate::report::palette;
@@ -35,17 +34,15 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     args.files.iter().try_for_each(|file| picture::check_writable(file))?;
     let trace = TraceArgs::for_looking(args.size, args.adapter.clone());
-    let mut source = Source::open(&args.source, &trace, console)?;
-    let resolution = source.resolution();
-    let simulation = source.simulation()?;
-    let labels = true_labels(&mut simulation.tracer, &simulation.scene, resolution)?;
-    let scene = &simulation.scene;
+    let lab = Opening::new(&args.source, &trace).open(console)?;
+    let (resolution, labels) = (lab.resolution(), lab.labels()?);
+    let regions = &lab.scene()?.regions;
     for file in &args.files {
         write(file, resolution, &labels)?;
         console.say(format_args!("wrote     {}", file.display()))?;
     }
     let counts = |region: u8| labels.iter().filter(|&&label| label == region).count();
-    for (index, name) in scene.regions.iter().enumerate() {
+    for (index, name) in regions.iter().enumerate() {
         let share = 100.0 * counts(index as u8) as f64 / labels.len() as f64;
         console.say(format_args!("region    {index}: {share:5.1} %  {name}"))?;
     }
@@ -53,18 +50,18 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         "verb": "labels",
         "files": args.files,
         "resolution": resolution,
-        "regions": scene.regions,
-        "pixels": (0..scene.regions.len()).map(|index| counts(index as u8)).collect::<Vec<_>>(),
+        "regions": regions,
+        "pixels": (0..regions.len()).map(|index| counts(index as u8)).collect::<Vec<_>>(),
     }))?;
     Ok(Outcome::Done)
 }
 
-fn write(file: &Path, resolution: Resolution, labels: &[u8]) -> crate::Result<()> {
+fn write(file: &Path, resolution: Resolution, labels: &[u8]) -> Result<()> {
     let extension = file.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         Some("npy") => npy::write_npy(file, &[resolution.height, resolution.width], labels),
         Some("png") => palette::paint_labels(resolution, labels).write_png(file),
-        _ => Err(crate::Error::Data {
+        _ => Err(Error::Data {
             path: file.to_path_buf(),
             fault: "labels are written as numbers or as a picture".into(),
             help: "name it .npy or .png".into(),

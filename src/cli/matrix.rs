@@ -2,24 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use clap::ValueEnum;
 use serde_json::json;
 
+use super::Outcome;
 use super::console::Console;
-use super::live::{Live, LiveArgs};
-use super::measured::{self, Measured};
+use super::opening::{Opening, channel_suffixes, in_journal, merge};
 use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
-use super::run_folder::RunFolder;
-use super::simulation::Simulation;
-use super::source::Source;
+use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use super::{Outcome, brute_force};
-use crate::error::Error;
-use crate::image::Resolution;
+use crate::error::Result;
 use crate::io::{manifest, sparse};
+use crate::lab::{Lab, MatrixRequest, SourceKind};
 use crate::sparse::Csr;
-use crate::transport::{Bounces, Channels, Part, TransportMatrix};
+use crate::transport::Part;
 
 /// Write the light transport matrix as a sparse matrix: a scene's is traced once, a rig's photographed pixel by pixel
 #[derive(clap::Args)]
@@ -70,141 +66,61 @@ impl From<PartArg> for Part {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     sparse::check_writable(&args.file)?;
-    let mut source = Source::open(&args.source, &args.trace, console)?;
-    let (resolution, channels) = (source.resolution(), Channels::from(args.channels));
-    let live = Live::new(&args.live, &source, channels, console);
-    match &mut source {
-        Source::Scene(simulation) => {
-            args.keep.refuse()?;
-            of_scene(args, simulation, console)
-        }
-        Source::Rig(rig) => {
-            check_rig(args, resolution)?;
-            let Some(wanted) = args.keep.run() else {
-                return of_devices(args, &mut rig.measured(Some(channels), None, console)?, &live, console);
-            };
-            let mut folder = RunFolder::create(&wanted, "matrix", console)?;
-            rig.describe(&mut folder.manifest);
-            let measured = rig
-                .journal(&folder, channels, console)
-                .and_then(|journal| rig.measured(Some(channels), Some(journal), console));
-            let outcome = measured.and_then(|mut measured| {
-                let outcome = of_devices(args, &mut measured, &live, console);
-                folder.manifest.rig = Some(measured.record(outcome.is_ok())?);
-                outcome
-            });
-            folder.manifest.photos = (resolution.pixels() * channels.count()) as u64;
-            folder.close(outcome.map(|outcome| (outcome, "every column photographed".to_owned())))
-        }
-        Source::Run(run) => {
-            args.keep.refuse()?;
-            check_rig(args, resolution)?;
-            of_devices(args, &mut run.measured(Some(channels), console)?, &live, console)
-        }
-    }
+    let opening = Opening {
+        split_bounces: args.split_bounces,
+        ..Opening::new(&args.source, &args.trace).channels(args.channels)
+    };
+    let mut lab = opening.open_shown(&args.live, console)?;
+    let request =
+        MatrixRequest { part: args.part.into(), split_bounces: args.split_bounces, photos: args.photos };
+    in_journal(&mut lab, &args.keep, "matrix", |lab| {
+        let matrices = lab.matrices(&request)?;
+        let is_complete = write(args, &matrices, lab, console)?;
+        let photos = lab.resolution().pixels() * lab.channels().count();
+        lab.end_run(photos, "every column photographed")?;
+        Ok(is_complete)
+    })
 }
 
-fn of_scene(args: &Args, simulation: &mut Simulation, console: &Console) -> Result<Outcome> {
-    let channels = args.channels.into();
-    if args.photos.is_some() {
-        return Err(Error::Option {
-            option: "--photos".into(),
-            fault: "a scene's matrix is traced, not photographed".into(),
-            help: "leave it out; --spp says how many light paths are traced".into(),
-        }
-        .into());
-    }
-    let traced = simulation.assemble_layers(channels, args.split_bounces, console)?;
+/// Writes the matrices of each channel, and says where.
+fn write(
+    args: &Args,
+    matrices: &[Vec<(&'static str, Csr)>],
+    lab: &mut Lab,
+    console: &Console,
+) -> Result<Outcome> {
     let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
-    for (channel, name) in names(channels).iter().enumerate() {
-        for (bounces, csr) in matrices(args, &traced.matrix, channel)? {
-            let file = with_suffix(&args.file, &format!("{bounces}{name}"));
-            sparse::write(&file, &csr)?;
-            nonzeros.push(csr.weights().len());
+    for (channel, suffix) in matrices.iter().zip(channel_suffixes(lab.channels())) {
+        for (bounces, matrix) in channel {
+            let file = with_suffix(&args.file, &format!("{bounces}{suffix}"));
+            sparse::write(&file, matrix)?;
+            nonzeros.push(matrix.weights().len());
             console.say(format_args!("wrote     {}", file.display()))?;
             files.push(file);
         }
     }
-    console.summary(&json!({
-        "verb": "matrix",
-        "files": files,
-        "resolution": traced.matrix.resolution(),
-        "projector_resolution": traced.matrix.projector_resolution(),
-        "rows": traced.matrix.resolution().pixels(),
-        "columns": traced.matrix.projector_resolution().pixels(),
-        "nonzeros": nonzeros,
-        "paths": traced.summary.paths,
-        "noise": traced.noise.as_ref().map(manifest::Noise::from),
-    }))?;
-    Ok(Outcome::Done)
-}
-
-/// What a rig cannot tell, or not in so many photos.
-fn check_rig(args: &Args, resolution: Resolution) -> Result<()> {
-    if args.split_bounces {
-        return Err(Error::Option {
-            option: "--split-bounces".into(),
-            fault: "a photo does not tell how often its light has bounced".into(),
-            help: "give --part direct or --part global, which are told apart by shifted patterns".into(),
-        }
-        .into());
-    }
-    Ok(brute_force::check(resolution, args.channels.into(), args.photos)?)
-}
-
-/// Column by column, by the devices of a rig or by the photos that a run took of it.
-fn of_devices(args: &Args, measured: &mut Measured, live: &Live, console: &Console) -> Result<Outcome> {
-    let (channels, resolution) = (Channels::from(args.channels), live.resolution());
-    live.expect(resolution.pixels());
-    let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
-    for (channel, name) in names(channels).iter().enumerate() {
-        let mut operator = measured.measurement.operator(args.part.into(), channel);
-        let csr = brute_force::columns(&mut live.watch(channel, &mut operator))?;
-        let file = with_suffix(&args.file, name);
-        sparse::write(&file, &csr)?;
-        nonzeros.push(csr.weights().len());
-        console.say(format_args!("wrote     {}", file.display()))?;
-        files.push(file);
-    }
-    live.pause();
-    let record = measured.record(true)?;
-    measured::say(&record, console)?;
-    console.summary(&json!({
+    let (resolution, projector) = (lab.resolution(), lab.projector_resolution());
+    let mut summary = json!({
         "verb": "matrix",
         "files": files,
         "resolution": resolution,
-        "projector_resolution": resolution,
+        "projector_resolution": projector,
         "rows": resolution.pixels(),
-        "columns": resolution.pixels(),
+        "columns": projector.pixels(),
         "nonzeros": nonzeros,
-        "rig": record,
-    }))?;
+    });
+    if lab.kind() == SourceKind::Scene {
+        let noise = lab.noise()?;
+        let more = json!({
+            "paths": lab.trace_summary()?.map(|summary| summary.paths),
+            "noise": noise.as_ref().map(manifest::Noise::from),
+        });
+        merge(&mut summary, more);
+    } else {
+        merge(&mut summary, json!({ "rig": lab.costs()? }));
+    }
+    console.summary(&summary)?;
     Ok(Outcome::Done)
-}
-
-/// What the files of a matrix's channels are called beside its name.
-fn names(channels: Channels) -> &'static [&'static str] {
-    match channels {
-        Channels::Luma => &[""],
-        Channels::Rgb => &[".r", ".g", ".b"],
-    }
-}
-
-/// What is to be written of a channel, each with what its file's name gets.
-fn matrices(args: &Args, matrix: &TransportMatrix, channel: usize) -> Result<Vec<(&'static str, Csr)>> {
-    if !args.split_bounces {
-        return Ok(vec![("", matrix.to_csr(args.part.into(), channel)?)]);
-    }
-    let mut matrices = vec![("_direct", matrix.to_csr(Part::Direct, channel)?)];
-    for layer in matrix.layers() {
-        match layer.bounces() {
-            // It is in the direct part already.
-            Bounces::One => {}
-            Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
-            Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),
-        }
-    }
-    Ok(matrices)
 }
 
 /// `a/matrix.npz` as `a/matrix_direct.r.npz`.

@@ -2,53 +2,40 @@
 //!
 //! Exit status: 0 done; 1 done, but not good enough; 2 error; 130 interrupted.
 
-mod about;
 mod audit;
-mod brute_force;
 mod cache;
-mod channel;
 mod compare;
 mod compensate;
 mod console;
 mod eigs;
 mod info;
-mod journal;
 mod labels;
-mod light;
-mod live;
 mod matrix;
-mod measured;
-mod model_of_run;
-mod noise;
 mod opener;
+mod opening;
 mod operator;
 mod options;
 mod pattern;
 mod photo;
 mod plan;
 mod probe;
+mod progress;
 mod projector;
 mod relight;
-mod replay;
 mod reproduce;
 mod rig;
 mod rig_info;
-mod rig_scene;
-mod rig_source;
-mod rig_twin;
-mod run_folder;
 mod segment;
 mod separate;
-mod simulation;
 mod solve;
-mod source;
+mod tev;
 mod trace;
-mod truth;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::error::Error;
 use console::Console;
 
 /// A light transport laboratory: trace a scene once, and ask its light transport matrix anything with a few dozen photos.
@@ -118,11 +105,9 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::NotGoodEnough) => ExitCode::from(1),
-        Err(error) if console::is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             console.error(&error);
-            let interrupted = matches!(error.downcast_ref(), Some(crate::Error::Interrupted));
-            ExitCode::from(if interrupted { 130 } else { 2 })
+            ExitCode::from(if matches!(error, Error::Interrupted) { 130 } else { 2 })
         }
     }
 }

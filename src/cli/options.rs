@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use crate::error::Error;
 use crate::krylov::{METHODS, Method};
+use crate::lab::ChannelChoice;
 use crate::transport::Channels;
 
 /// Which source of photos.
@@ -19,7 +19,7 @@ pub(super) struct SourceArgs {
 }
 
 /// Where camera and projector stand.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 pub(super) struct ViewArgs {
     /// The camera to use, where the scene has several
     #[arg(long, value_name = "NAME")]
@@ -27,14 +27,6 @@ pub(super) struct ViewArgs {
     /// Where camera and projector stand, in TOML, instead of the scene's own [default: NAME.rig.toml next to the scene]
     #[arg(long, value_name = "RIG")]
     pub(super) camera_file: Option<PathBuf>,
-}
-
-impl ViewArgs {
-    /// The first option given.
-    pub(super) fn given(&self) -> Option<&'static str> {
-        let given = [(self.camera.is_some(), "--camera"), (self.camera_file.is_some(), "--camera-file")];
-        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
-    }
 }
 
 /// Where a run leaves its folder.
@@ -80,21 +72,6 @@ impl KeepArgs {
             resume: *resume,
         })
     }
-
-    /// What is no rig has no photos to be kept.
-    ///
-    /// # Errors
-    /// [`Error::Option`] where a folder is given.
-    pub(super) fn refuse(&self) -> crate::Result<()> {
-        match self.folder {
-            None => Ok(()),
-            Some(_) => Err(Error::Option {
-                option: "--journal".into(),
-                fault: "only photos of a rig are kept: those of a scene are made from it, and those of a run are there".into(),
-                help: "leave it out".into(),
-            }),
-        }
-    }
 }
 
 /// How much is said, and how.
@@ -112,7 +89,7 @@ pub(super) struct OutputArgs {
 }
 
 /// `--channels`.
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum ChannelsArg {
     /// One gray pattern, one photo weighted by luminance
     Luma,
@@ -126,6 +103,12 @@ impl From<ChannelsArg> for Channels {
             ChannelsArg::Luma => Self::Luma,
             ChannelsArg::Rgb => Self::Rgb,
         }
+    }
+}
+
+impl From<ChannelsArg> for ChannelChoice {
+    fn from(argument: ChannelsArg) -> Self {
+        Channels::from(argument).into()
     }
 }
 

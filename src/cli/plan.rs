@@ -1,17 +1,16 @@
 //! `krylux plan`: what a verb will cost on a rig, and how good its answer will be.
 
-use anyhow::Result;
 use clap::Subcommand;
 use serde_json::{Value, json};
 
 use super::console::Console;
+use super::opening::Opening;
 use super::options::{OutputArgs, SourceArgs};
-use super::rig_source::RigSource;
-use super::source::is_rig;
 use super::trace::TraceArgs;
 use super::{Outcome, compensate, eigs, segment};
 use crate::analysis::plan::{Cost, Planner};
-use crate::error::Error;
+use crate::error::{Error, Result};
+use crate::lab::{ChannelChoice, SourceKind};
 use crate::observer::{OnStep, Step};
 use crate::transport::Channels;
 
@@ -53,20 +52,22 @@ struct Trials {
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let path = &args.source.source;
-    if !is_rig(path) || args.trials == 0 {
+    if SourceKind::of(path) != SourceKind::Rig || args.trials == 0 {
         let (option, fault, help) = match args.trials {
             0 => ("--trials", "0 runs predict nothing".into(), "ask for at least 1, better 3"),
             _ => ("SOURCE", format!("{} is no rig", path.display()), "give a rig file (.toml)"),
         };
-        return Err(Error::Option { option: option.into(), fault, help: help.into() }.into());
+        return Err(Error::Option { option: option.into(), fault, help: help.into() });
     }
-    let mut rig = RigSource::open(&args.source, &args.trace, console)?;
+    let opening = Opening::new(&args.source, &args.trace).channels(ChannelChoice::Native);
+    let lab = opening.open(console)?;
+    let Some(rig) = lab.rig() else { return Err(Error::Interrupted) };
     // The true labels are the scene's, which is traced next.
     let truth = match args.question {
-        Question::Segment(_) => rig.truth()?.map(|truth| truth.labels),
+        Question::Segment(_) => lab.truth()?.map(|truth| truth.labels),
         Question::Compensate(_) | Question::Eigs(_) => None,
     };
-    let twin = rig.twin(console)?;
+    let twin = rig.twin()?;
     let observer = OnStep::new(|_: &Step<'_>| console.check());
     let planner = Planner {
         rig: rig.devices()?,
@@ -86,7 +87,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         Question::Eigs(question) => ("eigs", of_eigs(args, question, &planner, &seeds, console)?),
     };
     if console.check().is_break() {
-        return Err(Error::Interrupted.into());
+        return Err(Error::Interrupted);
     }
     say(&found, console)?;
     let range =
@@ -116,7 +117,7 @@ fn of_segment(
     seeds: &[u64],
     console: &Console,
 ) -> Result<Trials> {
-    let (part, options) = (question.part(), question.options(args.trace.seed(), None));
+    let (part, options) = (question.part(), question.options(args.trace.overrides().vector_seed(), None));
     let ideal = planner.ideal_segmentation(part, &options)?;
     let trials =
         each(seeds, console, &mut |seed| planner.segmentation(part, &options, &ideal, labels, seed))?;
@@ -152,7 +153,7 @@ fn of_compensate(
         ),
     ];
     console.say(format_args!(
-        "best      {:.4} of the wish; {:.4} uncompensated",
+        "best      {:.4} of the target; {:.4} uncompensated",
         ideal.optimum, ideal.uncompensated
     ))?;
     let costs = trials.iter().map(|trial| trial.cost).collect();
@@ -168,7 +169,7 @@ fn of_eigs(
     seeds: &[u64],
     console: &Console,
 ) -> Result<Trials> {
-    let (part, options) = (question.part(), question.options(args.trace.seed(), None));
+    let (part, options) = (question.part(), question.options(args.trace.overrides().vector_seed(), None));
     let ideal = planner.ideal_eigenpairs(part, &options)?;
     let trials = each(seeds, console, &mut |seed| planner.eigenvalues(part, &options, &ideal, seed))?;
     let of = |index: usize| trials.iter().filter_map(move |trial| trial.errors.get(index).copied()).collect();
@@ -179,16 +180,12 @@ fn of_eigs(
 }
 
 /// Runs one trial for each seed.
-fn each<T>(
-    seeds: &[u64],
-    console: &Console,
-    trial: &mut dyn FnMut(u64) -> crate::Result<T>,
-) -> Result<Vec<T>> {
+fn each<T>(seeds: &[u64], console: &Console, trial: &mut dyn FnMut(u64) -> Result<T>) -> Result<Vec<T>> {
     let bar = console.bar("trials");
     let mut trials = Vec::new();
     for (done, &seed) in seeds.iter().enumerate() {
         if bar.at(done as u64, seeds.len() as u64).is_break() {
-            return Err(Error::Interrupted.into());
+            return Err(Error::Interrupted);
         }
         trials.push(trial(seed)?);
     }

@@ -1,8 +1,7 @@
 //! `krylux projector`: the helper process that owns a projector's window. It is started by krylux itself.
 
-use anyhow::{Context, Result};
-
 use super::Outcome;
+use crate::error::{Error, Result};
 use crate::rig;
 
 /// Show frames on a monitor, as the program says that started this one (by standard input and output)
@@ -10,6 +9,7 @@ use crate::rig;
 pub(super) struct Args {}
 
 pub(super) fn run(_: &Args) -> Result<Outcome> {
-    rig::serve_projector(std::io::stdin().lock(), std::io::stdout().lock()).context("the pipe to krylux")?;
+    rig::serve_projector(std::io::stdin().lock(), std::io::stdout().lock())
+        .map_err(Error::writing("the pipe to krylux"))?;
     Ok(Outcome::Done)
 }

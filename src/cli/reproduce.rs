@@ -1,19 +1,19 @@
 //! `krylux reproduce`: the paper's figures, made again and held to bounds.
 
 use std::path::PathBuf;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
-use anyhow::Result;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
+use super::opener;
 use super::options::{OutputArgs, RunArgs};
-use super::run_folder::RunFolder;
-use crate::error::Error;
+use crate::error::{Error, Result};
+use crate::lab::{RunFolder, SharedObserver};
 use crate::paper::{self, Bench, BenchOptions, Figure, Reproduced, Rig};
 use crate::report::gallery::Gallery;
 
@@ -94,21 +94,31 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             option: "--resume".into(),
             fault: "figures are made anew each time, and keep no journal".into(),
             help: "leave it out, and add --overwrite to write into the same folder".into(),
-        }
-        .into());
+        });
     }
-    let mut folder = RunFolder::create(&args.run, "reproduce", console)?;
-    let outcome = reproduce(args, console, &mut folder);
-    folder.close(outcome)
+    let observer = SharedObserver(Arc::new(console.clone()));
+    let mut folder = RunFolder::create(&(&args.run).into(), "reproduce", &observer)?;
+    match reproduce(args, console, &mut folder) {
+        Ok((outcome, message)) => {
+            folder.close(Ok(&message))?;
+            if args.run.open {
+                opener::open(&folder.path.join("report.html"), console);
+            }
+            Ok(outcome)
+        }
+        Err(error) => {
+            // The error itself matters more than that it cannot be recorded.
+            let _ = folder.close(Err(&error));
+            Err(error)
+        }
+    }
 }
 
 fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(Outcome, String)> {
     let mut made = Vec::new();
     for &rig in args.rigs() {
         let options = BenchOptions { rig, quick: args.quick, adapter: args.adapter.clone() };
-        let bar = console.bar("tracing");
-        let mut watch = |done, total| bar.at(done, total);
-        let mut bench = Bench::new(options, &mut watch);
+        let mut bench = Bench::new(options, Arc::new(console.clone()));
         for figure in args.figures() {
             let start = Instant::now();
             let one = paper::reproduce(figure, &mut bench)?;
@@ -120,8 +130,9 @@ fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(
     let gallery = Gallery { made: &made, quick: args.quick };
     folder.manifest.photos = made.iter().map(|one| one.photos as u64).sum();
     let seconds = folder.seconds();
-    let files: Vec<String> =
-        folder.timed("files", |folder| gallery.write(&folder.path, &folder.manifest, seconds))?;
+    let start = Instant::now();
+    let files = gallery.write(&folder.path, &folder.manifest, seconds)?;
+    folder.manifest.record("files", start.elapsed());
     folder.manifest.outputs = files;
     let report: PathBuf = folder.path.join("report.html");
     console.say(format_args!("report    {}", report.display()))?;

@@ -5,18 +5,17 @@ mod bench;
 mod calibrate;
 mod cameras;
 mod check;
-mod figures;
 mod list;
 mod preview;
 
 use std::path::PathBuf;
 
-use anyhow::Result;
 use clap::Subcommand;
 
 use super::Outcome;
 use super::console::Console;
 use super::options::OutputArgs;
+use crate::error::Result;
 
 /// Measure and check the devices of a rig
 #[derive(clap::Args)]
@@ -57,13 +56,13 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 /// `--exposure`.
-fn seconds(text: &str) -> Result<f64, String> {
+fn seconds(text: &str) -> std::result::Result<f64, String> {
     let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && seconds.is_finite());
     seconds.ok_or_else(|| "give seconds, more than 0".into())
 }
 
 /// `-o` of a picture.
-fn png(text: &str) -> Result<PathBuf, String> {
+fn png(text: &str) -> std::result::Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
     if is_png { Ok(path) } else { Err("give a file whose name ends in .png".into()) }

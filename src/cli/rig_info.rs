@@ -1,9 +1,9 @@
 //! What `krylux info` tells of a rig file.
 
-use anyhow::Result;
 use serde_json::{Value, json};
 
 use super::console::Console;
+use crate::error::Result;
 use crate::measure::{RigFile, RigKind};
 use crate::report::stages;
 use crate::rig::{VirtualRig, VirtualScene};

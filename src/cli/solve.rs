@@ -2,20 +2,17 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
 use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::options::{OutputArgs, RunArgs, method};
-use super::run_folder::RunFolder;
-use crate::error::Error;
-use crate::io::{npy, sparse};
-use crate::krylov::{Method, SolveOptions, Status, solve_adjoint};
-use crate::observer::{OnStep, Step};
-use crate::operator::Observed;
-use crate::report::solution::SolutionRun;
-use crate::sparse::SparseOperator;
+use super::opening::{Ending, Opening, finish, in_run};
+use super::options::{OutputArgs, RunArgs, ViewArgs, method};
+use super::trace::TraceArgs;
+use crate::error::{Error, Result};
+use crate::io::npy;
+use crate::krylov::{Method, SolveOptions};
+use crate::lab::{ChannelChoice, Lab, Solved};
 
 /// Solve A x = b for a matrix and a right-hand side from files
 #[derive(clap::Args)]
@@ -26,7 +23,7 @@ pub(super) struct Args {
     /// The right-hand side: an .npy file with as many numbers as the matrix has rows, in any shape
     #[arg(value_name = "RHS")]
     rhs: PathBuf,
-    /// How: minres, gmres, fgmres, cg, cgs, bicgstab, lsqr, lsmr; inside a box: jacobi, fista, krylov-box; not
+    /// The method: minres, gmres, fgmres, cg, cgs, bicgstab, lsqr, lsmr; inside a box: jacobi, fista, krylov-box; not
     /// negative: mrnsd, multiplicative
     #[arg(long, value_name = "NAME", default_value = "gmres", value_parser = method)]
     method: Method,
@@ -49,34 +46,29 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    let mut operator = SparseOperator::new(sparse::read(&args.matrix)?);
-    let rows = operator.matrix().rows();
+    let (view, trace) = (ViewArgs::default(), TraceArgs::default());
+    let opening = Opening {
+        source: &args.matrix,
+        view: &view,
+        trace: &trace,
+        operator: None,
+        channels: ChannelChoice::Luma,
+        split_bounces: false,
+    };
+    let mut lab = opening.open(console)?;
     let rhs = npy::read_npy(&args.rhs)?.values;
+    let rows = lab.resolution().pixels();
     if rhs.len() != rows {
         return Err(Error::Data {
             path: args.rhs.clone(),
             fault: format!("it has {} numbers, but the matrix has {rows} rows", rhs.len()),
             help: "give a right-hand side that belongs to this matrix".into(),
-        }
-        .into());
+        });
     }
-    let stem = args.matrix.file_stem().unwrap_or_default().to_string_lossy();
-    let mut folder = RunFolder::create(&args.run, &format!("{stem}-solve"), console)?;
-    let outcome = folder
-        .describe_file(&args.matrix)
-        .map_err(Into::into)
-        .and_then(|()| answer(args, console, &mut operator, &rhs, &stem, &mut folder));
-    folder.close(outcome)
+    in_run(&mut lab, &args.run, "solve", |lab| answer(args, lab, &rhs, console))
 }
 
-fn answer(
-    args: &Args,
-    console: &Console,
-    operator: &mut SparseOperator,
-    rhs: &[f64],
-    name: &str,
-    folder: &mut RunFolder,
-) -> Result<(Outcome, String)> {
+fn answer(args: &Args, lab: &mut Lab, rhs: &[f64], console: &Console) -> Result<Outcome> {
     let options = SolveOptions {
         products: args.photos,
         rtol: args.rtol,
@@ -84,43 +76,18 @@ fn answer(
         upper: args.upper,
         ..SolveOptions::default()
     };
-    let bar = console.bar("products");
-    let found = folder.timed("products", |_| {
-        let observer = OnStep::new(|step: &Step<'_>| bar.at(step.done, step.total));
-        solve_adjoint(args.method, &mut Observed::new(operator, &observer), rhs, &options)
-    })?;
-    drop(bar);
-    if console.check().is_break() {
-        return Err(Error::Interrupted.into());
-    }
-    folder.manifest.photos = found.stats.products as u64;
-    let good = matches!(
-        found.stats.status,
-        Status::ReachedTolerance | Status::SpaceExhausted | Status::LeastSquares | Status::ConstrainedOptimum
-    );
-    let run = SolutionRun {
-        title: format!("{name} · linear system"),
-        found: &found,
-        method: args.method.facts().name,
-        good,
-    };
-    let seconds = folder.seconds();
-    folder.manifest.outputs =
-        folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
+    let found = lab.solve(args.method, rhs, &options)?;
+    let solved = Solved { found: &found, method: args.method };
     console.say(format_args!("products  {}: {}", found.stats.products, found.stats.status))?;
     console.say(format_args!("residual  {:.3e} of the right-hand side", found.residual))?;
-    console.say(format_args!("solution  {}", folder.path.join("solution.npy").display()))?;
-    let report = folder.path.join("report.html");
-    console.say(format_args!("report    {}", report.display()))?;
-    console.summary(&json!({
-        "verb": "solve",
-        "folder": folder.path,
-        "report": report,
+    if let Some(run) = lab.run() {
+        console.say(format_args!("solution  {}", run.path.join("solution.npy").display()))?;
+    }
+    let summary = json!({
         "products": found.stats.products,
         "status": found.stats.status.to_string(),
         "relative_residual": found.residual,
-        "seconds": folder.seconds(),
-    }))?;
-    let outcome = if good { Outcome::Done } else { Outcome::NotGoodEnough };
-    Ok((outcome, format!("{} products: {}", found.stats.products, found.stats.status)))
+    });
+    let ending = Ending { run: &args.run, is_good: solved.is_good(), summary };
+    Ok(finish(lab, console, &solved, ending)?.1)
 }

@@ -7,7 +7,8 @@ use clap::{Args, ValueEnum};
 
 use super::operator::CacheArgs;
 use crate::image::Resolution;
-use crate::render::{Gather, Sampler, TraceSettings};
+use crate::lab::TraceOverrides;
+use crate::render::Sampler;
 
 /// Pixels of camera and projector.
 #[derive(Args, Clone, Copy, Default)]
@@ -69,54 +70,19 @@ impl TraceArgs {
         Self { size, adapter, ..Self::default() }
     }
 
-    /// `settings` with what is given in their place; the seed too if `seeded`.
-    fn over(&self, settings: TraceSettings) -> TraceSettings {
-        TraceSettings {
-            resolution: self.size.given().unwrap_or(settings.resolution),
-            projector: self.projector_size.map(|Size(resolution)| resolution).or(settings.projector),
-            samples: self.spp.unwrap_or(settings.samples),
-            max_bounces: self.max_bounces.unwrap_or(settings.max_bounces),
-            sampler: self.sampler.map_or(settings.sampler, Into::into),
-            russian_roulette: self.russian_roulette || settings.russian_roulette,
-            gather: Gather {
-                photons: self.gather_photons.unwrap_or(settings.gather.photons),
-                radius: self.gather_radius.unwrap_or(settings.gather.radius),
-            },
-            ..settings
+    /// The overrides of a laboratory's settings.
+    pub(super) fn overrides(&self) -> TraceOverrides {
+        TraceOverrides {
+            resolution: self.size.given(),
+            projector: self.projector_size.map(|Size(resolution)| resolution),
+            samples: self.spp,
+            max_bounces: self.max_bounces,
+            seed: self.seed,
+            sampler: self.sampler.map(Into::into),
+            russian_roulette: self.russian_roulette,
+            photons: self.gather_photons,
+            radius: self.gather_radius,
         }
-    }
-
-    /// The settings for a scene.
-    pub(super) fn settings(&self) -> TraceSettings {
-        let seed = self.seed.unwrap_or(0);
-        TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
-    }
-
-    /// The settings for a virtual rig's scene, where its file says `settings`. The seed is left to it: equal devices see
-    /// equal scenes.
-    pub(super) fn settings_of_rig(&self, settings: TraceSettings) -> TraceSettings {
-        self.over(settings)
-    }
-
-    /// Seeds starting vectors and whatever else is chosen by chance outside of the tracer.
-    pub(super) fn seed(&self) -> u64 {
-        self.seed.unwrap_or(0).into()
-    }
-
-    /// The first option given that says what is traced, or how: a source that traces nothing has no use for it.
-    pub(super) fn given(&self) -> Option<&'static str> {
-        let given = [
-            (self.size.size.is_some(), "--size"),
-            (self.spp.is_some(), "--spp"),
-            (self.max_bounces.is_some(), "--max-bounces"),
-            (self.russian_roulette, "--russian-roulette"),
-            (self.sampler.is_some(), "--sampler"),
-            (self.gather_photons.is_some(), "--gather-photons"),
-            (self.gather_radius.is_some(), "--gather-radius"),
-            (self.projector_size.is_some(), "--projector-size"),
-            (self.adapter.is_some(), "--adapter"),
-        ];
-        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
 }
 
@@ -160,6 +126,7 @@ impl FromStr for Size {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::{Gather, TraceSettings};
 
     #[test]
     fn a_size_is_a_square_or_width_by_height() {
@@ -168,16 +135,6 @@ mod tests {
         for wrong in ["", "0", "64x", "x64", "-3", "64x64x3", "20000"] {
             assert!(wrong.parse::<Size>().is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn what_is_given_stands_in_the_place_of_what_a_rig_file_says() {
-        let file = TraceSettings { seed: 7, ..TraceSettings::new(Resolution::new(64, 48), 256) };
-        let none = TraceArgs::default();
-        assert_eq!((none.settings_of_rig(file), none.given()), (file, None));
-        let some = TraceArgs { spp: Some(32), seed: Some(3), ..TraceArgs::default() };
-        assert_eq!(some.settings_of_rig(file), TraceSettings { samples: 32, ..file });
-        assert_eq!((some.settings().seed, some.seed(), some.given()), (3, 3, Some("--spp")));
     }
 
     #[test]

@@ -1,23 +1,24 @@
-//! A Gaussian for rasters. On pattern and photo alike it leaves a symmetric operator symmetric: `K A K`.
+//! Gaussian blur `K` of patterns and photos. If it is applied to both, a symmetric operator stays symmetric:
+//! `K A K`.
 //!
-//! At the edges the picture is mirrored at the border between pixels (`… c b a | a b c …`): so `K = Kᵀ`, and `K 1 = 1`, which keeps
-//! a constant vector a constant pattern.
+//! Beyond its edges the image is continued by reflection at the border between pixels (`… c b a | a b c …`).
+//! Then `K = Kᵀ`, and `K 1 = 1`, so that a constant pattern stays constant.
 
 use super::Resolution;
 
-/// Kernels reach so many standard deviations.
+/// The radius of the kernel in standard deviations.
 const REACH: f64 = 4.0;
 
-/// A separable Gaussian of some standard deviation in pixels.
+/// A separable Gaussian blur of images of one resolution.
 #[derive(Clone, Debug)]
 pub struct Blur {
     resolution: Resolution,
-    /// From the centre outwards; with their mirror images they add up to 1.
+    /// The weights from the centre outwards. Together with their mirror images they sum to 1.
     kernel: Vec<f64>,
 }
 
 impl Blur {
-    /// `None` for a deviation of 0, which leaves everything as it is.
+    /// A blur whose standard deviation is `deviation` pixels; `None` if that is 0, which means no blur.
     pub fn new(resolution: Resolution, deviation: f64) -> Option<Self> {
         if deviation <= 0.0 {
             return None;
@@ -29,22 +30,24 @@ impl Blur {
         Some(Self { resolution, kernel })
     }
 
-    /// The pixels that it is for.
+    /// The resolution of the images that it blurs.
     pub fn resolution(&self) -> Resolution {
         self.resolution
     }
 
-    /// `K x`, both of length `n`.
+    /// The blurred image `K x`; both have `n` values.
     pub fn apply(&self, x: &[f64]) -> Vec<f64> {
-        self.with(&self.kernel, x)
+        self.convolve(&self.kernel, x)
     }
 
-    /// The variances (`n`) of `K x` for independent entries of `x` with these.
+    /// The variances of the entries of `K x`, if the entries of `x` are independent and have these variances;
+    /// both have `n` values.
     pub fn variance(&self, variance: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
-        // Near an edge one pixel comes in twice, so weights are collected before they are squared.
-        let [across, down] = [width, height]
-            .map(|length| (0..length).map(|at| self.squares(at, length)).collect::<Vec<Vec<(usize, f64)>>>());
+        // Near an edge a pixel enters more than once, so its weights are summed before they are squared.
+        let [across, down] = [width, height].map(|length| {
+            (0..length).map(|at| self.squared_weights(at, length)).collect::<Vec<Vec<(usize, f64)>>>()
+        });
         let sum = |row: &[(usize, f64)], of: &dyn Fn(usize) -> f64| {
             row.iter().map(|&(at, w)| w * of(at)).sum::<f64>()
         };
@@ -56,7 +59,8 @@ impl Blur {
             .collect()
     }
 
-    fn squares(&self, at: usize, length: usize) -> Vec<(usize, f64)> {
+    /// The squared weights of the pixels that contribute to pixel `at` of a row of `length` pixels.
+    fn squared_weights(&self, at: usize, length: usize) -> Vec<(usize, f64)> {
         let mut weights = std::collections::BTreeMap::new();
         for (offset, &weight) in self.kernel.iter().enumerate() {
             let offset = offset as isize;
@@ -67,8 +71,9 @@ impl Blur {
         weights.into_iter().map(|(at, weight)| (at, weight * weight)).collect()
     }
 
-    /// Each tap adds a shifted copy of a whole row.
-    fn with(&self, kernel: &[f64], x: &[f64]) -> Vec<f64> {
+    /// Convolves the rows and then the columns. Each weight of the kernel adds a shifted copy of a whole row,
+    /// which is fast.
+    fn convolve(&self, kernel: &[f64], x: &[f64]) -> Vec<f64> {
         let (width, height) = (self.resolution.width, self.resolution.height);
         let reach = kernel.len() - 1;
         let mut rows = vec![0.0; x.len()];
@@ -99,11 +104,13 @@ impl Blur {
     }
 }
 
+/// Adds `weight · of` to `sum`.
 fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
     sum.iter_mut().zip(of).for_each(|(sum, value)| *sum += weight * value);
 }
 
-/// The pixel that stands at `at` when the row is mirrored at its ends, again and again.
+/// The index of the pixel at position `at` when a row of `length` pixels is continued by repeated reflection
+/// at its ends.
 fn mirrored(at: isize, length: usize) -> usize {
     let within = at.rem_euclid(2 * length as isize) as usize;
     if within < length { within } else { 2 * length - 1 - within }
@@ -114,8 +121,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_kernel_is_symmetric_keeps_constants_and_knows_its_variance() {
-        // Wider than the raster is high, so that mirroring wraps more than once.
+    fn the_blur_is_symmetric_keeps_constants_and_predicts_variances() {
+        // The kernel is wider than the image is high, so that positions are reflected more than once.
         let resolution = Resolution::new(7, 3);
         let blur = Blur::new(resolution, 1.3).expect("wider than 0");
         let n = resolution.pixels();

@@ -3,8 +3,9 @@
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::Path;
+
+use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
 
@@ -36,10 +37,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
     let probe = || match fs::metadata(path) {
         Ok(there) if there.is_dir() => Err(io::Error::from(io::ErrorKind::IsADirectory)),
         Ok(there) if !there.is_file() => OpenOptions::new().write(true).open(path).map(drop),
-        _ => {
-            let (temporary, _) = temporary_beside(path)?;
-            fs::remove_file(&temporary)
-        }
+        _ => temporary_beside(path)?.close(),
     };
     probe().map_err(Error::writing(path))
 }
@@ -56,38 +54,55 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
         Ok(_) => fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()),
         Err(_) => path.to_path_buf(),
     };
-    let (temporary, file) = temporary_beside(&target)?;
-    let written = fill_and_sync(file, fill).and_then(|()| fs::rename(&temporary, &target));
-    if written.is_err() {
-        // The first failure is the one to report; one that keeps the leftover from being removed adds nothing.
-        let _ = fs::remove_file(&temporary);
-    }
-    written
-}
-
-fn fill_and_sync(file: File, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+    // Dropping the temporary path removes the file, unless the file has been renamed.
+    let (file, temporary) = temporary_beside(&target)?.into_parts();
     let mut file = BufWriter::new(file);
     fill(&mut file)?;
     file.flush()?;
-    file.get_ref().sync_all()
+    file.get_ref().sync_all()?;
+    temporary.persist(&target).map_err(|failed| failed.error)
 }
 
-/// A new file, `.NAME.PID-COUNT.tmp`, that neither another process nor another thread of this one has. What a process that was
-/// killed left behind, whose number may come again, is passed over.
-fn temporary_beside(target: &Path) -> io::Result<(PathBuf, File)> {
-    static COUNT: AtomicU64 = AtomicU64::new(0);
+/// A new file `.NAME.RANDOM.tmp` in the folder of `target`.
+///
+/// The file is opened here and not by `tempfile`, whose files only their owner can read: it has the permissions of any new file.
+fn temporary_beside(target: &Path) -> io::Result<NamedTempFile> {
     let name = target
         .file_name()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"))?;
-    loop {
-        let mut hidden = OsString::from(".");
-        hidden.push(name);
-        hidden.push(format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
-        let path = target.with_file_name(hidden);
-        match OpenOptions::new().write(true).create_new(true).open(&path) {
-            Ok(file) => return Ok((path, file)),
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-            Err(error) => return Err(error),
-        }
+    let mut prefix = OsString::from(".");
+    prefix.push(name);
+    prefix.push(".");
+    let folder = target.parent().unwrap_or(Path::new(""));
+    tempfile::Builder::new()
+        .prefix(&prefix)
+        .suffix(".tmp")
+        .make_in(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn a_file_has_the_permissions_of_any_new_file() {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        let [plain, atomic] = ["plain", "atomic"].map(|name| folder.path().join(name));
+        fs::write(&plain, "").expect("the folder is writable");
+        write_bytes(&atomic, b"").expect("the folder is writable");
+        let [expected, found] =
+            [plain, atomic].map(|path| fs::metadata(path).expect("it is there").permissions().mode());
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn a_failure_leaves_no_temporary_file() {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        let path = folder.path().join("result");
+        assert!(write_with(&path, |_| Err(io::ErrorKind::StorageFull.into())).is_err());
+        check_writable(&path).expect("the folder is writable");
+        assert_eq!(fs::read_dir(folder.path()).expect("it is there").count(), 0);
     }
 }

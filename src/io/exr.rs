@@ -1,6 +1,7 @@
-//! OpenEXR files: 32-bit floats under ZIP, one part, channels named for their layers (`photo.R`, `photo.Y`).
+//! OpenEXR files: one part, 32-bit floats with ZIP compression. Channel names have the layer as a prefix
+//! (`photo.R`, `photo.Y`).
 //!
-//! Never half floats: their eleven bits would be noise in a Krylov vector.
+//! Half floats are never written: their 11 significant bits would add noise to Krylov vectors.
 
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,21 +16,25 @@ use super::atomic;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// All channels of a file together; 8192² pixels in four channels. Beyond it a header is taken for forged.
-const MOST_SAMPLES: usize = 1 << 28;
+/// The largest number of samples of all channels of a file: 8192² pixels in four channels. A file that claims
+/// more is refused.
+const MAX_SAMPLES: usize = 1 << 28;
 
-/// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as `NAME.Y`. An
-/// empty name leaves the bare `R`, `G`, `B` or `Y` that every viewer shows at once.
+/// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as
+/// `NAME.Y`. With an empty name the channels are called `R`, `G`, `B` or `Y`, which every viewer shows by
+/// default.
 ///
 /// # Errors
-/// [`Error::Dimension`] when there is no layer or pixel, sizes differ, or a name is used twice or is not ASCII;
-/// [`Error::Write`].
+/// [`Error::Dimension`] when there is no layer or no pixel, when the sizes differ, or when a name is used
+/// twice or is not ASCII; [`Error::Write`].
 pub fn write_exr(path: &Path, layers: &[(&str, &Image)]) -> Result<()> {
     let bytes = encode(layers)?;
     let written = bytes.map_err(|error| Error::writing(path)(std::io::Error::other(error)))?;
     atomic::write_bytes(path, &written)
 }
 
+/// The bytes of a file with these layers. The outer error is about the layers, the inner one about the
+/// encoder.
 fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::exr::error::Error>> {
     let mismatch = |what, expected: String, found: String| Err(Error::Dimension { what, expected, found });
     let Some(resolution) = layers.first().map(|(_, image)| image.resolution()).filter(|r| r.pixels() > 0)
@@ -67,13 +72,15 @@ fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::ex
     Ok(picture.write().to_buffered(&mut file).map(|()| file.into_inner()))
 }
 
-/// Reads one layer, RGB if it has `R`, `G` and `B`, else luma from `Y`. Half floats and integers are widened.
+/// Reads one layer: RGB if it has the channels `R`, `G` and `B`, otherwise luma from `Y`. Half floats and
+/// integers are converted to `f32`.
 ///
-/// `layer` is the name before the dot (or the part's name); without it, the bare channels are read, or those of the
-/// only layer that has such channels.
+/// `layer` is the prefix of the channel names, or the name of a part. Without it, the channels without a
+/// prefix are read, or those of the only layer in the file.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed, or holds no such layer (they are listed).
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed or has no such layer. The message lists the
+/// layers.
 pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let unusable = |fault: String| Error::Data {
@@ -98,21 +105,22 @@ pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     Ok(found.swap_remove(chosen).1)
 }
 
-/// All layers that make an image, with their names.
+/// All layers of a file that form an image, with their names.
 fn decode(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
-    // The reader's decoders hold assertions about the data, PIZ's wavelets among them. No damaged file of ours has
-    // reached one, but others compress in other ways. A caught panic leaves nothing behind: it owned all it wrote to.
-    catch_unwind(AssertUnwindSafe(|| decode_trusting(bytes)))
+    // Some decoders of the crate `exr` assert properties of the data, for example that of PIZ compression. A
+    // panic is safe to catch here, because the closure owns everything that it modifies.
+    catch_unwind(AssertUnwindSafe(|| decode_unguarded(bytes)))
         .unwrap_or_else(|_| Err("it is malformed".into()))
 }
 
-fn decode_trusting(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
+/// As [`decode`], but a damaged file may cause a panic.
+fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, String> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
     let samples = meta.headers.iter().try_fold(0_usize, |sum, header| {
         let each = header.layer_size.width().checked_mul(header.layer_size.height())?;
         sum.checked_add(each.checked_mul(header.channels.list.len())?)
     });
-    if samples.is_none_or(|count| count > MOST_SAMPLES) {
+    if samples.is_none_or(|count| count > MAX_SAMPLES) {
         return Err("it claims more than 2^28 samples".into());
     }
     let picture = ::exr::prelude::read()
@@ -149,7 +157,8 @@ fn decode_trusting(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, St
     Ok(found)
 }
 
-/// The image of the channels `prefix.R`, `prefix.G`, `prefix.B`, or of `prefix.Y`; `None` if there are none.
+/// The image of the channels `prefix.R`, `prefix.G`, `prefix.B`, or of `prefix.Y`; `None` if the file has
+/// neither.
 fn assemble(channels: &[(String, &FlatSamples)], prefix: &str, resolution: Resolution) -> Option<Image> {
     let plane = |suffix: &str| {
         let full = if prefix.is_empty() { suffix.to_string() } else { format!("{prefix}.{suffix}") };
@@ -168,6 +177,7 @@ fn assemble(channels: &[(String, &FlatSamples)], prefix: &str, resolution: Resol
     })
 }
 
+/// The channel names of an image without their prefix.
 fn suffixes(channels: usize) -> &'static [&'static str] {
     if channels == 3 { &["R", "G", "B"] } else { &["Y"] }
 }

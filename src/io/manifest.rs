@@ -1,4 +1,5 @@
-//! `run.json`: how a run's results came about, written when it starts and again when it ends.
+//! The manifest `run.json`: the record of how a run's results were computed. It is written when the run
+//! starts and again when it ends.
 
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -9,13 +10,13 @@ use serde::{Deserialize, Serialize};
 use super::{atomic, clock};
 use crate::error::{Error, Result};
 
-/// The version of the record's own format.
+/// The version of the manifest's format.
 pub const FORMAT: u32 = 1;
 
-/// Everything that a run depended on, and what became of it. What does not apply (a rig has no samples) is absent.
+/// Everything that a run depended on, and its outcome. Fields that do not apply are absent; a rig, for
+/// example, has no samples.
 ///
-/// `R` records what a run on a rig cost; the room that drives rigs defines it
-/// ([`RigRecord`](crate::measure::RigRecord)).
+/// `R` is the record of a run on a rig: [`RigRecord`](crate::measure::RigRecord).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "R: Serialize + DeserializeOwned")]
 pub struct Manifest<R> {
@@ -23,121 +24,122 @@ pub struct Manifest<R> {
     pub krylux_format: u32,
     /// The program's version.
     pub version: String,
-    /// The command line, word by word.
+    /// The words of the command line.
     pub command: Vec<String>,
-    /// Where the run stands.
+    /// The state of the run.
     pub status: Status,
-    /// The status as a sentence, e.g. `reached rtol` or the error's text.
+    /// The status as a sentence, such as `reached rtol` or the text of an error.
     pub message: String,
-    /// When it started, RFC 3339 in UTC.
+    /// The time when the run started, RFC 3339 in UTC.
     pub started: String,
-    /// Seeds the random numbers of the tracer and of starting vectors.
+    /// The seed of the random numbers of the tracer and of starting vectors.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub seed: Option<u64>,
-    /// What traced the light.
+    /// The graphics adapter that traced the light paths.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub adapter: Option<Adapter>,
-    /// What was photographed.
+    /// The source of the photos: a scene, a rig or a matrix.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub scene: Option<Scene>,
-    /// Size of patterns and photos.
+    /// The size of patterns and photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub resolution: Option<crate::image::Resolution>,
-    /// Light paths per camera pixel.
+    /// The number of light paths per camera pixel.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub samples_per_pixel: Option<u32>,
-    /// Surface hits of a path at most.
+    /// The largest number of surface hits of a path.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub max_bounces: Option<u32>,
     /// `luma` or `rgb`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub channels: Option<String>,
-    /// How far the matrix is from the true one.
+    /// The estimated relative errors of the matrix.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub noise: Option<Noise>,
-    /// Where products with the matrix were taken.
+    /// The backend that computed the products with the matrix.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub products: Option<ProductsOn>,
-    /// What a run on a rig cost, and how its photos were made.
+    /// The cost of a run on a rig, and how its photos were taken.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub rig: Option<R>,
-    /// Photos that it was allowed to take, of its method: what another question asked of the same photos may count on.
+    /// The photo budget of the method. A replay of the run with another analysis may use this number of
+    /// photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub photos_allowed: Option<usize>,
-    /// Photos taken.
+    /// The number of photos taken.
     pub photos: u64,
-    /// What took how long, in the order in which it happened.
+    /// The durations of the run's stages, in order.
     pub timings: Vec<Timing>,
-    /// Files written, relative to the run's folder.
+    /// The files written, relative to the run's folder.
     pub outputs: Vec<String>,
 }
 
-/// Where a run stands. `running` in a record that nobody updates any more tells of a killed run.
+/// The state of a run. A manifest of a run that was killed says `running`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// Started, not ended.
+    /// The run has not ended.
     Running,
-    /// Ended by itself; the message says how well.
+    /// The run is complete. The message says whether its result is good.
     Done,
-    /// Stopped by the user; what was had until then is there.
+    /// The user stopped the run. The results up to then were written.
     Interrupted,
-    /// Stopped by an error, which is the message.
+    /// An error stopped the run. The message is the error's text.
     Failed,
 }
 
-/// Where products were taken: the same to the rounding of sums.
+/// The backend of matrix products. The results of the two differ by the rounding of sums only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ProductsOn {
-    /// On the processor.
+    /// The CPU.
     Cpu,
-    /// On the adapter.
+    /// The graphics adapter.
     Device,
 }
 
-/// The matrix's relative errors, told from two independent halves of the samples.
+/// The relative errors of a traced matrix, estimated from two independent halves of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
-    /// Of the whole matrix, in the Frobenius norm.
+    /// The error of the whole matrix in the Frobenius norm.
     pub operator: f64,
-    /// The same, of the light of two bounces and more.
+    /// The error of the global light (two bounces and more) in the Frobenius norm.
     pub global: f64,
-    /// Of the photo under an all-ones pattern, as a root mean square.
+    /// The root-mean-square error of the photo under an all-ones pattern.
     pub white: f64,
 }
 
-/// The graphics adapter.
+/// A graphics adapter.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Adapter {
-    /// Its name.
+    /// The name.
     pub name: String,
-    /// Its driver, with the version.
+    /// The driver and its version.
     pub driver: String,
-    /// The interface to it, e.g. `vulkan`.
+    /// The graphics interface, such as `vulkan`.
     pub backend: String,
 }
 
-/// The scene, rig or matrix file.
+/// The file of a run's source: a scene, a rig file or a matrix.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Scene {
-    /// As given on the command line.
+    /// The path as given on the command line.
     pub path: String,
-    /// Of all bytes that it consists of, hexadecimal.
+    /// The hash of the file and of all files that it refers to, in hexadecimal.
     pub hash: String,
 }
 
-/// A stage of the run.
+/// The duration of a stage of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
-    /// What was done.
+    /// The stage's name.
     pub name: String,
-    /// Wall-clock time.
+    /// The wall-clock time in seconds.
     pub seconds: f64,
 }
 
 impl<R: Serialize + DeserializeOwned> Manifest<R> {
-    /// The record of a run that starts now, with the words of its command line.
+    /// The manifest of a run that starts now, with the words of its command line.
     pub fn new(command: impl IntoIterator<Item = impl Into<String>>) -> Self {
         Self {
             krylux_format: FORMAT,
@@ -163,18 +165,18 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         }
     }
 
-    /// Notes how long a stage took.
+    /// Appends the duration of a stage.
     pub fn record(&mut self, name: impl Into<String>, took: Duration) {
         self.timings.push(Timing { name: name.into(), seconds: took.as_secs_f64() });
     }
 
-    /// Notes how the run ended; [`Manifest::write`] it afterwards.
+    /// Sets the outcome of the run. [`Manifest::write`] must be called afterwards.
     pub fn finish(&mut self, status: Status, message: impl Into<String>) {
         self.status = status;
         self.message = message.into();
     }
 
-    /// Writes the record, whole: a reader finds the old one or the new.
+    /// Writes the manifest atomically: a reader finds either the old or the new one.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -185,10 +187,10 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         atomic::write_bytes(path, text.as_bytes())
     }
 
-    /// Reads a record back.
+    /// Reads a manifest.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] when it is no such record.
+    /// [`Error::Read`]; [`Error::Data`] when the file is not a manifest or has another format version.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(Error::reading(path))?;
         let unusable = |fault: String| Error::Data {
@@ -199,7 +201,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
         let manifest: Self = serde_json::from_slice(&bytes).map_err(|error| unusable(error.to_string()))?;
         match manifest.krylux_format {
             FORMAT => Ok(manifest),
-            other => Err(unusable(format!("its format is {other}, but this krylux knows {FORMAT}"))),
+            other => Err(unusable(format!("its format is {other}, but this krylux reads format {FORMAT}"))),
         }
     }
 }

@@ -1,15 +1,19 @@
-//! A low-rank model of light transport on disk: `model/` in the folder of the run that captured it.
+//! Low-rank models of light transport on disk: the folder `model/` in the folder of the run that captured the
+//! model.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `model.json` | the format's version, sizes, what the model is of |
-//! | `patterns-C.npy` | `Q` of channel `C`, `k×H×W` of the projector's pixels, `f64` |
-//! | `photos-C.npy` | `W = G Q`, `k×H×W` of the camera's |
-//! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix where it is no diagonal |
-//! | `ambient.npy` | the photo without projector |
+//! | `model.json` | the format's version, the sizes and the source |
+//! | `patterns-C.npy` | `Q` of channel `C`: `k×H×W` of the projector's pixels, `f64` |
+//! | `photos-C.npy` | `W = G Q`: `k×H×W` of the camera's pixels, `f64` |
+//! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
+//! | `ambient.npy` | the photo without the projector |
 //!
-//! NumPy and SciPy read all of it: `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`, the last term for symmetric ones.
-//! The arrays are all that this module knows of a model; [`crate::analysis::low_rank`] says what they mean.
+//! NumPy and SciPy read all of these files. With `d` the direct light,
+//! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term belongs to symmetric models
+//! only.
+//!
+//! This module reads and writes the arrays; [`crate::analysis::low_rank`] defines their meaning.
 
 use std::path::{Path, PathBuf};
 
@@ -25,18 +29,18 @@ const FORMAT: u32 = 1;
 const FOLDER: &str = "model";
 const RECORD: &str = "model.json";
 
-/// The arrays of a model.
+/// The arrays of a model, and what is needed to interpret them.
 #[derive(Clone, Debug)]
 pub struct ModelArrays {
-    /// One for each channel.
+    /// The arrays of each channel.
     pub channels: Vec<ChannelArrays>,
-    /// The photo without projector.
+    /// The photo without the projector.
     pub ambient: Image,
-    /// Pixels of photos.
+    /// The resolution of photos.
     pub resolution: Resolution,
-    /// Pixels of patterns; as many in all as those of photos.
+    /// The resolution of patterns. It has the same number of pixels as that of photos.
     pub projector: Resolution,
-    /// The unit of photos' values.
+    /// The unit of the photos' values.
     pub unit: String,
     /// The name of the source that the model was captured from.
     pub source: String,
@@ -44,12 +48,12 @@ pub struct ModelArrays {
     pub symmetric: bool,
 }
 
-/// The arrays of one channel, of `n` pixels.
+/// The arrays of one channel, for images of `n` pixels.
 #[derive(Clone, Debug)]
 pub struct ChannelArrays {
-    /// `k` patterns of `n` values.
+    /// `Q`: `k` patterns of `n` values.
     pub patterns: Vec<Vec<f64>>,
-    /// Their `k` photos of `n` values, without direct light.
+    /// `W`: the `k` photos of these patterns, `n` values each, without direct light.
     pub photos: Vec<Vec<f64>>,
     /// The direct light.
     pub direct: DirectArrays,
@@ -58,11 +62,11 @@ pub struct ChannelArrays {
 /// The direct light of a channel.
 #[derive(Clone, Debug)]
 pub enum DirectArrays {
-    /// Not known, or part of the photos.
+    /// The direct light is unknown, or it is part of the photos.
     None,
-    /// A diagonal of `n` values.
+    /// A diagonal matrix, given by its `n` diagonal values.
     Image(Vec<f64>),
-    /// A matrix of `n × n`.
+    /// An `n × n` matrix.
     Matrix(Csr),
 }
 
@@ -92,19 +96,20 @@ enum DirectRecord {
     Matrix,
 }
 
-/// Whether `run` is the folder of a run that left a model.
+/// Whether the run's folder `run` contains a model.
 pub fn is_in(run: &Path) -> bool {
     record_path(run).is_file()
 }
 
-/// `model/model.json` below the run's folder: the file that a run that asks the model depends on.
+/// The path of the model's record, `model/model.json`, in the run's folder `run`. Runs that use the model
+/// depend on this file.
 pub fn record_path(run: &Path) -> PathBuf {
     run.join(FOLDER).join(RECORD)
 }
 
 impl ModelArrays {
-    /// Writes the model below the run's folder; returns the files' names, relative to that. The record comes last, so that a
-    /// model without it is not whole.
+    /// Writes the model into the run's folder `run`. Returns the names of its files relative to that folder.
+    /// The record is written last, so that a model with a record is complete.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -155,11 +160,11 @@ impl ModelArrays {
         Ok(names)
     }
 
-    /// Reads the model that a run left.
+    /// Reads the model in the run's folder `run`.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] naming the file when it is malformed, of another size than the record says, or holds
-    /// a value that is not a finite number.
+    /// [`Error::Read`]; [`Error::Data`] naming the file when it is malformed, when its size differs from the
+    /// record's, or when it has a value that is not finite.
     pub fn read(run: &Path) -> Result<Self> {
         let folder = run.join(FOLDER);
         let path = folder.join(RECORD);
@@ -201,11 +206,11 @@ fn read_record(path: &Path) -> Result<Record> {
     let record: Record = serde_json::from_slice(&bytes).map_err(|error| unusable(path, error.to_string()))?;
     match record.krylux_model {
         FORMAT => Ok(record),
-        other => Err(unusable(path, format!("its format is {other}, but this krylux knows {FORMAT}"))),
+        other => Err(unusable(path, format!("its format is {other}, but this krylux reads format {FORMAT}"))),
     }
 }
 
-/// An array of this shape and of finite numbers.
+/// Reads an array and checks that it has this shape and finite values.
 fn numbers(path: &Path, shape: &[usize]) -> Result<Vec<f64>> {
     let array = npy::read_npy(path)?;
     if array.shape != shape {

@@ -1,4 +1,4 @@
-//! NumPy's `.npy` files: arrays out, and arrays of any real type in.
+//! NumPy's `.npy` files. Arrays of any real type can be read.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -9,19 +9,20 @@ use super::atomic;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// NumPy itself refuses longer headers; none that describes a plain array comes near.
-const LONGEST_HEADER: usize = 10_000;
+/// The largest length of a header in bytes, as in NumPy. The header of a plain array is much shorter.
+const MAX_HEADER_BYTES: usize = 10_000;
 
-/// An array as it was read: values in C order (the last index runs fastest), widened to `f64`.
+/// An array as read from a file. Values are in C order (the last index runs fastest) and converted to `f64`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
-    /// Length of each dimension; empty for a scalar.
+    /// The length of each dimension; empty for a scalar.
     pub shape: Vec<usize>,
-    /// All values; their number is the product of `shape`.
+    /// The values; their number is the product of `shape`.
     pub values: Vec<f64>,
 }
 
-/// Writes an array of `shape` (e.g. `[k, h, w]`), whose values come in C order, with the type that they have.
+/// Writes an array of `shape` (for example `[k, h, w]`) whose values are in C order. The type in the file is
+/// that of the values.
 ///
 /// # Errors
 /// [`Error::Dimension`] when the number of values is not the product of `shape`; [`Error::Write`].
@@ -48,7 +49,7 @@ pub fn write_image(path: &Path, image: &Image) -> Result<()> {
     write_npy(path, &shape[..dimensions], image.samples())
 }
 
-/// Streams the bytes of an `.npy` file into `writer`; `values` must be as many as `shape` says.
+/// Writes the bytes of an `.npy` file to `writer`. The number of `values` must be the product of `shape`.
 pub(super) fn write_array<T: npyz::AutoSerialize>(
     writer: impl Write,
     shape: &[usize],
@@ -62,22 +63,23 @@ pub(super) fn write_array<T: npyz::AutoSerialize>(
     array.finish()
 }
 
-/// Reads an array of any real type (`f2 f4 f8`, `i1`–`i8`, `u1`–`u8`, `bool`; either byte order; C or Fortran
-/// order). Integers keep their values, `bool` becomes 0 and 1. NaN and infinities pass; see
+/// Reads an array of a real type (`f2 f4 f8`, `i1`–`i8`, `u1`–`u8`, `bool`), in either byte order, in C or
+/// Fortran order. The values of `bool` become 0 and 1. NaN and infinities are accepted; see
 /// [`picture::require_finite`](super::picture::require_finite).
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is no `.npy`, is cut off, has bytes left over, or holds something
-/// that is not a plain array of real numbers.
+/// [`Error::Read`]; [`Error::Data`] when the file is not in `.npy` format, is cut off, has additional bytes
+/// at its end, or contains anything but a plain array of real numbers.
 pub fn read_npy(path: &Path) -> Result<Array> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     parse(&bytes).map_err(|fault| unusable(path, fault))
 }
 
-/// Reads an image, `H×W` (luma) or `H×W×3` (RGB), as [`read_npy`] does, narrowed to `f32`.
+/// Reads an image, `H×W` (luma) or `H×W×3` (RGB), as [`read_npy`] does. The values are rounded to `f32`.
 ///
 /// # Errors
-/// As [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value beyond `f32`.
+/// As [`read_npy`], and [`Error::Data`] for another shape, an empty image, or a finite value that is too
+/// large for `f32`.
 pub fn read_image(path: &Path) -> Result<Image> {
     let Array { shape, values } = read_npy(path)?;
     let (height, width, channels) = match *shape.as_slice() {
@@ -99,7 +101,7 @@ pub fn read_image(path: &Path) -> Result<Image> {
     Image::new(Resolution::new(width, height), channels, values.iter().map(|&value| value as f32).collect())
 }
 
-/// The array in the bytes of an `.npy` file, or what is wrong with them.
+/// Parses the bytes of an `.npy` file. `Err` says what is wrong with them.
 pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     require_plain_header(bytes)?;
     let file = NpyFile::new(bytes).map_err(|error| format!("its header is malformed: {error}"))?;
@@ -112,7 +114,8 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     let size = number.num_bytes().unwrap_or(1);
     let data = file.into_inner();
     let count: usize = shape.iter().product();
-    // The header's lengths were checked to multiply without overflow; this keeps them from exceeding the file.
+    // The product of the lengths does not overflow: `require_plain_header` has bounded it. The comparison
+    // keeps it from exceeding the file's size.
     if count.checked_mul(size) != Some(data.len()) {
         return Err(format!(
             "a {} array of {number} takes {} bytes, but the file holds {}",
@@ -129,8 +132,9 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
     Ok(Array { shape, values })
 }
 
-/// Looks over the header before the parser proper does, which would recurse as deep as brackets nest, reserve
-/// memory for as long a header as the file claims, and multiply lengths without checking for overflow.
+/// Checks the header before the crate `npyz` parses it. For a hostile header, `npyz` would recurse as deep as
+/// brackets nest, allocate as much memory as the header claims, and multiply lengths without checking for
+/// overflow.
 fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     if bytes.len() < 12 || !bytes.starts_with(b"\x93NUMPY") {
         return Err("it does not start as an .npy file does".into());
@@ -139,7 +143,7 @@ fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
         1 => (10, usize::from(u16::from_le_bytes([bytes[8], bytes[9]]))),
         _ => (12, u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]) as usize),
     };
-    if length > LONGEST_HEADER {
+    if length > MAX_HEADER_BYTES {
         return Err(format!("its header claims {length} bytes; that of a plain array has about 120"));
     }
     let text = bytes.get(start..start + length).ok_or("it is cut off within its header")?;
@@ -151,7 +155,7 @@ fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     for digits in shape.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty()) {
         let length: u64 =
             std::str::from_utf8(digits).ok().and_then(|text| text.parse().ok()).unwrap_or(u64::MAX);
-        // An empty dimension does not excuse what the others multiply to.
+        // The bound must hold for the product of the other lengths, too, if one of them is zero.
         elements = elements
             .checked_mul(length.max(1))
             .filter(|&count| count < 1 << 48)
@@ -160,9 +164,10 @@ fn require_plain_header(bytes: &[u8]) -> std::result::Result<(), String> {
     Ok(())
 }
 
+/// Converts the bytes of one number to `f64`. The number of bytes must be that of the number's type.
 type Decode = fn(&[u8]) -> f64;
 
-/// How one number is had from its bytes; they are as many as its type says.
+/// The function that decodes numbers of this type. `Err` says that the type is not supported.
 fn decoder(number: &TypeStr) -> std::result::Result<Decode, String> {
     macro_rules! from_bytes {
         ($type:ty) => {
@@ -195,11 +200,13 @@ fn decoder(number: &TypeStr) -> std::result::Result<Decode, String> {
     })
 }
 
+/// The value of a 16-bit float.
 fn half(bits: u16) -> f64 {
     ::exr::prelude::f16::from_bits(bits).to_f64()
 }
 
-/// Fortran order runs through the first index fastest, as C order does through the last.
+/// Reorders values from Fortran order (the first index runs fastest) to C order (the last index runs
+/// fastest).
 fn from_fortran_order(shape: &[usize], stored: &[f64]) -> Vec<f64> {
     let strides: Vec<usize> = shape
         .iter()
@@ -222,7 +229,7 @@ fn from_fortran_order(shape: &[usize], stored: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// `128×96×3`.
+/// A shape as text, such as `128×96×3`.
 fn describe_shape(shape: &[usize]) -> String {
     if shape.is_empty() {
         return "scalar".into();

@@ -1,4 +1,5 @@
-//! Images by their file's extension, for `--pattern`, `--target` and `-o`.
+//! Reading and writing of images in the format that the file's extension selects, as for `--pattern`,
+//! `--target` and `-o`.
 
 use std::path::Path;
 
@@ -6,7 +7,7 @@ use super::{atomic, exr, npy, png, tone};
 use crate::error::{Error, Result};
 use crate::image::Image;
 
-/// The kinds of file that hold an image.
+/// The file formats of images.
 enum Kind {
     Npy,
     Exr,
@@ -14,11 +15,12 @@ enum Kind {
     Jpeg,
 }
 
-/// Reads a pattern or a target: `.npy` and `.exr` as the linear values that they are, `.png` and `.jpg` decoded
-/// from sRGB to linear values in \[0,1\]. Every value is finite.
+/// Reads a pattern or a target. The values of `.npy` and `.exr` files are linear; those of `.png` and `.jpg`
+/// files are decoded from sRGB to linear values in \[0,1\]. All values of the result are finite.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the extension is unknown, the file malformed, or a value NaN or infinite.
+/// [`Error::Read`]; [`Error::Data`] when the extension is unknown, the file is malformed, or a value is NaN
+/// or infinite.
 pub fn read(path: &Path) -> Result<Image> {
     let image = match kind(path) {
         Some(Kind::Npy) => npy::read_image(path)?,
@@ -30,11 +32,11 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// Writes a photo: `.npy` and `.exr` with the values that it has, `.png` tone-mapped for people
+/// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing
 /// ([`tone::exposure`], [`tone::develop`]).
 ///
 /// # Errors
-/// [`Error::Data`] when the extension is none of these; [`Error::Write`].
+/// [`Error::Data`] when the file has another extension; [`Error::Write`].
 pub fn write(path: &Path, image: &Image) -> Result<()> {
     match kind(path) {
         Some(Kind::Npy) => npy::write_image(path, image),
@@ -44,7 +46,7 @@ pub fn write(path: &Path, image: &Image) -> Result<()> {
     }
 }
 
-/// Whether [`write()`] could write `path`: it has a known extension, and its folder is there and writable.
+/// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
 ///
 /// # Errors
 /// As [`write()`].
@@ -55,7 +57,8 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
-/// Refuses NaN and infinities: one such value in a pattern makes every photo that follows NaN.
+/// Checks that an image has no NaN or infinite values. One such value in a pattern would make every later
+/// photo NaN.
 ///
 /// # Errors
 /// [`Error::Data`] naming the file and the first pixel at fault.
@@ -68,7 +71,7 @@ pub fn require_finite(path: &Path, image: &Image) -> Result<()> {
     Err(Error::Data {
         path: path.to_path_buf(),
         fault: format!("pixel ({}, {}) is {}", pixel % width, pixel / width, image.samples()[at]),
-        help: "replace NaN and infinite values by numbers".into(),
+        help: "replace NaN and infinite values by finite ones".into(),
     })
 }
 
@@ -85,7 +88,7 @@ fn kind(path: &Path) -> Option<Kind> {
 fn unknown(path: &Path) -> Error {
     Error::Data {
         path: path.to_path_buf(),
-        fault: "its extension tells no image format that can be used here".into(),
+        fault: "its extension is not that of an image format that can be used here".into(),
         help: "name it .npy, .exr or .png (.jpg can be read, but not written)".into(),
     }
 }

@@ -1,48 +1,42 @@
-//! PNG files: 8-bit pictures out ([`Raster`]), and 8- or 16-bit pictures in as linear patterns.
+//! PNG files. Pictures are written with 8 bits ([`Raster`]); patterns are read from pictures of 8 or 16 bits.
 
-use std::io::Cursor;
 use std::path::Path;
-
-use ::image::{DynamicImage, ImageDecoder, ImageReader};
 
 pub use super::raster::Raster;
 use super::srgb;
 use crate::error::{Error, Result};
+use crate::image::codec::Format;
 use crate::image::{Image, Resolution};
+
+/// Bytes of decoded pixels. Within this bound lies a 16-bit RGB picture of 8192² pixels; a forged header beyond it
+/// reserves no memory.
+const MOST_BYTES: usize = 512 << 20;
 
 /// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB decoded to linear values in \[0,1\], one channel if
 /// the file is gray, else three.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is malformed, of another format, very large, or anywhere
-/// transparent.
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a
+/// transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let unusable =
         |fault: String, help: &str| Error::Data { path: path.to_path_buf(), fault, help: help.into() };
-    let picture = decode(bytes)
-        .map_err(|error| unusable(error.to_string(), "give a PNG (8 or 16 bits) or JPEG file"))?;
-    let resolution = Resolution::new(picture.width() as usize, picture.height() as usize);
-    if picture.color().has_alpha() && picture.to_rgba16().pixels().any(|pixel| pixel.0[3] != u16::MAX) {
+    let picture = Format::of(&bytes)
+        .ok_or_else(|| "the file is neither PNG nor JPEG".to_owned())
+        .and_then(|format| format.decode(&bytes, MOST_BYTES))
+        .map_err(|fault| unusable(fault, "give a PNG (8 or 16 bits) or JPEG file"))?;
+    let resolution = Resolution::new(picture.width as usize, picture.height as usize);
+    let (color, alpha, channels) = (picture.has_color(), picture.has_alpha(), picture.channels);
+    let samples = picture.into_sixteen_bits();
+    if alpha && samples.chunks_exact(channels).any(|pixel| pixel[channels - 1] != u16::MAX) {
         return Err(unusable(
-            "some pixels are transparent, which means nothing in a pattern".into(),
+            "some pixels are transparent, which has no meaning in a pattern".into(),
             "remove the alpha channel",
         ));
     }
-    let linear = |sample: u16| srgb::decode_srgb(f32::from(sample) / f32::from(u16::MAX));
-    if picture.color().has_color() {
-        Image::new(resolution, 3, picture.into_rgb16().into_raw().into_iter().map(linear).collect())
-    } else {
-        Image::new(resolution, 1, picture.into_luma16().into_raw().into_iter().map(linear).collect())
-    }
-}
-
-fn decode(bytes: Vec<u8>) -> ::image::ImageResult<DynamicImage> {
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?;
-    let mut decoder = reader.into_decoder()?;
-    // Within this bound lies a 16-bit RGB picture of 8192² pixels; a forged header beyond it reserves no memory.
-    let mut limits = ::image::Limits::default();
-    limits.max_alloc = Some(512 << 20);
-    decoder.set_limits(limits)?;
-    DynamicImage::from_decoder(decoder)
+    let kept = if color { 3 } else { 1 };
+    let linear = |&sample: &u16| srgb::decode_srgb(f32::from(sample) / f32::from(u16::MAX));
+    let samples = samples.chunks_exact(channels).flat_map(|pixel| pixel[..kept].iter().map(linear));
+    Image::new(resolution, kept, samples.collect())
 }

@@ -1,17 +1,17 @@
-//! Pictures for people, and the PNG files that hold them.
+//! Rasters: 8-bit sRGB pictures for viewing, and their PNG files.
 
 use std::path::Path;
 
-use ::image::{ColorType, ImageEncoder};
+use png::{BitDepth, ColorType, Compression, Encoder, Filter};
 
 use super::atomic;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// The colour of a pixel that is not a number: a magenta that no map of colours contains.
+/// The colour of pixels that are NaN: a magenta that no colour map contains.
 pub const NOT_A_NUMBER: [u8; 3] = [0xff, 0x00, 0xff];
 
-/// A picture for people: sRGB, 8 bits a channel, row by row from the top left.
+/// A picture for viewing: sRGB, 8 bits a channel, row by row from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Raster {
     resolution: Resolution,
@@ -19,29 +19,30 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// Collects `w·h` pixels, row by row from the top left; missing ones are black, more are left out.
+    /// Collects `w·h` pixels, row by row from the top left. Missing pixels are black; additional ones are
+    /// ignored.
     pub fn from_pixels(resolution: Resolution, pixels: impl IntoIterator<Item = [u8; 3]>) -> Self {
         let mut bytes: Vec<u8> = pixels.into_iter().take(resolution.pixels()).flatten().collect();
         bytes.resize(3 * resolution.pixels(), 0);
         Self { resolution, bytes }
     }
 
-    /// All black.
+    /// A black picture.
     pub fn black(resolution: Resolution) -> Self {
         Self { resolution, bytes: vec![0; 3 * resolution.pixels()] }
     }
 
-    /// Size in pixels.
+    /// The size in pixels.
     pub fn resolution(&self) -> Resolution {
         self.resolution
     }
 
-    /// All bytes, red, green, blue, interleaved.
+    /// All bytes; red, green and blue are interleaved.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Red, green and blue at column `x`, row `y`. Black outside of the picture.
+    /// Red, green and blue at column `x`, row `y`; black outside the picture.
     pub fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
         let at = 3 * (y * self.resolution.width + x);
         match self.bytes.get(at..at + 3) {
@@ -50,7 +51,8 @@ impl Raster {
         }
     }
 
-    /// Copies `other` to where its top left corner is at column `x`, row `y`; what would hang over the edges is left out.
+    /// Copies `other` into this picture, with its top left corner at column `x`, row `y`. Parts beyond the
+    /// edges are clipped.
     pub fn paste(&mut self, other: &Self, x: usize, y: usize) {
         let columns = other.resolution.width.min(self.resolution.width.saturating_sub(x));
         if columns == 0 {
@@ -62,7 +64,8 @@ impl Raster {
         }
     }
 
-    /// Each pixel as a block of `factor × factor`, for viewers that would blur a small picture.
+    /// The picture with each pixel enlarged to a block of `factor × factor`, for viewers that would blur a
+    /// small picture.
     pub fn enlarged(&self, factor: usize) -> Self {
         let factor = factor.max(1);
         let resolution = Resolution::new(self.resolution.width * factor, self.resolution.height * factor);
@@ -74,7 +77,7 @@ impl Raster {
     /// The bytes of a PNG file.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when there are no pixels, or more in a row than PNG can hold.
+    /// [`Error::Dimension`] when there are no pixels, or when a side is longer than PNG allows.
     pub fn encode_png(&self) -> Result<Vec<u8>> {
         let Resolution { width, height } = self.resolution;
         let refused = |found: String| Error::Dimension {
@@ -86,8 +89,14 @@ impl Raster {
             return Err(refused(self.resolution.to_string()));
         };
         let mut file = Vec::new();
-        ::image::codecs::png::PngEncoder::new(&mut file)
-            .write_image(&self.bytes, columns, rows, ColorType::Rgb8.into())
+        let mut encoder = Encoder::new(&mut file, columns, rows);
+        encoder.set_color(ColorType::Rgb);
+        encoder.set_depth(BitDepth::Eight);
+        encoder.set_compression(Compression::Fast);
+        encoder.set_filter(Filter::Adaptive);
+        encoder
+            .write_header()
+            .and_then(|mut writer| writer.write_image_data(&self.bytes))
             .map_err(|error| refused(format!("{} ({error})", self.resolution)))?;
         Ok(file)
     }

@@ -1,16 +1,18 @@
-//! From linear radiance to a picture for people: one exposure for the whole photo, and the sRGB curve.
+//! Tone mapping of linear radiance to a picture for viewing: one exposure for the whole photo, and the sRGB
+//! curve.
 
 use super::raster::{NOT_A_NUMBER, Raster};
 pub use super::srgb::{decode_srgb, encode_srgb};
 use crate::image::Image;
 
-/// The brightest half per cent may saturate, so that one highlight does not leave the rest black.
+/// The share of samples that is not saturated. The brightest half per cent may saturate, so that a highlight
+/// does not darken the rest.
 const WHITE_PERCENTILE: f64 = 0.995;
 
-/// The factor that makes the 99.5th percentile of all positive samples white.
+/// The factor that maps the 99.5th percentile of the positive, finite samples to white.
 ///
-/// Where fewer than half a per cent of the samples are lit at all (a single projected pixel), the percentile is
-/// taken over those that are. 1 for an image without any positive, finite sample.
+/// Dark samples are not counted, so that the photo of a single projected pixel has a useful exposure, too.
+/// The factor is 1 for an image without a positive, finite sample.
 pub fn exposure(image: &Image) -> f32 {
     let lit: Vec<f64> =
         image.samples().iter().filter(|&&v| v > 0.0 && v.is_finite()).map(|&v| f64::from(v)).collect();
@@ -19,7 +21,7 @@ pub fn exposure(image: &Image) -> f32 {
     if scale.is_finite() && scale > 0.0 { scale } else { 1.0 }
 }
 
-/// Multiplies by `scale`, clips to \[0,1\] and encodes as sRGB. NaN is shown in magenta, never hidden.
+/// Multiplies by `scale`, clips to \[0,1\] and encodes as sRGB. NaN is shown in magenta ([`NOT_A_NUMBER`]).
 pub fn develop(image: &Image, scale: f32) -> Raster {
     let rgb = image.samples().chunks_exact(image.channels()).map(|pixel| {
         if pixel.iter().any(|sample| sample.is_nan()) {
@@ -31,8 +33,8 @@ pub fn develop(image: &Image, scale: f32) -> Raster {
     Raster::from_pixels(image.resolution(), rgb)
 }
 
-/// The value below which the fraction `rank` of `values` lies (nearest rank); `None` when there are none.
-/// Values must not be NaN.
+/// The quantile `rank` (in \[0,1\]) of `values` by the nearest-rank method; `None` if there are no values. No
+/// value may be NaN.
 pub(crate) fn percentile(mut values: Vec<f64>, rank: f64) -> Option<f64> {
     let index = ((values.len() as f64 * rank).ceil() as usize).saturating_sub(1);
     if index >= values.len() {
@@ -57,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn a_single_lit_pixel_is_white_and_darkness_has_exposure_one() {
+    fn a_single_lit_pixel_is_white_and_a_dark_image_has_exposure_one() {
         let mut image = Image::filled(Resolution::new(64, 64), 3, 0.0);
         assert_eq!(exposure(&image), 1.0);
         image.samples_mut()[5] = 1e-4;

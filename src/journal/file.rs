@@ -1,4 +1,4 @@
-//! An open journal: what is in it, and how more comes in.
+//! An open journal: reading records and appending new ones.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -6,108 +6,112 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::record::{Entry, Kind, LONGEST_METADATA, encode};
-use super::scan::{Damage, Torn, name, read_at};
+use super::record::{Entry, Kind, MAX_METADATA_BYTES, encode};
+use super::scan::{Damage, Torn, read_at, record_name};
 use super::{Identity, Key};
 use crate::error::{Error, Result};
 
-/// How long a record of what can be computed again waits at most for its way to the disk, as long as more come.
-const SOON: Duration = Duration::from_millis(250);
+/// How long after a sync [`Journal::append_soon`] leaves its records to the operating system.
+const SYNC_INTERVAL: Duration = Duration::from_millis(250);
 
-/// A journal, open to read and, unless it is [`Journal::read_only`], to append.
+/// A journal that is open for reading and, unless it was opened by [`Journal::read_only`], for appending.
 #[derive(Debug)]
 pub struct Journal {
     pub(super) path: PathBuf,
     pub(super) file: File,
-    /// Held as long as the journal is open to append.
+    /// The lock, which is held as long as the journal is open for appending.
     pub(super) lock: Option<File>,
     pub(super) identity: Identity,
-    pub(super) seal: [u8; 32],
+    pub(super) identity_hash: [u8; 32],
     pub(super) entries: Vec<Entry>,
     pub(super) index: HashMap<Key, usize>,
     pub(super) damages: Vec<Damage>,
     pub(super) torn: Option<Torn>,
-    /// Where the next record begins.
+    /// The offset of the next record.
     pub(super) end: u64,
-    /// Bytes that could not be written could not be taken back either.
-    pub(super) stuck: bool,
-    pub(super) settled: Settled,
+    /// Whether an error left the end of the file in an unknown state. Nothing more is written then.
+    pub(super) broken: bool,
+    pub(super) synced: Synced,
 }
 
-/// What is on disk for certain, not only with the system.
+/// The records that are known to be on disk, and not only in the operating system's buffers.
 #[derive(Debug)]
-pub(super) struct Settled {
-    /// The first so many entries.
+pub(super) struct Synced {
+    /// The number of entries from the start that are on disk.
     entries: usize,
+    /// The time of the last sync.
     at: Instant,
 }
 
-impl Settled {
-    /// So many entries, now.
+impl Synced {
+    /// States that the first `entries` entries are on disk now.
     pub(super) fn now(entries: usize) -> Self {
         Self { entries, at: Instant::now() }
     }
 }
 
-/// What a record holds.
+/// The content of a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stored {
-    /// What its writer noted.
+    /// The metadata by its writer.
     pub metadata: Vec<u8>,
     /// The photo, pattern or note itself.
     pub payload: Vec<u8>,
 }
 
 impl Journal {
-    /// The file that holds the records.
+    /// The path of the file that holds the records.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What all photos depend on.
+    /// The identity of the source of all photos.
     pub fn identity(&self) -> &Identity {
         &self.identity
     }
 
-    /// The key of a photo that is determined by these parts, on this identity.
+    /// The key of a photo that depends on these parts and on the journal's identity.
     pub fn key(&self, parts: &[&[u8]]) -> Key {
-        let mut all: Vec<&[u8]> = vec![&self.seal];
+        let mut all: Vec<&[u8]> = vec![&self.identity_hash];
         all.extend(parts);
         Key::of(&all)
     }
 
-    /// All records with a whole head, in the order in which they were written. Those whose payload was found damaged are among
-    /// them; [`Journal::holds`] tells.
+    /// All records with a valid head, in the order in which they were written. They include records whose
+    /// payload was found to be damaged, for which [`Journal::holds`] is false.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// How many photos there are.
+    /// The number of photos.
     pub fn photos(&self) -> usize {
         self.index.values().filter(|&&index| self.entries[index].kind == Kind::Photo).count()
     }
 
-    /// Whether there is a record of this key, damaged ones not counted.
+    /// Whether there is a record with this key. Records that are known to be damaged do not count.
     pub fn holds(&self, key: Key) -> bool {
         self.index.contains_key(&key)
     }
 
-    /// What is damaged, as far as is known by now: heads from the start, payloads once they were asked for.
+    /// The damages known so far. Damaged heads are known from the start, damaged payloads once they have been
+    /// read.
     pub fn damages(&self) -> &[Damage] {
         &self.damages
     }
 
-    /// What was cut off at the end when the journal was opened (or, if it is open to read only, is passed over).
+    /// The incomplete record at the end of the file that was cut off when the journal was opened, if there
+    /// was one. A journal that is open for reading only ignores it instead.
     pub fn torn(&self) -> Option<&Torn> {
         self.torn.as_ref()
     }
 
-    /// Whether more may be appended.
+    /// Whether the journal is open for appending.
     pub fn is_writable(&self) -> bool {
         self.lock.is_some()
     }
 
-    /// The record of this key; none if there is none, or if it is damaged (then [`Journal::damages`] has one more).
+    /// Reads the record with this key. The result is `None` if there is no such record or if it is damaged.
+    /// In the second case [`Journal::damages`] has one more entry.
     ///
     /// # Errors
     /// [`Error::Read`] when the file cannot be read at all.
@@ -128,15 +132,15 @@ impl Journal {
         self.damages.push(Damage {
             offset: entry.offset,
             bytes: entry.end() - entry.offset,
-            record: name(&self.entries[..index], entry.kind),
-            fault: "its content is not what its checksum says",
+            record: record_name(&self.entries[..index], entry.kind),
+            fault: "its content does not match its checksum",
             entry: Some(entry),
         });
         self.index.remove(&key);
         Ok(None)
     }
 
-    /// Reads every payload once, one at a time, so that [`Journal::damages`] is complete.
+    /// Reads and checks every payload. Then [`Journal::damages`] is complete.
     ///
     /// # Errors
     /// As [`Journal::get`].
@@ -149,7 +153,8 @@ impl Journal {
         Ok(())
     }
 
-    /// Keeps a pattern, once, and returns its key. It is on disk when the photo that is appended next is.
+    /// Stores a pattern, unless it is stored already, and returns its key. The pattern is on disk when the
+    /// photo that is appended next is.
     ///
     /// # Errors
     /// As [`Journal::append`].
@@ -161,28 +166,30 @@ impl Journal {
         Ok(key)
     }
 
-    /// Appends a record, and returns when it is on disk, and all before it.
+    /// Appends a record. It returns when this record and all earlier ones are on disk.
     ///
     /// # Errors
-    /// [`Error::Journal`] naming the file when it cannot be written, is open to read only, or holds such a record already. Nothing that
-    /// was there before is lost: a record written in part is cut off again.
+    /// [`Error::Journal`] naming the file when it cannot be written, is open for reading only, or holds a
+    /// record with this key already. No earlier record is lost: a partly written record is cut off again.
     pub fn append(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
-        self.write_new(kind, key, metadata, payload)?;
-        self.settle()
+        self.write_unless_held(kind, key, metadata, payload)?;
+        self.sync()
     }
 
-    /// Appends a record of what can be computed again, and returns when the system has it: it outlives the end of this process,
-    /// whatever that may be, and a quarter of a second later, when more is appended or the journal is closed, that of the system.
-    /// The way to the disk takes longer than a product.
+    /// Appends a record that could be computed again. It returns when the operating system has the record, so
+    /// that the record survives any end of this process. The record is on disk, and survives a crash of the
+    /// system too, after the journal is closed or after the first append a quarter of a second or more after
+    /// the last sync. The reason is speed: a sync takes longer than a product with the matrix.
     ///
     /// # Errors
-    /// As [`Journal::append`]; where the disk refuses, it is the records since it last took any that are taken back.
+    /// As [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
     pub fn append_soon(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
-        self.write_new(kind, key, metadata, payload)?;
-        if self.settled.at.elapsed() < SOON { Ok(()) } else { self.settle() }
+        self.write_unless_held(kind, key, metadata, payload)?;
+        if self.synced.at.elapsed() < SYNC_INTERVAL { Ok(()) } else { self.sync() }
     }
 
-    fn write_new(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
+    /// Writes a record, or refuses if there is one with this key.
+    fn write_unless_held(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         if self.holds(key) {
             return Err(self.refusal(
                 format!("a {} of this key is there already", kind.name()),
@@ -192,16 +199,17 @@ impl Journal {
         self.write(kind, key, metadata, payload)
     }
 
-    /// Returns when all that was written is on disk.
-    fn settle(&mut self) -> Result<()> {
-        // Lengths are among what `sync_data` brings to the disk; times are not, and nobody asks for them.
+    /// Returns when everything that was written is on disk.
+    fn sync(&mut self) -> Result<()> {
+        // `sync_data` includes the file's length. It may leave out the file's times, which are not needed.
         let Err(source) = self.file.sync_data() else {
-            self.settled = Settled::now(self.entries.len());
+            self.synced = Synced::now(self.entries.len());
             return Ok(());
         };
-        // What of it is on disk now, nobody knows: all of it is taken back, and this process writes no more.
-        self.stuck = true;
-        for entry in self.entries.split_off(self.settled.entries).iter().rev() {
+        // It is unknown which of these records are on disk. All of them are removed, and this process writes
+        // nothing more.
+        self.broken = true;
+        for entry in self.entries.split_off(self.synced.entries).iter().rev() {
             self.index.remove(&entry.key);
             self.end = entry.offset;
         }
@@ -209,17 +217,17 @@ impl Journal {
         Err(self.unwritable(&source))
     }
 
-    /// The note of this name, appended if there is none; what is there already is not changed.
+    /// Appends a note with this name, unless there is one. An existing note is not changed.
     ///
     /// # Errors
     /// As [`Journal::append`].
     pub fn note(&mut self, name: &str, payload: &[u8]) -> Result<()> {
         let key = self.note_key(name);
-        // Reading it first finds out whether it is whole.
+        // Reading the note finds out whether it is damaged.
         if self.get(key)?.is_some() { Ok(()) } else { self.append(Kind::Note, key, name.as_bytes(), payload) }
     }
 
-    /// The note of this name.
+    /// Reads the note with this name.
     ///
     /// # Errors
     /// As [`Journal::get`].
@@ -232,30 +240,31 @@ impl Journal {
         self.key(&[b"note", name.as_bytes()])
     }
 
+    /// Writes a record at the end of the file.
     fn write(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         if !self.is_writable() {
             return Err(self.refusal(
-                "it is open to read only, and more is to be written".into(),
-                "go on with --resume, or start another run with the rig attached",
+                "the journal is open for reading only, but a record is to be written".into(),
+                "continue the run with --resume, or start another run with the rig attached",
             ));
         }
-        if self.stuck {
-            return Err(self.unwritable(&io::Error::other("an earlier record is there in part")));
+        if self.broken {
+            return Err(self.unwritable(&io::Error::other("an earlier record was written only in part")));
         }
-        if metadata.len() > LONGEST_METADATA as usize {
+        if metadata.len() > MAX_METADATA_BYTES as usize {
             return Err(self.refusal(
-                format!("{} bytes of metadata are more than fit", metadata.len()),
+                format!("{} bytes of metadata exceed the limit of {MAX_METADATA_BYTES}", metadata.len()),
                 "this is a fault of the program: please report it",
             ));
         }
-        let (head, entry) = encode(&self.seal, kind, key, metadata, payload, self.end);
+        let (head, entry) = encode(&self.identity_hash, kind, key, metadata, payload, self.end);
         let written = (&self.file)
             .seek(SeekFrom::Start(self.end))
             .and_then(|_| (&self.file).write_all(&head))
             .and_then(|()| (&self.file).write_all(payload));
         if let Err(source) = written {
-            // Back to the last whole record; where even that fails, opening the journal again does it.
-            self.stuck = self.file.set_len(self.end).is_err();
+            // Remove the incomplete record. If that fails, it is removed when the journal is opened again.
+            self.broken = self.file.set_len(self.end).is_err();
             return Err(self.unwritable(&source));
         }
         self.end = entry.end();
@@ -264,24 +273,27 @@ impl Journal {
         Ok(())
     }
 
+    /// An error about this journal.
     pub(super) fn refusal(&self, fault: String, help: &str) -> Error {
         Error::Journal { path: self.path.clone(), fault, help: help.into() }
     }
 
+    /// The error for a failed write or sync.
     fn unwritable(&self, source: &io::Error) -> Error {
-        let kept = self.photos();
+        let stored = self.photos();
         self.refusal(
-            format!("cannot write: {source}; all {kept} photos so far are safe"),
-            "make room (or repair what is wrong), and go on with the same command and --resume",
+            format!("cannot write: {source}; all {stored} photos so far are safe"),
+            "free disk space (or repair the cause), and run the same command with --resume",
         )
     }
 }
 
 impl Drop for Journal {
     fn drop(&mut self) {
-        if self.settled.entries < self.entries.len() {
-            // Nobody is left to hear of it; what did not get there is found by its checksum, and taken again.
-            let _ = self.settle();
+        if self.synced.entries < self.entries.len() {
+            // There is no caller to report an error to. A record that did not reach the disk fails its
+            // checksum later, and the photo is taken again.
+            let _ = self.sync();
         }
     }
 }

@@ -1,32 +1,33 @@
-//! What all photos of a journal depend on.
+//! The identity of a journal's source.
 
 use serde::{Deserialize, Serialize};
 
-/// Named parts that must all agree for two photos to be of the same source: the rig file's hash, or a scene's with all that it
-/// was traced by; the calibration's; and so on. Their order counts.
+/// An ordered list of named values on which all photos of a journal depend, such as the hashes of the rig
+/// file and of the calibration, or the hash of a scene and the settings of the tracer. Two photos have the
+/// same source if all values are equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Identity(Vec<(String, String)>);
 
 impl Identity {
-    /// Of no part yet.
+    /// An identity without parts.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// With a part more. `name` is what a user is told when the values differ, `value` whatever tells two apart.
+    /// Adds a part. Error messages call it `name` when two values differ.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl ToString) -> Self {
         self.0.push((name.into(), value.to_string()));
         self
     }
 
-    /// The value of a part.
+    /// The value of the part called `name`.
     pub fn get(&self, name: &str) -> Option<&str> {
         self.0.iter().find(|(part, _)| part == name).map(|(_, value)| value.as_str())
     }
 
-    /// The parts in which `other` differs, in words; empty where the two are equal.
+    /// Descriptions of the parts in which `other` differs; empty if the two are equal.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let mut names: Vec<&str> = self.0.iter().map(|(name, _)| name.as_str()).collect();
         names.extend(other.0.iter().map(|(name, _)| name.as_str()).filter(|name| self.get(name).is_none()));
@@ -42,19 +43,19 @@ impl Identity {
         differences
     }
 
-    /// As it is written.
+    /// The identity as JSON, as it is stored in the file.
     pub(super) fn encode(&self) -> Vec<u8> {
-        // A list of pairs of texts always has a JSON form.
+        // Encoding a list of pairs of strings cannot fail.
         serde_json::to_vec(self).unwrap_or_default()
     }
 
-    /// BLAKE3 of the encoding.
-    pub(super) fn seal(&self) -> [u8; 32] {
+    /// BLAKE3 hash of the encoding.
+    pub(super) fn hash(&self) -> [u8; 32] {
         *blake3::hash(&self.encode()).as_bytes()
     }
 }
 
-/// Enough of a hash to tell it from another.
+/// Abbreviates a hash to its first 12 digits, and quotes any other value.
 fn shorten(value: &str) -> String {
     let is_hash = value.len() == 64 && value.bytes().all(|byte| byte.is_ascii_hexdigit());
     if is_hash { format!("{}…", &value[..12]) } else { format!("`{value}`") }

@@ -1,13 +1,14 @@
-//! What a record is found by.
+//! Keys of records.
 
 use std::fmt;
 
-/// BLAKE3 of everything that a photo, a pattern or a note is determined by.
+/// The key of a record: the BLAKE3 hash of everything that the photo, pattern or note depends on.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Key([u8; 32]);
 
 impl Key {
-    /// The key of these parts, each hashed with its length, so that no two lists run into one another.
+    /// The key of these parts. Each is hashed with its length, so that lists with the same concatenation have
+    /// different keys.
     pub fn of(parts: &[&[u8]]) -> Self {
         let mut hasher = blake3::Hasher::new();
         for part in parts {
@@ -17,17 +18,17 @@ impl Key {
         Self(*hasher.finalize().as_bytes())
     }
 
-    /// From its bytes.
+    /// The key with these bytes.
     pub fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 
-    /// Its bytes.
+    /// The key's bytes.
     pub fn bytes(&self) -> &[u8; 32] {
         &self.0
     }
 
-    /// From 64 hexadecimal digits.
+    /// Parses 64 hexadecimal digits.
     pub fn from_hex(text: &str) -> Option<Self> {
         blake3::Hash::from_hex(text).ok().map(|hash| Self(*hash.as_bytes()))
     }

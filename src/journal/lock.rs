@@ -1,4 +1,4 @@
-//! One writer at a time.
+//! The lock that admits one writer at a time.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
@@ -7,10 +7,11 @@ use std::time::Duration;
 
 use crate::error::{Error, Result};
 
-/// Takes the journal's lock for this process; it is given back when the file is closed, however the process ends.
+/// Takes the journal's lock for this process. The lock is released when the returned file is closed, however
+/// the process ends.
 ///
 /// # Errors
-/// [`Error::Journal`] naming the file, and the process that has it.
+/// [`Error::Journal`] naming the file and the process that holds the lock.
 pub(super) fn take(path: &Path) -> Result<File> {
     let unusable = |source: std::io::Error| Error::Journal {
         path: path.into(),
@@ -19,11 +20,11 @@ pub(super) fn take(path: &Path) -> Result<File> {
     };
     let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
     let mut file = opened.map_err(unusable)?;
-    match patiently(&file) {
+    match lock_with_retries(&file) {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut holder = String::new();
-            // Only for the message: without it, the journal is in use all the same.
+            // The process id is needed for the message only, so an error here is ignored.
             let _ = file.read_to_string(&mut holder);
             let holder = holder.trim();
             let who = if holder.is_empty() { "another process".into() } else { format!("process {holder}") };
@@ -35,14 +36,14 @@ pub(super) fn take(path: &Path) -> Result<File> {
         }
         Err(TryLockError::Error(source)) => return Err(unusable(source)),
     }
-    // The same: a full disk is for the journal itself to report.
+    // The process id is for messages only. If the disk is full, writing the journal itself reports that.
     let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
     Ok(file)
 }
 
-/// A lock outlives its holder for a moment: while the system clears up after a killed process, or until a child that was just forked
-/// has become its own program. Whoever works with the journal holds it for longer.
-fn patiently(file: &File) -> std::result::Result<(), TryLockError> {
+/// Tries for half a second to take the lock. A lock may outlive its holder for a moment: until the system has
+/// cleaned up after a killed process, or until a forked child process has started its own program.
+fn lock_with_retries(file: &File) -> std::result::Result<(), TryLockError> {
     for _ in 0..50 {
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),

@@ -1,13 +1,15 @@
-//! A journal: an append-only file of photos, each written down before it is used.
+//! Journals: append-only files of photos.
 //!
-//! What a run photographs is dear, so it is written down before anything is made of it. A run that is killed at any moment goes
-//! on from its journal without taking one photo twice; a finished one is repeated from it, or asked something else, with
-//! nothing attached. The journal knows keys and bytes only; what they mean is for those to say who write them
-//! ([`crate::measure::Journaled`] for a rig, [`crate::transport::JournaledOperator`] for a scene).
+//! Photos are expensive, so a run appends each photo to its journal before it uses it. A run that was killed
+//! at any moment can be resumed from its journal without taking a photo twice. A finished run can be replayed
+//! from its journal, with the same or another analysis, without the rig. A journal stores keys and bytes;
+//! their meaning is defined by the writers ([`crate::measure::Journaled`] for a rig,
+//! [`crate::transport::JournaledOperator`] for a scene).
 //!
-//! # On disk
+//! # File format
 //!
-//! A folder with the file `photos.journal` and a lock that one writer holds. The file is a header, twice, and then records:
+//! A journal is a folder with the file `photos.journal` and a lock file. The writer holds the lock. The
+//! journal file consists of two copies of the header and of the records:
 //!
 //! ```text
 //! header   magic 8 · version u32 · length u32 · BLAKE3 of these and the identity 32 · identity, JSON
@@ -15,19 +17,20 @@
 //!          · BLAKE3 of the identity, of all before, and of the metadata 32 · metadata, JSON · payload
 //! ```
 //!
-//! Integers are little-endian. The [`Identity`] is what all photos depend on; a journal of another one is never mixed in.
-//! Of the record, the head says by its checksum whether its lengths can be trusted; if not, the next marker whose head can be
-//! trusted is where it goes on. Heads are checked when a journal is opened, payloads when they are read, so that opening takes
-//! no time and no memory for photos.
+//! The numbers are lengths in bytes. Integers are little-endian. The [`Identity`] names everything that all
+//! photos depend on, and a journal with another identity is refused. The part of a record before its metadata
+//! is the head. Its checksum tells whether the lengths in it are valid. If they are not, reading continues at
+//! the next marker with a valid head. Heads are checked when a journal is opened, and payloads when they are
+//! read. Opening therefore does not read the photos.
 //!
-//! # What can go wrong
+//! # Faults
 //!
-//! | fault | what becomes of it |
+//! | fault | result |
 //! |---|---|
-//! | killed while writing | the torn end is cut off, and [`Journal::torn`] says so |
-//! | flipped bits | [`Journal::damages`] names the record; it is as if it had never been written |
-//! | disk full, read-only, unplugged | [`Error::Journal`](crate::Error::Journal); what is there stays, back to the last whole record |
-//! | a second writer | refused by name |
+//! | the writer is killed | the incomplete record at the end is cut off; [`Journal::torn`] reports it |
+//! | bits are flipped | [`Journal::damages`] names the record, which then counts as not written |
+//! | the disk is full, read-only or unplugged | [`Error::Journal`](crate::Error::Journal); all complete records stay |
+//! | there is a second writer | an error that names the process of the first |
 
 mod file;
 mod header;

@@ -1,17 +1,18 @@
-//! Creating a journal, going on with one, and looking into one.
+//! Creating, resuming and opening journals.
 
 use std::collections::HashMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::file::{Journal, Settled};
+use super::file::{Journal, Synced};
 use super::scan::{Damage, scan};
 use super::{Identity, header, lock};
 use crate::error::{Error, Result};
 
-/// The file of records in a journal's folder.
+/// The name of the file of records in a journal's folder.
 const FILE: &str = "photos.journal";
+/// The name of the lock file in a journal's folder.
 const LOCK: &str = "lock";
 
 impl Journal {
@@ -20,58 +21,60 @@ impl Journal {
         folder.join(FILE).exists()
     }
 
-    /// A new journal in this folder, which is made if need be.
+    /// Creates a journal in this folder. The folder is created if it does not exist.
     ///
     /// # Errors
-    /// [`Error::Journal`] when there is one already, when another process writes it, or when the file cannot be written; [`Error::Write`]
-    /// naming the folder.
+    /// [`Error::Journal`] when the folder has a journal already, when another process writes it, or when the
+    /// file cannot be written; [`Error::Write`] when the folder cannot be created.
     pub fn create(folder: &Path, identity: &Identity) -> Result<Self> {
-        let (path, lock) = claim(folder)?;
+        let (path, lock) = lock_folder(folder)?;
         if path.exists() {
             return Err(Error::Journal {
                 path,
-                fault: "there are photos of an earlier run already".into(),
-                help: "go on with it by --resume, or name another folder".into(),
+                fault: "the journal already has photos of an earlier run".into(),
+                help: "continue that run with --resume, or name another folder".into(),
             });
         }
-        begin(path, lock, identity)
+        create_file(path, lock, identity)
     }
 
-    /// Goes on with the journal in this folder; a new one if there is none. A torn end is cut off, see [`Journal::torn`].
+    /// Opens the journal in this folder for appending, or creates it if there is none. An incomplete record
+    /// at its end is cut off (see [`Journal::torn`]).
     ///
     /// # Errors
-    /// [`Error::Journal`] when its identity is another (the parts that differ are named), when its header is damaged beyond repair, when
-    /// another process writes it, or when it cannot be written; [`Error::Read`], [`Error::Write`].
+    /// [`Error::Journal`] when the journal has another identity (the message names the parts that differ),
+    /// when both copies of its header are damaged, when another process writes it, or when it cannot be
+    /// written; [`Error::Read`], [`Error::Write`].
     pub fn resume(folder: &Path, identity: &Identity) -> Result<Self> {
-        let (path, lock) = claim(folder)?;
+        let (path, lock) = lock_folder(folder)?;
         if !path.exists() {
-            return begin(path, lock, identity);
+            return create_file(path, lock, identity);
         }
         let file = OpenOptions::new().read(true).write(true).open(&path).map_err(Error::writing(&path))?;
         let journal = open(path, file, Some(lock))?;
         let differences = journal.identity.differences(identity);
         if !differences.is_empty() {
             return Err(journal.refusal(
-                format!("its photos are of another source; what differs: {}", differences.join(", ")),
-                "go on with what it was begun with, or name another folder for another run",
+                format!("its photos are of another source; these parts differ: {}", differences.join(", ")),
+                "use the source and the settings with which the run was started, or name another folder",
             ));
         }
-        journal.cut()
+        journal.truncate_torn_end()
     }
 
-    /// Opens the journal in this folder to read only. Nothing is changed, and no lock is taken: it may be written meanwhile, and what
-    /// comes in later is not seen.
+    /// Opens the journal in this folder for reading only. It changes nothing and takes no lock. Another
+    /// process may write the journal at the same time; records that are appended later are not seen.
     ///
     /// # Errors
-    /// [`Error::Journal`] when its header is damaged beyond repair; [`Error::Read`].
+    /// [`Error::Journal`] when both copies of its header are damaged; [`Error::Read`].
     pub fn read_only(folder: &Path) -> Result<Self> {
         let path = folder.join(FILE);
         let file = File::open(&path).map_err(Error::reading(&path))?;
         open(path, file, None)
     }
 
-    /// Throws away the journal in this folder, and says how many photos that were: none where there is no journal, or none that
-    /// can be read.
+    /// Deletes the journal in this folder. Returns the number of its photos, which is 0 if there is no
+    /// journal or if it is unreadable.
     ///
     /// # Errors
     /// [`Error::Journal`] when another process writes it; [`Error::Write`].
@@ -79,47 +82,48 @@ impl Journal {
         if !Self::is_in(folder) {
             return Ok(0);
         }
-        let (path, _lock) = claim(folder)?;
+        let (path, _lock) = lock_folder(folder)?;
         let photos = Self::read_only(folder).map_or(0, |journal| journal.photos());
         fs::remove_file(&path).map_err(Error::writing(&path))?;
         Ok(photos)
     }
 
-    /// Cuts off the torn end.
-    fn cut(self) -> Result<Self> {
+    /// Cuts off the incomplete record at the end of the file.
+    fn truncate_torn_end(self) -> Result<Self> {
         if self.torn.is_some() {
-            let cut = self.file.set_len(self.end).and_then(|()| self.file.sync_data());
-            cut.map_err(Error::writing(&self.path))?;
+            let truncated = self.file.set_len(self.end).and_then(|()| self.file.sync_data());
+            truncated.map_err(Error::writing(&self.path))?;
         }
         Ok(self)
     }
 }
 
-fn claim(folder: &Path) -> Result<(PathBuf, File)> {
+/// Creates the folder if necessary and takes its lock. Returns the path of the journal file and the lock.
+fn lock_folder(folder: &Path) -> Result<(PathBuf, File)> {
     fs::create_dir_all(folder).map_err(Error::writing(folder))?;
     let lock = lock::take(&folder.join(LOCK))?;
     Ok((folder.join(FILE), lock))
 }
 
-/// Writes a header, whole or not at all.
-fn begin(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
+/// Creates a journal file with a header. The file appears under its name only when the header is on disk.
+fn create_file(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
     if !header::fits(identity) {
         return Err(Error::Journal {
             path,
             fault: "its identity is longer than 64 KiB".into(),
-            help: "give hashes of long parts".into(),
+            help: "store hashes instead of long values".into(),
         });
     }
     let header = header::encode(identity);
     let temporary = path.with_extension("new");
-    let create = || {
-        // Whoever holds the lock may remove what an earlier process left.
+    let write = || {
+        // This process holds the lock, so it may overwrite a file that an earlier process left.
         let mut file =
             OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&temporary)?;
         file.write_all(&header)?;
         file.sync_all()?;
         fs::rename(&temporary, &path)?;
-        // The folder's entry for the file, and its parent's for the folder, must outlive a crash too.
+        // The folder's entry for the file, and its parent's entry for the folder, must survive a crash too.
         let folder = path.parent().unwrap_or(Path::new("."));
         File::open(folder)?.sync_all()?;
         if let Some(parent) = folder.parent().filter(|parent| !parent.as_os_str().is_empty()) {
@@ -127,42 +131,44 @@ fn begin(path: PathBuf, lock: File, identity: &Identity) -> Result<Journal> {
         }
         Ok(file)
     };
-    let file = create().map_err(|source: std::io::Error| Error::Journal {
+    let file = write().map_err(|source: std::io::Error| Error::Journal {
         path: path.clone(),
-        fault: format!("cannot be made: {source}"),
-        help: "make room, or name a folder that can be written".into(),
+        fault: format!("the journal cannot be created: {source}"),
+        help: "free disk space, or name a folder that can be written".into(),
     })?;
     Ok(Journal {
         end: header.len() as u64,
         path,
         file,
         lock: Some(lock),
-        seal: identity.seal(),
+        identity_hash: identity.hash(),
         identity: identity.clone(),
         entries: Vec::new(),
         index: HashMap::new(),
         damages: Vec::new(),
         torn: None,
-        stuck: false,
-        settled: Settled::now(0),
+        broken: false,
+        synced: Synced::now(0),
     })
 }
 
+/// Opens a journal file: reads its header and the heads of its records. With a lock, a damaged copy of the
+/// header is repaired.
 fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
     let length = file.metadata().map_err(Error::reading(&path))?.len();
     let mut start = Vec::new();
-    let read = (&file).take(header::ENOUGH as u64).read_to_end(&mut start);
+    let read = (&file).take(header::MAX_BYTES as u64).read_to_end(&mut start);
     read.map_err(Error::reading(&path))?;
     let refusal = |fault: String, help: &str| Error::Journal { path: path.clone(), fault, help: help.into() };
     let (identity, records_at, whole) = match header::read(&start) {
-        header::Read::Known { identity, records_at, whole } => (identity, records_at, whole),
-        header::Read::Later(version) => {
-            let fault = format!("it is written in format {version}, which this version does not know");
+        header::Header::Known { identity, records_at, whole } => (identity, records_at, whole),
+        header::Header::Later(version) => {
+            let fault = format!("its format is {version}, which this version does not support");
             return Err(refusal(fault, "open it with a later version of krylux"));
         }
-        header::Read::Unknown => {
+        header::Header::Unknown => {
             return Err(refusal(
-                "its header is damaged in both copies, or it is no journal".into(),
+                "both copies of its header are damaged, or it is not a journal".into(),
                 "name another folder, or restore the file from a backup",
             ));
         }
@@ -175,28 +181,28 @@ fn open(path: PathBuf, mut file: File, lock: Option<File>) -> Result<Journal> {
         repair.map_err(Error::writing(&path))?;
     }
     let length = length.max(records_at);
-    let seal = identity.seal();
-    let mut found = scan(&file, &seal, records_at, length).map_err(Error::reading(&path))?;
+    let identity_hash = identity.hash();
+    let mut found = scan(&file, &identity_hash, records_at, length).map_err(Error::reading(&path))?;
     if !whole {
         let record = "one copy of the header".into();
-        let fault = "it is not what its checksum says; the other copy is whole";
+        let fault = "it does not match its checksum; the other copy is undamaged";
         found.damages.insert(0, Damage { offset: 0, bytes: records_at, record, fault, entry: None });
     }
     let index = found.entries.iter().enumerate().map(|(index, entry)| (entry.key, index)).collect();
     let end = found.torn.as_ref().map_or(length, |torn| torn.offset);
-    let settled = Settled::now(found.entries.len());
+    let synced = Synced::now(found.entries.len());
     Ok(Journal {
         path,
         file,
         lock,
         identity,
-        seal,
+        identity_hash,
         entries: found.entries,
         index,
         damages: found.damages,
         torn: found.torn,
         end,
-        stuck: false,
-        settled,
+        broken: false,
+        synced,
     })
 }

@@ -1,24 +1,25 @@
-//! One record: what stands before its payload, and whether that can be trusted.
+//! The format of one record: its head, its metadata and its payload.
 
 use super::Key;
 
-/// What a record begins with. Like PNG's, it does not survive a transfer that meddles with line ends or the eighth bit.
+/// The first bytes of a record. Like PNG's signature, they reveal a transfer that changes line ends or the
+/// eighth bit.
 pub(super) const MARKER: [u8; 8] = *b"\x89klxrec\n";
 
-/// Bytes before the metadata.
-pub(super) const HEAD: usize = 120;
+/// The length of a head: the number of bytes before the metadata.
+pub(super) const HEAD_BYTES: usize = 120;
 
-/// No metadata are longer: a length beyond it is damage.
-pub(super) const LONGEST_METADATA: u32 = 1 << 20;
+/// The largest length of metadata. A larger value in a head is damage.
+pub(super) const MAX_METADATA_BYTES: u32 = 1 << 20;
 
-/// What a record is.
+/// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// What was shown; photos name it by its key.
+    /// A projected pattern. The metadata of photos refer to it by its key.
     Pattern,
-    /// What was seen.
+    /// A photo.
     Photo,
-    /// What else a replay has to know.
+    /// Other data that a replay needs.
     Note,
 }
 
@@ -35,7 +36,7 @@ impl Kind {
         [Self::Pattern, Self::Photo, Self::Note].into_iter().find(|kind| kind.code() == code)
     }
 
-    /// In words.
+    /// The kind's name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pattern => "pattern",
@@ -45,16 +46,16 @@ impl Kind {
     }
 }
 
-/// A record whose head is whole. Its payload stays on disk.
+/// A record with a valid head. Its payload stays on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// What it is.
+    /// The kind of the record.
     pub kind: Kind,
-    /// What it is found by.
+    /// The key of the record.
     pub key: Key,
-    /// What its writer noted beside the payload.
+    /// The metadata by its writer.
     pub metadata: Vec<u8>,
-    /// Where its record begins in the file.
+    /// The offset of the record in the file.
     pub offset: u64,
     /// The payload's length in bytes.
     pub length: u64,
@@ -62,18 +63,18 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Where its payload begins.
+    /// The offset of the payload in the file.
     pub(super) fn payload_at(&self) -> u64 {
-        self.offset + HEAD as u64 + self.metadata.len() as u64
+        self.offset + HEAD_BYTES as u64 + self.metadata.len() as u64
     }
 
-    /// Where the next record begins.
+    /// The offset of the next record in the file.
     pub(super) fn end(&self) -> u64 {
         self.payload_at() + self.length
     }
 }
 
-/// The head's fields before its checksum.
+/// The fields of a head before its checksum.
 pub(super) struct Head {
     code: u32,
     pub(super) metadata: u32,
@@ -83,8 +84,8 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// The fields; `None` without the marker, or with metadata longer than any.
-    pub(super) fn parse(bytes: &[u8; HEAD]) -> Option<Self> {
+    /// Parses a head; `None` if there is no marker or if the length of the metadata is too large.
+    pub(super) fn parse(bytes: &[u8; HEAD_BYTES]) -> Option<Self> {
         let four = |at: usize| bytes[at..at + 4].try_into().map(u32::from_le_bytes).ok();
         let hash = |at: usize| <[u8; 32]>::try_from(&bytes[at..at + 32]).ok();
         let head = Self {
@@ -94,31 +95,31 @@ impl Head {
             key: hash(24)?,
             checksum: hash(56)?,
         };
-        (bytes[..8] == MARKER && head.metadata <= LONGEST_METADATA).then_some(head)
+        (bytes[..8] == MARKER && head.metadata <= MAX_METADATA_BYTES).then_some(head)
     }
 
-    /// The entry, if the head's checksum is that of `bytes` and `metadata`.
+    /// The entry of this head, if the checksum in `bytes` is that of the identity, the head and the metadata.
     pub(super) fn entry(
         &self,
-        bytes: &[u8; HEAD],
+        bytes: &[u8; HEAD_BYTES],
         metadata: Vec<u8>,
-        seal: &[u8; 32],
+        identity_hash: &[u8; 32],
         offset: u64,
     ) -> Option<Entry> {
         let kind = Kind::from_code(self.code)?;
-        if seal_head(seal, &bytes[..HEAD - 32], &metadata) != bytes[HEAD - 32..] {
+        if head_checksum(identity_hash, &bytes[..HEAD_BYTES - 32], &metadata) != bytes[HEAD_BYTES - 32..] {
             return None;
         }
-        // A length that no file can have is damage too, whatever the checksum says.
-        offset.checked_add(HEAD as u64 + u64::from(self.metadata))?.checked_add(self.payload)?;
+        // An end beyond 2⁶⁴ is damage, even if the checksum is right.
+        offset.checked_add(HEAD_BYTES as u64 + u64::from(self.metadata))?.checked_add(self.payload)?;
         let key = Key::from_bytes(self.key);
         Some(Entry { kind, key, metadata, offset, length: self.payload, checksum: self.checksum })
     }
 }
 
-/// Head and metadata as they are written, and the entry that they stand for.
+/// The bytes of a record's head and metadata, and the entry for the record at `offset`.
 pub(super) fn encode(
-    seal: &[u8; 32],
+    identity_hash: &[u8; 32],
     kind: Kind,
     key: Key,
     metadata: &[u8],
@@ -126,22 +127,23 @@ pub(super) fn encode(
     offset: u64,
 ) -> (Vec<u8>, Entry) {
     let checksum = *blake3::hash(payload).as_bytes();
-    let mut bytes = Vec::with_capacity(HEAD + metadata.len());
+    let mut bytes = Vec::with_capacity(HEAD_BYTES + metadata.len());
     bytes.extend(MARKER);
     bytes.extend(kind.code().to_le_bytes());
     bytes.extend((metadata.len() as u32).to_le_bytes());
     bytes.extend((payload.len() as u64).to_le_bytes());
     bytes.extend(key.bytes());
     bytes.extend(checksum);
-    let sum = seal_head(seal, &bytes, metadata);
+    let sum = head_checksum(identity_hash, &bytes, metadata);
     bytes.extend(sum);
     bytes.extend(metadata);
     let length = payload.len() as u64;
     (bytes, Entry { kind, key, metadata: metadata.to_vec(), offset, length, checksum })
 }
 
-fn seal_head(seal: &[u8; 32], fields: &[u8], metadata: &[u8]) -> [u8; 32] {
+/// BLAKE3 hash of the identity's hash, the fields of the head and the metadata.
+fn head_checksum(identity_hash: &[u8; 32], fields: &[u8], metadata: &[u8]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(seal).update(fields).update(metadata);
+    hasher.update(identity_hash).update(fields).update(metadata);
     *hasher.finalize().as_bytes()
 }

@@ -1,22 +1,22 @@
-//! From a file's bytes to its records: whole ones, damaged ones, and a torn end.
+//! Scanning a journal file for its records, for damaged parts, and for an incomplete record at its end.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 
-use super::record::{Entry, HEAD, Head, Kind, MARKER};
+use super::record::{Entry, HEAD_BYTES, Head, Kind, MARKER};
 
-/// Bytes that are no record, or a record that is not to be trusted.
+/// A damaged part of a journal file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
-    /// Where it begins in the file.
+    /// Its offset in the file.
     pub offset: u64,
-    /// How many bytes it is.
+    /// Its length in bytes.
     pub bytes: u64,
-    /// Which record: `photo 17`, or `the record after photo 16` where that cannot be told.
+    /// The name of the record: `photo 17`, or `the record after photo 16` if the record's kind is unknown.
     pub record: String,
     /// What is wrong with it.
     pub fault: &'static str,
-    /// The record, where its head is whole.
+    /// The record, if its head is valid.
     pub entry: Option<Entry>,
 }
 
@@ -26,16 +26,16 @@ impl std::fmt::Display for Damage {
     }
 }
 
-/// The end of a file that was being written when its writer was killed.
+/// An incomplete record at the end of a file, whose writer was killed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Torn {
-    /// Where it begins in the file.
+    /// Its offset in the file.
     pub offset: u64,
-    /// How many bytes it is.
+    /// Its length in bytes.
     pub bytes: u64,
 }
 
-/// What a file holds.
+/// The result of a scan.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
     pub(super) entries: Vec<Entry>,
@@ -43,37 +43,40 @@ pub(super) struct Scan {
     pub(super) torn: Option<Torn>,
 }
 
-/// What stands at a place where a record should begin.
-enum At {
+/// The content of the file at an offset where a record should begin.
+enum Candidate {
+    /// A record with a valid head.
     Record(Entry),
-    /// No record; what there is may be the beginning of one that goes beyond the file's end.
-    Beginning,
+    /// Bytes that may be the beginning of a record that would extend beyond the end of the file.
+    Incomplete,
+    /// Other bytes.
     Garbage,
 }
 
-/// Reads all heads from `start` to the end of the file.
-pub(super) fn scan(file: &File, seal: &[u8; 32], start: u64, length: u64) -> io::Result<Scan> {
+/// Reads all heads from `start` to the end of the file, which has `length` bytes.
+pub(super) fn scan(file: &File, identity_hash: &[u8; 32], start: u64, length: u64) -> io::Result<Scan> {
     let mut found = Scan::default();
     let mut at = start;
     while at < length {
-        let fate = match look(file, seal, at, length)? {
-            At::Record(entry) if entry.end() <= length => {
+        let other = match read_head(file, identity_hash, at, length)? {
+            Candidate::Record(entry) if entry.end() <= length => {
                 at = entry.end();
                 found.entries.push(entry);
                 continue;
             }
             other => other,
         };
-        // Should bytes have been lost inside the record before, then the next one begins in what is taken for its payload.
+        // If bytes were lost inside the record before this offset, the next record begins inside what seems
+        // to be its payload. The search therefore starts there.
         let before = found.entries.last().filter(|entry| entry.end() == at);
         let from = before.map_or(at + 1, Entry::payload_at);
-        match find(file, seal, from, at, length)? {
+        match find_record(file, identity_hash, from, at, length)? {
             Some(next) => {
                 if next < at
                     && let Some(entry) = found.entries.pop()
                 {
-                    let record = name(&found.entries, entry.kind);
-                    let fault = "other records begin inside it: bytes are missing";
+                    let record = record_name(&found.entries, entry.kind);
+                    let fault = "bytes of it are missing: another record begins inside it";
                     at = entry.offset;
                     found.damages.push(Damage {
                         offset: at,
@@ -83,13 +86,13 @@ pub(super) fn scan(file: &File, seal: &[u8; 32], start: u64, length: u64) -> io:
                         entry: Some(entry),
                     });
                 } else {
-                    found.damages.push(unknown(&found.entries, at, next));
+                    found.damages.push(unreadable(&found.entries, at, next));
                 }
                 at = next;
             }
             None => {
-                match fate {
-                    At::Garbage => found.damages.push(unknown(&found.entries, at, length)),
+                match other {
+                    Candidate::Garbage => found.damages.push(unreadable(&found.entries, at, length)),
                     _ => found.torn = Some(Torn { offset: at, bytes: length - at }),
                 }
                 at = length;
@@ -99,17 +102,18 @@ pub(super) fn scan(file: &File, seal: &[u8; 32], start: u64, length: u64) -> io:
     Ok(found)
 }
 
-fn unknown(before: &[Entry], from: u64, to: u64) -> Damage {
+/// The damage of the bytes `from..to`, which hold no record.
+fn unreadable(before: &[Entry], from: u64, to: u64) -> Damage {
     let record = match before.iter().rfind(|entry| entry.kind == Kind::Photo) {
         Some(_) => format!("the record after photo {}", count(before, Kind::Photo)),
         None => "a record before the first photo".into(),
     };
-    let fault = "its head is not what its checksum says";
+    let fault = "its head does not match its checksum";
     Damage { offset: from, bytes: to - from, record, fault, entry: None }
 }
 
-/// `photo 17`, for the one that follows `before`.
-pub(super) fn name(before: &[Entry], kind: Kind) -> String {
+/// The name of a record that follows the records `before`, such as `photo 17`.
+pub(super) fn record_name(before: &[Entry], kind: Kind) -> String {
     format!("{} {}", kind.name(), count(before, kind) + 1)
 }
 
@@ -117,35 +121,44 @@ fn count(entries: &[Entry], kind: Kind) -> usize {
     entries.iter().filter(|entry| entry.kind == kind).count()
 }
 
-fn look(file: &File, seal: &[u8; 32], at: u64, length: u64) -> io::Result<At> {
+/// Reads the head at offset `at` of a file of `length` bytes.
+fn read_head(file: &File, identity_hash: &[u8; 32], at: u64, length: u64) -> io::Result<Candidate> {
     let left = length - at;
-    if left < HEAD as u64 {
-        return Ok(At::Beginning);
+    if left < HEAD_BYTES as u64 {
+        return Ok(Candidate::Incomplete);
     }
-    let mut bytes = [0; HEAD];
+    let mut bytes = [0; HEAD_BYTES];
     read_at(file, at, &mut bytes)?;
-    let Some(head) = Head::parse(&bytes) else { return Ok(At::Garbage) };
-    if u64::from(head.metadata) > left - HEAD as u64 {
-        return Ok(At::Beginning);
+    let Some(head) = Head::parse(&bytes) else { return Ok(Candidate::Garbage) };
+    if u64::from(head.metadata) > left - HEAD_BYTES as u64 {
+        return Ok(Candidate::Incomplete);
     }
     let mut metadata = vec![0; head.metadata as usize];
-    read_at(file, at + HEAD as u64, &mut metadata)?;
-    Ok(head.entry(&bytes, metadata, seal, at).map_or(At::Garbage, At::Record))
+    read_at(file, at + HEAD_BYTES as u64, &mut metadata)?;
+    Ok(head.entry(&bytes, metadata, identity_hash, at).map_or(Candidate::Garbage, Candidate::Record))
 }
 
-/// The first place from `from` on, other than `except`, where a record with a whole head begins.
-fn find(file: &File, seal: &[u8; 32], from: u64, except: u64, length: u64) -> io::Result<Option<u64>> {
+/// The offset of the first record with a valid head at `from` or later, other than at `except`.
+fn find_record(
+    file: &File,
+    identity_hash: &[u8; 32],
+    from: u64,
+    except: u64,
+    length: u64,
+) -> io::Result<Option<u64>> {
     const CHUNK: usize = 1 << 16;
     let mut chunk = vec![0; CHUNK];
     let mut at = from;
-    while at + HEAD as u64 <= length {
+    while at + HEAD_BYTES as u64 <= length {
         let size = CHUNK.min((length - at) as usize);
         read_at(file, at, &mut chunk[..size])?;
         for (index, _) in
             chunk[..size].windows(MARKER.len()).enumerate().filter(|(_, bytes)| *bytes == MARKER)
         {
             let place = at + index as u64;
-            if place != except && matches!(look(file, seal, place, length)?, At::Record(_)) {
+            if place != except
+                && matches!(read_head(file, identity_hash, place, length)?, Candidate::Record(_))
+            {
                 return Ok(Some(place));
             }
         }
@@ -155,7 +168,7 @@ fn find(file: &File, seal: &[u8; 32], from: u64, except: u64, length: u64) -> io
     Ok(None)
 }
 
-/// Reads from a place in the file.
+/// Fills `bytes` from offset `at` of the file.
 pub(super) fn read_at(mut file: &File, at: u64, bytes: &mut [u8]) -> io::Result<()> {
     file.seek(SeekFrom::Start(at))?;
     file.read_exact(bytes)

@@ -9,30 +9,40 @@ const CHUNK: usize = 4096;
 /// `wᵢ ← f(wᵢ, aᵢ)`.
 pub(super) fn update(w: &mut [f64], a: &[f64], f: impl Fn(f64, f64) -> f64 + Sync) {
     debug_assert_eq!(w.len(), a.len());
-    let block = |(w, a): (&mut [f64], &[f64])| {
+    in_blocks(w, a, &|w, a| {
         for (w, &a) in w.iter_mut().zip(a) {
             *w = f(*w, a);
         }
-    };
-    if w.len() < PARALLEL {
-        block((w, a));
-    } else {
-        w.par_chunks_mut(CHUNK).zip(a.par_chunks(CHUNK)).for_each(block);
-    }
+    });
 }
 
 /// `wᵢ ← f(wᵢ, aᵢ, bᵢ)`.
 pub(super) fn update2(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64, f64) -> f64 + Sync) {
     debug_assert!(w.len() == a.len() && w.len() == b.len());
-    let block = |((w, a), b): ((&mut [f64], &[f64]), &[f64])| {
+    in_blocks2(w, a, b, &|w, a, b| {
         for ((w, &a), &b) in w.iter_mut().zip(a).zip(b) {
             *w = f(*w, a, b);
         }
-    };
+    });
+}
+
+// The loops over entries are compiled for every `f`, the distribution over threads only once: it is by far the larger
+// part of the code, and one indirect call a block costs nothing.
+
+fn in_blocks(w: &mut [f64], a: &[f64], block: &(dyn Fn(&mut [f64], &[f64]) + Sync)) {
     if w.len() < PARALLEL {
-        block(((w, a), b));
+        block(w, a);
     } else {
-        w.par_chunks_mut(CHUNK).zip(a.par_chunks(CHUNK)).zip(b.par_chunks(CHUNK)).for_each(block);
+        w.par_chunks_mut(CHUNK).zip(a.par_chunks(CHUNK)).for_each(|(w, a)| block(w, a));
+    }
+}
+
+fn in_blocks2(w: &mut [f64], a: &[f64], b: &[f64], block: &(dyn Fn(&mut [f64], &[f64], &[f64]) + Sync)) {
+    if w.len() < PARALLEL {
+        block(w, a, b);
+    } else {
+        let parts = w.par_chunks_mut(CHUNK).zip(a.par_chunks(CHUNK)).zip(b.par_chunks(CHUNK));
+        parts.for_each(|((w, a), b)| block(w, a, b));
     }
 }
 

@@ -1,28 +1,30 @@
-//! The black photo: what the camera sees of the room, of the projector's black level, and of its own dark current
-//! (section 8.2). It is subtracted from every photo at that photo's exposure. Nothing is clipped: where there is no
-//! light, half of the differences are negative, and so they stay.
+//! The ambient stage: the black photo is subtracted from every photo (O'Toole and Kutulakos, section 8.2).
+//!
+//! The black photo shows the light of the room, the projector's black level, and the camera's dark current.
+//! It is taken at each exposure, because all three grow with it. The differences are not clipped: where there
+//! is no light, half of them are negative.
 
 use std::sync::Arc;
 
-use super::averaging::{Exposed, average};
+use super::averaging::{AveragedExposure, average};
 use super::frame_source::FrameSource;
 use super::response::CameraCurve;
 use crate::error::Result;
 use crate::rig::Frame;
 
-/// The black photo at each exposure, and the variance of its rate there.
+/// The black photo at each exposure, and the variance of its rate.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Blacks {
-    /// Shortest exposure first; none where ambient light stays in.
-    pub(super) exposed: Vec<Exposed>,
-    /// Of the rate (linear DN per second), for each exposure and sample.
+pub(super) struct BlackPhotos {
+    /// The photos, the shortest exposure first. There are none when ambient light is not subtracted.
+    pub(super) exposed: Vec<AveragedExposure>,
+    /// The variance of the rate, in (linear DN per second)², for each exposure and sample.
     pub(super) variance: Vec<Vec<f64>>,
 }
 
-impl Blacks {
-    /// Takes `black` `takes` times at each exposure.
+impl BlackPhotos {
+    /// Takes the frame `black` `takes` times at each exposure.
     pub(super) fn take(
-        shots: &mut dyn FrameSource,
+        frames: &mut dyn FrameSource,
         curve: &CameraCurve,
         black: &Arc<Frame>,
         exposures: &[f64],
@@ -30,7 +32,7 @@ impl Blacks {
     ) -> Result<Self> {
         let mut blacks = Self::default();
         for &exposure in exposures {
-            let exposed = average(shots, curve, black, exposure, 0..takes)?;
+            let exposed = average(frames, curve, black, exposure, 0..takes)?;
             let square = exposed.exposure * exposed.exposure;
             let variance = |(sample, &mean): (usize, &f64)| exposed.variance(curve, sample, mean) / square;
             blacks.variance.push(exposed.mean.iter().enumerate().map(variance).collect());

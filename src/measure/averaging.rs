@@ -1,4 +1,4 @@
-//! Repeated takes of one frame, averaged as light.
+//! The averaging stage: the mean of repeated takes of one frame, in linear light.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -8,34 +8,35 @@ use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
-/// The average of some takes at one exposure, on the camera's pixels, interleaved as in [`crate::rig::RawFrame`].
+/// The mean of several takes at one exposure. Values are samples of the camera, interleaved as in
+/// [`crate::rig::RawFrame`].
 #[derive(Clone, Debug)]
-pub(super) struct Exposed {
-    /// Seconds that the sensor was open.
+pub(super) struct AveragedExposure {
+    /// The exposure of one take, in seconds.
     pub(super) exposure: f64,
-    /// When the first take began, on the rig's clock.
+    /// When the first take began, in seconds on the rig's clock.
     pub(super) started: f64,
-    /// How many takes.
+    /// The number of takes.
     pub(super) takes: u32,
-    /// Linear DN.
+    /// The mean, in linear DN.
     pub(super) mean: Vec<f64>,
-    /// The variance of rounding of a take, in linear DN².
+    /// The variance that rounding to counts adds to one take, in linear DN².
     pub(super) rounding: Vec<f64>,
-    /// Where a take was saturated: there the mean says nothing.
+    /// Which samples were saturated in at least one take. Their mean has no meaning.
     pub(super) saturated: Vec<bool>,
 }
 
-/// Takes `frame` at `exposure` once for each of `takes`, and averages.
+/// Captures `frame` at `exposure` seconds once for each number in `takes`, and averages.
 pub(super) fn average(
-    shots: &mut dyn FrameSource,
+    frames: &mut dyn FrameSource,
     curve: &CameraCurve,
     frame: &Arc<Frame>,
     exposure: f64,
     takes: Range<u32>,
-) -> Result<Exposed> {
-    let samples = shots.camera().resolution.pixels() * shots.camera().channels;
+) -> Result<AveragedExposure> {
+    let samples = frames.camera().resolution.pixels() * frames.camera().channels;
     let count = takes.end - takes.start;
-    let mut sum = Exposed {
+    let mut sum = AveragedExposure {
         exposure,
         started: 0.0,
         takes: count,
@@ -44,7 +45,7 @@ pub(super) fn average(
         saturated: vec![false; samples],
     };
     for take in takes.clone() {
-        let raw = shots.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take })?;
+        let raw = frames.capture(&CaptureRequest { frame: Arc::clone(frame), exposure, take })?;
         raw.check()?;
         if raw.counts.len() != samples {
             return Err(Error::Dimension {
@@ -69,8 +70,8 @@ pub(super) fn average(
     Ok(sum)
 }
 
-impl Exposed {
-    /// The variance of the mean where it is expected to be `expected`.
+impl AveragedExposure {
+    /// The variance of the mean, in linear DN², where the expected value is `expected`.
     pub(super) fn variance(&self, curve: &CameraCurve, sample: usize, expected: f64) -> f64 {
         curve.variance(expected, self.rounding[sample]) / f64::from(self.takes)
     }

@@ -1,13 +1,16 @@
-//! More levels than the projector has: what a frame could not show is shown by the next, and the photos are added up
-//! (section 7.2).
+//! The bit-plane stage: a pattern of more levels than the projector has, as a weighted sum of several frames
+//! (O'Toole and Kutulakos, section 7.2).
 //!
-//! With `δ` the widest step between levels, the first of `K` frames shows, at weight `w = 1/(1+δ)`, the level below
-//! `x / w`; what is left is at most `w δ` anywhere, and is itself a pattern of that range. The last frame shows the nearest
-//! level. For one bit these are the binary digits: ½, ¼, …. The error falls by `δ/(1+δ)` with each frame.
+//! Each frame shows the quantization error of the frames before it. Let `δ` be the widest step between
+//! levels. The first of `K` frames has weight `w = 1/(1+δ)` and shows the level below `x / w`. The remainder
+//! is at most `w δ` at every pixel, and is a pattern of that range for the next frame. The last frame shows
+//! the nearest level. For a projector of one bit these are the binary digits, with weights ½, ¼, …. The error
+//! falls by `δ/(1+δ)` with each frame.
 //!
-//! The noise is that of `Σ w_k photo_k`. Each photo has the camera's whole read noise, whatever its weight: at equal
-//! light in total, `t/K` seconds each, the standard deviation by read noise alone grows by `K √Σ w_k²`
-//! ([`amplification`]) over one photo of `t`. So with little light more frames can be worse than fewer.
+//! The noise is that of `Σ w_k photo_k`. Each photo has the full read noise of the camera, whatever its
+//! weight. With `K` exposures of `t/K` seconds instead of one of `t`, the standard deviation due to read
+//! noise grows by the factor `K √Σ w_k²` ([`amplification`]). In little light, more frames can therefore be
+//! worse than fewer.
 
 use super::display::{Display, Displayed};
 use crate::error::Result;
@@ -20,7 +23,8 @@ pub(super) struct BitPlane {
     pub(super) displayed: Displayed,
 }
 
-/// The weights of `count` frames on a projector whose widest step is `step`.
+/// The weights of `count` frames on a projector whose widest step between levels is `step` (levels from 0 to
+/// 1).
 pub fn weights(count: u32, step: f64) -> Vec<f64> {
     let mut range = 1.0;
     let mut weights: Vec<f64> = (1..count)
@@ -34,20 +38,21 @@ pub fn weights(count: u32, step: f64) -> Vec<f64> {
     weights
 }
 
-/// By how much the standard deviation grows when one photo is divided into these, at equal light in total and read
-/// noise alone.
+/// The factor by which the standard deviation grows when one photo is divided into frames of these weights,
+/// at equal total exposure and with read noise alone.
 pub fn amplification(weights: &[f64]) -> f64 {
     weights.len() as f64 * weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
 }
 
-/// Decomposes `wish` (one plane for all channels, or one for each) into `count` frames. Frames without light are left out.
+/// Decomposes the pattern `target` into `count` frames. It has one plane for all channels, or one plane per
+/// channel. Frames without light are left out.
 pub(super) fn decompose(
     display: &Display,
-    wish: &[Vec<f64>],
+    target: &[Vec<f64>],
     part: Part,
     count: u32,
 ) -> Result<Vec<BitPlane>> {
-    let mut left = wish.to_vec();
+    let mut left = target.to_vec();
     let weights = weights(count, display.widest_step());
     let mut planes = Vec::with_capacity(weights.len());
     for (index, &weight) in weights.iter().enumerate() {
@@ -56,14 +61,14 @@ pub(super) fn decompose(
         let last = index + 1 == weights.len();
         let displayed = if last { display.show(&scaled, part)? } else { display.show_below(&scaled)? };
         if !last {
-            // Channels of unlike curves leave unlike remainders.
+            // Channels with different response curves leave different remainders.
             left = displayed
                 .light
                 .iter()
                 .enumerate()
                 .map(|(channel, shown)| {
-                    let wish = &left[channel.min(left.len() - 1)];
-                    wish.iter().zip(shown).map(|(wish, shown)| wish - weight * shown).collect()
+                    let target = &left[channel.min(left.len() - 1)];
+                    target.iter().zip(shown).map(|(target, shown)| target - weight * shown).collect()
                 })
                 .collect();
         }

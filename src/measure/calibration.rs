@@ -1,69 +1,77 @@
-//! What is known of a rig's devices, measured by `krylux rig calibrate` or given.
+//! The calibration of a rig: the responses of its devices, the noise of the camera, the pixel map and the
+//! stability (O'Toole and Kutulakos, section 8.1).
 
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};
 
-/// What is known of a rig's devices: all that turns counts into light and levels into a pattern.
+/// The calibration of a rig: everything that is needed to convert counts into light, and patterns into
+/// levels.
+///
+/// `krylux rig calibrate` and [`calibrate`](super::calibrate::calibrate) measure one; [`Calibration::ideal`]
+/// is that of devices without imperfections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
-    /// The projector that it belongs to.
+    /// The projector that was calibrated.
     pub projector_info: ProjectorInfo,
-    /// The camera that it belongs to.
+    /// The camera that was calibrated.
     pub camera_info: CameraInfo,
-    /// The light of each level relative to the brightest, with level 0's light subtracted: one ascending curve of `2^bits`
-    /// values from 0 to 1 for each channel of the projector.
+    /// The projector's response: the light of each level relative to the brightest level, after the light of
+    /// level 0 is subtracted. One ascending curve of `2^bits` values from 0 to 1 per channel.
     pub projector: Vec<Vec<f64>>,
     /// The camera's response and noise.
     pub camera: CameraResponse,
     /// Which camera pixels see which projector pixel.
     pub registration: Registration,
-    /// How steady the rig is.
+    /// The stability of the rig over time.
     pub stability: Stability,
 }
 
-/// How a camera counts. All in digital numbers (DN) as it hands them out.
+/// The response and the noise of a camera. Counts are in digital numbers (DN), as the camera delivers them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraResponse {
     /// The count without light.
     pub black: f64,
-    /// Counts from here on are saturated: they never enter a result.
+    /// Counts from here on are saturated. They never enter a result.
     pub saturation: f64,
-    /// Electrons per linear DN: the shot noise's variance is `linear DN / gain`.
+    /// Electrons per linear DN. The variance of the shot noise is `linear DN / gain`.
     pub gain: f64,
     /// Read noise, in DN (standard deviation).
     pub read_noise: f64,
-    /// Linear light for each count, in DN above black: `curve[count]`, of `2^bits` ascending values; `None`: `count − black`.
+    /// The linear light of each count, in DN above black: `2^bits` ascending values. `None` stands for a
+    /// linear camera, `count − black`.
     pub curve: Option<Vec<f64>>,
 }
 
-/// Which camera pixels see each projector pixel: a row for each of these, its weights adding up to 1, or an empty row
-/// where nothing sees it (compressed sparse rows).
+/// The pixel map: which camera pixels see each projector pixel, in compressed sparse rows. There is one row
+/// per projector pixel. The weights of a row add up to 1; the row of a projector pixel that no camera pixel
+/// sees is empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {
     /// The camera's pixels.
     pub camera: Resolution,
     /// The projector's pixels.
     pub projector: Resolution,
-    /// Where each row begins in the other two, with their length at the end.
+    /// The index at which each row begins in `pixels` and `weights`, followed by their length.
     pub starts: Vec<usize>,
-    /// Camera pixels.
+    /// The camera pixels of all rows.
     pub pixels: Vec<u32>,
-    /// Their weights.
+    /// The weights of these camera pixels.
     pub weights: Vec<f64>,
 }
 
-/// How steady a rig is.
+/// The stability of a rig over time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stability {
-    /// Seconds from a frame's confirmation until its light is all there and the old one's gone.
+    /// Seconds from the confirmation of a frame until all of its light is there, and none of the frame
+    /// before.
     pub settle: f64,
-    /// Relative change of the white photo's mean per hour.
+    /// The relative change of the mean of the white photo, per hour.
     pub drift_per_hour: f64,
 }
 
 impl Calibration {
-    /// That of devices without fault: levels are light, counts are light from 0 on, and pixel sees pixel (of equal numbers of
-    /// pixels; otherwise by area).
+    /// The calibration of ideal devices. Light is proportional to the projector's level and to the camera's
+    /// count, there is no read noise, and both rasters cover the same field ([`Registration::by_area`]).
     pub fn ideal(projector: &ProjectorInfo, camera: &CameraInfo) -> Self {
         let levels = 1_usize << projector.bits;
         let curve: Vec<f64> = (0..levels).map(|level| level as f64 / (levels - 1) as f64).collect();
@@ -85,11 +93,12 @@ impl Calibration {
 }
 
 impl Registration {
-    /// Both rasters cover the same field: each projector pixel is seen by the camera pixels whose centre lies in it, or, where
-    /// there is none, by the one that its own centre lies in.
+    /// The pixel map of two rasters that cover the same field. A projector pixel is seen by the camera pixels
+    /// whose centres lie in it, with equal weights. If there is none, it is seen by the camera pixel that
+    /// contains its centre.
     pub fn by_area(projector: Resolution, camera: Resolution) -> Self {
         let span = |index: usize, of: usize, among: usize| -> std::ops::Range<usize> {
-            // Centres at k + ½ of `among` that lie in [index, index + 1) of `of`.
+            // The centres k + ½ of `among` pixels that lie in [index, index + 1) of `of` pixels.
             let edge = |index: usize| ((2 * index * among).saturating_sub(of)).div_ceil(2 * of);
             let (from, to) = (edge(index), edge(index + 1));
             if from < to {
@@ -123,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn by_area_a_projector_pixel_is_seen_by_the_camera_pixels_in_it() {
+    fn by_area_a_projector_pixel_is_seen_by_the_camera_pixels_inside_it() {
         let registration = Registration::by_area(Resolution::new(2, 1), Resolution::new(4, 2));
         assert_eq!(registration.starts, [0, 4, 8]);
         assert_eq!(registration.pixels, [0, 1, 4, 5, 2, 3, 6, 7]);

@@ -1,14 +1,15 @@
-//! A calibration's folder: `calibration.toml` with the numbers, and the curves and footprints as arrays beside it.
+//! The folder of a calibration: `calibration.toml` holds the numbers, and arrays beside it hold the curves
+//! and the pixel map.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `calibration.toml` | which devices, the camera's numbers, the stability, the checksum |
-//! | `projector-curve.npy` | channels × levels |
-//! | `camera-curve.npy` | linear DN for each count; not there for a linear camera |
-//! | `registration-{starts,pixels,weights}.npy` | compressed sparse rows: camera pixels of each projector pixel |
+//! | `calibration.toml` | the devices, the camera's numbers, the stability, the checksum |
+//! | `projector-curve.npy` | the projector's response, channels × levels |
+//! | `camera-curve.npy` | linear DN for each count; absent for a linear camera |
+//! | `registration-{starts,pixels,weights}.npy` | the pixel map in compressed sparse rows: camera pixels of each projector pixel |
 //!
-//! The checksum is the calibration's [identity](Calibration::identity), over all of these: a file that was changed or belongs
-//! to another calibration is found when the folder is loaded.
+//! The checksum is the [identity](Calibration::identity) of the calibration. It covers all of these files. So
+//! a file that was changed, or that belongs to another calibration, is detected when the folder is loaded.
 
 use std::path::Path;
 
@@ -61,10 +62,11 @@ struct Steadiness {
 }
 
 impl Calibration {
-    /// Writes the calibration into `folder`, which is made if need be. The record comes last: a folder that has one is whole.
+    /// Writes the calibration into `folder`, which is created if necessary. `calibration.toml` is written
+    /// last: a folder that has one is complete.
     ///
     /// # Errors
-    /// [`Error::Write`] naming the file.
+    /// [`Error::Write`] with the name of the file.
     pub fn save(&self, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(Error::writing(folder))?;
         let record = folder.join(RECORD);
@@ -84,17 +86,19 @@ impl Calibration {
         atomic::write_bytes(&record, self.record().as_bytes())
     }
 
-    /// Reads a calibration back.
+    /// Reads the calibration in `folder`.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] naming the file that is malformed, or the record when the checksum does not hold.
+    /// [`Error::Read`] when a file cannot be read; [`Error::Data`] with the name of a malformed file, or with
+    /// that of the record when the checksum is wrong.
     pub fn load(folder: &Path) -> Result<Self> {
         let path = folder.join(RECORD);
         let text = std::fs::read_to_string(&path).map_err(Error::reading(&path))?;
         let record: Record =
             toml::from_str(&text).map_err(|error| damaged(&path, error.to_string().trim_end().into()))?;
         if record.format != FORMAT {
-            let fault = format!("its format is {}, but this krylux knows {FORMAT}", record.format);
+            let fault =
+                format!("its format is {}, but this version of krylux reads format {FORMAT}", record.format);
             return Err(damaged(&path, fault));
         }
         let Record { projector: projector_info, camera: camera_info, response, stability, .. } = record;
@@ -115,12 +119,12 @@ impl Calibration {
             camera_info,
         };
         if blake3::Hash::from_bytes(calibration.identity()).to_string() != record.identity {
-            return Err(damaged(&path, "its checksum does not fit what the folder holds".into()));
+            return Err(damaged(&path, "its checksum does not fit the other files of the folder".into()));
         }
         Ok(calibration)
     }
 
-    /// The hash of everything in it: part of every journaled photo's key.
+    /// The BLAKE3 hash of the whole calibration. It is part of the key of every journaled photo.
     pub fn identity(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.head().as_bytes());
@@ -145,10 +149,10 @@ impl Calibration {
         *hasher.finalize().as_bytes()
     }
 
-    /// That it belongs to these devices: their names, pixels, channels and bits.
+    /// Checks that the calibration belongs to these devices: names, pixels, channels and bits must agree.
     ///
     /// # Errors
-    /// [`Error::Rig`] naming the device and what differs.
+    /// [`Error::Rig`] with the name of the device and the difference.
     pub fn check(&self, projector: &ProjectorInfo, camera: &CameraInfo) -> Result<()> {
         let of_projector =
             |info: &ProjectorInfo| devices(&info.name, info.resolution, info.channels, info.bits);
@@ -170,7 +174,8 @@ impl Calibration {
         Ok(())
     }
 
-    /// The numbers, as they stand in the record: Rust prints the shortest decimals that read back as the same bits.
+    /// The numbers as text, in the form of the record. Rust prints the shortest decimals that read back as
+    /// the same bits.
     fn head(&self) -> String {
         let Self { projector_info: projector, camera_info: camera, camera: response, .. } = self;
         format!(
@@ -215,7 +220,7 @@ fn devices(name: &str, resolution: Resolution, channels: usize, bits: u32) -> St
     format!("`{name}` with {resolution} {colours} pixels of {bits} bits")
 }
 
-/// TOML's basic strings are written as JSON's are.
+/// A TOML string. TOML's basic strings have the syntax of JSON strings.
 fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }
@@ -228,7 +233,7 @@ fn damaged(path: &Path, fault: String) -> Error {
     Error::Data { path: path.to_path_buf(), fault, help: HELP.into() }
 }
 
-/// An array of this shape; 0 stands for any length.
+/// Reads an array of this shape. A 0 in the shape stands for any length.
 fn array(folder: &Path, name: &str, shape: &[usize]) -> Result<Vec<f64>> {
     let path = folder.join(name);
     let array = npy::read_npy(&path)?;
@@ -245,9 +250,9 @@ fn projector_curves(folder: &Path, info: &ProjectorInfo) -> Result<Vec<Vec<f64>>
     let levels = 1_usize.checked_shl(info.bits).unwrap_or(0);
     let values = array(folder, PROJECTOR, &[info.channels, levels])?;
     let curves: Vec<Vec<f64>> = values.chunks(levels.max(1)).map(<[f64]>::to_vec).collect();
-    // Ascending also rules out NaN.
+    // A curve with NaN is not sorted.
     if curves.iter().any(|curve| !curve.is_sorted_by(|a, b| a <= b)) {
-        return Err(damaged(&folder.join(PROJECTOR), "its light does not ascend with the level".into()));
+        return Err(damaged(&folder.join(PROJECTOR), "its values do not ascend with the level".into()));
     }
     Ok(curves)
 }
@@ -255,7 +260,7 @@ fn projector_curves(folder: &Path, info: &ProjectorInfo) -> Result<Vec<Vec<f64>>
 fn camera_curve(folder: &Path, bits: u32) -> Result<Vec<f64>> {
     let values = array(folder, CAMERA, &[1_usize.checked_shl(bits).unwrap_or(0)])?;
     if !values.is_sorted_by(|a, b| a <= b) {
-        return Err(damaged(&folder.join(CAMERA), "its light does not ascend with the count".into()));
+        return Err(damaged(&folder.join(CAMERA), "its values do not ascend with the count".into()));
     }
     Ok(values)
 }
@@ -270,7 +275,7 @@ fn registration(folder: &Path, camera: Resolution, projector: Resolution) -> Res
         return Err(damaged(&folder.join(STARTS), fault));
     }
     if let Some(pixel) = pixels.iter().find(|&&pixel| pixel as usize >= camera.pixels()) {
-        let fault = format!("it names pixel {pixel}, but the camera has {}", camera.pixels());
+        let fault = format!("it contains pixel {pixel}, but the camera has {} pixels", camera.pixels());
         return Err(damaged(&folder.join(PIXELS), fault));
     }
     if weights.iter().any(|weight| !weight.is_finite()) {

@@ -1,44 +1,45 @@
-//! A lamp that drifts: the sentinel is a white frame, shot again every so many photos. What it says of the lamp's light
-//! relative to the first white photo divides the photos.
+//! The drift stage: photos are divided by the brightness of the lamp, which sentinels measure.
 //!
-//! A photo must be of use at once, so the light at its time is extrapolated from the last two sentinels (interpolated, where a
-//! photo out of a journal lies between two). Times are those of the frames themselves, so a replay corrects
-//! alike.
+//! A sentinel is a photo of white that is repeated after a fixed number of patterns. The brightness of the
+//! lamp is its light relative to the first white photo. A photo is corrected as soon as it is taken, so the
+//! brightness at its time is extrapolated from the last two sentinels. For a replayed photo between two
+//! sentinels it is interpolated. Times are those of the frames, so that a replay makes the same corrections.
 
-/// The light of the lamp over time, as far as it is known.
+/// The brightness of the lamp over time, as far as it is known.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Drift {
-    /// Time on the rig's clock, and light relative to the reference.
+    /// Times in seconds on the rig's clock, and brightnesses relative to the first white photo.
     sentinels: Vec<[f64; 2]>,
 }
 
-/// The drift that was seen.
+/// The drift that was measured.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct DriftReport {
-    /// Each sentinel's time on the rig's clock in seconds, and the lamp's light relative to the first white photo.
+    /// The time of each sentinel in seconds on the rig's clock, and the brightness of the lamp relative to
+    /// the first white photo.
     pub sentinels: Vec<[f64; 2]>,
-    /// The largest relative change from the first.
+    /// The largest relative change since the first white photo.
     pub largest: f64,
 }
 
 impl Drift {
-    /// Begins with the white photo itself.
+    /// The drift after the first white photo, which was taken at this time.
     pub(super) fn new(started: f64) -> Self {
         Self { sentinels: vec![[started, 1.0]] }
     }
 
-    /// A sentinel says this of the lamp's light, relative to the first white photo.
+    /// Adds a sentinel: its time, and the brightness of the lamp relative to the first white photo.
     pub(super) fn add(&mut self, started: f64, light: f64) {
         let at = self.sentinels.partition_point(|&[time, _]| time <= started);
         self.sentinels.insert(at, [started, light]);
     }
 
-    /// Sentinels so far, the first white photo not counted.
+    /// The number of sentinels, without the first white photo.
     pub(super) fn count(&self) -> usize {
         self.sentinels.len().saturating_sub(1)
     }
 
-    /// The lamp's light at this time, relative to the first white photo.
+    /// The brightness of the lamp at this time, relative to the first white photo.
     pub(super) fn light(&self, time: f64) -> f64 {
         let after = self.sentinels.partition_point(|&[at, _]| at <= time);
         let pair = match (self.sentinels.len(), after) {
@@ -51,12 +52,12 @@ impl Drift {
         if to <= from {
             return second;
         }
-        // No further beyond the last than one interval: a line is not to be trusted for long.
+        // The line is extrapolated by at most one interval.
         let share = ((time - from) / (to - from)).min(2.0);
         first + (second - first) * share
     }
 
-    /// What was seen.
+    /// The drift so far.
     pub(super) fn report(&self) -> DriftReport {
         let largest = self.sentinels.iter().map(|[_, light]| (light - 1.0).abs()).fold(0.0, f64::max);
         DriftReport { sentinels: self.sentinels.clone(), largest }
@@ -68,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn between_two_sentinels_light_is_interpolated_and_after_them_extrapolated() {
+    fn brightness_is_interpolated_between_sentinels_and_extrapolated_after_them() {
         let mut drift = Drift::new(10.0);
         assert_eq!(drift.light(99.0), 1.0);
         drift.add(20.0, 1.1);
@@ -76,7 +77,7 @@ mod tests {
         close(5.0, 1.0);
         close(15.0, 1.05);
         close(25.0, 1.15);
-        // One interval beyond, not more.
+        // One interval beyond the last sentinel, and not more.
         close(30.0, 1.2);
         close(80.0, 1.2);
         assert_eq!(drift.report().sentinels, [[10.0, 1.0], [20.0, 1.1]]);

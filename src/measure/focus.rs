@@ -1,14 +1,17 @@
-//! How sharp a picture is, by two frames of it.
+//! A focus score: how sharp a photo is, from two frames of it.
 //!
-//! Tenengrad: the mean square of Sobel's gradient (Tenenbaum, *Accommodation in computer vision*, 1970; Krotkov, *Focusing*, IJCV 1,
-//! 1988), over the squared mean, so that exposure and brightness do not count. Squared, a gradient of noise counts like one of an edge:
-//! of two frames of one scene the *product* of gradients is taken, in which the noise of the two, being independent, averages out.
+//! The score is the Tenengrad, the mean square of the Sobel gradient (Tenenbaum, *Accommodation in computer
+//! vision*, 1970; Krotkov, *Focusing*, IJCV 1, 1988), divided by the squared mean, so that it does not depend
+//! on exposure and brightness. In the square of a gradient, noise counts as much as an edge. The score
+//! therefore takes the *product* of the gradients of two frames of the same scene: their noise is independent
+//! and averages out.
 
 use crate::rig::RawFrame;
 
-/// The focus score of two frames of one size: larger is sharper, of the same scene under the same pattern; 0 of an even surface but for
-/// chance. `black` is the count without light; pixels with a count of `limit` or more are left out, and what is beside them. `None`
-/// where there is nothing left, or no light.
+/// The focus score of two frames of the same scene under the same pattern. A larger score is sharper; that of
+/// a uniform surface is 0 up to noise. `black` is the count without light. Pixels with a count of `limit` or
+/// more are left out, and so are their neighbours. `None` when the frames differ in size, when no pixel
+/// remains, or when there is no light.
 pub fn focus(first: &RawFrame, second: &RawFrame, black: f64, limit: f64) -> Option<f64> {
     let (width, height, channels) = (first.resolution.width, first.resolution.height, first.channels);
     if (second.resolution, second.channels) != (first.resolution, channels) {
@@ -30,7 +33,7 @@ pub fn focus(first: &RawFrame, second: &RawFrame, black: f64, limit: f64) -> Opt
         for x in 1..width.saturating_sub(1) {
             let ([ax, ay], [bx, by]) = (sobel(&a, width, x, y), sobel(&b, width, x, y));
             let product = ax * bx + ay * by;
-            // A saturated neighbour makes it no number.
+            // A saturated neighbour makes the product NaN.
             if product.is_finite() {
                 products += product;
                 lights[0] += a[y * width + x];
@@ -43,7 +46,7 @@ pub fn focus(first: &RawFrame, second: &RawFrame, black: f64, limit: f64) -> Opt
     (lights[0] > 0.0 && lights[1] > 0.0).then(|| products / light)
 }
 
-/// The gradient to the right and down, in counts per pixel.
+/// The Sobel gradient to the right and down, in counts per pixel.
 fn sobel(picture: &[f64], width: usize, x: usize, y: usize) -> [f64; 2] {
     let at = |dx: usize, dy: usize| picture[(y + dy - 1) * width + x + dx - 1];
     let right = at(2, 0) + 2.0 * at(2, 1) + at(2, 2) - at(0, 0) - 2.0 * at(0, 1) - at(0, 2);
@@ -66,7 +69,7 @@ mod tests {
         RawFrame { resolution: SIZE, channels: 1, counts, exposure: 0.1, id: 0, started: 0.0 }
     }
 
-    /// Squares of eight pixels, blurred, of so much light on average.
+    /// A blurred checkerboard with squares of eight pixels, and with this much light on average.
     fn squares(blur: f64, light: f64) -> Vec<f64> {
         let sharp: Vec<f64> = (0..SIZE.pixels())
             .map(|pixel| (pixel % SIZE.width / 8 + pixel / SIZE.width / 8) % 2)
@@ -77,7 +80,7 @@ mod tests {
 
     fn score(of: &[f64], noise: f64, seed: u64) -> f64 {
         let mut random = Pcg64::seed_from_u64(seed);
-        // Even, with a standard deviation of `noise`.
+        // Uniform noise with a standard deviation of `noise`.
         let mut noisy = || -> Vec<f64> {
             of.iter().map(|v| v + 12.0_f64.sqrt() * noise * (random.random::<f64>() - 0.5)).collect()
         };
@@ -86,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn sharper_is_more_and_brighter_is_not() {
+    fn the_score_grows_with_sharpness_and_not_with_brightness() {
         let scores = [0.0, 0.7, 1.5, 3.0].map(|blur| score(&squares(blur, 10_000.0), 0.0, 0));
         assert!(scores.is_sorted_by(|a, b| a > b), "{scores:?}");
         let dim = score(&squares(1.5, 2_500.0), 0.0, 0);
@@ -95,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_no_sharpness() {
+    fn noise_does_not_raise_the_score() {
         let even = vec![10_000.0; SIZE.pixels()];
         let by_one_frame = {
             let mut random = Pcg64::seed_from_u64(1);
@@ -104,7 +107,8 @@ mod tests {
             let frame = frame(|pixel| noisy[pixel]);
             focus(&frame, &frame, 0.0, 65535.0).expect("there is light")
         };
-        // Noise of 6 %: as a square it would be that much sharpness; as a product it is only its own chance.
+        // Noise of 6 %: its square has a large mean, but the product of two independent gradients has the
+        // mean 0.
         let by_two = (0..8).map(|seed| score(&even, 577.0, seed).abs()).fold(0.0, f64::max);
         assert!(by_two < 0.1 * by_one_frame, "{by_two} {by_one_frame}");
         let (noisy, clean) =
@@ -113,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_saturated_is_left_out_and_darkness_has_no_score() {
+    fn saturated_pixels_are_left_out_and_a_dark_frame_has_no_score() {
         let mut bright = squares(0.0, 10_000.0);
         bright.iter_mut().take(10 * SIZE.width).for_each(|value| *value = 65_535.0);
         let frame = frame(|pixel| bright[pixel]);

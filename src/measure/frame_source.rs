@@ -1,4 +1,4 @@
-//! Where raw frames come from: a bench, or a journal before it.
+//! The source of raw frames: open devices, or a journal in front of them.
 
 use std::sync::Arc;
 
@@ -6,74 +6,79 @@ use super::Times;
 use crate::error::Result;
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
-/// One photo to be taken. Equal shots (of one rig and calibration) are one photo: a journal never takes it twice.
+/// A photo to be taken. Equal requests, for one rig and one calibration, are one photo: a journal never takes
+/// it twice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureRequest {
-    /// What is shown.
+    /// The frame that is shown.
     pub frame: Arc<Frame>,
     /// The exposure to set, in seconds.
     pub exposure: f64,
-    /// Tells repeated shots of the same frame apart, from 0: takes that are averaged, and the drift sentinel's whites.
+    /// The number of the repetition, from 0. It distinguishes repeated photos of the same frame: takes that
+    /// are averaged, and the drift sentinels.
     pub take: u32,
 }
 
-/// What a session with a rig has cost so far.
+/// The costs of a session with a rig: frames and time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Effort {
     /// Frames shown on the projector.
     pub shown: u64,
-    /// Frames taken that were good.
+    /// Frames taken and accepted.
     pub taken: u64,
-    /// Frames that came from the journal, at no cost.
+    /// Frames read from the journal, at no cost.
     pub replayed: u64,
-    /// Frames that did not come in time.
+    /// Frames that did not arrive in time.
     pub dropped: u64,
-    /// Frames handed out a second time, and refused.
+    /// Frames that the camera delivered a second time. They are refused.
     pub repeated: u64,
-    /// Frames whose exposure began before the pattern had settled, and refused.
+    /// Frames whose exposure began before the pattern had settled. They are refused.
     pub late: u64,
-    /// Times that the camera was restarted.
+    /// Restarts of the camera.
     pub restarts: u64,
-    /// Packets of frames that were lost on the way, and came when they were asked for again.
+    /// Packets of frames that were lost on the network and sent again on request.
     #[serde(default)]
     pub resent: u64,
-    /// Seconds on the rig's clock.
+    /// Duration in seconds on the rig's clock.
     pub seconds: f64,
-    /// Where they went, since this session opened the rig.
+    /// How these seconds were spent, since this session opened the rig.
     #[serde(default)]
     pub times: Times,
 }
 
-/// Takes raw frames.
-pub trait FrameSource {
-    /// The projector that shows.
+/// A source of raw frames.
+pub trait FrameSource: Send {
+    /// The projector.
     fn projector(&self) -> &ProjectorInfo;
 
-    /// The camera that sees.
+    /// The camera.
     fn camera(&self) -> &CameraInfo;
 
-    /// Takes this photo, or hands out the one already taken. What comes back was exposed while the frame was on screen, and
-    /// was never handed out for another shot.
+    /// Takes the requested photo, or returns the one that was taken before. The returned frame was exposed
+    /// while the requested frame was on screen, and was never returned for another request.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when the rig fails for good; [`Error::Interrupted`](crate::Error::Interrupted).
-    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame>;
+    /// [`Error::Rig`](crate::Error::Rig) when the rig fails and does not recover;
+    /// [`Error::Interrupted`](crate::Error::Interrupted) when the user asks to stop.
+    fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame>;
 
-    /// Goes on after a photo that an interrupted session took: `shot` is put on screen again, and `frame` was the camera's
-    /// last. A journal says so once, before the first photo that it does not have; then a virtual rig that was opened after
-    /// that frame's [`Stamp`](crate::rig::Stamp) goes on as if there had been no interruption.
+    /// Continues after the last photo of an interrupted session: the frame of `request` is put on screen
+    /// again, and `frame` was the camera's last. A journal calls this once, before the first photo that it
+    /// does not hold. A virtual rig that was opened with that frame's [`Stamp`](crate::rig::Stamp) then
+    /// continues as if there had been no interruption.
     ///
     /// # Errors
-    /// As [`Self::shoot`].
-    fn follow(&mut self, shot: &CaptureRequest, frame: &RawFrame) -> Result<()> {
-        let _ = (shot, frame);
+    /// Those of [`Self::capture`].
+    fn follow(&mut self, request: &CaptureRequest, frame: &RawFrame) -> Result<()> {
+        let _ = (request, frame);
         Ok(())
     }
 
-    /// How many seconds pass from now on between a frame's confirmation and the exposure. It is no part of a [`CaptureRequest`]: who
-    /// compares one frame at several times tells them apart by `take`. A journal without a rig ignores it.
+    /// Sets how many seconds pass between the confirmation of a frame and its exposure. This time is not part
+    /// of a [`CaptureRequest`], so photos of one frame after different times must differ in `take`. A journal
+    /// without a rig ignores it.
     fn set_settle(&mut self, seconds: f64);
 
-    /// What it has cost so far.
+    /// The costs so far.
     fn effort(&self) -> Effort;
 }

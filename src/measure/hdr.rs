@@ -1,48 +1,54 @@
-//! Bracketed exposures merged into one photo, by inverse variance (section 7.2).
+//! The HDR stage: bracketed exposures are merged into one photo, weighted by inverse variance (O'Toole and
+//! Kutulakos, section 7.2).
 //!
-//! Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, with `B_e` the black photo's. The merged rate is
+//! Exposure `e` of `t_e` seconds gives the rate `R_e = (L_e − B_e) / t_e`, where `L_e` is the light of the
+//! photo and `B_e` that of the black photo. The merged rate is
 //!
 //! ```text
 //! R = Σ w_e R_e,   w_e ∝ t_e² / var L_e,   Σ w_e = 1
 //! ```
 //!
-//! The variance is that of the *expected* count `B_e + R t_e`, of the merged rate itself and not of the sample: a sample that
-//! came out low would have the lower variance, so the greater weight, and the result would be low by about a DN. To
-//! first order weights by the merged rate have no bias: with `w_e var R_e` the same for all exposures, the merged rate is
-//! correlated alike with all, and the changes of the weights add up to 0.
+//! The variance is that of the *expected* count `B_e + R t_e`, which follows from the merged rate, and not
+//! that of the measured sample. With the measured sample, a sample that is low by chance would have a lower
+//! variance and so a greater weight, and the result would be low by about one DN. Weights by the merged rate
+//! have no bias to first order: `w_e var R_e` is the same for all exposures, so the merged rate is equally
+//! correlated with all of them, and the changes of the weights add up to 0.
 //!
-//! Saturated samples never enter. Nor do those that are likely to be: of a pixel that is *expected* to saturate, the samples
-//! below saturation are the low ones. What the shorter exposures say decides.
+//! Saturated samples never enter the sum. Samples of a pixel that is *expected* to saturate do not enter
+//! either, because only the low ones lie below saturation. The shorter exposures decide what is expected.
 
-use super::averaging::Exposed;
+use super::averaging::AveragedExposure;
 use super::response::CameraCurve;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// How many standard deviations the expected count must stay below saturation.
+/// The expected count must lie this many standard deviations below saturation.
 const HEADROOM: f64 = 4.0;
 
-/// Passes from weights to merged rate to weights; the second already moves weights by less than a thousandth.
+/// Iterations from weights to merged rate to weights. The second one changes the weights by less than a
+/// thousandth.
 const PASSES: usize = 2;
 
-/// A frame seen by the camera: linear DN per second without the black photo's, interleaved.
+/// The merged photo of a frame on the camera's pixels: linear DN per second after the black photo is
+/// subtracted, as interleaved samples.
 #[derive(Clone, Debug)]
-pub(super) struct Sighting {
-    /// When it was taken.
+pub(super) struct RateFrame {
+    /// When the first exposure began, in seconds on the rig's clock.
     pub(super) started: f64,
-    /// Rates.
+    /// The rates.
     pub(super) values: Vec<f64>,
-    /// Their variances, but for the black photo's share, which all sightings have in common.
+    /// The variances of the rates, without the contribution of the black photo, which all photos have in
+    /// common.
     pub(super) variance: Vec<f64>,
-    /// How much of each exposure's black rate was subtracted: one plane for each exposure; `None` where all is of one
-    /// exposure, with a share of `scale`.
+    /// The share of each exposure's black rate that was subtracted: one plane per exposure. `None` when there
+    /// is only one exposure, whose share is 1.
     pub(super) shares: Option<Vec<Vec<f64>>>,
-    /// By what drift correction scaled all of it; shares are to be multiplied by it.
+    /// The factor of the drift correction. The shares must be multiplied by it.
     pub(super) scale: f64,
 }
 
-impl Sighting {
-    /// As if the lamp had been `factor` times as bright.
+impl RateFrame {
+    /// Multiplies the photo by `factor`, as if the lamp had been brighter by it.
     pub(super) fn scale(&mut self, factor: f64) {
         self.values.iter_mut().for_each(|value| *value *= factor);
         self.variance.iter_mut().for_each(|variance| *variance *= factor * factor);
@@ -50,18 +56,18 @@ impl Sighting {
     }
 }
 
-/// Merges exposures, the shortest first; `blacks`, if there are any, in the same order. Pixels that are not `used` may
-/// saturate; they are 0, of infinite variance.
+/// Merges exposures, the shortest first. `blacks` are the black photos in the same order, or empty. Pixels
+/// that are not `used` may be saturated; their value is 0 with infinite variance.
 pub(super) fn merge(
-    exposed: &[Exposed],
-    blacks: &[Exposed],
+    exposed: &[AveragedExposure],
+    blacks: &[AveragedExposure],
     curve: &CameraCurve,
     used: &[bool],
     camera: Resolution,
-) -> Result<Sighting> {
+) -> Result<RateFrame> {
     let samples = exposed[0].mean.len();
     let channels = samples / used.len().max(1);
-    let mut merged = Sighting {
+    let mut merged = RateFrame {
         started: exposed[0].started,
         values: vec![0.0; samples],
         variance: vec![f64::INFINITY; samples],
@@ -91,7 +97,8 @@ pub(super) fn merge(
     }
 }
 
-/// The error that names saturated pixels.
+/// The error for pixels that are saturated in every exposure. `pixel` is the first one, and `shortest` the
+/// shortest exposure in seconds.
 pub(super) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resolution) -> Error {
     Error::Saturated {
         device: "camera".into(),
@@ -105,10 +112,11 @@ pub(super) fn saturated(pixel: usize, count: usize, shortest: f64, camera: Resol
     }
 }
 
-/// Value and variance of one sample, and the weights of its exposures; `None` when no exposure can be used.
+/// The value and the variance of one sample. The `weights` of its exposures are written. `None` when no
+/// exposure can be used.
 fn merge_sample(
-    exposed: &[Exposed],
-    blacks: &[Exposed],
+    exposed: &[AveragedExposure],
+    blacks: &[AveragedExposure],
     curve: &CameraCurve,
     sample: usize,
     weights: &mut [f64],
@@ -133,7 +141,7 @@ fn merge_sample(
                 continue;
             }
         }
-        // CaptureRequest noise alone would weigh by time: where the passes below begin.
+        // The start of the iteration below: with shot noise alone the weights are proportional to time.
         weights[e] = exposed[e].exposure;
         precision += weights[e];
         value += (rate(e) - value) * weights[e] / precision;

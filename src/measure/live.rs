@@ -1,8 +1,10 @@
-//! Raw frames from an open bench, each exposed while its pattern was on screen, and none handed out twice.
+//! Raw frames from open devices. Each returned frame was exposed while its pattern was on screen, and no
+//! frame is returned twice.
 //!
-//! A camera's frame is trusted only if it is new (its number is past that of every frame before), if its exposure is the one
-//! that was set, and if that began after the pattern had settled and after every frame before. What is not is counted,
-//! refused and taken anew, within a limit; a camera that hangs is restarted on the way.
+//! A frame of the camera is accepted if it is new (its number is larger than that of every frame before), if
+//! its exposure time is the one that was set, and if the exposure began after the pattern had settled and
+//! after every frame before. Other frames are counted, refused and taken again, up to a limit. A camera that
+//! delivers nothing is restarted in between.
 
 use std::sync::Arc;
 
@@ -10,39 +12,42 @@ use super::{CaptureRequest, Effort, FrameSource, Times};
 use crate::error::{Error, Result};
 use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, RawFrame};
 
-/// Exposures differ from what was set by less, relatively: some cameras hand them out as 32-bit numbers.
+/// The largest relative difference between the exposure of a frame and the one that was set. Some cameras
+/// report it as a 32-bit number.
 const EXPOSURE_TOLERANCE: f64 = 1e-6;
 
-/// Takes frames from a bench.
+/// The frame source of open devices.
 pub struct LiveFrames {
-    bench: Devices,
+    devices: Devices,
     settle: f64,
     tries: u32,
-    /// What is on screen, and when that was confirmed.
+    /// The frame on screen, and when it was confirmed.
     shown: Option<(Arc<Frame>, f64)>,
-    /// The exposure that was asked for, and the one that was set.
+    /// The exposure that was requested, and the one that the camera set.
     exposure: Option<[f64; 2]>,
-    /// Number (not known after a restart, which may set it back) and time of the last frame that was new.
+    /// The number and the start of the last new frame. The number is unknown after a restart, which may reset
+    /// it.
     last: (Option<u64>, f64),
-    /// When the session began.
+    /// When the session began, on the rig's clock.
     opened: f64,
     effort: Effort,
 }
 
-/// Why a frame is refused.
+/// Why a frame was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Refused {
+enum Rejection {
     Dropped,
     Repeated,
     Late,
 }
 
 impl LiveFrames {
-    /// Takes frames from `bench`, `settle` seconds after a pattern is confirmed at the earliest, with `tries` tries for each.
-    pub fn new(bench: Devices, settle: f64, tries: u32) -> Self {
-        let opened = bench.clock.now();
+    /// Takes frames from `devices`. Exposures begin at least `settle` seconds after a pattern is confirmed.
+    /// Each frame has `tries` tries.
+    pub fn new(devices: Devices, settle: f64, tries: u32) -> Self {
+        let opened = devices.clock.now();
         Self {
-            bench,
+            devices,
             settle,
             tries: tries.max(1),
             shown: None,
@@ -53,25 +58,25 @@ impl LiveFrames {
         }
     }
 
-    /// Does something that takes time, and counts it as `part` of it.
-    fn spend<T>(&mut self, part: fn(&mut Times) -> &mut f64, doing: impl FnOnce(&mut Devices) -> T) -> T {
-        let began = self.bench.clock.now();
-        let done = doing(&mut self.bench);
-        *part(&mut self.effort.times) += self.bench.clock.now() - began;
+    /// Calls `doing`, and adds the time that it takes to this `part` of the session's time.
+    fn timed<T>(&mut self, part: fn(&mut Times) -> &mut f64, doing: impl FnOnce(&mut Devices) -> T) -> T {
+        let began = self.devices.clock.now();
+        let done = doing(&mut self.devices);
+        *part(&mut self.effort.times) += self.devices.clock.now() - began;
         done
     }
 
-    /// Puts `frame` on screen unless it is there; when it has settled.
+    /// Puts `frame` on screen unless it is there already. Returns the time at which it has settled.
     fn show(&mut self, frame: &Arc<Frame>) -> Result<f64> {
         if let Some((shown, at)) = &self.shown
             && (Arc::ptr_eq(shown, frame) || shown == frame)
         {
             return Ok(at + self.settle);
         }
-        // Should it fail, nobody knows what is on screen.
+        // If this fails, it is unknown what is on screen.
         self.shown = None;
-        let at = self.spend(|times| &mut times.show, |bench| bench.projector.show(frame))?.at;
-        let (waited, times) = (self.bench.projector.waited(), &mut self.effort.times);
+        let at = self.timed(|times| &mut times.show, |devices| devices.projector.show(frame))?.at;
+        let (waited, times) = (self.devices.projector.waited(), &mut self.effort.times);
         times.show -= waited.refresh + waited.settle;
         times.refresh += waited.refresh;
         times.settle += waited.settle;
@@ -80,7 +85,8 @@ impl LiveFrames {
         Ok(at + self.settle)
     }
 
-    /// Sets the exposure unless it is set; what was really set.
+    /// Sets the exposure unless it is set already. Returns the exposure that the camera really set, in
+    /// seconds.
     fn configure(&mut self, asked: f64) -> Result<f64> {
         if let Some([before, set]) = self.exposure
             && before == asked
@@ -88,10 +94,10 @@ impl LiveFrames {
             return Ok(set);
         }
         self.exposure = None;
-        let set = self.spend(|times| &mut times.transfer, |bench| bench.camera.configure(asked))?;
+        let set = self.timed(|times| &mut times.transfer, |devices| devices.camera.configure(asked))?;
         if !(set.is_finite() && set > 0.0) {
             return Err(self.fault(
-                format!("asked for an exposure of {asked} s, it says that it has set {set} s"),
+                format!("it was asked for an exposure of {asked} s and says that it has set {set} s"),
                 "give exposures within the camera's range, and check its driver",
             ));
         }
@@ -99,35 +105,35 @@ impl LiveFrames {
         Ok(set)
     }
 
-    /// Takes one frame, which must have begun from `ready` on.
-    fn take(&mut self, exposure: f64, ready: f64) -> Result<std::result::Result<RawFrame, Refused>> {
-        let captured = self.spend(|times| &mut times.transfer, |bench| bench.camera.capture())?;
-        let Some(frame) = captured else { return Ok(Err(Refused::Dropped)) };
+    /// Takes one frame, whose exposure must not begin before the time `ready`.
+    fn take(&mut self, exposure: f64, ready: f64) -> Result<std::result::Result<RawFrame, Rejection>> {
+        let captured = self.timed(|times| &mut times.transfer, |devices| devices.camera.capture())?;
+        let Some(frame) = captured else { return Ok(Err(Rejection::Dropped)) };
         self.check_shape(&frame)?;
         let (last_id, last_started) = self.last;
         let is_repeated = last_id.map_or(frame.started <= last_started, |last| frame.id <= last);
         if is_repeated {
-            return Ok(Err(Refused::Repeated));
+            return Ok(Err(Rejection::Repeated));
         }
         self.last = (Some(frame.id), frame.started.max(last_started));
         let is_as_set = (frame.exposure - exposure).abs() <= EXPOSURE_TOLERANCE * exposure;
         if frame.started < ready || frame.started <= last_started || !is_as_set {
-            return Ok(Err(Refused::Late));
+            return Ok(Err(Rejection::Late));
         }
         self.effort.times.expose += frame.exposure;
         self.effort.times.transfer -= frame.exposure;
-        // A photo of something else must not count.
-        self.spend(|times| &mut times.show, |bench| bench.projector.confirm())?;
+        // The projector may have shown something else in the meantime.
+        self.timed(|times| &mut times.show, |devices| devices.projector.confirm())?;
         Ok(Ok(frame))
     }
 
     fn check_shape(&self, frame: &RawFrame) -> Result<()> {
-        let info = self.bench.camera.info();
+        let info = self.devices.camera.info();
         frame.check()?;
         if (frame.resolution, frame.channels) != (info.resolution, info.channels) {
             return Err(self.fault(
                 format!(
-                    "a frame of {} with {} channels came, where {} with {} was expected",
+                    "it delivered a frame of {} with {} channels instead of {} with {}",
                     frame.resolution, frame.channels, info.resolution, info.channels
                 ),
                 "set the camera's region and pixel format as the rig file says",
@@ -135,36 +141,37 @@ impl LiveFrames {
         }
         if !frame.started.is_finite() {
             return Err(self.fault(
-                "a frame came without the time of its exposure".into(),
-                "switch the camera's timestamps on: without them, a frame of the pattern before cannot be told",
+                "it delivered a frame without the time of its exposure".into(),
+                "switch the camera's timestamps on: without them, a frame of the previous pattern cannot be recognized",
             ));
         }
         Ok(())
     }
 
-    fn count(&mut self, refused: Refused) {
+    fn count(&mut self, refused: Rejection) {
         match refused {
-            Refused::Dropped => self.effort.dropped += 1,
-            Refused::Repeated => self.effort.repeated += 1,
-            Refused::Late => self.effort.late += 1,
+            Rejection::Dropped => self.effort.dropped += 1,
+            Rejection::Repeated => self.effort.repeated += 1,
+            Rejection::Late => self.effort.late += 1,
         }
     }
 
     fn restart(&mut self) -> Result<()> {
-        self.spend(|times| &mut times.transfer, |bench| bench.camera.restart())?;
-        // It may count its frames anew; their time tells whether they are new.
+        self.timed(|times| &mut times.transfer, |devices| devices.camera.restart())?;
+        // The camera may restart its frame numbers. New frames are then recognized by their time.
         self.last.0 = None;
         self.effort.restarts += 1;
         Ok(())
     }
 
     fn fault(&self, fault: String, help: &str) -> Error {
-        Error::Rig { device: self.bench.camera.info().name.clone(), fault, help: help.into() }
+        Error::Rig { device: self.devices.camera.info().name.clone(), fault, help: help.into() }
     }
 
-    fn give_up(&self, refused: &[Refused], restarted: bool) -> Error {
+    fn give_up(&self, refused: &[Rejection], restarted: bool) -> Error {
         let number = |what| refused.iter().filter(|&&refused| refused == what).count();
-        let [dropped, repeated, late] = [Refused::Dropped, Refused::Repeated, Refused::Late].map(number);
+        let [dropped, repeated, late] =
+            [Rejection::Dropped, Rejection::Repeated, Rejection::Late].map(number);
         let mut fault = format!(
             "no good frame in {} tries: {dropped} did not come, {repeated} came a second time, {late} were exposed \
              before the pattern had settled",
@@ -176,9 +183,9 @@ impl LiveFrames {
         self.fault(
             fault,
             if late > dropped + repeated {
-                "give a longer `settle` or more `tries` in [measurement]; a camera that runs free must be triggered"
+                "give a longer `settle` or more `tries` in [measurement]; a free-running camera must be triggered"
             } else {
-                "check the camera's cable and power, or give more `tries` in [measurement]; what was taken so far is kept"
+                "check the camera's cable and power, or give more `tries` in [measurement]; the photos taken so far are kept"
             },
         )
     }
@@ -186,26 +193,26 @@ impl LiveFrames {
 
 impl FrameSource for LiveFrames {
     fn projector(&self) -> &ProjectorInfo {
-        self.bench.projector.info()
+        self.devices.projector.info()
     }
 
     fn camera(&self) -> &CameraInfo {
-        self.bench.camera.info()
+        self.devices.camera.info()
     }
 
-    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
-        let exposure = self.configure(shot.exposure)?;
-        let ready = self.show(&shot.frame)?;
+    fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
+        let exposure = self.configure(request.exposure)?;
+        let ready = self.show(&request.frame)?;
         let mut refused = Vec::new();
         let mut restarted = false;
         loop {
-            let wait = |bench: &mut Devices| {
-                // A real clock may wake a little early.
-                while bench.clock.now() < ready {
-                    bench.clock.sleep(ready - bench.clock.now());
+            let wait = |devices: &mut Devices| {
+                // A real clock may wake up a little early.
+                while devices.clock.now() < ready {
+                    devices.clock.sleep(ready - devices.clock.now());
                 }
             };
-            self.spend(|times| &mut times.settle, wait);
+            self.timed(|times| &mut times.settle, wait);
             let why = match self.take(exposure, ready)? {
                 Ok(frame) => {
                     self.effort.taken += 1;
@@ -218,7 +225,7 @@ impl FrameSource for LiveFrames {
             if refused.len() >= self.tries as usize {
                 return Err(self.give_up(&refused, restarted));
             }
-            let hangs = !refused.contains(&Refused::Late);
+            let hangs = !refused.contains(&Rejection::Late);
             if !restarted && hangs && 2 * refused.len() >= self.tries as usize {
                 self.restart()?;
                 restarted = true;
@@ -226,9 +233,9 @@ impl FrameSource for LiveFrames {
         }
     }
 
-    fn follow(&mut self, shot: &CaptureRequest, frame: &RawFrame) -> Result<()> {
-        let shown = self.bench.projector.restore(&shot.frame)?;
-        self.shown = Some((Arc::clone(&shot.frame), shown.at));
+    fn follow(&mut self, request: &CaptureRequest, frame: &RawFrame) -> Result<()> {
+        let shown = self.devices.projector.restore(&request.frame)?;
+        self.shown = Some((Arc::clone(&request.frame), shown.at));
         self.last = (Some(frame.id), frame.started);
         Ok(())
     }
@@ -238,14 +245,14 @@ impl FrameSource for LiveFrames {
     }
 
     fn effort(&self) -> Effort {
-        let seconds = self.bench.clock.now() - self.opened;
+        let seconds = self.devices.clock.now() - self.opened;
         let times = self.effort.times;
-        // Where time is simulated nothing is left but rounding, of either sign.
+        // With a simulated clock only rounding errors remain, which may be negative.
         let process = (seconds - times.sum()).max(0.0);
         Effort {
             seconds,
             times: Times { process, ..times },
-            resent: self.bench.camera.resent(),
+            resent: self.devices.camera.resent(),
             ..self.effort
         }
     }

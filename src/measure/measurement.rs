@@ -1,4 +1,4 @@
-//! A rig as a linear operator: the stages put together.
+//! A measured rig: all stages between its raw frames and its photos.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -7,10 +7,10 @@ use super::calibration::{Calibration, Registration};
 use super::display::Display;
 use super::drift::DriftReport;
 use super::frame_source::{Effort, FrameSource};
-use super::hdr::Sighting;
+use super::hdr::RateFrame;
 use super::options::MeasureOptions;
 use super::photo::{Photo, Plane};
-use super::photographer::{Exposer, Photographer};
+use super::photo_pipeline::{HdrCamera, PhotoPipeline};
 use super::registration::{choose, combine};
 use super::response::CameraCurve;
 use crate::error::{Error, Result};
@@ -19,18 +19,19 @@ use crate::operator::Symmetry;
 use crate::rig::Frame;
 use crate::transport::Part;
 
-/// Relative luminance of linear Rec. 709.
+/// The luminance of linear red, green and blue by Rec. 709.
 const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// A rig that is measured: raw frames in, photos and products out.
+/// A measured rig: it takes raw frames, and makes photos and products of them.
 ///
-/// Nothing is shot before it is needed; then, first of all, white test shots (unless exposures are given), black and
-/// white. What is shot is a function of the options, of what is asked for, and of the frames so far.
+/// No photo is taken before it is needed. The first ones are test photos of white (unless the options give
+/// exposures), then black and white. Which photos are taken depends only on the options, on the calls, and on
+/// the earlier frames, so that a journal can replay them.
 ///
-/// All results are on the projector's pixels, in linear DN per second for a full-range pattern. Pixels that no camera pixel sees are masked:
-/// they are never lit, and their values are 0.
+/// All results are on the projector's pixels, in linear DN per second for a full-range pattern. Pixels that
+/// no camera pixel sees are masked: they are never lit, and their values are 0.
 pub struct Measurement {
-    pub(super) photographer: Photographer,
+    pub(super) pipeline: PhotoPipeline,
     pub(super) display: Display,
     pub(super) registration: Registration,
     pub(super) importance: Vec<f64>,
@@ -45,18 +46,18 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// Of the rig behind `shots`.
+    /// A measurement of the rig that `frames` come from.
     ///
     /// # Errors
-    /// [`Error::Option`] where an option is out of range; [`Error::Dimension`] and [`Error::Numerical`] where the calibration
-    /// is not of these devices or makes no sense.
+    /// [`Error::Option`] when an option is out of range; [`Error::Dimension`] or [`Error::Numerical`] when
+    /// the calibration does not belong to these devices or is invalid.
     pub fn new(
-        shots: Box<dyn FrameSource>,
+        frames: Box<dyn FrameSource>,
         calibration: Calibration,
         options: MeasureOptions,
     ) -> Result<Self> {
         options.check()?;
-        let (projector, camera) = (shots.projector().clone(), shots.camera().clone());
+        let (projector, camera) = (frames.projector().clone(), frames.camera().clone());
         if calibration.projector.len() != projector.channels {
             return Err(Error::Dimension {
                 what: "response curves of the projector in the calibration",
@@ -70,7 +71,7 @@ impl Measurement {
         {
             return Err(Error::Option {
                 option: "[measurement] exposures".into(),
-                fault: format!("{exposure} s is not among the camera's exposures"),
+                fault: format!("{exposure} s is outside of the camera's range"),
                 help: format!("give seconds from {shortest} to {longest}"),
             });
         }
@@ -88,8 +89,8 @@ impl Measurement {
         let mask: Vec<f64> = seen.iter().map(|&seen| f64::from(u8::from(seen))).collect();
         let white = display.show_below(&[mask])?.frame;
         let black = Arc::new(Frame::filled(projector.resolution, projector.channels, 0));
-        let exposer = Exposer {
-            shots,
+        let exposer = HdrCamera {
+            frames,
             curve,
             used: importance.iter().map(|&importance| importance > 0.0).collect(),
             white,
@@ -98,7 +99,7 @@ impl Measurement {
             shown: HashSet::new(),
         };
         Ok(Self {
-            photographer: Photographer::new(exposer),
+            pipeline: PhotoPipeline::new(exposer),
             display,
             blur: Blur::new(projector.resolution, options.blur),
             registration,
@@ -113,101 +114,106 @@ impl Measurement {
         })
     }
 
-    /// Reads a colour camera as a gray one from here on: its channels weighted by luminance.
+    /// Converts a colour camera to a gray one: its channels are weighted by luminance.
     #[must_use]
     pub fn in_luma(mut self) -> Self {
         self.luma = true;
         self
     }
 
-    /// Declares whether the rig is coaxial, projector and camera with the same pose and lens, so that `A = Aᵀ`. By default it is.
+    /// Declares whether the rig is coaxial, so that `A = Aᵀ`: projector and camera then have the same pose
+    /// and lens. By default it is.
     #[must_use]
     pub fn declared(mut self, symmetry: Symmetry) -> Self {
         self.symmetry = symmetry;
         self
     }
 
-    /// Whether the rig is declared coaxial, and so its matrix symmetric.
+    /// Whether the rig was declared coaxial, so that its matrix is symmetric.
     pub fn symmetry(&self) -> Symmetry {
         self.symmetry
     }
 
-    /// The projector's pixels: those of patterns and photos.
+    /// The projector's pixels, which are also those of photos.
     pub fn resolution(&self) -> Resolution {
         self.registration.projector
     }
 
-    /// The channels that can be measured, 1 or 3.
+    /// The number of channels that can be measured, 1 or 3.
     pub fn channels(&self) -> usize {
         if self.luma { 1 } else { self.camera_channels() }
     }
 
-    /// How it is measured.
+    /// The options of the stages.
     pub fn options(&self) -> &MeasureOptions {
         &self.options
     }
 
-    /// Which pixels some camera pixel sees. The others are masked.
+    /// Which of the projector's pixels at least one camera pixel sees. The others are masked.
     pub fn seen(&self) -> &[bool] {
         &self.seen
     }
 
-    /// What it has cost so far.
+    /// The costs so far.
     pub fn effort(&self) -> Effort {
-        self.photographer.camera.shots.effort()
+        self.pipeline.camera.frames.effort()
     }
 
-    /// Different patterns shown so far, black and white among them.
+    /// The number of different patterns that were shown so far, black and white included.
     pub fn patterns(&self) -> usize {
-        self.photographer.camera.shown.len()
+        self.pipeline.camera.shown.len()
     }
 
     /// The exposures in use, in seconds.
     ///
     /// # Errors
-    /// Whatever keeps the photos from being taken that they are chosen by.
+    /// Those of taking the test photos by which the exposures are chosen.
     pub fn exposures(&mut self) -> Result<Vec<f64>> {
-        Ok(self.photographer.basics()?.exposures.clone())
+        Ok(self.pipeline.references()?.exposures.clone())
     }
 
-    /// Share of the camera's samples that some exposure of the white photo saturates: there the shorter ones count.
+    /// The share of the camera's samples that are saturated in at least one exposure of the white photo.
+    /// Shorter exposures replace them.
     ///
     /// # Errors
-    /// Whatever keeps the white photo from being taken.
+    /// Those of taking the white photo.
     pub fn saturated(&mut self) -> Result<f64> {
-        Ok(self.photographer.basics()?.saturated)
+        Ok(self.pipeline.references()?.saturated)
     }
 
-    /// What the drift sentinel saw.
+    /// The drift of the lamp, as the sentinels measured it.
     ///
     /// # Errors
-    /// Whatever keeps the white photo from being taken.
+    /// Those of taking the white photo.
     pub fn drift(&mut self) -> Result<DriftReport> {
-        Ok(self.photographer.basics()?.drift.report())
+        Ok(self.pipeline.references()?.drift.report())
     }
 
     /// The white photo, `A 1`. It is taken once.
     ///
     /// # Errors
-    /// Whatever keeps it from being taken.
+    /// Those of taking it.
     pub fn white(&mut self) -> Result<Photo> {
         let planes = self.white_planes()?;
         Ok(self.photo(planes))
     }
 
-    /// The black photo: what is there without a pattern. It is taken once; without the ambient stage it is unknown, and 0.
+    /// The black photo: the light without a pattern. It is taken once. When the ambient stage is switched off
+    /// it is unknown, and 0.
     ///
     /// # Errors
-    /// Whatever keeps it from being taken.
+    /// Those of taking it.
     pub fn ambient(&mut self) -> Result<Photo> {
         let channels = self.camera_channels();
-        let basics = self.photographer.basics()?;
-        // The longest exposure has the least noise wherever it is not saturated, which the white photo has made sure of.
-        let Some((black, variance)) = basics.blacks.exposed.last().zip(basics.blacks.variance.last()) else {
+        let references = self.pipeline.references()?;
+        // The longest exposure has the least noise where it is not saturated. That it is not follows from the
+        // white photo.
+        let Some((black, variance)) = references.blacks.exposed.last().zip(references.blacks.variance.last())
+        else {
             let planes = vec![Plane::zero(self.registration.projector.pixels()); channels];
             return Ok(self.photo(planes));
         };
-        let sighting = Sighting {
+        let rate_frame = RateFrame {
             started: black.started,
             values: black.mean.iter().map(|mean| mean / black.exposure).collect(),
             variance: variance.clone(),
@@ -216,44 +222,50 @@ impl Measurement {
         };
         let planes = (0..channels)
             .map(|channel| {
-                combine(&self.registration, &[&sighting], &|_, _| 1.0, &basics.blacks, (channel, channels))
+                combine(
+                    &self.registration,
+                    &[&rate_frame],
+                    &|_, _| 1.0,
+                    &references.blacks,
+                    (channel, channels),
+                )
             })
             .collect();
         Ok(self.photo(planes))
     }
 
-    /// The direct image, `diag(A_direct)`, by shifted squares. It is taken once.
+    /// The direct image, `diag(A_direct)`, by shifted checkerboards. It is measured once.
     ///
     /// # Errors
-    /// [`Error::Option`] when the options do not have it measured; and whatever keeps it from being taken.
+    /// [`Error::Option`] when the options exclude this measurement; and those of taking its photos.
     pub fn direct(&mut self) -> Result<Photo> {
         let planes = self.direct_planes()?;
         Ok(self.photo(planes))
     }
 
-    /// The photo of a pattern of light, gray or coloured, in `[0, 1]`.
+    /// The photo of a pattern of light in `[0, 1]`, gray or coloured.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the pattern is not of the projector's size; [`Error::Numerical`] when it is out of range; and
-    /// whatever keeps the photo from being taken.
+    /// [`Error::Dimension`] when the pattern does not have the projector's size; [`Error::Numerical`] when a
+    /// value is out of range; and those of taking the photo.
     pub fn photograph(&mut self, pattern: &Image) -> Result<Photo> {
         self.check_length("pixels of the pattern", pattern.resolution().pixels())?;
         if let Some(wrong) = pattern.samples().iter().find(|sample| !(0.0..=1.0).contains(*sample)) {
             return Err(Error::Numerical(format!(
-                "a projector cannot show {wrong}\n  help: give patterns of values from 0 to 1"
+                "a projector cannot show the value {wrong}\n  help: give patterns with values from 0 to 1"
             )));
         }
-        let wish: Vec<Vec<f64>> =
+        let target: Vec<Vec<f64>> =
             (0..pattern.channels()).map(|channel| self.masked(&pattern.plane(channel))).collect();
         let mut terms = Vec::new();
-        self.capture(1.0, &wish, Part::Full, &mut terms)?;
+        self.capture(1.0, &target, Part::Full, &mut terms)?;
         let planes = (0..self.camera_channels())
             .map(|channel| self.sum(&terms, 0.0, channel))
             .collect::<Result<Vec<Plane>>>()?;
         Ok(self.photo(planes))
     }
 
-    /// The last product, with the variance of each entry.
+    /// The last product of an operator of this rig, with the variance of each entry.
     pub fn last_product(&self) -> Option<&Plane> {
         self.last.as_ref()
     }
@@ -268,10 +280,11 @@ impl Measurement {
         Ok(self.white.clone().unwrap_or_default())
     }
 
+    /// The photo of planes of the camera's channels.
     pub(super) fn photo(&self, planes: Vec<Plane>) -> Photo {
         let fold = |channel| {
             let mut folded = Plane::zero(self.registration.projector.pixels());
-            for (camera_channel, weight) in self.reading(channel) {
+            for (camera_channel, weight) in self.channel_weights(channel) {
                 folded.add(weight, &planes[camera_channel]);
             }
             folded
@@ -279,8 +292,8 @@ impl Measurement {
         Photo { resolution: self.resolution(), planes: (0..self.channels()).map(fold).collect() }
     }
 
-    /// The camera's channels that one of ours is made of, and their weights.
-    pub(super) fn reading(&self, channel: usize) -> Vec<(usize, f64)> {
+    /// The camera's channels that make up one channel of the measurement, and their weights.
+    pub(super) fn channel_weights(&self, channel: usize) -> Vec<(usize, f64)> {
         if self.luma && self.camera_channels() == 3 {
             LUMINANCE.into_iter().enumerate().collect()
         } else {
@@ -289,9 +302,10 @@ impl Measurement {
     }
 
     pub(super) fn camera_channels(&self) -> usize {
-        self.photographer.camera.shots.camera().channels
+        self.pipeline.camera.frames.camera().channels
     }
 
+    /// `x` with 0 at the masked pixels.
     pub(super) fn masked(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.seen).map(|(&x, &seen)| if seen { x } else { 0.0 }).collect()
     }
@@ -302,5 +316,23 @@ impl Measurement {
             return Ok(());
         }
         Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::{JournaledFrames, LiveFrames, Opener};
+
+    /// It compiles for types that may move to another thread, and for no others.
+    fn assert_send<T: Send>() {}
+
+    #[test]
+    fn a_measurement_and_its_frame_sources_may_move_to_another_thread() {
+        assert_send::<Measurement>();
+        assert_send::<Box<dyn FrameSource>>();
+        assert_send::<LiveFrames>();
+        assert_send::<JournaledFrames<'_>>();
+        assert_send::<Opener<'_>>();
     }
 }

@@ -1,26 +1,33 @@
-//! From photons to a linear operator: what stands between a rig's integers and `A x` for a signed, real `x`.
+//! The measurement of a rig: from the integers of projector and camera to products `A x` with signed, real
+//! vectors `x`.
 //!
-//! Each correction is a stage in a file of its own (O'Toole and Kutulakos, sections 7 and 8), and can be switched off
-//! ([`MeasureOptions`]). Raw frames come from [`FrameSource`]; what is known of the devices is a [`Calibration`]; all together is a
-//! [`Measurement`], whose [`MeasuredOperator`] the Krylov methods see.
+//! Raw frames come from a [`FrameSource`]: live devices ([`LiveFrames`]) or a journal in front of them
+//! ([`JournaledFrames`]). A [`Calibration`] holds the devices' responses, noise and pixel map; [`calibrate`]
+//! measures it. A [`Measurement`] puts all stages together, and its [`MeasuredOperator`] is the linear
+//! operator for the Krylov methods. A [`RigFile`] describes a rig; [`rig_check`] and [`preview`] help to set
+//! one up.
 //!
-//! | file | stage |
-//! |---|---|
-//! | `live` | waits for the light to settle, and knows a new frame from an old one |
-//! | `times` | where a session's seconds go |
-//! | `averaging` | takes of one frame |
-//! | `response` | counts to light with its noise, light to levels |
-//! | `exposure`, `hdr` | exposures chosen, and merged by inverse variance |
-//! | `ambient` | the black photo subtracted, nothing clipped |
-//! | `drift` | the lamp's light, watched by a sentinel |
-//! | `registration` | camera pixels to projector pixels, with the noise of any sum of photos |
-//! | `display`, [`bit_planes`] | patterns to levels, and more levels than there are |
-//! | `signed`, `noise` | signed vectors to patterns, by predicted noise |
-//! | `direct` | the direct image, to be removed for the pattern actually shown |
-//! | `blur` | on pattern and photo |
+//! Each correction is a stage with a file of its own, and [`MeasureOptions`] can switch it off. Sections are
+//! those of O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
 //!
-//! Photos are in linear DN per second for a full-range pattern: 1 is the projector's brightest level less its black level. Every
-//! value comes with its variance, propagated from `linear DN / gain + read_noise² + 1/12`.
+//! | file | stage | section |
+//! |---|---|---|
+//! | `live` | waits until the light has settled, and distinguishes new frames from old ones | |
+//! | `times` | how the seconds of a session are spent | |
+//! | `averaging` | the mean of repeated takes | |
+//! | `response` | counts to light with its noise, light to levels | 8.1 |
+//! | `exposure`, `hdr` | exposures are chosen, and merged by inverse variance | 7.2 |
+//! | `ambient` | the black photo is subtracted, and nothing is clipped | 8.2 |
+//! | `drift` | photos are divided by the lamp's brightness, which a sentinel measures | |
+//! | `registration` | camera pixels to projector pixels, with the noise of any sum of photos | 8.1 |
+//! | `display`, [`bit_planes`] | patterns to levels, and sums of frames for more levels | 7.2 |
+//! | `signed`, `noise` | signed vectors as patterns, chosen by predicted noise | 7.1 |
+//! | `direct` | the direct image, which is removed for the pattern that was actually shown | |
+//! | `product` | products put together from photos, with a blur of pattern and photo | |
+//!
+//! Photos are in linear DN per second for a full-range pattern: the value 1 is the light of the projector's
+//! brightest level less that of its black level. Every value has a variance, propagated from
+//! `linear DN / gain + read_noise² + 1/12`.
 
 mod ambient;
 mod averaging;
@@ -39,15 +46,17 @@ mod journaled;
 mod live;
 mod measurement;
 mod noise;
+mod noise_ratio;
 mod operator;
 mod options;
 mod photo;
-mod photographer;
+mod photo_pipeline;
+pub mod preview;
 mod product;
 mod record;
 mod registration;
-mod repeat;
 mod response;
+pub mod rig_check;
 mod rig_file;
 mod signed;
 mod times;
@@ -56,13 +65,13 @@ pub use calibration::{Calibration, CameraResponse, Registration, Stability};
 pub use drift::DriftReport;
 pub use focus::focus;
 pub use frame_source::{CaptureRequest, Effort, FrameSource};
-pub use journaled::{JournaledFrames, Opener, Pair};
+pub use journaled::{JournaledFrames, JournaledPhoto, Opener};
 pub use live::LiveFrames;
 pub use measurement::Measurement;
+pub use noise_ratio::{NoiseRatio, noise_ratio};
 pub use operator::MeasuredOperator;
 pub use options::{DirectBy, DitherBy, MeasureOptions, SignedBy};
 pub use photo::{Photo, Plane};
 pub use record::{RigRecord, RunManifest};
-pub use repeat::{Repeat, repeat};
 pub use rig_file::{RigFile, RigKind};
 pub use times::Times;

@@ -1,49 +1,56 @@
-//! What a photo's noise will be, before it is taken.
+//! The predicted noise of a photo that has not been taken yet.
 
 use super::options::MeasureOptions;
-use super::photographer::Basics;
+use super::photo_pipeline::ReferencePhotos;
 use super::response::CameraCurve;
 use super::signed::PredictNoise;
 
-/// Predicts the variance of photos, all projector pixels together, from the white photo and the camera's noise model.
+/// Predicts the total variance of photos over all projector pixels, from the white photo and the camera's
+/// noise model.
 ///
-/// The light of all pixels together is `⟨1, A g⟩ = ⟨A 1, g⟩`, as `A = Aᵀ`: the white photo knows it for every pattern. How it spreads over the
-/// pixels only matters where exposures are merged; it is taken to spread as white does.
-pub(super) struct NoiseAhead<'a> {
+/// The total light of the photo of a pattern `g` is `⟨1, A g⟩ = ⟨A 1, g⟩`, because `A = Aᵀ`. It follows from
+/// the white photo `A 1` for every pattern. The distribution of the light over the pixels matters only where
+/// exposures are merged; it is assumed to be that of white.
+pub(super) struct NoisePrediction<'a> {
     pub(super) curve: &'a CameraCurve,
     pub(super) options: &'a MeasureOptions,
-    pub(super) basics: &'a Basics,
-    /// What each camera pixel's variance counts.
+    pub(super) references: &'a ReferencePhotos,
+    /// The weight of each camera pixel's variance in the total.
     pub(super) importance: &'a [f64],
-    /// The camera's channels that are read, with their weights, and how many there are.
-    pub(super) reading: &'a [(usize, f64)],
+    /// The camera's channels that make up the measured channel, and their weights.
+    pub(super) channel_weights: &'a [(usize, f64)],
+    /// The number of the camera's channels.
     pub(super) channels: usize,
     /// The white photo on the projector's pixels.
     pub(super) white: &'a [f64],
 }
 
-impl NoiseAhead<'_> {
-    /// `Σ importance · weight² · of(sample)`
+impl NoisePrediction<'_> {
+    /// `Σ importance · weight² · of(sample)` over all samples.
     fn total(&self, of: impl Fn(usize) -> f64) -> f64 {
         let mut total = 0.0;
         for (pixel, &importance) in
             self.importance.iter().enumerate().filter(|&(_, &importance)| importance > 0.0)
         {
-            for &(channel, weight) in self.reading {
+            for &(channel, weight) in self.channel_weights {
                 total += importance * weight * weight * of(pixel * self.channels + channel);
             }
         }
         total
     }
 
-    /// The variance of one sample's rate, `share` of white's light given.
+    /// The variance of the rate of one sample that receives this `share` of white's light.
     fn of_sample(&self, sample: usize, share: f64) -> f64 {
-        let rate = share * self.basics.white.values[sample].max(0.0);
+        let rate = share * self.references.white.values[sample].max(0.0);
         let mut precision = 0.0;
         let mut least = f64::INFINITY;
-        for (exposure, seconds) in self.basics.exposures.iter().enumerate() {
-            let black =
-                self.basics.blacks.exposed.get(exposure).map_or(self.curve.zero, |black| black.mean[sample]);
+        for (exposure, seconds) in self.references.exposures.iter().enumerate() {
+            let black = self
+                .references
+                .blacks
+                .exposed
+                .get(exposure)
+                .map_or(self.curve.zero, |black| black.mean[sample]);
             let expected = black + rate * seconds;
             let variance =
                 self.curve.variance_of(expected) / (seconds * seconds * f64::from(self.options.takes));
@@ -56,7 +63,7 @@ impl NoiseAhead<'_> {
     }
 }
 
-impl PredictNoise for NoiseAhead<'_> {
+impl PredictNoise for NoisePrediction<'_> {
     fn of_pattern(&self, pattern: &[f64]) -> f64 {
         let sum: f64 = self.white.iter().sum();
         let light: f64 = self.white.iter().zip(pattern).map(|(white, pattern)| white * pattern).sum();
@@ -65,11 +72,11 @@ impl PredictNoise for NoiseAhead<'_> {
     }
 
     fn of_white(&self) -> f64 {
-        self.total(|sample| self.basics.white.variance[sample])
+        self.total(|sample| self.references.white.variance[sample])
     }
 
     fn of_black(&self) -> f64 {
-        // The longest exposure's: nearly all that is dim has its weight there.
-        self.basics.blacks.variance.last().map_or(0.0, |black| self.total(|sample| black[sample]))
+        // Dim pixels have nearly all of their weight at the longest exposure.
+        self.references.blacks.variance.last().map_or(0.0, |black| self.total(|sample| black[sample]))
     }
 }

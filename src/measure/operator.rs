@@ -1,4 +1,4 @@
-//! A measured rig as the Krylov methods see it.
+//! A measured rig as a linear operator for the Krylov methods.
 
 use super::measurement::Measurement;
 use super::photo::Plane;
@@ -6,10 +6,12 @@ use crate::error::{Error, Result};
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::transport::Part;
 
-/// `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it needs: none for a constant `x`.
+/// The operator `y = P x` for one part and channel of a rig's matrix. Each product takes the photos that it
+/// needs; a constant `x` needs none.
 ///
-/// It is symmetric as [`Measurement::symmetry`] declares; whether that is so, `krylux audit` tells. Where it is not, no photo shows a
-/// product with the transpose: camera and projector would have to change places.
+/// The operator is symmetric if [`Measurement::symmetry`] says so, and `krylux audit` tests that. A product
+/// with the transpose of a matrix that is not symmetric cannot be photographed: camera and projector would
+/// have to change places.
 pub struct MeasuredOperator<'a> {
     pub(super) measurement: &'a mut Measurement,
     pub(super) part: Part,
@@ -17,7 +19,7 @@ pub struct MeasuredOperator<'a> {
 }
 
 impl Measurement {
-    /// One channel of the rig's matrix as the Krylov methods see it.
+    /// The operator of one part and one channel of the rig's matrix.
     pub fn operator(&mut self, part: Part, channel: usize) -> MeasuredOperator<'_> {
         debug_assert!(channel < self.channels());
         MeasuredOperator { measurement: self, part, channel }
@@ -30,12 +32,13 @@ impl MeasuredOperator<'_> {
         self.measurement.last_product()
     }
 
-    /// The standard error of the last product, `√Σ variance`: by so much `‖y − A x‖₂` is expected to be off because of noise.
+    /// The standard error of the last product, `√Σ variance`: the expected value of `‖y − A x‖₂` due to
+    /// noise. It is 0 before the first product.
     pub fn standard_error(&self) -> f64 {
         self.last_product().map_or(0.0, Plane::standard_error)
     }
 
-    /// The rig behind.
+    /// The measured rig.
     pub fn measurement(&self) -> &Measurement {
         self.measurement
     }
@@ -72,7 +75,7 @@ impl Adjoint for MeasuredOperator<'_> {
         match self.symmetry() {
             Symmetry::Symmetric => self.apply(y, x),
             Symmetry::General => Err(Error::Numerical(
-                "a rig that is not coaxial takes no photos of its transpose\n  help: use a method without it, such as gmres or krylov-box"
+                "a rig that is not coaxial cannot take photos of its transpose\n  help: use a method without the transpose, such as gmres or krylov-box"
                     .into(),
             )),
         }

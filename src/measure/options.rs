@@ -1,28 +1,31 @@
-//! Which stages stand between counts and light, and how each is set.
+//! The options of the stages between counts and light.
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-/// How a measurement is made: the `[measurement]` table of a rig file. Each stage can be switched off, to see the error
-/// that it removes.
+/// The options of a measurement: the `[measurement]` table of a rig file. Each stage can be switched off, to
+/// show the error that it removes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeasureOptions {
     /// How signed vectors are shown.
     pub signed: SignedBy,
-    /// Frames per pattern, each of what those before could not show; 1: the nearest levels, once.
+    /// Frames per pattern. Each shows the rounding error of those before. With 1, each pixel shows one level.
     pub bit_planes: u32,
     /// How the error of rounding to levels is spread over the pixels.
     pub dither: DitherBy,
-    /// Seed of random dither.
+    /// The seed of random dither.
     pub dither_seed: u64,
-    /// Add the direct light of what rounding to levels left out: direct light is known pixel by pixel, so only the indirect light of
-    /// the difference is then missing. It needs the direct image, a few patterns once.
+    /// Add the direct light of the rounding error to each product. The direct light is known pixel by pixel,
+    /// so that only the global light of the rounding error is still missing. This needs the direct image,
+    /// which costs a few patterns once.
     pub compensate_rounding: bool,
-    /// Exposures in seconds, merged by inverse variance; empty: chosen from the white frame.
+    /// Exposures in seconds, the shortest first. They are merged by inverse variance. When empty, they are
+    /// chosen from photos of white.
     pub exposures: Vec<f64>,
-    /// How many exposures may be chosen: each four times the one before, while a pixel of the white photo is still dark.
+    /// How many exposures may be chosen. Each is four times the one before; another is added while a pixel of
+    /// the white photo is dark.
     pub brackets: u32,
     /// Frames averaged for each photo.
     pub takes: u32,
@@ -30,20 +33,22 @@ pub struct MeasureOptions {
     pub black_takes: u32,
     /// Subtract the black photo.
     pub ambient: bool,
-    /// Undo the devices' measured responses; off: levels and counts are taken for light.
+    /// Correct the measured responses of the devices. When off, levels and counts are used as if they were
+    /// linear light.
     pub response: bool,
-    /// Resample photos to the projector's pixels by the measured map; off: by area.
+    /// Resample photos to the projector's pixels by the measured pixel map. When off, both rasters are
+    /// assumed to cover the same field.
     pub registration: bool,
-    /// Patterns between two of the drift sentinel's whites; 0: none.
+    /// Patterns between two sentinels, which are photos of white that measure drift; 0: no sentinels.
     pub sentinel_every: u32,
-    /// Standard deviation in pixels of the Gaussian that pattern and photo are both blurred with; 0: none.
+    /// Standard deviation in pixels of the Gaussian blur of both pattern and photo; 0: no blur.
     pub blur: f64,
-    /// Where the direct light is known from.
+    /// How the direct light is measured.
     pub direct: DirectBy,
-    /// The side in pixels of the squares that the direct light is found with: wider than the blur of projector and
-    /// camera, smaller than anything that indirect light shows.
+    /// The side in pixels of the squares that separate the direct light: wider than the blur of projector and
+    /// camera, and smaller than the details of global light.
     pub direct_square: u32,
-    /// Seconds to wait after a frame is confirmed; none: what calibration found.
+    /// Seconds to wait after a frame is confirmed; `None`: as measured by the calibration.
     pub settle: Option<f64>,
     /// Tries for each frame before the rig is given up.
     pub tries: u32,
@@ -53,36 +58,40 @@ pub struct MeasureOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SignedBy {
-    /// Whichever of the two is predicted to be less noisy.
+    /// The one of the other two that is predicted to be less noisy.
     Auto,
-    /// `(x − a)/(b − a)`, and the white photo that is there already (section 7.1).
+    /// One photo of `(x − a)/(b − a)`, and the white photo that was taken already (O'Toole and Kutulakos,
+    /// section 7.1).
     Affine,
-    /// The positive and the negative part, a photo each.
+    /// Two photos, of the positive and of the negative part.
     Split,
 }
 
-/// How the error of rounding a pattern to the projector's levels is spread.
+/// How the error of rounding a pattern to the projector's levels is spread over the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DitherBy {
-    /// As is best for the product: diffusion where the direct light is removed, since indirect light hardly sees high
-    /// frequencies; nearest levels otherwise.
+    /// Error diffusion for the global part, because global light is insensitive to high frequencies; nearest
+    /// levels otherwise.
     Auto,
-    /// Each pixel shows the nearest level: the least error at each pixel, in patterns of its own.
+    /// Each pixel shows the nearest level. This is the least error at each pixel, but the errors of
+    /// neighbours are correlated.
     None,
-    /// The level below or above by chance: twice the variance, but without pattern.
+    /// Each pixel shows the level below or above at random. The error has twice the variance, and is not
+    /// correlated.
     Random,
-    /// The error goes to neighbours, so that only high frequencies have one (Floyd and Steinberg 1976).
+    /// The error of each pixel is passed on to its neighbours, so that only high frequencies have an error
+    /// (Floyd and Steinberg 1976).
     Diffusion,
 }
 
-/// Where the direct light is known from.
+/// How the direct light is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DirectBy {
-    /// Shifted patterns of high frequency (Nayar et al. 2006).
+    /// By shifted patterns of high frequency (Nayar et al. 2006).
     Patterns,
-    /// It is not: it stays in.
+    /// It is not measured, and cannot be removed.
     None,
 }
 
@@ -112,10 +121,10 @@ impl Default for MeasureOptions {
 }
 
 impl MeasureOptions {
-    /// That every value can be used.
+    /// Checks that every value is valid.
     ///
     /// # Errors
-    /// [`Error::Option`], with the key as it stands in a rig file.
+    /// [`Error::Option`] with the key of a rig file.
     pub fn check(&self) -> Result<()> {
         let counts = [
             ("bit_planes", self.bit_planes, 1, 16),
@@ -155,13 +164,13 @@ impl MeasureOptions {
     }
 }
 
-/// Takes of one frame at most: those above number the drift sentinel's.
+/// The largest number of takes of one frame. Take numbers from here on belong to the sentinels.
 pub(super) const MOST_TAKES: u32 = 65_536;
 
 fn refused(key: &str, found: String, expected: String) -> Error {
     Error::Option {
         option: format!("[measurement] {key}"),
-        fault: format!("{found} is no possible value"),
+        fault: format!("{found} is not a valid value"),
         help: format!("give {expected}"),
     }
 }
@@ -171,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_out_of_range_are_refused_by_their_key() {
+    fn an_error_names_the_key_whose_value_is_out_of_range() {
         let standard = MeasureOptions::default();
         assert!(standard.check().is_ok());
         let wrong: [(&str, MeasureOptions); 7] = [

@@ -1,20 +1,20 @@
-//! A photo as light: values with the variance of each.
+//! A photo in linear light, with the variance of each value.
 
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 
-/// One channel: a value for each pixel, and its variance.
+/// One channel of a photo: the value of each pixel, and its variance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
-    /// Linear DN per second for a full-range pattern. Noise can make them negative, and they stay so: a photo that is
-    /// clipped at zero is no longer linear.
+    /// The values in linear DN per second for a full-range pattern. Noise can make them negative. They are
+    /// not clipped at zero, because a clipped photo is no longer linear in the pattern.
     pub values: Vec<f64>,
-    /// Their variances, propagated from the camera's noise model. Neighbours are not independent where the
-    /// registration's footprints overlap.
+    /// The variances of the values, propagated from the camera's noise model. Neighbouring pixels are not
+    /// independent where they share camera pixels.
     pub variance: Vec<f64>,
 }
 
-/// A photo on the projector's pixels, in the light units of [`crate::measure`].
+/// A photo on the projector's pixels, in the units of [`crate::measure`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photo {
     /// The projector's pixels.
@@ -24,17 +24,18 @@ pub struct Photo {
 }
 
 impl Plane {
-    /// All zero, and known to be.
+    /// A plane of zeros with variance 0.
     pub(super) fn zero(pixels: usize) -> Self {
         Self { values: vec![0.0; pixels], variance: vec![0.0; pixels] }
     }
 
-    /// The standard error of the whole as a vector, `√Σ variance`: what `‖measured − true‖₂` is expected to be.
+    /// The standard error of the plane as a vector, `√Σ variance`: the expected value of
+    /// `‖measured − true‖₂`.
     pub fn standard_error(&self) -> f64 {
         self.variance.iter().sum::<f64>().sqrt()
     }
 
-    /// Adds `factor` times a plane of independent noise.
+    /// Adds `factor` times another plane, whose noise is independent.
     pub(super) fn add(&mut self, factor: f64, other: &Self) {
         for (value, more) in self.values.iter_mut().zip(&other.values) {
             *value += factor * more;
@@ -46,7 +47,7 @@ impl Plane {
 }
 
 impl Photo {
-    /// As an image of one or three channels; variances are left behind.
+    /// The values as an image of one or three channels.
     ///
     /// # Errors
     /// [`Error::Dimension`](crate::Error::Dimension) when there are neither one nor three planes.
@@ -54,10 +55,10 @@ impl Photo {
         self.picture(|plane| &plane.values, |value| value)
     }
 
-    /// The standard error of each pixel as an image.
+    /// The standard error of each pixel as an image of one or three channels.
     ///
     /// # Errors
-    /// As [`Photo::to_image`].
+    /// Those of [`Photo::to_image`].
     pub fn errors_to_image(&self) -> Result<Image> {
         self.picture(|plane| &plane.variance, f64::sqrt)
     }

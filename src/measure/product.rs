@@ -1,5 +1,5 @@
-//! A product of signed vectors, put together from photos: `A x` of the pattern that was *actually* shown, and what is
-//! then known of the rest.
+//! Products with signed vectors, put together from photos of the patterns that were *actually* shown (O'Toole
+//! and Kutulakos, section 7.1).
 //!
 //! ```text
 //! full     Σ c_k photo_k + a A 1                       (+ d ∘ (x − shown), where rounding is compensated)
@@ -7,16 +7,17 @@
 //! direct   d ∘ x                                       without a photo
 //! ```
 //!
-//! with `d` the direct image, and a blur on both sides of all of it.
+//! Here `d` is the direct image, and `a` the coefficient of the white photo `A 1`. The optional blur is
+//! applied to the vector before, and to the product after all of this.
 
 use std::sync::Arc;
 
 use super::bit_planes::decompose;
 use super::direct;
 use super::display::Displayed;
-use super::hdr::Sighting;
+use super::hdr::RateFrame;
 use super::measurement::Measurement;
-use super::noise::NoiseAhead;
+use super::noise::NoisePrediction;
 use super::options::DirectBy;
 use super::photo::{Photo, Plane};
 use super::registration::combine;
@@ -25,27 +26,27 @@ use crate::error::{Error, Result};
 use crate::rig::Frame;
 use crate::transport::Part;
 
-/// A photo that a product is made of.
+/// One photo in the sum that makes a product.
 pub(super) struct Term {
     coefficient: f64,
-    sighting: Arc<Sighting>,
+    rate_frame: Arc<RateFrame>,
     displayed: Displayed,
 }
 
 impl Measurement {
-    /// `A x` with its variance, for one part and channel.
+    /// The product `A x` with its variance, for one part and channel.
     pub(super) fn product(&mut self, part: Part, channel: usize, x: &[f64]) -> Result<&Plane> {
         self.check_length("entries of the vector to multiply", x.len())?;
         if x.iter().any(|value| !value.is_finite()) {
             return Err(Error::Numerical(
-                "a vector with infinite entries, or such that are no numbers, cannot be shown".into(),
+                "a vector with entries that are infinite or NaN cannot be shown".into(),
             ));
         }
-        let wish = match &self.blur {
+        let target = match &self.blur {
             Some(blur) => self.masked(&blur.apply(&self.masked(x))),
             None => self.masked(x),
         };
-        let mut product = self.unblurred(part, channel, &wish)?;
+        let mut product = self.unblurred(part, channel, &target)?;
         if let Some(blur) = &self.blur {
             product.values = self.masked(&blur.apply(&self.masked(&product.values)));
             product.variance = self.masked(&blur.variance(&product.variance));
@@ -53,15 +54,16 @@ impl Measurement {
         Ok(self.last.insert(product))
     }
 
-    /// What a frame of an earlier session showed, one pattern for each of [`Measurement::channels`], and its photo.
+    /// The pattern that a frame shows, for each of [`Measurement::channels`], and its photo.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the frame is not of this projector; and whatever keeps the photo from being taken.
+    /// [`Error::Dimension`] when the frame does not have the projector's pixels; and those of taking the
+    /// photo.
     pub fn photograph_frame(&mut self, frame: &Arc<Frame>) -> Result<(Vec<Vec<f64>>, Photo)> {
         self.check_length("pixels of the frame", frame.resolution().pixels())?;
         let displayed = self.display.of_frame(frame);
-        let sighting = self.photographer.photograph(frame)?;
-        let terms = [Term { coefficient: 1.0, sighting, displayed }];
+        let rate_frame = self.pipeline.photograph(frame)?;
+        let terms = [Term { coefficient: 1.0, rate_frame, displayed }];
         let planes = (0..self.camera_channels())
             .map(|channel| self.sum(&terms, 0.0, channel))
             .collect::<Result<Vec<Plane>>>()?;
@@ -69,22 +71,22 @@ impl Measurement {
         Ok((patterns.collect(), self.photo(planes)))
     }
 
-    /// Photos of the projector's red, green and blue alone: for each of them the planes of the camera's channels. None where either device
-    /// is gray.
+    /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's
+    /// three channels. `None` when the projector or the camera is gray.
     ///
     /// # Errors
-    /// Whatever keeps them from being taken.
+    /// Those of taking the photos.
     pub fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
-        if self.camera_channels() != 3 || self.photographer.camera.shots.projector().channels != 3 {
+        if self.camera_channels() != 3 || self.pipeline.camera.frames.projector().channels != 3 {
             return Ok(None);
         }
         let pixels = self.resolution().pixels();
         let mut photos: [[Vec<f64>; 3]; 3] = Default::default();
         for (primary, photo) in photos.iter_mut().enumerate() {
             let plane = |channel| self.masked(&vec![f64::from(u8::from(channel == primary)); pixels]);
-            let wish: Vec<Vec<f64>> = (0..3).map(plane).collect();
+            let target: Vec<Vec<f64>> = (0..3).map(plane).collect();
             let mut terms = Vec::new();
-            self.capture(1.0, &wish, Part::Full, &mut terms)?;
+            self.capture(1.0, &target, Part::Full, &mut terms)?;
             for (channel, plane) in photo.iter_mut().enumerate() {
                 *plane = self.sum(&terms, 0.0, channel)?.values;
             }
@@ -92,26 +94,27 @@ impl Measurement {
         Ok(Some(photos))
     }
 
-    fn unblurred(&mut self, part: Part, channel: usize, wish: &[f64]) -> Result<Plane> {
-        let reading = self.reading(channel);
+    /// The product without the blur.
+    fn unblurred(&mut self, part: Part, channel: usize, target: &[f64]) -> Result<Plane> {
+        let channel_weights = self.channel_weights(channel);
         let mut terms = Vec::new();
         let mut white = 0.0;
         if part != Part::Direct {
-            let signed = self.signed(channel, wish)?;
+            let signed = self.signed(channel, target)?;
             white = signed.white;
             for (coefficient, pattern) in signed.parts {
                 self.capture(coefficient, &[pattern], part, &mut terms)?;
             }
         }
-        let mut product = Plane::zero(wish.len());
-        for (camera_channel, weight) in reading {
+        let mut product = Plane::zero(target.len());
+        for (camera_channel, weight) in channel_weights {
             let light = match part {
-                Part::Direct => self.direct_light(camera_channel, wish)?,
+                Part::Direct => self.direct_light(camera_channel, target)?,
                 Part::Full if self.options.compensate_rounding => {
                     let mut light = self.sum(&terms, white, camera_channel)?;
                     let shown = self.shown(&terms, white, camera_channel);
                     let missing: Vec<f64> =
-                        wish.iter().zip(shown).map(|(wish, shown)| wish - shown).collect();
+                        target.iter().zip(shown).map(|(target, shown)| target - shown).collect();
                     light.add(1.0, &self.direct_light(camera_channel, &missing)?);
                     light
                 }
@@ -128,63 +131,63 @@ impl Measurement {
         Ok(product)
     }
 
-    /// How `wish` is made of patterns.
-    fn signed(&mut self, channel: usize, wish: &[f64]) -> Result<Signed> {
+    /// The decomposition of `target` into patterns, for the photos of one channel.
+    fn signed(&mut self, channel: usize, target: &[f64]) -> Result<Signed> {
         let white = self.white()?;
-        let reading = self.reading(channel);
+        let channel_weights = self.channel_weights(channel);
         let channels = self.camera_channels();
-        let (basics, camera) = self.photographer.parts()?;
-        let ahead = NoiseAhead {
+        let (references, camera) = self.pipeline.parts()?;
+        let noise = NoisePrediction {
             curve: &camera.curve,
             options: &self.options,
-            basics,
+            references,
             importance: &self.importance,
-            reading: &reading,
+            channel_weights: &channel_weights,
             channels,
             white: &white.planes[channel].values,
         };
-        Ok(Signed::choose(wish, &self.seen, self.options.signed, &ahead))
+        Ok(Signed::choose(target, &self.seen, self.options.signed, &noise))
     }
 
-    /// Shows a pattern, in bit planes, and adds the photos to `terms`.
+    /// Shows a pattern in bit planes, and adds the photos to `terms`.
     pub(super) fn capture(
         &mut self,
         coefficient: f64,
-        wish: &[Vec<f64>],
+        target: &[Vec<f64>],
         part: Part,
         terms: &mut Vec<Term>,
     ) -> Result<()> {
-        for plane in decompose(&self.display, wish, part, self.options.bit_planes)? {
-            let sighting = self.photographer.photograph(&plane.displayed.frame)?;
+        for plane in decompose(&self.display, target, part, self.options.bit_planes)? {
+            let rate_frame = self.pipeline.photograph(&plane.displayed.frame)?;
             terms.push(Term {
                 coefficient: coefficient * plane.weight,
-                sighting,
+                rate_frame,
                 displayed: plane.displayed,
             });
         }
         Ok(())
     }
 
-    /// `Σ coefficient · photo + white · A 1` of one camera channel.
+    /// `Σ coefficient · photo + white · A 1` for one channel of the camera.
     pub(super) fn sum(&mut self, terms: &[Term], white: f64, channel: usize) -> Result<Plane> {
         let channels = self.camera_channels();
-        let basics = self.photographer.basics()?;
-        let mut sightings: Vec<&Sighting> = vec![&basics.white];
+        let references = self.pipeline.references()?;
+        let mut rate_frames: Vec<&RateFrame> = vec![&references.white];
         let mut coefficients = vec![white];
         for term in terms {
-            // The white photo is one photo, however it came in.
-            if Arc::ptr_eq(&term.sighting, &basics.white) {
+            // The white photo may also be a term. It must not count as a second, independent photo.
+            if Arc::ptr_eq(&term.rate_frame, &references.white) {
                 coefficients[0] += term.coefficient;
             } else {
-                sightings.push(&term.sighting);
+                rate_frames.push(&term.rate_frame);
                 coefficients.push(term.coefficient);
             }
         }
         let constant = |_: usize, term: usize| coefficients[term];
-        Ok(combine(&self.registration, &sightings, &constant, &basics.blacks, (channel, channels)))
+        Ok(combine(&self.registration, &rate_frames, &constant, &references.blacks, (channel, channels)))
     }
 
-    /// The pattern that the photos stand for: what was shown, not what was wished.
+    /// The pattern that was shown, which differs from the target by rounding to levels.
     fn shown(&self, terms: &[Term], white: f64, channel: usize) -> Vec<f64> {
         let mut shown: Vec<f64> = self.seen.iter().map(|&seen| if seen { white } else { 0.0 }).collect();
         for term in terms {
@@ -194,6 +197,7 @@ impl Measurement {
         shown
     }
 
+    /// `d ∘ shown` for one channel of the camera.
     fn direct_light(&mut self, channel: usize, shown: &[f64]) -> Result<Plane> {
         let direct = &self.direct_planes()?[channel];
         Ok(Plane {
@@ -207,6 +211,7 @@ impl Measurement {
         })
     }
 
+    /// The direct image of each of the camera's channels. It is measured once.
     pub(super) fn direct_planes(&mut self) -> Result<Vec<Plane>> {
         if let Some(direct) = &self.direct {
             return Ok(direct.clone());
@@ -214,23 +219,23 @@ impl Measurement {
         if self.options.direct == DirectBy::None {
             return Err(Error::Option {
                 option: "[measurement] direct".into(),
-                fault: "the direct light is asked for, but not to be measured".into(),
-                help: "give \"patterns\", or keep the direct light in (segment --keep-direct)".into(),
+                fault: "the direct light is needed, but this option excludes its measurement".into(),
+                help: "give \"patterns\", or keep the direct light (segment --keep-direct)".into(),
             });
         }
         let (channels, side) = (self.camera_channels(), self.options.direct_square as usize);
-        let (mut sightings, mut displayed) = (Vec::new(), Vec::new());
+        let (mut rate_frames, mut displayed) = (Vec::new(), Vec::new());
         for pattern in direct::patterns(self.resolution(), side, &self.seen) {
             let shown = self.display.show(&[pattern], Part::Direct)?;
-            sightings.push(self.photographer.photograph(&shown.frame)?);
+            rate_frames.push(self.pipeline.photograph(&shown.frame)?);
             displayed.push(shown);
         }
-        let blacks = &self.photographer.basics()?.blacks;
-        let sightings: Vec<&Sighting> = sightings.iter().map(|sighting| &**sighting).collect();
+        let blacks = &self.pipeline.references()?.blacks;
+        let rate_frames: Vec<&RateFrame> = rate_frames.iter().map(|rate_frame| &**rate_frame).collect();
         let of_channel = |channel| {
             let shown: Vec<Vec<f64>> =
                 displayed.iter().map(|shown| shown.seen_by(channel, channels)).collect();
-            direct::demodulate(&self.registration, &sightings, &shown, blacks, (channel, channels))
+            direct::demodulate(&self.registration, &rate_frames, &shown, blacks, (channel, channels))
         };
         let planes: Vec<Plane> = (0..channels).map(of_channel).collect();
         self.direct = Some(planes.clone());

@@ -1,28 +1,28 @@
-//! What a run on a rig cost, for the run's record.
+//! The part of a run's record that concerns its rig.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Effort, MeasureOptions};
 
-/// What a run on a rig cost, and how its photos were made.
+/// How the photos of a run on a rig were made, and what they cost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RigRecord {
-    /// The calibration's folder; none: the devices were taken as ideal.
+    /// The folder of the calibration. `None` when the devices were assumed to be ideal.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub calibration: Option<String>,
-    /// The stages between counts and light, and how each was set.
+    /// The options of the stages between counts and light.
     pub measurement: MeasureOptions,
-    /// Different patterns shown.
+    /// The number of different patterns that were shown.
     pub patterns: u64,
-    /// Frames and time.
+    /// The frames and the time that the run took.
     pub effort: Effort,
     /// The standard error of the white photo, relative to it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub noise: Option<f64>,
-    /// By which share white has changed during the run, as the drift sentinel saw it.
+    /// The largest relative change of white during the run, as the sentinels measured it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub drift: Option<f64>,
 }
 
-/// The record of a run, on a rig or not: `run.json`.
+/// The record of a run, `run.json`. A run on a scene has one without a [`RigRecord`].
 pub type RunManifest = crate::io::manifest::Manifest<RigRecord>;

@@ -1,15 +1,18 @@
-//! Camera pixels to projector pixels, by the calibration's sparse rows (section 8.1); of one photo, or of a linear
-//! combination of several, whose noise is then known exactly.
+//! The registration stage: photos are resampled from the camera's to the projector's pixels by the
+//! calibration's pixel map (O'Toole and Kutulakos, section 8.1).
+//!
+//! Linear combinations of photos are formed at the same time, because only then the noise that they share is
+//! known exactly.
 
-use super::ambient::Blacks;
+use super::ambient::BlackPhotos;
 use super::calibration::Registration;
-use super::hdr::Sighting;
+use super::hdr::RateFrame;
 use super::photo::Plane;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};
 
-/// The map that a measurement uses: the calibration's, or by area where the stage is off.
+/// The pixel map of a measurement: the calibration's, or that by area when the stage is switched off.
 pub(super) fn choose(
     calibrated: &Registration,
     projector: &ProjectorInfo,
@@ -39,7 +42,7 @@ pub(super) fn choose(
         || calibrated.weights.len() != entries
     {
         return Err(Error::Numerical(
-            "the pixel map in the calibration is not a list of sparse rows\n  help: calibrate the rig again: krylux rig calibrate"
+            "the pixel map in the calibration does not consist of sparse rows\n  help: calibrate the rig again: krylux rig calibrate"
                 .into(),
         ));
     }
@@ -47,19 +50,19 @@ pub(super) fn choose(
 }
 
 impl Registration {
-    /// The entries of a projector pixel's row: camera pixels and their weights.
+    /// The row of a projector pixel: camera pixels and their weights.
     pub(crate) fn row(&self, pixel: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let span = self.starts[pixel]..self.starts[pixel + 1];
         self.pixels[span.clone()].iter().map(|&pixel| pixel as usize).zip(self.weights[span].iter().copied())
     }
 
-    /// Which projector pixels are seen at all.
+    /// Which projector pixels at least one camera pixel sees.
     pub(crate) fn seen(&self) -> Vec<bool> {
         self.starts.windows(2).map(|pair| pair[0] < pair[1]).collect()
     }
 
-    /// How much the variance of each camera pixel adds to the sum of the variances of all projector pixels, `Σ weight²`;
-    /// 0: it is not used.
+    /// The weight of each camera pixel's variance in the total variance of all projector pixels: `Σ weight²`
+    /// over the rows. It is 0 for a camera pixel that is not used.
     pub(super) fn importance(&self, camera: Resolution) -> Vec<f64> {
         let mut importance = vec![0.0; camera.pixels()];
         for (&pixel, weight) in self.pixels.iter().zip(&self.weights) {
@@ -69,26 +72,28 @@ impl Registration {
     }
 }
 
-/// `Σ_m c_m(i) photo_m(i)` on the projector's pixels `i`, for one channel, with its variance.
+/// The sum `Σ_m c_m(i) photo_m(i)` at the projector's pixels `i`, for one channel, with its variance.
 ///
-/// Photos are independent but for the black photo `B` that was subtracted from each; it counts once, with the sum of its shares:
+/// The photos are independent, except for the black photo `B` that was subtracted from each of them. It
+/// counts once, with the sum of its shares:
 ///
 /// ```text
 /// var_i = Σ_j r_ij² ( Σ_m c_m² var_mj  +  Σ_e (Σ_m c_m share_mej)² var B_ej )
 /// ```
 ///
-/// over camera pixels `j` of weight `r_ij` and exposures `e`. So a difference of two photos knows that the black one
-/// cancels.
+/// The sums run over camera pixels `j` with weights `r_ij`, photos `m` and exposures `e`. In the difference
+/// of two photos, for example, the black photo cancels. `coefficient(i, m)` is `c_m(i)`; the last argument is
+/// the channel's index and the number of channels.
 pub(super) fn combine(
     registration: &Registration,
-    sightings: &[&Sighting],
+    rate_frames: &[&RateFrame],
     coefficient: &dyn Fn(usize, usize) -> f64,
-    blacks: &Blacks,
+    blacks: &BlackPhotos,
     (channel, channels): (usize, usize),
 ) -> Plane {
     let pixels = registration.projector.pixels();
     let mut plane = Plane::zero(pixels);
-    let mut factors = vec![0.0; sightings.len()];
+    let mut factors = vec![0.0; rate_frames.len()];
     for pixel in 0..pixels {
         for (term, factor) in factors.iter_mut().enumerate() {
             *factor = coefficient(pixel, term);
@@ -96,19 +101,19 @@ pub(super) fn combine(
         for (camera_pixel, weight) in registration.row(pixel) {
             let sample = camera_pixel * channels + channel;
             let (mut value, mut variance) = (0.0, 0.0);
-            for (factor, sighting) in factors.iter().zip(sightings) {
+            for (factor, rate_frame) in factors.iter().zip(rate_frames) {
                 if *factor != 0.0 {
-                    value += factor * sighting.values[sample];
-                    variance += factor * factor * sighting.variance[sample];
+                    value += factor * rate_frame.values[sample];
+                    variance += factor * factor * rate_frame.variance[sample];
                 }
             }
             for (exposure, black) in blacks.variance.iter().enumerate() {
-                let share = |(factor, sighting): (&f64, &&Sighting)| {
+                let share = |(factor, rate_frame): (&f64, &&RateFrame)| {
                     factor
-                        * sighting.scale
-                        * sighting.shares.as_ref().map_or(1.0, |shares| shares[exposure][sample])
+                        * rate_frame.scale
+                        * rate_frame.shares.as_ref().map_or(1.0, |shares| shares[exposure][sample])
                 };
-                let share: f64 = factors.iter().zip(sightings).map(share).sum();
+                let share: f64 = factors.iter().zip(rate_frames).map(share).sum();
                 if share != 0.0 {
                     variance += share * share * black[sample];
                 }

@@ -1,28 +1,30 @@
-//! Counts to light, and light to levels: the devices' measured curves (section 8.1), with the noise that goes with them.
+//! The response stage: the camera's counts are converted to linear light with its noise, and light to the
+//! projector's levels (O'Toole and Kutulakos, section 8.1).
 
 use super::calibration::CameraResponse;
 use crate::error::{Error, Result};
 
-/// The smallest variance ever predicted, as a share of that without light: a dark pixel whose noise went far down must not
-/// get an infinite weight.
+/// The smallest variance that is ever predicted, as a share of the variance without light. Without this
+/// bound, a dark pixel whose expected value is negative by chance would have too large a weight.
 const LEAST_VARIANCE: f64 = 0.25;
 
-/// A camera's counts as linear light, and how sure that is.
+/// The conversion of a camera's counts to linear light, and the variance of that light.
 ///
-/// A count stands for `L` linear DN of light above black, and varies by
+/// A count corresponds to `L` linear DN of light above black, with the variance
 ///
 /// ```text
 /// var L = L / gain + read_noise² + (dL/dcount)² / 12
 /// ```
 ///
-/// photons, electronics, and the rounding to integers through the slope of the curve.
+/// The three terms are shot noise, read noise, and the rounding to integers, which acts through the slope of
+/// the curve.
 #[derive(Clone, Debug)]
 pub(super) struct CameraCurve {
-    /// Linear DN of each count.
+    /// The linear DN of each count.
     linear: Vec<f64>,
-    /// The variance of rounding, in linear DN, at each count.
+    /// The variance of rounding at each count, in linear DN².
     rounding: Vec<f64>,
-    /// Linear DN of no light: 0, unless the response is not to be undone.
+    /// The linear DN without light. It is 0 when the response is corrected, and the black level otherwise.
     pub(super) zero: f64,
     /// The first saturated count.
     saturation: f64,
@@ -31,11 +33,12 @@ pub(super) struct CameraCurve {
 }
 
 impl CameraCurve {
-    /// Of a camera of so many bits. With `undo` off counts are taken for light as they are, black level and curve and all.
+    /// The curve of a camera with this many bits. With `undo`, black level and response are corrected;
+    /// without it, counts are used as light.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the curve has not one value for each count; [`Error::Numerical`] when gain or read
-    /// noise make no sense.
+    /// [`Error::Dimension`] when the curve does not have one value per count; [`Error::Numerical`] when the
+    /// gain or the read noise is invalid.
     pub(super) fn new(response: &CameraResponse, bits: u32, undo: bool) -> Result<Self> {
         let counts = 1_usize << bits;
         if let Some(curve) = response.curve.as_ref().filter(|curve| curve.len() != counts) {
@@ -81,19 +84,20 @@ impl CameraCurve {
         self.rounding[usize::from(count).min(self.rounding.len() - 1)]
     }
 
-    /// Whether a count says nothing but "at least".
+    /// Whether a count is saturated: the light may be more than the count says.
     pub(super) fn is_saturated(&self, count: u16) -> bool {
         f64::from(count) >= self.saturation
     }
 
-    /// Linear DN from which on counts are saturated.
+    /// The linear DN from which on counts are saturated.
     pub(super) fn brightest(&self) -> f64 {
         let count = (self.saturation.ceil().max(0.0) as usize).min(self.linear.len() - 1);
         self.linear[count]
     }
 
-    /// The variance of one count that is *expected* to stand for so many linear DN, above or below it by chance. It must not
-    /// be asked for the count itself, or low samples would seem the surer ones.
+    /// The variance of a sample whose *expected* value is this many linear DN, in linear DN². `rounding` is
+    /// that of its count. The measured value must not be used as the expected one: samples that are low by
+    /// chance would then seem to be more certain.
     pub(super) fn variance(&self, expected: f64, rounding: f64) -> f64 {
         let dark = self.read_variance + rounding;
         ((expected - self.zero) / self.gain + dark).max(LEAST_VARIANCE * dark)
@@ -101,27 +105,29 @@ impl CameraCurve {
 }
 
 impl CameraCurve {
-    /// As [`CameraCurve::variance`], where no count is there yet.
+    /// The variance of a sample that has not been measured yet: its rounding is that of the expected count.
     pub(super) fn variance_of(&self, expected: f64) -> f64 {
         let count = self.linear.partition_point(|&linear| linear < expected).min(self.linear.len() - 1);
         self.variance(expected, self.rounding[count])
     }
 }
 
-/// The light of a projector's levels.
+/// The conversion of a projector's levels to light, and of light to levels.
 #[derive(Clone, Debug)]
-pub(super) struct Levels {
+pub(super) struct ProjectorCurve {
+    /// The light of each level, from 0 to 1.
     light: Vec<f64>,
-    /// The widest step from one level to the next.
+    /// The widest step between two successive levels.
     pub(super) widest: f64,
 }
 
-impl Levels {
-    /// By the measured curve, or with `undo` off as if level were light.
+impl ProjectorCurve {
+    /// The curve of a projector with this many bits: the measured one with `undo`, and a linear one without
+    /// it.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the curve has not one value for each level; [`Error::Numerical`] when it does not ascend
-    /// from 0 to 1.
+    /// [`Error::Dimension`] when the curve does not have one value per level; [`Error::Numerical`] when it
+    /// does not ascend from 0 to 1.
     pub(super) fn new(curve: &[f64], bits: u32, undo: bool) -> Result<Self> {
         let levels = 1_usize << bits;
         if curve.len() != levels {
@@ -148,7 +154,7 @@ impl Levels {
         Ok(Self { light, widest })
     }
 
-    /// The light of a level, 0 to 1.
+    /// The light of a level, from 0 to 1.
     pub(super) fn light(&self, level: u16) -> f64 {
         self.light[usize::from(level)]
     }
@@ -180,17 +186,17 @@ mod tests {
     }
 
     #[test]
-    fn variance_is_that_of_photons_electronics_and_rounding() {
+    fn the_variance_is_the_sum_of_shot_noise_read_noise_and_rounding() {
         let curve = CameraCurve::new(&camera(None), 4, true).expect("a linear response fits any camera");
         assert_eq!((curve.linear(2), curve.linear(10), curve.brightest()), (0.0, 8.0, 12.0));
         assert_eq!(curve.variance(8.0, curve.rounding(10)), 8.0 / 4.0 + 9.0 + 1.0 / 12.0);
-        // Below the floor: 0.25 of what there is without light.
+        // The lower bound: 0.25 of the variance without light.
         assert_eq!(curve.variance(-1000.0, 0.0), 0.25 * 9.0);
         assert!(curve.is_saturated(14) && !curve.is_saturated(13));
     }
 
     #[test]
-    fn rounding_counts_by_the_slope_of_the_curve() {
+    fn the_variance_of_rounding_follows_the_slope_of_the_curve() {
         let square = (0..16).map(|count| f64::from(count * count)).collect();
         let curve = CameraCurve::new(&camera(Some(square)), 4, true).expect("16 values for 4 bits");
         assert_eq!((curve.linear(5), curve.rounding(5)), (25.0, 100.0 / 12.0));
@@ -200,9 +206,9 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_level_is_nearest_in_light() {
+    fn the_nearest_level_has_the_nearest_light() {
         let gamma: Vec<f64> = (0..16).map(|level| (f64::from(level) / 15.0).powf(2.2)).collect();
-        let levels = Levels::new(&gamma, 4, true).expect("ascends from 0 to 1");
+        let levels = ProjectorCurve::new(&gamma, 4, true).expect("ascends from 0 to 1");
         for step in 0..=1000 {
             let light = f64::from(step) / 1000.0;
             let best = gamma.iter().map(|of| (of - light).abs()).fold(f64::INFINITY, f64::min);

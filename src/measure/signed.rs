@@ -1,12 +1,13 @@
-//! Signed vectors as patterns of light (section 7.1).
+//! The signed stage: a signed vector is written as a linear combination of patterns in `[0, 1]` (O'Toole and
+//! Kutulakos, section 7.1).
 //!
 //! ```text
 //! affine   g = (x − a)/(b − a) ∈ [0, 1],   A x = (b − a) A g + a A 1
 //! split    A x = p A(x⁺/p) − q A(x⁻/q),    p = max x⁺,  q = max x⁻
 //! ```
 //!
-//! `A 1` is the white photo, taken once and kept: affine costs one photo, split two (one, when `x` has one sign), and a constant
-//! `x = a` none at all.
+//! `A 1` is the white photo, which is taken only once. The affine form costs one photo. The split form costs
+//! two, or one when `x` has only one sign. A constant `x = a` costs none.
 
 use super::options::SignedBy;
 
@@ -15,23 +16,23 @@ use super::options::SignedBy;
 pub(super) struct Signed {
     /// The white pattern's coefficient.
     pub(super) white: f64,
-    /// Coefficients and patterns.
+    /// The other coefficients and their patterns.
     pub(super) parts: Vec<(f64, Vec<f64>)>,
 }
 
-/// The total variance of the photos that a decomposition is made of, predicted.
+/// Predicts the total variance of photos over all pixels.
 pub(super) trait PredictNoise {
-    /// Of the photo of this pattern, the black photo's share left out.
+    /// The variance of the photo of this pattern, without the contribution of the black photo.
     fn of_pattern(&self, pattern: &[f64]) -> f64;
-    /// Of the white photo that is there already.
+    /// The variance of the white photo, which has been taken already.
     fn of_white(&self) -> f64;
-    /// Of the black photo.
+    /// The variance of the black photo.
     fn of_black(&self) -> f64;
 }
 
 impl Signed {
-    /// `(x − a)/(b − a)` with `a` the least and `b` the largest of `x` over the pixels that are seen; 0 at the others, as the white
-    /// pattern is.
+    /// The affine form `(x − a)/(b − a)`, where `a` is the least and `b` the largest value of `x` over the
+    /// pixels that are not masked. It is 0 at the masked pixels, like the white pattern.
     pub(super) fn affine(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {
@@ -41,7 +42,7 @@ impl Signed {
         Self { white: a, parts: vec![(b - a, x.iter().zip(seen).map(one).collect())] }
     }
 
-    /// Positive and negative part.
+    /// The split form: the positive and the negative part.
     pub(super) fn split(x: &[f64], seen: &[bool]) -> Self {
         let [a, b] = range(x, seen);
         if a == b {
@@ -56,7 +57,7 @@ impl Signed {
         Self { white: 0.0, parts }
     }
 
-    /// As `by` says; automatically the one whose predicted variance is smaller.
+    /// The form that `by` asks for: with [`SignedBy::Auto`], the one whose predicted variance is smaller.
     pub(super) fn choose(x: &[f64], seen: &[bool], by: SignedBy, noise: &dyn PredictNoise) -> Self {
         match by {
             SignedBy::Affine => Self::affine(x, seen),
@@ -68,7 +69,7 @@ impl Signed {
         }
     }
 
-    /// The predicted variance of `A x`, all pixels together.
+    /// The predicted total variance of `A x` over all pixels.
     pub(super) fn variance(&self, noise: &dyn PredictNoise) -> f64 {
         let patterns: f64 =
             self.parts.iter().map(|(factor, pattern)| factor * factor * noise.of_pattern(pattern)).sum();
@@ -77,6 +78,7 @@ impl Signed {
     }
 }
 
+/// The least and the largest value over the pixels that are not masked; zeros when all are masked.
 fn range(x: &[f64], seen: &[bool]) -> [f64; 2] {
     let each = || x.iter().zip(seen).filter(|&(_, &seen)| seen).map(|(&x, _)| x);
     let (least, largest) = (each().fold(f64::INFINITY, f64::min), each().fold(f64::NEG_INFINITY, f64::max));
@@ -92,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn patterns_are_light_and_add_up_to_the_vector() {
+    fn patterns_lie_between_0_and_1_and_add_up_to_the_vector() {
         let x = [-0.5, 2.0, 0.0, 0.25];
         for (signed, photos) in [(Signed::affine(&x, &[true; 4]), 1), (Signed::split(&x, &[true; 4]), 2)] {
             assert_eq!(signed.parts.len(), photos);
@@ -104,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_needs_no_photo_and_one_sign_needs_one() {
+    fn a_constant_needs_no_photo_and_a_vector_of_one_sign_needs_one() {
         assert!(Signed::affine(&[-3.0; 5], &[true; 5]).parts.is_empty());
         assert!(Signed::split(&[0.0; 5], &[true; 5]).parts.is_empty());
         let negative = Signed::split(&[-1.0, -2.0, 0.0], &[true; 3]);
@@ -112,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_that_are_not_seen_neither_set_the_range_nor_light_up() {
+    fn masked_pixels_do_not_set_the_range_and_stay_dark() {
         let signed = Signed::affine(&[1.0, 3.0, 1e9], &[true, true, false]);
         assert_eq!(signed, Signed { white: 1.0, parts: vec![(2.0, vec![0.0, 1.0, 0.0])] });
     }

@@ -1,33 +1,34 @@
-//! Where the time of a session goes.
+//! How the time of a session is spent.
 
 use std::fmt;
 use std::ops::Add;
 
-/// Seconds on the rig's clock, of one photo or of many; together they are [`Effort::seconds`](super::Effort::seconds). Beside the
-/// exposure, `refresh` and `settle` are the projector's, and the rest is ours.
+/// How the time of one or of many photos is spent, in seconds on the rig's clock. The sum of a session is
+/// [`Effort::seconds`](super::Effort::seconds). `refresh` and `settle` depend on the projector, `expose` on
+/// the light, and the rest on this program and its connections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Times {
-    /// Frames drawn, sent and read back, before and after the photo.
+    /// Drawing frames, sending them to the projector, and reading them back before and after the photo.
     pub show: f64,
-    /// Until the projector's next refresh brought the frame, and said so.
+    /// Waiting until the next refresh of the projector showed the frame and this was confirmed.
     pub refresh: f64,
-    /// Refreshes after that, and the settle time of the calibration.
+    /// Waiting for further refreshes, and for the settle time of the calibration.
     pub settle: f64,
-    /// Exposures of good frames.
+    /// Exposures of accepted frames.
     pub expose: f64,
-    /// The camera set and triggered, frames on their way, and tries that were in vain.
+    /// Setting and triggering the camera, transferring frames, and refused tries.
     pub transfer: f64,
-    /// All else: what is made of photos, and writing them down.
+    /// Everything else: processing photos and writing the journal.
     pub process: f64,
 }
 
 impl Times {
-    /// All of it.
+    /// The sum.
     pub fn sum(&self) -> f64 {
         self.show + self.refresh + self.settle + self.expose + self.transfer + self.process
     }
 
-    /// Of one photo among so many, on average.
+    /// The mean time of one of so many photos.
     pub fn each(self, photos: u64) -> Self {
         let share = 1.0 / photos.max(1) as f64;
         let Self { show, refresh, settle, expose, transfer, process } = self;
@@ -57,7 +58,7 @@ impl Add for Times {
     }
 }
 
-/// In milliseconds, with their names.
+/// Writes the times in milliseconds, with their names.
 impl fmt::Display for Times {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parts = [
@@ -82,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_add_up_and_are_told_for_each_photo_in_milliseconds() {
+    fn times_add_up_and_are_written_per_photo_in_milliseconds() {
         let one =
             Times { show: 0.002, refresh: 0.01, settle: 0.016, expose: 0.004, transfer: 0.001, process: 0.0 };
         let both = one + Times { process: 0.007, ..one };

@@ -1,13 +1,14 @@
 //! Where the figures' photos come from: scenes made in memory and traced once, seen by an ideal rig or by virtual devices.
 
 use std::ops::ControlFlow;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::devices::Devices;
 use super::stage::{Set, Stage};
 use crate::analysis::MASKED;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::observer::{Estimate, Observer, Step};
 use crate::operator::Adjoint;
 use crate::render::{TraceSettings, Tracer};
 use crate::transport::{Channels, Part, assemble};
@@ -42,22 +43,19 @@ pub struct BenchOptions {
     pub adapter: Option<String>,
 }
 
-/// Told of light paths done, and of all; breaks off where it says so.
-pub type Watch<'a> = dyn FnMut(u64, u64) -> ControlFlow<()> + 'a;
-
 /// The scenes and the rig of the figures. What is traced once is kept for the figures that follow.
-pub struct Bench<'a> {
+pub struct Bench {
     options: BenchOptions,
-    watch: &'a mut Watch<'a>,
-    stages: Vec<(Set, Resolution, Rc<Stage>)>,
+    observer: Arc<dyn Observer + Send + Sync>,
+    stages: Vec<(Set, Resolution, Arc<Stage>)>,
     /// Calibrated before a stage.
-    devices: Vec<(Rc<Stage>, Devices)>,
+    devices: Vec<(Arc<Stage>, Devices)>,
 }
 
-impl<'a> Bench<'a> {
-    /// Nothing is traced yet.
-    pub fn new(options: BenchOptions, watch: &'a mut Watch<'a>) -> Self {
-        Self { options, watch, stages: Vec::new(), devices: Vec::new() }
+impl Bench {
+    /// Nothing is traced yet. `observer` sees the steps of each trace, and may stop it.
+    pub fn new(options: BenchOptions, observer: Arc<dyn Observer + Send + Sync>) -> Self {
+        Self { options, observer, stages: Vec::new(), devices: Vec::new() }
     }
 
     /// The rig.
@@ -71,10 +69,10 @@ impl<'a> Bench<'a> {
     }
 
     /// A scene of `side × side` pixels, traced.
-    pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Rc<Stage>> {
+    pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Arc<Stage>> {
         let resolution = Resolution::new(side, side);
         if let Some((.., stage)) = self.stages.iter().find(|(s, r, _)| (*s, *r) == (set, resolution)) {
-            return Ok(Rc::clone(stage));
+            return Ok(Arc::clone(stage));
         }
         let scene = set.scene();
         let mut tracer = Tracer::new(&scene, self.options.adapter.as_deref())?;
@@ -82,19 +80,17 @@ impl<'a> Bench<'a> {
         let truth = truth.into_iter().map(|region| region.map_or(MASKED, |region| region as u8)).collect();
         let samples = if self.options.quick { set.samples() / 4 } else { set.samples() };
         let settings = TraceSettings::new(resolution, samples);
-        let watch = &mut *self.watch;
-        let traced = assemble(&mut tracer, &settings, Channels::Luma, &mut |progress| {
-            watch(progress.done, progress.total)
-        })?;
-        let stage = Rc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
-        self.stages.push((set, resolution, Rc::clone(&stage)));
+        tracer.observe(Arc::clone(&self.observer));
+        let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
+        let stage = Arc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
+        self.stages.push((set, resolution, Arc::clone(&stage)));
         Ok(stage)
     }
 
     /// Lets `work` take photos of `stage` by the rig.
     pub(super) fn with_rig<T>(
         &mut self,
-        stage: &Rc<Stage>,
+        stage: &Arc<Stage>,
         part: Part,
         work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
     ) -> Result<T> {
@@ -109,22 +105,25 @@ impl<'a> Bench<'a> {
     }
 
     /// The devices before a stage, calibrated at the first time.
-    fn devices(&mut self, stage: &Rc<Stage>) -> Result<&Devices> {
-        let known = self.devices.iter().position(|(known, _)| Rc::ptr_eq(known, stage));
+    fn devices(&mut self, stage: &Arc<Stage>) -> Result<&Devices> {
+        let known = self.devices.iter().position(|(known, _)| Arc::ptr_eq(known, stage));
         let at = match known {
             Some(at) => at,
             None => {
-                let watch = &mut *self.watch;
-                let devices = Devices::set_up(stage, &mut || watch(1, 1))?;
-                self.devices.push((Rc::clone(stage), devices));
+                let devices = Devices::set_up(stage, &mut || self.go_on())?;
+                self.devices.push((Arc::clone(stage), devices));
                 self.devices.len() - 1
             }
         };
         Ok(&self.devices[at].1)
     }
 
-    /// Whether to go on.
-    fn check(&mut self) -> Result<()> {
-        if (self.watch)(1, 1).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    /// Asks the observer whether to go on.
+    fn go_on(&self) -> ControlFlow<()> {
+        self.observer.step(&Step { stage: "tracing", done: 1, total: 1, estimate: Estimate::None })
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.go_on().is_break() { Err(Error::Interrupted) } else { Ok(()) }
     }
 }

@@ -2,7 +2,6 @@
 //! equal numbers of photos.
 
 use std::ops::ControlFlow;
-use std::rc::Rc;
 use std::sync::Arc;
 
 use super::bench::Bench;
@@ -143,8 +142,8 @@ pub(super) struct Contest {
 impl Contest {
     /// Each method takes `photos` photos beside the white one; the optimum, which no rig has to take, `products`.
     pub(super) fn hold(
-        bench: &mut Bench<'_>,
-        stage: &Rc<Stage>,
+        bench: &mut Bench,
+        stage: &Arc<Stage>,
         target: &[f64],
         recipe: Method,
         photos: usize,

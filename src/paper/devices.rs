@@ -3,7 +3,7 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::stage::Stage;
 use crate::error::{Error, Result};
@@ -30,7 +30,7 @@ pub(super) struct Devices {
 
 impl Devices {
     /// Sets up the rig before `stage` and calibrates it, from captures alone. `go_on` is asked between steps.
-    pub(super) fn set_up(stage: &Rc<Stage>, go_on: &mut dyn FnMut() -> ControlFlow<()>) -> Result<Self> {
+    pub(super) fn set_up(stage: &Arc<Stage>, go_on: &mut dyn FnMut() -> ControlFlow<()>) -> Result<Self> {
         let (mut rig, options) = read("realistic.toml", REALISTIC)?;
         resize(&mut rig, stage.resolution, 2.5);
         let mut live = open(&rig, stage, &options)?;
@@ -40,7 +40,7 @@ impl Devices {
     }
 
     /// The rig with its stages, no photo taken yet.
-    pub(super) fn measurement(&self, stage: &Rc<Stage>) -> Result<Measurement> {
+    pub(super) fn measurement(&self, stage: &Arc<Stage>) -> Result<Measurement> {
         let live = open(&self.rig, stage, &self.options)?;
         let measurement = Measurement::new(live, self.calibration.clone(), self.options.clone())?;
         Ok(measurement.declared(stage.ideal(Part::Full).symmetry()))
@@ -61,7 +61,7 @@ pub(super) fn one_bit(resolution: Resolution) -> Result<(VirtualRig, MeasureOpti
 /// The rig opened before `stage`, with a calibration from its own description.
 pub(super) fn measure_known(
     rig: &VirtualRig,
-    stage: &Rc<Stage>,
+    stage: &Arc<Stage>,
     options: MeasureOptions,
 ) -> Result<Measurement> {
     let live = open(rig, stage, &options)?;
@@ -95,13 +95,13 @@ fn resize(rig: &mut VirtualRig, resolution: Resolution, finer: f64) {
     rig.camera.size = Some([side(resolution.width), side(resolution.height)]);
 }
 
-fn open(rig: &VirtualRig, stage: &Rc<Stage>, options: &MeasureOptions) -> Result<Box<dyn FrameSource>> {
-    let bench = rig.open(Box::new(Seen(Rc::clone(stage))), None)?;
+fn open(rig: &VirtualRig, stage: &Arc<Stage>, options: &MeasureOptions) -> Result<Box<dyn FrameSource>> {
+    let bench = rig.open(Box::new(Seen(Arc::clone(stage))), None)?;
     Ok(Box::new(LiveFrames::new(bench, options.settle.unwrap_or(0.0), options.tries)))
 }
 
 /// A stage as the devices see it.
-struct Seen(Rc<Stage>);
+struct Seen(Arc<Stage>);
 
 impl Transport for Seen {
     fn pattern_resolution(&self) -> Resolution {

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::krylov::Method;
 use crate::transport::Part;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
     let target = picture(side);

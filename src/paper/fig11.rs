@@ -19,7 +19,7 @@ const MORE: usize = 10;
 /// Products with the matrix for the optimum, which no rig has to take.
 const OPTIMUM: usize = 600;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
     let contest = Contest::hold(bench, &stage, &picture(side), Method::Minres, MORE, OPTIMUM)?;

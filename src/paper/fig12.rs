@@ -18,7 +18,7 @@ const PHOTOS: usize = 12;
 /// Products with matrix and transpose for the optimum: out of focus it converges slowly.
 const OPTIMUM: usize = 2000;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Defocused, side)?;
     let target = picture(side);
@@ -91,7 +91,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
 }
 
 /// What the method inside the box displays after all photos, over the optimum, where camera and projector have the same lens.
-fn both_lenses(bench: &mut Bench<'_>, target: &[f64]) -> Result<f64> {
+fn both_lenses(bench: &mut Bench, target: &[f64]) -> Result<f64> {
     let stage = bench.stage(Set::BothDefocused, bench.side(SIDE))?;
     let (wish, boxed) = bench.with_rig(&stage, Part::Full, |operator| {
         let wish = Wish::new(&stage, operator, target)?;

@@ -1,6 +1,6 @@
 //! Figure 13: a sinusoid by a projector of one bit, plain and in bit planes, and what bit planes cost in noise.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::bench::{Bench, Rig};
 use super::check::Check;
@@ -25,7 +25,7 @@ const PERIODS: f64 = 4.0;
 const BRIGHT: f64 = 0.02;
 const DIM: f64 = 2e-4;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
     let (noisy, options) = one_bit(stage.resolution)?;
@@ -122,7 +122,7 @@ fn sinusoid(side: usize) -> Vec<f64> {
 /// The photo of `pattern` in W/(m² sr), by so many bit planes of `seconds` of exposure together.
 fn photo(
     rig: &VirtualRig,
-    stage: &Rc<Stage>,
+    stage: &Arc<Stage>,
     options: &MeasureOptions,
     pattern: &[f64],
     planes: u32,

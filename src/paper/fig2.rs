@@ -15,7 +15,7 @@ const SIDE: usize = 100;
 const DENSE_SIDE: usize = 32;
 const PHOTOS: usize = 50;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let small = bench.stage(Set::Room, DENSE_SIDE.min(bench.side(SIDE)))?;
     let (_, exact) = dense::principal(&small.traced.matrix.to_csr(Part::Full, 0)?)?;
     let from_small = bench.with_rig(&small, Part::Full, iterate)?;

@@ -29,7 +29,7 @@ const HORIZONTAL: f64 = 0.9;
 const FOLDED: [usize; 4] = [2, 4, 6, 10];
 const BENT: [usize; 2] = [6, 10];
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
     let (found, curve) =

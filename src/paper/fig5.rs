@@ -20,7 +20,7 @@ const CHOSEN: [(&str, [f64; 2]); 4] = [
     ("D: right sheet, its left face, above", [0.62, 0.25]),
 ];
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
     let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };

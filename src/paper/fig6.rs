@@ -17,7 +17,7 @@ const GROUPS: [usize; 3] = [2, 4, 6];
 /// The least part of the photo that counts as a patch.
 const PATCH: f64 = 0.01;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::FacingSheets, side)?;
     let options = SegmentOptions {

@@ -17,7 +17,7 @@ const CELLS: usize = 9;
 /// An eigenvalue this near to 1 tells of a region that exchanges hardly any light.
 const ONE: f64 = 0.99;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let (empty_stage, empty) = run(bench, Set::Carton, side)?;
     let (egg_stage, eggs) = run(bench, Set::CartonEggs, side)?;
@@ -83,7 +83,7 @@ pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
     })
 }
 
-fn run(bench: &mut Bench<'_>, set: Set, side: usize) -> Result<(std::rc::Rc<Stage>, Segmentation)> {
+fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::sync::Arc<Stage>, Segmentation)> {
     let stage = bench.stage(set, side)?;
     let options = SegmentOptions {
         photos: PHOTOS,

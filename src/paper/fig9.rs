@@ -14,7 +14,7 @@ use crate::transport::Part;
 const SIDE: usize = 100;
 const PHOTOS: usize = 50;
 
-pub(super) fn reproduce(bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
     let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };

@@ -49,7 +49,7 @@ use crate::error::Result;
 ///
 /// # Errors
 /// What tracing, photos and methods fail with; [`crate::Error::Interrupted`] when the bench's watch says so.
-pub fn reproduce(figure: Figure, bench: &mut Bench<'_>) -> Result<Reproduced> {
+pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     let start = std::time::Instant::now();
     let mut made = match figure {
         Figure::Fig2 => fig2::reproduce(bench),

@@ -1,4 +1,4 @@
-//! What one dispatch hands back: the records of a run of light paths.
+//! The results of one dispatch: the records of consecutive light paths.
 
 use std::ops::Range;
 
@@ -6,19 +6,21 @@ use rayon::prelude::*;
 
 use super::records::{Connection, End, Layout, rays, value};
 
-/// Those of a batch's paths that start from one pixel and belong to one of two independent halves of its samples.
+/// The paths of a batch that start from one pixel and belong to the same half of its samples.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// In the camera or the projector: where the paths start.
+    /// The pixel of the camera or of the projector at which the paths start.
     pub pixel: u32,
-    /// 0 or 1.
+    /// Which of the two independent halves of the samples: 0 or 1.
     pub half: usize,
-    /// Within the batch.
+    /// Their indices within the batch.
     pub paths: Range<usize>,
 }
 
-/// Records of consecutive paths from one end of the rig. Paths are numbered `pixel · samples + sample`; batches come in that
-/// order, without gaps; those of the projector, where it stands apart, after those of the camera.
+/// Records of consecutive paths from one endpoint of the rig.
+///
+/// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the projector stands apart from the
+/// camera, the batches of the projector's paths follow those of the camera's paths.
 pub struct Batch<'a> {
     first_path: u64,
     layout: Layout,
@@ -27,7 +29,7 @@ pub struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    /// The paths from number `first_path` on that left these records.
+    /// The batch of the paths from number `first_path` on, with their records.
     pub(super) fn new(first_path: u64, layout: Layout, records: &'a [[u32; 4]]) -> Self {
         Self { first_path, layout, paths: records.len() / layout.stride(), records }
     }
@@ -42,7 +44,7 @@ impl<'a> Batch<'a> {
         self.records.is_empty()
     }
 
-    /// All paths, in order.
+    /// All paths in order, grouped by pixel and half.
     pub fn runs(&self) -> impl Iterator<Item = Run> + '_ {
         let samples = u64::from(self.layout.samples);
         // Both fit: there are at most 2²⁰ samples, and pixels have 28 bits.
@@ -64,44 +66,44 @@ impl<'a> Batch<'a> {
         })
     }
 
-    /// Pixel of the batch's path `index`, in the camera or the projector: where the path starts.
+    /// The pixel of the camera or of the projector at which path `index` of the batch starts.
     pub fn pixel(&self, index: usize) -> u32 {
         ((self.first_path + index as u64) / u64::from(self.layout.samples)) as u32
     }
 
-    /// Whether each connection stands for its mirror image, too: `A_ji` and `A_ij`. So for a coaxial rig; one whose
-    /// projector stands apart has its paths traced from both ends instead.
+    /// Whether each connection counts for `A_ji` and for its mirror image `A_ij`. This is so for a coaxial rig. Where the projector stands
+    /// apart, paths are traced from both endpoints instead.
     pub fn symmetric(&self) -> bool {
         self.layout.symmetric
     }
 
-    /// Whether the paths start at the camera, and not at a projector that stands apart.
+    /// Whether the paths start at the camera; else they start at a projector that stands apart.
     pub fn from_camera(&self) -> bool {
         self.layout.from_camera
     }
 
-    /// Slots of each path's record: of no path more comes than these.
+    /// Slots in each path's record, an upper bound of its contributions.
     pub(crate) fn stride(&self) -> usize {
         self.layout.stride()
     }
 
-    /// Paths from each pixel.
+    /// Number of paths that start from each pixel.
     pub fn samples(&self) -> u32 {
         self.layout.samples
     }
 
-    /// Light of path `index` that came back the way it went, its sample of `A_jj`: direct light, in mirrors and through
-    /// glass as well. Zero where the ray met nothing, and in rigs with lenses or a projector apart.
+    /// The sample of `A_jj` by path `index`: direct light, which returns the way it came, also by mirrors and through glass. It is zero where
+    /// the ray met nothing, and in rigs with lenses or with a projector that stands apart.
     pub fn direct(&self, index: usize) -> [f32; 3] {
         value(self.slot(index, 0))
     }
 
-    /// Whether anything emits that the paths see.
+    /// Whether the paths record light that the scene emits.
     pub fn has_ambient(&self) -> bool {
         self.layout.ambient
     }
 
-    /// Light of the scene's own that path `index` saw, in W/(m² sr); `None` where nothing emits, and for paths from the
+    /// The light that the scene itself emits towards path `index`, in W/(m² sr); `None` in a scene without emission, and for paths from the
     /// projector.
     pub fn ambient(&self, index: usize) -> Option<[f32; 3]> {
         self.layout.ambient.then(|| value(self.slot(index, self.layout.stride() - 1)))
@@ -112,7 +114,7 @@ impl<'a> Batch<'a> {
         self.connections_from(self.pixel(index), index)
     }
 
-    /// As [`Batch::connections`], of a path that starts from `pixel`: whoever goes by [`Batch::runs`] knows it.
+    /// As [`Batch::connections`], for a caller that already knows from [`Batch::runs`] that the path starts from `pixel`.
     pub fn connections_from(&self, pixel: u32, index: usize) -> impl Iterator<Item = Connection> + '_ {
         let from_camera = self.layout.from_camera;
         self.ends(index).filter(|end| end.is_seen).map(move |end| {
@@ -121,7 +123,7 @@ impl<'a> Batch<'a> {
         })
     }
 
-    /// The other ends of the connections of path `index`, those that see nothing among them.
+    /// The far ends of the connections of path `index`, including those outside the field of view.
     pub(crate) fn ends(&self, index: usize) -> impl Iterator<Item = End> + '_ {
         let layout = self.layout;
         let surfaces = self.slot(index, 0)[0] & 0xff;
@@ -132,23 +134,24 @@ impl<'a> Batch<'a> {
         connected.chain(gathered).map(|(k, slot)| End::new(k, slot))
     }
 
-    /// Rays traced along path `index`.
+    /// Number of rays traced for path `index`.
     #[cfg(test)]
     pub(super) fn rays(&self, index: usize) -> u64 {
         rays(self.slot(index, 0))
     }
 
-    /// Paths whose record does not carry `mark`, so that the device never finished them; and the rays that all of them took.
-    pub(super) fn census(&self, mark: u32) -> (u64, u64) {
-        let of_some = |heads: &[[u32; 4]]| {
-            heads.iter().fold((0, 0), |(lost, sum), head| {
-                (lost + u64::from(head[0] >> 16 != mark >> 16), sum + rays(*head))
+    /// The number of paths whose records do not carry `mark`, which the device never finished; and the number of rays of all paths.
+    pub(super) fn unfinished_and_rays(&self, mark: u32) -> (u64, u64) {
+        let count = |heads: &[[u32; 4]]| {
+            heads.iter().fold((0, 0), |(unfinished, sum), head| {
+                (unfinished + u64::from(head[0] >> 16 != mark >> 16), sum + rays(*head))
             })
         };
         let add = |a: (u64, u64), b: (u64, u64)| (a.0 + b.0, a.1 + b.1);
-        self.records[..self.paths].par_chunks(8192).map(of_some).reduce(|| (0, 0), add)
+        self.records[..self.paths].par_chunks(8192).map(count).reduce(|| (0, 0), add)
     }
 
+    /// One slot of a path's record.
     fn slot(&self, index: usize, slot: usize) -> [u32; 4] {
         debug_assert!(index < self.paths);
         self.records[slot * self.paths + index]
@@ -182,10 +185,10 @@ mod tests {
             // Four rays and two surfaces; five and three.
             [MARK | 4 << 8 | 2, ONE, 0, 0],
             [MARK | 5 << 8 | 3, 0, 0, 0],
-            // The connections from the second surfaces, of which the other path's sees no pixel.
+            // The connections from the second surfaces. That of the second path is outside the field of view.
             [6, 0, ONE, 0],
             [crate::render::materials::NONE, 0, 0, 0],
-            // From the third ones, which only the other path has.
+            // The connections from the third surfaces: only the second path has one.
             LEFT_OVER,
             [2, ONE, ONE, ONE],
             // Ambient light.
@@ -206,11 +209,11 @@ mod tests {
             [Connection { camera: 1, projector: 6, bounces: 2, value: [0.0, 1.0, 0.0] }]
         );
         assert_eq!(connections(1), [Connection { camera: 2, projector: 2, bounces: 3, value: [1.0; 3] }]);
-        assert_eq!(batch.census(MARK), (0, 9));
+        assert_eq!(batch.unfinished_and_rays(MARK), (0, 9));
     }
 
     #[test]
-    fn runs_end_with_their_half_of_a_pixels_samples() {
+    fn runs_do_not_cross_pixels_or_halves_of_the_samples() {
         let runs = |first_path, samples, paths: usize| {
             let records = vec![[0; 4]; 4 * paths];
             let batch = batch(&records);
@@ -239,13 +242,13 @@ mod tests {
     }
 
     #[test]
-    fn a_path_without_this_dispatchs_mark_is_unfinished() {
+    fn a_path_without_the_dispatchs_mark_is_unfinished() {
         let mut records = records();
-        assert_eq!(batch(&records).census(MARK).0, 0);
-        // What an earlier dispatch left there.
+        assert_eq!(batch(&records).unfinished_and_rays(MARK).0, 0);
+        // The mark of an earlier dispatch.
         records[1][0] = 4 << 16 | 5 << 8 | 3;
-        assert_eq!(batch(&records).census(MARK).0, 1);
+        assert_eq!(batch(&records).unfinished_and_rays(MARK).0, 1);
         records[0][0] = 0;
-        assert_eq!(batch(&records).census(MARK).0, 2);
+        assert_eq!(batch(&records).unfinished_and_rays(MARK).0, 2);
     }
 }

@@ -1,37 +1,37 @@
-//! The maps of specular chains that were made last, since every retraced photo needs the same again.
+//! A cache of the photon maps of specular chains: every photo that is traced anew needs the same maps.
 
 use super::dispatch::Dispatches;
 use super::geometry::GpuScene;
-use super::photons::{ChainsOf, PhotonMap};
+use super::photons::{ChainRequest, PhotonMap};
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// A separated rig needs one map for each end.
-const KEPT: usize = 2;
+/// Maps kept at a time: a rig with a separate projector needs one for each endpoint.
+const CAPACITY: usize = 2;
 
-/// Maps of one scene on the device, the latest last.
+/// The photon maps of one scene that were traced last, on the device; the newest is the last.
 #[derive(Default)]
-pub(super) struct Chains {
-    made: Vec<(ChainsOf, PhotonMap)>,
+pub(super) struct ChainCache {
+    maps: Vec<(ChainRequest, PhotonMap)>,
 }
 
-impl Chains {
-    /// As [`PhotonMap::trace`], unless that has been done.
+impl ChainCache {
+    /// The map for `request`: from the cache, or by [`PhotonMap::trace`].
     pub(super) fn map(
         &mut self,
         gpu: &Gpu,
         scene: &GpuScene,
-        asked: ChainsOf,
+        request: ChainRequest,
         dispatches: &mut Dispatches,
     ) -> Result<PhotonMap> {
-        if let Some((_, map)) = self.made.iter().find(|(made, _)| *made == asked) {
+        if let Some((_, map)) = self.maps.iter().find(|(known, _)| *known == request) {
             return Ok(map.clone());
         }
-        let map = PhotonMap::trace(gpu, scene, &asked, dispatches)?;
-        if self.made.len() == KEPT {
-            self.made.remove(0);
+        let map = PhotonMap::trace(gpu, scene, &request, dispatches)?;
+        if self.maps.len() == CAPACITY {
+            self.maps.remove(0);
         }
-        self.made.push((asked, map.clone()));
+        self.maps.push((request, map.clone()));
         Ok(map)
     }
 }

@@ -1,41 +1,44 @@
-//! What a scene and its rig have, and so what a kernel is compiled for.
+//! The features of a scene and its rig for which a kernel is compiled.
 
-/// The overrides of `shaders/shared/features.wgsl`.
+/// The values of the overrides of `shaders/shared/features.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Features {
     pub(super) scene: SceneFeatures,
-    /// The scene glows, and the paths see it.
+    /// The scene emits light, and the paths record it.
     pub(super) ambient: bool,
+    /// The camera or the projector has an aperture.
     pub(super) lenses: bool,
+    /// Camera and projector are one pinhole.
     pub(super) coaxial_pinhole: bool,
+    /// Paths may end by Russian roulette.
     pub(super) roulette: bool,
-    /// Texels in a row of the lists by which rays from and to the one pinhole go ([`super::sight`]); 0 where they do not.
-    pub(super) sight_side: u32,
+    /// Texels in a row of the light buffer, where rays from and to the pinhole use it ([`super::light_buffer`]); else 0.
+    pub(super) light_buffer_side: u32,
     /// One invocation traces several paths, one after the other.
     pub(super) several_paths: bool,
 }
 
-/// What of it the surfaces decide.
+/// The features that the scene's surfaces decide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct SceneFeatures {
-    /// Every surface is a plain Lambertian.
+    /// Every surface is plain Lambertian.
     pub(super) matte: bool,
     /// Some surfaces have textures, or normals and colours at their corners.
     pub(super) corners: bool,
-    /// Some surfaces mirror or refract in single directions.
+    /// Some surfaces reflect or refract into single directions.
     pub(super) chains: bool,
-    /// Some surfaces let light straight through.
+    /// Some surfaces let light pass straight through.
     pub(super) passable: bool,
     /// Some surfaces border on a medium.
     pub(super) media: bool,
-    /// Nodes and triangles of the search tree lie in one row of a texture each, and 16 bits tell nodes apart.
+    /// The nodes and the triangles of the search tree lie in one texture row each, and 16 bits are enough for a node's index.
     pub(super) small_tree: bool,
-    /// The number of pairs of triangles, where rays test each of them; 0 where they go by the search tree.
+    /// The number of pairs of triangles, where rays test each of them; 0 where rays traverse the search tree.
     pub(super) few_pairs: u32,
 }
 
 impl Features {
-    /// By the shader's names.
+    /// The values by the names of the shader's overrides.
     pub(super) fn constants(&self) -> [(&'static str, f64); 13] {
         let SceneFeatures { matte, corners, chains, passable, media, small_tree, few_pairs } = self.scene;
         let flag = |set: bool| f64::from(u8::from(set));
@@ -49,7 +52,7 @@ impl Features {
             ("LENSES", flag(self.lenses)),
             ("COAXIAL_PINHOLE", flag(self.coaxial_pinhole)),
             ("ROULETTE", flag(self.roulette)),
-            ("SIGHT_SIDE", f64::from(self.sight_side)),
+            ("LIGHT_BUFFER_SIDE", f64::from(self.light_buffer_side)),
             ("SEVERAL_PATHS", flag(self.several_paths)),
             ("SMALL_TREE", flag(small_tree)),
             ("FEW_PAIRS", f64::from(few_pairs)),
@@ -62,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shaders_overrides_are_all_set_and_no_others() {
+    fn exactly_the_shaders_overrides_are_set() {
         let scene = SceneFeatures {
             matte: true,
             corners: true,
@@ -78,7 +81,7 @@ mod tests {
             lenses: true,
             coaxial_pinhole: true,
             roulette: true,
-            sight_side: 128,
+            light_buffer_side: 128,
             several_paths: true,
         };
         let module = crate::gpu::shader::module("trace_paths").unwrap_or_else(|e| unreachable!("{e}"));

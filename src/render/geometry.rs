@@ -1,4 +1,4 @@
-//! A scene on the device: geometry in the pinhole's frame, materials, textures.
+//! A scene in the device's memory: geometry in the camera's frame, materials, textures.
 
 use glam::{DMat3, DVec3, Vec3};
 
@@ -12,10 +12,10 @@ use crate::gpu::buffers::TEXTURE_WIDTH;
 use crate::scene::bvh::Bvh;
 use crate::scene::{AlphaMode, Camera, Material, Scene, Triangle};
 
-/// Scenes of at most so many triangles are traced without the search tree: a node costs a ray as much as several triangles.
+/// The most triangles of a scene that is traced without a search tree: visiting a node costs as much as testing several triangles.
 const FEW_TRIANGLES: usize = 8;
 
-/// Bindings 1 to 7 of group 0, in that order.
+/// A scene on the device. The first seven members are bindings 1 to 7 of group 0, in this order.
 pub(super) struct GpuScene {
     pub(super) nodes: wgpu::TextureView,
     pub(super) pairs: wgpu::TextureView,
@@ -24,17 +24,21 @@ pub(super) struct GpuScene {
     pub(super) textures: wgpu::Buffer,
     pub(super) texels: wgpu::TextureView,
     pub(super) srgb_table: wgpu::Buffer,
-    /// The triangles in the pinhole's frame, in leaf order.
+    /// The triangles in the camera's frame, in the order of the tree's leaves.
     pub(super) pairs_in_order: Vec<Pair>,
-    /// Whether any surface emits light of its own.
+    /// Whether any surface emits light.
     pub(super) ambient: bool,
-    /// What the surfaces need of a kernel.
+    /// The features that a kernel for these surfaces needs.
     pub(super) features: SceneFeatures,
 }
 
 impl GpuScene {
+    /// Builds the search tree, and moves the scene to the device.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] where no search tree of bounded depth exists; [`Error::Device`] where the scene does not fit.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
-        let frame = PinholeFrame::of(&scene.camera);
+        let frame = CameraFrame::of(&scene.camera);
         let positions: Vec<[Vec3; 3]> =
             scene.triangles.iter().map(|t| t.positions.map(|p| frame.point(p))).collect();
         let pairs = pair_up(&scene.triangles, &positions);
@@ -54,7 +58,7 @@ impl GpuScene {
         if spread_out <= gpu.summary.max_texture_side as usize {
             features.small_tree = true;
             nodes = spread::<5, 8>(&nodes);
-            // Not more than the device's limit, which has 32 bits.
+            // At most the device's limit, which has 32 bits.
             row = spread_out as u32;
         }
 
@@ -73,12 +77,13 @@ impl GpuScene {
     }
 }
 
-/// Each `FROM` texels, and zeros after them up to `TO`: where things of a power of two texels begin, a shift tells.
+/// Pads each record of `FROM` texels with zeros to `TO` texels. With a power of two, a shift finds the first texel of a record.
 fn spread<const FROM: usize, const TO: usize>(texels: &[[u32; 4]]) -> Vec<[u32; 4]> {
-    let things = texels.as_chunks::<FROM>().0.iter();
-    things.flat_map(|thing| (0..TO).map(|at| thing.get(at).copied().unwrap_or_default())).collect()
+    let records = texels.as_chunks::<FROM>().0.iter();
+    records.flat_map(|record| (0..TO).map(|at| record.get(at).copied().unwrap_or_default())).collect()
 }
 
+/// The features that the surfaces of a scene need.
 fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     let mirrors = |m: &Material| {
         (m.metallic > 0.0 || m.specular > 0.0 || m.transmission > 0.0) && m.may_be_smoother_than(MIN_ALPHA)
@@ -87,7 +92,7 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
         m.metallic == 0.0 && m.specular == 0.0 && !m.lets_light_through() && m.alpha_mode == AlphaMode::Opaque
     };
     SceneFeatures {
-        // Normals at the corners make even a Lambertian shade.
+        // Normals at the corners turn even a Lambertian surface's shading normal.
         matte: !corners && scene.materials.iter().all(matte),
         corners,
         chains: scene.materials.iter().any(mirrors),
@@ -98,14 +103,14 @@ fn features(scene: &Scene, pairs: usize, corners: bool) -> SceneFeatures {
     }
 }
 
-/// The pinhole at the origin, looking along −z: precision is best near it, and a scene far from its origin loses none.
-/// Through f64, so that the shift itself costs nothing.
-struct PinholeFrame {
+/// The camera's frame: the camera at the origin, looking along −z. `f32` is most precise near the origin, so that a scene whose own origin
+/// is far away loses nothing. The change of frame is computed in `f64`, so that it does not round twice.
+struct CameraFrame {
     rotation: DMat3,
     origin: DVec3,
 }
 
-impl PinholeFrame {
+impl CameraFrame {
     fn of(camera: &Camera) -> Self {
         let Camera { position, right, up, forward, .. } = camera;
         let rotation = DMat3::from_cols(right.as_dvec3(), up.as_dvec3(), -forward.as_dvec3()).transpose();
@@ -121,8 +126,8 @@ impl PinholeFrame {
     }
 }
 
-/// Whether a triangle's corners say nothing that its material and its plane do not say: white, and as flat as 16-bit
-/// normals can tell.
+/// Whether the corner attributes of a triangle add nothing to its material and its plane: its colours are white, and its normals are those
+/// of the plane, to the precision of 16-bit coordinates.
 fn is_plain(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.positions;
     let normal = (b - a).cross(c - a).normalize_or_zero();
@@ -130,19 +135,20 @@ fn is_plain(triangle: &Triangle) -> bool {
     triangle.colors == [Triangle::WHITE; 3] && triangle.normals.iter().all(flat)
 }
 
-/// As `shaders/shared/pairs.wgsl` reads them, and what their corners carry, where that is more than material and plane say.
-fn pack_pairs(scene: &Scene, frame: &PinholeFrame, pairs: &[Pair]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
+/// The texels of all pairs, as `shaders/shared/pairs.wgsl` reads them, and the texels of their corner attributes, for those pairs that have
+/// any.
+fn pack_pairs(scene: &Scene, frame: &CameraFrame, pairs: &[Pair]) -> (Vec<[u32; 4]>, Vec<[u32; 4]>) {
     let textured: Vec<bool> =
         scene.materials.iter().map(|material| material.textures().next().is_some()).collect();
     let mut texels = Vec::with_capacity(4 * pairs.len());
     let mut corners = Vec::new();
     for pair in pairs {
         let triangles: Vec<Triangle> =
-            pair.triangles().map(|(turned, _)| turned.of(&scene.triangles)).collect();
-        // Both have the same.
+            pair.triangles().map(|(rotated, _)| rotated.of(&scene.triangles)).collect();
+        // Both triangles of a pair have the same.
         let Triangle { material, region, .. } = triangles[0];
         let needs_corners = textured[material as usize] || !triangles.iter().all(is_plain);
-        // Six texels a triangle; the array's size limit is far below u32::MAX, and is checked when it is made.
+        // There are six texels for each triangle. The size limit of the array is far below u32::MAX, and is checked when it is made.
         let first_corner = if needs_corners { corners.len() as u32 } else { NONE };
         if needs_corners {
             corners.extend(triangles.iter().flat_map(|triangle| pack_corners(triangle, frame)).flatten());
@@ -155,8 +161,8 @@ fn pack_pairs(scene: &Scene, frame: &PinholeFrame, pairs: &[Pair]) -> (Vec<[u32;
     (texels, corners)
 }
 
-/// Two texels a corner: both sets of texture coordinates; normal and colour.
-fn pack_corners(triangle: &Triangle, frame: &PinholeFrame) -> [[[u32; 4]; 2]; 3] {
+/// Two texels for each corner: both sets of texture coordinates; normal and colour.
+fn pack_corners(triangle: &Triangle, frame: &CameraFrame) -> [[[u32; 4]; 2]; 3] {
     [0, 1, 2].map(|corner| {
         let [first, second] = triangle.texcoords[corner];
         let [red, green, blue, alpha] = triangle.colors[corner].map(u32::from);

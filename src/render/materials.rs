@@ -5,9 +5,10 @@ use glam::Vec3;
 use super::textures::GpuTexture;
 use crate::scene::{AlphaMode, Material, Scene};
 
-/// A surface whose microfacet width `α` is smaller counts as smooth.
+/// A surface with a smaller microfacet width `α` counts as smooth.
 pub const MIN_ALPHA: f32 = 1e-3;
 
+/// The index that stands for no pixel, triangle, region, and so on; `NONE` in `shaders/shared/parameters.wgsl`.
 pub(super) const NONE: u32 = u32::MAX;
 
 const DOUBLE_SIDED: u32 = 1;
@@ -15,8 +16,8 @@ const LETS_LIGHT_THROUGH: u32 = 2;
 const BLEND: u32 = 4;
 const MASK: u32 = 8;
 
-/// Texels, laid out as `shaders/shared/surface.wgsl` has it: loads from storage textures are far cheaper than from buffers on software
-/// Vulkan.
+/// A material as seven texels, in the layout of `shaders/shared/surface.wgsl`. On software Vulkan, loads from storage textures are far
+/// cheaper than loads from buffers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct GpuMaterial {
@@ -43,11 +44,11 @@ pub(super) struct GpuMaterial {
 impl GpuMaterial {
     /// A material whose textures are `begin..end` of the list.
     fn new(material: &Material, [begin, end]: [u32; 2]) -> Self {
-        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ = factor. The
-        // shader takes the minimum and the factor, since both may have a texture.
+        // KHR_materials_ior and KHR_materials_specular: F₀ = min(((n−1)/(n+1))² · colour, 1) · factor, F₉₀ = factor. The shader applies the
+        // minimum and the factor, since both colour and factor may have a texture.
         let normal_incidence = ((material.ior - 1.0) / (material.ior + 1.0)).powi(2);
         let through = material.lets_light_through();
-        // An opaque surface has no other side for a medium to be on.
+        // Light does not enter an opaque surface, so that it has no medium.
         let volume = material.volume.filter(|_| through);
         let (mode, cutoff) = match material.alpha_mode {
             AlphaMode::Opaque => (0, 0.0),
@@ -67,7 +68,7 @@ impl GpuMaterial {
             absorption: volume.map_or(Vec3::ZERO, |volume| volume.absorption()),
             transmission: material.transmission,
             cutoff,
-            // An index of 0 stands for a Fresnel term of 1: no light enters to be bent.
+            // An index of 0 stands for a Fresnel term of 1: no light enters, and none is refracted.
             ior: if volume.is_some() && material.ior > 0.0 { material.ior } else { 1.0 },
             normal_scale: material.normal_scale,
             padding: 0,
@@ -79,7 +80,7 @@ impl GpuMaterial {
     }
 }
 
-/// All materials of a scene as texels, and the list of their textures, material by material.
+/// All materials of a scene as texels, and the list of their textures in the order of the materials.
 pub(super) fn pack_materials(scene: &Scene) -> (Vec<[u32; 4]>, Vec<GpuTexture>) {
     let mut textures = Vec::new();
     let materials: Vec<GpuMaterial> = scene
@@ -102,7 +103,7 @@ mod tests {
     use std::mem::{offset_of, size_of};
 
     #[test]
-    fn materials_lie_as_the_shader_reads_them() {
+    fn materials_have_the_layout_of_the_shader() {
         let texel = |offset: usize| (offset / 16) as u32;
         for (name, value) in [
             ("MATERIAL_TEXELS", texel(size_of::<GpuMaterial>())),
@@ -116,7 +117,7 @@ mod tests {
         ] {
             assert_constant("trace_paths", name, value);
         }
-        // A texel begins with each of them, and holds the next members.
+        // Position of each member within its texel.
         let within = |offset: usize| offset % 16 / 4;
         let lanes = [
             (offset_of!(GpuMaterial, metallic), 3),
@@ -136,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_volume_that_light_enters_has_an_index_and_absorbs() {
+    fn only_a_volume_that_light_enters_refracts_and_absorbs() {
         let volume = Volume { attenuation_color: Vec3::splat(0.5), attenuation_distance: 1.0 };
         let solid = Material { volume: Some(volume), transmission: 1.0, ..Material::default() };
         let packed = GpuMaterial::new(&solid, [0; 2]);

@@ -1,4 +1,4 @@
-//! The tracer: light paths of a scene, once, as connections between camera and projector pixels.
+//! The path tracer: it traces the light paths of a scene, as connections between camera pixels and projector pixels.
 //!
 #![doc = include_str!("../../docs/operator.md")]
 
@@ -7,6 +7,7 @@ mod chains;
 mod dispatch;
 mod features;
 mod geometry;
+mod light_buffer;
 mod materials;
 mod output;
 mod pairs;
@@ -17,8 +18,8 @@ mod records;
 mod rig;
 mod sampler;
 mod settings;
-mod sight;
 mod strategy;
+mod strategy_run;
 mod summary;
 #[cfg(test)]
 mod tests;
@@ -29,20 +30,20 @@ pub use batch::{Batch, Run};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
 pub use records::Connection;
-pub(crate) use records::PIXEL;
+pub(crate) use records::PIXEL_MASK;
 pub use sampler::Sampler;
 pub use settings::{MAX_BOUNCES, TraceSettings};
-pub use summary::{Progress, TraceSummary};
+pub use summary::TraceSummary;
 pub use tracer::Tracer;
 
 pub use crate::gpu::AdapterSummary;
 
-/// All graphics adapters of this machine that could trace; an empty list is not an error.
+/// All graphics adapters of this machine that can trace. The list may be empty.
 pub fn adapters() -> Vec<AdapterSummary> {
     crate::gpu::device::adapters()
 }
 
-/// The error for a machine without any adapter: names what to install.
+/// The error for a machine without any adapter. It says what to install.
 pub fn no_adapter() -> crate::Error {
     crate::gpu::device::no_adapter()
 }

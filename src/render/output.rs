@@ -1,4 +1,4 @@
-//! The buffers that a kernel's results come back through.
+//! The buffers of a kernel's parameters and results, and its dispatches.
 
 use wgpu::BufferUsages;
 
@@ -9,14 +9,14 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::readback::{Readback, Results};
 
-/// Where a kernel's parameters and results lie.
+/// The staging buffers of one dispatch: its parameters, and its results. Clones share them.
 #[derive(Clone)]
-pub(super) struct Landing {
+pub(super) struct StagingBuffers {
     parameters: wgpu::Buffer,
     results: Results,
 }
 
-impl Landing {
+impl StagingBuffers {
     /// Room for `bytes` of results.
     pub(super) fn new(gpu: &Gpu, bytes: u64) -> Result<Self> {
         let results = Results::new(gpu, "path records", bytes)?;
@@ -26,28 +26,28 @@ impl Landing {
         Ok(Self { parameters, results })
     }
 
-    /// For how many bytes of results there is room.
+    /// The room for results, in bytes.
     pub(super) fn bytes(&self) -> u64 {
         self.results.buffer.size()
     }
 }
 
-/// What a kernel writes to, with all that it reads bound to it. One dispatch at a time.
+/// The bindings of a kernel: its staging buffers, and everything that it reads. It serves one dispatch at a time.
 pub(super) struct Output {
-    landing: Landing,
+    staging: StagingBuffers,
     scene_group: wgpu::BindGroup,
     output_group: wgpu::BindGroup,
 }
 
 impl Output {
-    /// Results of `kernel` over `scene` in `landing`, with these chains to gather from and lists to see by.
+    /// Binds `scene`, the photon map `chains`, the light buffer and `staging` to `kernel`.
     pub(super) fn new(
         gpu: &Gpu,
         kernel: &Pipeline,
         scene: &GpuScene,
         chains: &PhotonBuffers,
-        sight: &wgpu::TextureView,
-        landing: Landing,
+        light_buffer: &wgpu::TextureView,
+        staging: StagingBuffers,
     ) -> Result<Self> {
         gpu.guarded("bindings", || {
             let view = wgpu::BindingResource::TextureView;
@@ -55,7 +55,7 @@ impl Output {
                 gpu,
                 &kernel.scene_layout,
                 [
-                    landing.parameters.as_entire_binding(),
+                    staging.parameters.as_entire_binding(),
                     view(&scene.nodes),
                     view(&scene.pairs),
                     view(&scene.materials),
@@ -69,18 +69,18 @@ impl Output {
                 gpu,
                 &kernel.output_layout,
                 [
-                    landing.results.buffer.as_entire_binding(),
+                    staging.results.buffer.as_entire_binding(),
                     chains.photons.as_entire_binding(),
                     chains.buckets.as_entire_binding(),
-                    view(sight),
+                    view(light_buffer),
                 ],
             );
-            Self { landing: landing.clone(), scene_group, output_group }
+            Self { staging: staging.clone(), scene_group, output_group }
         })
     }
 
-    /// Hands the device one dispatch of `parameters.paths`, `parameters.paths_each` to an invocation, of whose results the first
-    /// `bytes` are wanted.
+    /// Submits one dispatch of `parameters.paths` paths, `parameters.paths_per_invocation` for each invocation, and requests the first
+    /// `bytes` of its results.
     pub(super) fn launch(
         &self,
         gpu: &Gpu,
@@ -89,23 +89,23 @@ impl Output {
         bytes: u64,
     ) -> Result<Readback> {
         let submission = gpu.guarded("dispatch", || {
-            gpu.queue.write_buffer(&self.landing.parameters, 0, bytemuck::bytes_of(parameters));
+            gpu.queue.write_buffer(&self.staging.parameters, 0, bytemuck::bytes_of(parameters));
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(&kernel.pipeline);
             pass.set_bind_group(0, &self.scene_group, &[]);
             pass.set_bind_group(1, &self.output_group, &[]);
-            pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_each), 1, 1);
+            pass.dispatch_workgroups(parameters.paths.div_ceil(64 * parameters.paths_per_invocation), 1, 1);
             drop(pass);
-            self.landing.results.submit(gpu, encoder, bytes)
+            self.staging.results.submit(gpu, encoder, bytes)
         })?;
-        Ok(self.landing.results.request(bytes, submission))
+        Ok(self.staging.results.request(bytes, submission))
     }
 
-    /// Waits for a dispatch of this output's, and returns its results. Drop the view and call [`Output::release`] before the
-    /// next one.
-    pub(super) fn land(&self, gpu: &Gpu, flight: Readback) -> Result<wgpu::BufferView> {
-        self.landing.results.wait(gpu, flight)
+    /// Waits for a dispatch that this output launched, and returns its results. Drop the view and call [`Output::release`] before the
+    /// next launch.
+    pub(super) fn wait(&self, gpu: &Gpu, in_flight: Readback) -> Result<wgpu::BufferView> {
+        self.staging.results.wait(gpu, in_flight)
     }
 
     /// Launches a dispatch and waits for it.
@@ -116,14 +116,16 @@ impl Output {
         parameters: &Parameters,
         bytes: u64,
     ) -> Result<wgpu::BufferView> {
-        self.land(gpu, self.launch(gpu, kernel, parameters, bytes)?)
+        self.wait(gpu, self.launch(gpu, kernel, parameters, bytes)?)
     }
 
+    /// Makes the results writable again for the device, after their view has been dropped.
     pub(super) fn release(&self) {
-        self.landing.results.release();
+        self.staging.results.release();
     }
 }
 
+/// The resources as bindings 0, 1, and so on.
 fn bind_group<const N: usize>(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,

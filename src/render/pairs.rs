@@ -20,20 +20,20 @@ pub(super) struct Pair {
     /// Corners: the first triangle's are 0, 1, 2, the second one's 0, 2, 3. One alone ends where it began, and
     /// no ray meets what has no area.
     pub(super) corners: [Vec3; 4],
-    first: Turned,
-    second: Option<Turned>,
+    first: Rotated,
+    second: Option<Rotated>,
 }
 
 /// A triangle of the scene, and which of its corners comes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Turned {
+pub(super) struct Rotated {
     pub(super) index: usize,
     pub(super) by: usize,
 }
 
 impl Pair {
     fn alone(index: usize, [a, b, c]: [Vec3; 3]) -> Self {
-        Self { corners: [a, b, c, a], first: Turned { index, by: 0 }, second: None }
+        Self { corners: [a, b, c, a], first: Rotated { index, by: 0 }, second: None }
     }
 
     /// Across edge `edge` of the first one, which is edge `other_edge` of the second.
@@ -42,13 +42,14 @@ impl Pair {
         (other, others, other_edge): (usize, [Vec3; 3], usize),
     ) -> Self {
         // The edge runs from corner 2 to corner 0 of the first, from corner 0 to corner 1 of the second.
-        let (first, second) = (Turned { index, by: (edge + 1) % 3 }, Turned { index: other, by: other_edge });
+        let (first, second) =
+            (Rotated { index, by: (edge + 1) % 3 }, Rotated { index: other, by: other_edge });
         let ([a, b, c], [_, _, d]) = (first.corners(corners), second.corners(others));
         Self { corners: [a, b, c, d], first, second: Some(second) }
     }
 
     /// Its triangles, and their corners.
-    pub(super) fn triangles(&self) -> impl Iterator<Item = (Turned, [Vec3; 3])> {
+    pub(super) fn triangles(&self) -> impl Iterator<Item = (Rotated, [Vec3; 3])> {
         let [a, b, c, d] = self.corners;
         [Some((self.first, [a, b, c])), self.second.map(|second| (second, [a, c, d]))].into_iter().flatten()
     }
@@ -60,7 +61,7 @@ impl Pair {
     }
 }
 
-impl Turned {
+impl Rotated {
     fn corners<T: Copy>(self, [a, b, c]: [T; 3]) -> [T; 3] {
         [[a, b, c], [b, c, a], [c, a, b]][self.by]
     }
@@ -83,7 +84,7 @@ impl Turned {
 /// hide the other.
 pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair> {
     let neighbours = neighbours(corners);
-    let alike = |a: usize, b: usize| {
+    let equal = |a: usize, b: usize| {
         let (a, b) = (&triangles[a], &triangles[b]);
         (a.material, a.region) == (b.material, b.region)
     };
@@ -94,13 +95,13 @@ pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair
             continue;
         }
         let alone = Pair::alone(index, own);
-        let mates = (0..3).filter_map(|edge| {
+        let candidates = (0..3).filter_map(|edge| {
             let across = neighbours[3 * index + edge];
             if across == NONE {
                 return None;
             }
             let (other, other_edge) = (across as usize / 3, across as usize % 3);
-            if taken[other] || !alike(index, other) || seen_from(&own) * seen_from(&corners[other]) <= 0.0 {
+            if taken[other] || !equal(index, other) || seen_from(&own) * seen_from(&corners[other]) <= 0.0 {
                 return None;
             }
             let both = Pair::across((index, own, edge), (other, corners[other], other_edge));
@@ -108,7 +109,7 @@ pub(super) fn pair_up(triangles: &[Triangle], corners: &[[Vec3; 3]]) -> Vec<Pair
             let apart = half_area(alone.extent()) + half_area(Pair::alone(other, corners[other]).extent());
             (room <= CLOSE * apart).then_some((room, other, both))
         });
-        let best = mates.min_by(|(a, ..), (b, ..)| a.total_cmp(b));
+        let best = candidates.min_by(|(a, ..), (b, ..)| a.total_cmp(b));
         pairs.push(match best {
             Some((_, other, both)) => {
                 taken[other] = true;
@@ -202,8 +203,8 @@ mod tests {
             assert_eq!(pairs.len(), 1);
             let pair = &pairs[0];
             assert_eq!(pair.triangles().count(), 2);
-            for (turned, corners) in pair.triangles() {
-                assert_eq!(turned.of(&triangles).positions, corners);
+            for (rotated, corners) in pair.triangles() {
+                assert_eq!(rotated.of(&triangles).positions, corners);
             }
             let square = [LOWER[0], LOWER[1], LOWER[2], UPPER[1]];
             assert_eq!(pair.corners.map(|corner| corner.truncate().to_array()), square);
@@ -241,12 +242,12 @@ mod tests {
         assert!(pairs.len() < 520, "{} pairs of {} triangles", pairs.len(), triangles.len());
         let mut seen = vec![0; triangles.len()];
         for pair in &pairs {
-            for (turned, corners) in pair.triangles() {
-                seen[turned.index] += 1;
-                let (before, after) = (triangles[turned.index], turned.of(&triangles));
+            for (rotated, corners) in pair.triangles() {
+                seen[rotated.index] += 1;
+                let (before, after) = (triangles[rotated.index], rotated.of(&triangles));
                 assert_eq!(after.positions, corners);
                 for corner in 0..3 {
-                    let was = (corner + turned.by) % 3;
+                    let was = (corner + rotated.by) % 3;
                     assert_eq!(after.positions[corner], before.positions[was]);
                     assert_eq!(after.texcoords[corner], before.texcoords[was]);
                 }

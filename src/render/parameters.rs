@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 
-/// Laid out as `Eye` in `shaders/shared/parameters.wgsl`.
+/// Laid out as `Endpoint` in `shaders/shared/parameters.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub(super) struct GpuEye {
+pub(super) struct GpuEndpoint {
     pub(super) right: Vec3,
     pub(super) radius: f32,
     pub(super) up: Vec3,
@@ -22,8 +22,8 @@ pub(super) struct GpuEye {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Parameters {
-    pub(super) start: GpuEye,
-    pub(super) end: GpuEye,
+    pub(super) start: GpuEndpoint,
+    pub(super) end: GpuEndpoint,
     pub(super) first_pixel: u32,
     pub(super) first_sample: u32,
     pub(super) paths: u32,
@@ -38,7 +38,7 @@ pub(super) struct Parameters {
     pub(super) bucket_mask: u32,
     pub(super) stride: u32,
     pub(super) sampling: u32,
-    pub(super) paths_each: u32,
+    pub(super) paths_per_invocation: u32,
     pub(super) padding: u32,
 }
 
@@ -52,12 +52,12 @@ mod tests {
     fn parameters_lie_as_the_shader_reads_them() {
         let members = offsets!(
             Parameters: start, end, first_pixel, first_sample, paths, samples, max_bounces, seed, mark, end_to_start,
-            scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_each, padding
+            scale, gather_radius, inverse_cell, bucket_mask, stride, sampling, paths_per_invocation, padding
         );
         assert_layout("trace_paths", "Parameters", members, size_of::<Parameters>());
         let members = offsets!(
-            GpuEye: right, radius, up, focus, back, padding, position, padding2, tangent, resolution
+            GpuEndpoint: right, radius, up, focus, back, padding, position, padding2, tangent, resolution
         );
-        assert_layout("trace_paths", "Eye", members, size_of::<GpuEye>());
+        assert_layout("trace_paths", "Endpoint", members, size_of::<GpuEndpoint>());
     }
 }

@@ -1,4 +1,4 @@
-//! The map of an eye's specular chains: which of its pixels see a surface point through mirrors and glass.
+//! The map of an endpoint's specular chains: which of its pixels see a surface point through mirrors and glass.
 //!
 //! A path whose both ends are specular (camera → mirror → wall → wall → mirror → projector) cannot be sampled by
 //! connecting points: neither end of the connection is free. So the chains of the far end are traced once from its
@@ -10,25 +10,25 @@ use rayon::prelude::*;
 use super::dispatch::Dispatches;
 use super::features::Features;
 use super::geometry::GpuScene;
+use super::light_buffer;
 use super::materials::NONE;
-use super::output::{Landing, Output};
-use super::parameters::{GpuEye, Parameters};
+use super::output::{Output, StagingBuffers};
+use super::parameters::{GpuEndpoint, Parameters};
 use super::pipeline::{PhotonBuffers, Pipeline};
-use super::sight;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 
 /// As in the record of `trace_photons`: four words of four.
 type Photon = [[u32; 4]; 4];
 
-/// Chains of more surfaces do not fit the four bits of their count.
+/// ChainCache of more surfaces do not fit the four bits of their count.
 const MAX_CHAIN: u32 = 15;
 
 /// Photons in one bucket at most, so that no path loops longer than a device may: the brightest spots are thinned
 /// beyond that, evenly, the rest made as much brighter.
 const MAX_BUCKET: usize = 512;
 
-/// The chains of one eye, on the device.
+/// The chains of one endpoint, on the device.
 #[derive(Clone)]
 pub(super) struct PhotonMap {
     pub(super) buffers: PhotonBuffers,
@@ -41,7 +41,7 @@ pub(super) struct PhotonMap {
 /// How finely chains are mapped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gather {
-    /// Chains traced from each pixel.
+    /// ChainCache traced from each pixel.
     pub photons: u32,
     /// Radius of the density estimate; 1 is that of a disc as large as what a pixel sees through its chain, in the
     /// median. The bias vanishes with it, and the variance grows.
@@ -55,17 +55,17 @@ impl Default for Gather {
 }
 
 /// Which chains of a scene: all that their map depends on.
-pub(super) struct ChainsOf {
+pub(super) struct ChainRequest {
     pub(super) features: Features,
-    pub(super) eye: GpuEye,
+    pub(super) endpoint: GpuEndpoint,
     pub(super) gather: Gather,
     /// Of its paths: their number of bounces, seed and so on.
     pub(super) base: Parameters,
 }
 
-impl PartialEq for ChainsOf {
+impl PartialEq for ChainRequest {
     fn eq(&self, other: &Self) -> bool {
-        (self.features, self.eye, self.gather) == (other.features, other.eye, other.gather)
+        (self.features, self.endpoint, self.gather) == (other.features, other.endpoint, other.gather)
             && bytemuck::bytes_of(&self.base) == bytemuck::bytes_of(&other.base)
     }
 }
@@ -80,34 +80,34 @@ impl PhotonMap {
         Ok(Self { buffers, bucket_mask: 0, radius: 1.0 })
     }
 
-    /// Traces what is asked for.
+    /// Traces what is request for.
     pub(super) fn trace(
         gpu: &Gpu,
         scene: &GpuScene,
-        asked: &ChainsOf,
+        request: &ChainRequest,
         dispatches: &mut Dispatches,
     ) -> Result<Self> {
-        let ChainsOf { features, eye, gather, base } = *asked;
+        let ChainRequest { features, endpoint, gather, base } = *request;
         // At least the surface at either end of the path is not part of this chain.
         let chain = base.max_bounces.saturating_sub(2).min(MAX_CHAIN);
         if chain == 0 || gather.photons == 0 {
             return Self::empty(gpu);
         }
-        let total = eye.pixels() * u64::from(gather.photons);
+        let total = endpoint.pixels() * u64::from(gather.photons);
         let kernel = Pipeline::new(gpu, "trace_photons", &features)?;
         let none = Self::empty(gpu)?;
         let words = 4 * u64::from(chain) + 1;
         let capacity = dispatches.capacity(gpu, words, 1, total);
         let bytes = u64::from(capacity) * words * 16;
-        let landing = Landing::new(gpu, bytes)?;
-        let output = Output::new(gpu, &kernel, scene, &none.buffers, &sight::none(gpu)?, landing)?;
+        let staging = StagingBuffers::new(gpu, bytes)?;
+        let output = Output::new(gpu, &kernel, scene, &none.buffers, &light_buffer::none(gpu)?, staging)?;
         let mut photons: Vec<Photon> = Vec::new();
         let mut done = 0;
         while done < total {
             let paths = u64::from(capacity).min(total - done) as u32;
             let parameters = Parameters {
-                start: eye,
-                end: eye,
+                start: endpoint,
+                end: endpoint,
                 first_pixel: (done / u64::from(gather.photons)) as u32,
                 first_sample: (done % u64::from(gather.photons)) as u32,
                 paths,
@@ -115,7 +115,7 @@ impl PhotonMap {
                 // Other numbers than those of the paths that gather.
                 seed: base.seed ^ 0x5eed_f00d,
                 mark: dispatches.mark(),
-                scale: (eye.image_area() / total as f64) as f32,
+                scale: (endpoint.image_area() / total as f64) as f32,
                 stride: chain,
                 ..base
             };
@@ -140,7 +140,7 @@ impl PhotonMap {
         }
         let room = gpu.summary.max_storage_binding.min(gpu.summary.max_buffer) / size_of::<Photon>() as u64;
         let photons = fitting(photons, room as usize);
-        let pixel_area = eye.image_area() / eye.pixels() as f64;
+        let pixel_area = endpoint.image_area() / endpoint.pixels() as f64;
         let radius = gather.radius * median_radius(&photons, pixel_area);
         Self::sort(gpu, photons, radius)
     }

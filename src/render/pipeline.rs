@@ -66,7 +66,7 @@ impl Pipeline {
     }
 }
 
-/// The specular chains of an eye as the shaders read them.
+/// The specular chains of an endpoint as the shaders read them.
 #[derive(Clone)]
 pub(super) struct PhotonBuffers {
     pub(super) photons: wgpu::Buffer,

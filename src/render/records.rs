@@ -69,7 +69,7 @@ impl End {
     pub(super) fn new(k: u32, slot: [u32; 4]) -> Self {
         Self {
             is_seen: slot[0] != super::materials::NONE,
-            pixel: slot[0] & PIXEL,
+            pixel: slot[0] & PIXEL_MASK,
             bounces: k + (slot[0] >> PIXEL_BITS),
             value: value(slot),
         }
@@ -79,7 +79,7 @@ impl End {
 /// Of a word for a pixel; the others are for what else belongs to it: here, the number of its chain's surfaces.
 const PIXEL_BITS: u32 = 28;
 /// Those bits.
-pub(crate) const PIXEL: u32 = (1 << PIXEL_BITS) - 1;
+pub(crate) const PIXEL_MASK: u32 = (1 << PIXEL_BITS) - 1;
 
 /// Rays traced along a path, by its first slot.
 pub(super) fn rays(head: [u32; 4]) -> u64 {

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
-use super::parameters::GpuEye;
+use super::parameters::GpuEndpoint;
 use super::settings::TraceSettings;
 use crate::image::Resolution;
 use crate::scene::{Camera, Scene};
@@ -29,47 +29,47 @@ impl Rig {
         self.coaxial(settings) && self.camera.lens.radius == 0.0
     }
 
-    pub(super) fn camera(&self, settings: &TraceSettings) -> GpuEye {
-        self.eye(&self.camera, settings.resolution)
+    pub(super) fn camera(&self, settings: &TraceSettings) -> GpuEndpoint {
+        self.endpoint(&self.camera, settings.resolution)
     }
 
-    pub(super) fn projector(&self, settings: &TraceSettings) -> GpuEye {
+    pub(super) fn projector(&self, settings: &TraceSettings) -> GpuEndpoint {
         let resolution = settings.projector.unwrap_or(settings.resolution);
-        self.eye(self.projector.as_ref().unwrap_or(&self.camera), resolution)
+        self.endpoint(self.projector.as_ref().unwrap_or(&self.camera), resolution)
     }
 
-    fn eye(&self, eye: &Camera, resolution: Resolution) -> GpuEye {
+    fn endpoint(&self, endpoint: &Camera, resolution: Resolution) -> GpuEndpoint {
         let to_camera = axes(&self.camera).transpose();
-        let [right, up, back] = if *eye == self.camera {
+        let [right, up, back] = if *endpoint == self.camera {
             // Exactly, so that nothing is rounded on the way.
             [Vec3::X, Vec3::Y, Vec3::Z]
         } else {
-            let turned = to_camera * axes(eye);
+            let turned = to_camera * axes(endpoint);
             [turned.x_axis, turned.y_axis, turned.z_axis].map(|axis| axis.as_vec3())
         };
-        let position: DVec3 = to_camera * (eye.position.as_dvec3() - self.camera.position.as_dvec3());
+        let position: DVec3 = to_camera * (endpoint.position.as_dvec3() - self.camera.position.as_dvec3());
         let shape = resolution.width as f32 / resolution.height as f32;
-        GpuEye {
+        GpuEndpoint {
             right,
-            radius: eye.lens.radius,
+            radius: endpoint.lens.radius,
             up,
-            focus: eye.lens.focus,
+            focus: endpoint.lens.focus,
             back,
             padding: 0.0,
             position: position.as_vec3(),
             padding2: 0.0,
-            tangent: [eye.tan_half_fov * shape, eye.tan_half_fov],
+            tangent: [endpoint.tan_half_fov * shape, endpoint.tan_half_fov],
             resolution: [resolution.width as u32, resolution.height as u32],
         }
     }
 }
 
-/// From the eye's frame to the world.
-fn axes(eye: &Camera) -> DMat3 {
-    DMat3::from_cols(eye.right.as_dvec3(), eye.up.as_dvec3(), -eye.forward.as_dvec3())
+/// From the endpoint's frame to the world.
+fn axes(endpoint: &Camera) -> DMat3 {
+    DMat3::from_cols(endpoint.right.as_dvec3(), endpoint.up.as_dvec3(), -endpoint.forward.as_dvec3())
 }
 
-impl GpuEye {
+impl GpuEndpoint {
     pub(super) fn pixels(&self) -> u64 {
         u64::from(self.resolution[0]) * u64::from(self.resolution[1])
     }

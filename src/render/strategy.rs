@@ -1,15 +1,15 @@
 //! Which paths are traced: from the camera, and from the projector too where that stands apart.
 
-use super::chains::Chains;
-use super::dispatch::{Dispatches, most_paths};
+use super::chains::ChainCache;
+use super::dispatch::{Dispatches, max_paths_per_invocation};
 use super::features::Features;
 use super::geometry::GpuScene;
-use super::parameters::{GpuEye, Parameters};
-use super::photons::{ChainsOf, PhotonMap};
+use super::light_buffer::{self, LightBuffers};
+use super::parameters::{GpuEndpoint, Parameters};
+use super::photons::{ChainRequest, PhotonMap};
 use super::records::Layout;
 use super::rig::Rig;
 use super::settings::TraceSettings;
-use super::sight::{self, Sights};
 use crate::error::Result;
 use crate::gpu::Gpu;
 
@@ -19,10 +19,10 @@ pub(super) struct Strategy {
     pub(super) parameters: Parameters,
     pub(super) features: Features,
     /// Of one invocation.
-    pub(super) most_paths: u32,
+    pub(super) max_paths_per_invocation: u32,
     pub(super) chains: PhotonMap,
     /// What can be seen from the pinhole that both ends share, if they do and it is of use.
-    pub(super) sight: wgpu::TextureView,
+    pub(super) light_buffer: wgpu::TextureView,
     pub(super) layout: Layout,
 }
 
@@ -33,16 +33,16 @@ impl Strategy {
 }
 
 /// What strategies are made from.
-pub(super) struct Stage<'a> {
+pub(super) struct StrategyBuilder<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) scene: &'a GpuScene,
     pub(super) rig: &'a Rig,
     pub(super) dispatches: &'a mut Dispatches,
-    pub(super) sights: &'a mut Sights,
-    pub(super) chains: &'a mut Chains,
+    pub(super) light_buffers: &'a mut LightBuffers,
+    pub(super) chains: &'a mut ChainCache,
 }
 
-impl Stage<'_> {
+impl StrategyBuilder<'_> {
     /// From the camera; and from the projector too, unless it is the same.
     pub(super) fn strategies(&mut self, settings: &TraceSettings) -> Result<Vec<Strategy>> {
         let (camera, projector) = (self.rig.camera(settings), self.rig.projector(settings));
@@ -61,7 +61,7 @@ impl Stage<'_> {
     pub(super) fn strategy(
         &mut self,
         settings: &TraceSettings,
-        [start, end]: [GpuEye; 2],
+        [start, end]: [GpuEndpoint; 2],
         [samples, end_samples]: [u32; 2],
         from_camera: bool,
     ) -> Result<Strategy> {
@@ -69,11 +69,11 @@ impl Stage<'_> {
         let coaxial_pinhole = self.rig.coaxial_pinhole(settings);
         let ambient = self.scene.ambient && from_camera;
         // Where light passes straight through, a ray has to look at all that it meets.
-        let has_sight = coaxial_pinhole && !self.scene.features.passable;
-        let sight = if has_sight {
-            self.sights.lists(self.gpu, self.scene, start.tangent)?
+        let has_light_buffer = coaxial_pinhole && !self.scene.features.passable;
+        let light_buffer = if has_light_buffer {
+            self.light_buffers.lists(self.gpu, self.scene, start.tangent)?
         } else {
-            sight::none(self.gpu)?
+            light_buffer::none(self.gpu)?
         };
         let mut features = Features {
             scene: self.scene.features,
@@ -82,9 +82,15 @@ impl Stage<'_> {
             coaxial_pinhole,
             roulette: settings.russian_roulette,
             several_paths: false,
-            sight_side: if has_sight { sight::side(self.scene.pairs_in_order.len()) } else { 0 },
+            light_buffer_side: if has_light_buffer {
+                light_buffer::side(self.scene.pairs_in_order.len())
+            } else {
+                0
+            },
         };
-        let starts = |eye: &GpuEye, samples: u32| f64::from(samples) * eye.pixels() as f64 / eye.image_area();
+        let starts = |endpoint: &GpuEndpoint, samples: u32| {
+            f64::from(samples) * endpoint.pixels() as f64 / endpoint.image_area()
+        };
         let end_to_start =
             if coaxial { 1.0 } else { starts(&end, end_samples) / starts(&start, samples) } as f32;
         let mut parameters = Parameters {
@@ -106,18 +112,19 @@ impl Stage<'_> {
             bucket_mask: 0,
             stride: 0,
             sampling: settings.sampler.word(),
-            paths_each: 1,
+            paths_per_invocation: 1,
             padding: 0,
         };
         let chains = if self.scene.features.chains {
-            let asked = ChainsOf { features, eye: end, gather: settings.gather, base: parameters };
-            self.chains.map(self.gpu, self.scene, asked, self.dispatches)?
+            let request = ChainRequest { features, endpoint: end, gather: settings.gather, base: parameters };
+            self.chains.map(self.gpu, self.scene, request, self.dispatches)?
         } else {
             PhotonMap::empty(self.gpu)?
         };
         let gathers = chains.bucket_mask != 0;
-        let most_paths = most_paths(self.gpu, &self.scene.features, gathers, settings.max_bounces);
-        features.several_paths = most_paths > 1;
+        let max_paths_per_invocation =
+            max_paths_per_invocation(self.gpu, &self.scene.features, gathers, settings.max_bounces);
+        features.several_paths = max_paths_per_invocation > 1;
         let layout = Layout {
             samples,
             max_bounces: settings.max_bounces,
@@ -131,6 +138,6 @@ impl Stage<'_> {
         parameters.bucket_mask = chains.bucket_mask;
         parameters.gather_radius = chains.radius;
         parameters.inverse_cell = chains.inverse_cell();
-        Ok(Strategy { parameters, features, most_paths, chains, sight, layout })
+        Ok(Strategy { parameters, features, max_paths_per_invocation, chains, light_buffer, layout })
     }
 }

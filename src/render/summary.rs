@@ -1,15 +1,6 @@
-//! What is told of a trace while it goes on, and when it is done.
+//! What a finished trace took.
 
 use std::time::Duration;
-
-/// How far a trace has come.
-#[derive(Clone, Copy, Debug)]
-pub struct Progress {
-    /// Paths done.
-    pub done: u64,
-    /// Paths in all.
-    pub total: u64,
-}
 
 /// What a trace took.
 #[derive(Clone, Copy, Debug, Default)]

@@ -10,14 +10,13 @@ use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
 use super::planes::{difference, mean, percent};
 use super::plot::{LinePlot, Series};
 use super::run::{self, Files};
+use crate::analysis::planes::{Planes, norm, relative_error, sum};
+use crate::analysis::separate::{ComparisonRow, NearFar};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::tone::exposure;
 use crate::io::{atomic, picture};
 use crate::measure::RunManifest;
-
-/// A plane of values for each channel.
-pub type Planes = Vec<Vec<f64>>;
 
 /// A finished separation with what belongs beside it. Light is under an all-ones pattern.
 #[derive(Clone, Debug)]
@@ -43,45 +42,13 @@ pub struct SeparationRun<'a> {
     /// The second bounce, and three and more.
     pub bounces: Option<&'a [Planes; 2]>,
     /// Global light by how far it went.
-    pub reach: Option<&'a Reach>,
+    pub reach: Option<&'a NearFar>,
     /// Every method at several photo counts; may be empty.
     pub comparison: &'a [ComparisonRow],
     /// Whether it is as good as was asked for.
     pub good: bool,
     /// Every photo in order.
     pub strip: &'a ContactSheet,
-}
-
-/// Global light by how far from its own pixel it comes back.
-#[derive(Clone, Debug)]
-pub struct Reach {
-    /// Weighed by `exp(−d²/2σ²)` of the distance `d` in pixels.
-    pub near: Planes,
-    /// The rest.
-    pub far: Planes,
-    /// `σ` in pixels.
-    pub sigma: f64,
-    /// Photos of random patterns that it took.
-    pub photos: usize,
-    /// The root mean square of the standard errors of `near`, relative to that of `near`.
-    pub noise: f64,
-    /// How far `near` is from what the matrix says, where there is one.
-    pub error: Option<f64>,
-}
-
-/// A method with its setting, against the exact first bounce.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct ComparisonRow {
-    /// Its name.
-    pub method: &'static str,
-    /// Its setting, in words.
-    pub setting: String,
-    /// Photos.
-    pub photos: usize,
-    /// `‖direct − exact‖ / ‖exact‖`.
-    pub error: f64,
-    /// The same of the global light.
-    pub global_error: f64,
 }
 
 impl SeparationRun<'_> {
@@ -272,21 +239,3 @@ impl SeparationRun<'_> {
 
 /// What the photos of a separation are.
 const ORDER: &str = "Those of the method come first, those that tell near from far last.";
-
-/// `‖found − truth‖ / ‖truth‖` over all channels.
-pub fn relative_error(found: &Planes, truth: &Planes) -> f64 {
-    let less: Planes = found
-        .iter()
-        .zip(truth)
-        .map(|(found, truth)| found.iter().zip(truth).map(|(found, truth)| found - truth).collect())
-        .collect();
-    norm(&less) / norm(truth)
-}
-
-fn norm(planes: &Planes) -> f64 {
-    planes.iter().flatten().map(|value| value * value).sum::<f64>().sqrt()
-}
-
-fn sum(a: &Planes, b: &Planes) -> Planes {
-    a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a + b).collect()).collect()
-}

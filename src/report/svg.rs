@@ -1,6 +1,7 @@
 //! The frame of a plot as SVG: grid, labels and legend, and the marks drawn within it.
 //!
-//! Text and lines take the page's own colour (`currentColor`), so that one drawing serves light, dark and paper.
+//! Text and lines take the page's own colour (`currentColor`), so that one drawing serves light, dark and paper. This is why the plots are
+//! drawn here: `plotters`, the usual crate, knows fixed colours only.
 
 use std::fmt::Write;
 

@@ -1,24 +1,24 @@
-//! Which kinds of cameras there are, and what a rig file says of each.
+//! The kinds of cameras, and the description of each in a rig file.
 
 use serde::Deserialize;
 
 use super::{CameraInfo, GigeSpec, Gphoto2Spec, Usb3Spec, V4lSpec};
 
-/// Kinds of cameras.
+/// The kinds of cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CameraKind {
-    /// One that speaks GigE Vision.
+    /// A GigE Vision camera.
     Gige,
-    /// One that speaks USB3 Vision.
+    /// A USB3 Vision camera.
     Usb3,
-    /// One behind Linux's video interface.
+    /// A camera of Linux's video interface.
     V4l,
     /// A still camera that the program `gphoto2` drives.
     Gphoto2,
 }
 
-/// What is written about a camera.
+/// The description of a camera of any kind.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSpec {
     /// See [`GigeSpec`].
@@ -32,7 +32,7 @@ pub enum CameraSpec {
 }
 
 impl CameraSpec {
-    /// The camera, as it presents itself.
+    /// The camera's properties.
     pub fn info(&self) -> CameraInfo {
         match self {
             Self::Gige(spec) => spec.info(),
@@ -67,17 +67,17 @@ impl From<Gphoto2Spec> for CameraSpec {
     }
 }
 
-/// The exposures of a machine vision camera that most can do, in seconds.
+/// The default range of exposures, in seconds, which most machine vision cameras have.
 pub(super) fn exposures() -> [f64; 2] {
     [1e-4, 1.0]
 }
 
-/// Seconds beyond the exposure after which a frame that does not come is given up.
+/// The default time in seconds to wait for a frame beyond its exposure.
 pub(super) fn timeout() -> f64 {
     1.0
 }
 
-/// The error where krylux was built without a kind.
+/// The error where krylux was built without support for a kind of camera.
 #[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
 pub(crate) fn left_out(what: &str, feature: &str) -> crate::Error {
     super::camera_fault(

@@ -1,14 +1,14 @@
-//! The wall's clock, as hardware lives by it.
+//! The clock of hardware: real time.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::Clock;
 
-/// Seconds of the wall's clock, from a given moment on. Copies tell the same time.
+/// Real time in seconds, from a given moment on. Copies tell the same time.
 #[derive(Clone, Copy, Debug)]
 pub struct WallClock {
     origin: Instant,
-    /// What it told at the origin.
+    /// The time that it told at the origin, in seconds.
     start: f64,
 }
 
@@ -18,7 +18,7 @@ impl WallClock {
         Self { origin: Instant::now(), start }
     }
 
-    /// The seconds that it tells.
+    /// The time now, in seconds.
     pub fn seconds(&self) -> f64 {
         self.start + self.origin.elapsed().as_secs_f64()
     }
@@ -27,11 +27,5 @@ impl WallClock {
 impl Clock for WallClock {
     fn now(&self) -> f64 {
         self.seconds()
-    }
-
-    fn sleep(&mut self, seconds: f64) {
-        if let Ok(time) = Duration::try_from_secs_f64(seconds) {
-            std::thread::sleep(time);
-        }
     }
 }

@@ -1,205 +1,254 @@
-//! What projectors and cameras promise, hardware and virtual alike.
+//! The traits of devices, [`Projector`], [`Camera`] and [`Clock`], and the three together as [`Devices`].
 
-use super::{Frame, RawFrame};
-use crate::error::{Error, Result};
-use crate::image::Resolution;
+use std::time::Duration;
 
-/// What a projector is.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct ProjectorInfo {
-    /// How it calls itself; part of every photo's key in a journal.
-    pub name: String,
-    /// Pixels that can be addressed.
-    pub resolution: Resolution,
-    /// 1 (gray) or 3.
-    pub channels: usize,
-    /// Bits of a level, 1 to 16: the brightest is `2^bits − 1`.
-    pub bits: u32,
-    /// Seconds from one refresh to the next: exposures are best whole multiples of it. 0: it shows steadily.
-    pub frame_time: f64,
-}
+use super::{CameraInfo, Frame, ProjectorInfo, RawFrame};
+use crate::error::Result;
 
-/// What a camera is.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct CameraInfo {
-    /// How it calls itself; part of every photo's key in a journal.
-    pub name: String,
-    /// Pixels of a frame.
-    pub resolution: Resolution,
-    /// 1 (mono) or 3.
-    pub channels: usize,
-    /// Bits of a count, 1 to 16.
-    pub bits: u32,
-    /// The shortest and the longest exposure in seconds.
-    pub exposures: [f64; 2],
-}
+/// A projector: a device that shows frames.
+///
+/// [`Projector::info`] and [`Projector::show`] must be written; the defaults of the other methods fit a device whose frame
+/// stays on screen until the next one is shown.
+pub trait Projector: Send {
+    /// The projector's properties. They do not change while it is open.
+    fn info(&self) -> &ProjectorInfo;
 
-impl ProjectorInfo {
-    /// The brightest level.
-    pub fn highest(&self) -> u16 {
-        ((1_u32 << self.bits) - 1) as u16
-    }
-
-    /// That a frame fits the projector.
+    /// Shows `frame`, and returns when the device confirms that it is on screen. Whether its light is there by then is another
+    /// question: [`crate::measure`] waits for the measured settle time.
     ///
     /// # Errors
-    /// [`Error::Rig`] when it has another size, another number of channels, or higher levels.
-    pub fn check(&self, frame: &Frame) -> Result<()> {
-        let highest = frame.levels().iter().copied().max().unwrap_or(0);
-        if (frame.resolution(), frame.channels()) == (self.resolution, self.channels)
-            && highest <= self.highest()
-        {
-            return Ok(());
-        }
-        Err(Error::Rig {
-            device: self.name.clone(),
-            fault: format!(
-                "it cannot show a frame of {} with {} channels and levels up to {highest}",
-                frame.resolution(),
-                frame.channels()
-            ),
-            help: format!(
-                "it shows frames of {} with {} channels and levels up to {}",
-                self.resolution,
-                self.channels,
-                self.highest()
-            ),
-        })
-    }
-}
+    /// [`Error::Rig`](crate::Error::Rig) when the frame does not fit the device (see [`ProjectorInfo::check`]), or the device
+    /// fails.
+    fn show(&mut self, frame: &Frame) -> Result<Shown>;
 
-impl CameraInfo {
-    /// That an exposure, in seconds, is one that the camera does.
+    /// How long the last [`Projector::show`] waited for refreshes. The default is 0: not known.
+    fn waited(&self) -> Waited {
+        Waited::default()
+    }
+
+    /// Shows the frame that was on screen when an earlier session ended, so that this session can continue it. The default
+    /// shows it as any other. A virtual projector overrides this: in simulated time no time passed between the sessions.
     ///
     /// # Errors
-    /// [`Error::Rig`] when it is not.
-    pub fn check_exposure(&self, exposure: f64) -> Result<()> {
-        let [shortest, longest] = self.exposures;
-        if (shortest..=longest).contains(&exposure) {
-            return Ok(());
-        }
-        Err(Error::Rig {
-            device: self.name.clone(),
-            fault: format!("an exposure of {exposure} s cannot be set"),
-            help: format!(
-                "give exposures from {shortest} to {longest} s in [measurement], or correct those of [camera]"
-            ),
-        })
+    /// As [`Projector::show`].
+    fn restore(&mut self, frame: &Frame) -> Result<Shown> {
+        self.show(frame)
+    }
+
+    /// Confirms that the last frame has been on screen without interruption since it was shown, so that a photo taken meanwhile
+    /// is of this frame. The default is for a device that nothing can cover.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when something else was on screen, or the device fails.
+    fn confirm(&mut self) -> Result<()> {
+        Ok(())
     }
 }
 
-/// A frame is on screen.
+/// A camera: a device that counts light.
+///
+/// [`Camera::info`], [`Camera::configure`] and [`Camera::capture`] must be written.
+pub trait Camera: Send {
+    /// The camera's properties. They do not change while it is open.
+    fn info(&self) -> &CameraInfo;
+
+    /// Sets the exposure, in seconds, and returns the exposure that the camera really set.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when it is out of range (see [`CameraInfo::check_exposure`]), or the camera fails.
+    fn configure(&mut self, exposure: f64) -> Result<f64>;
+
+    /// Takes one frame. `None` means that none came in time (it was dropped on the way, or the camera hangs) and that the
+    /// caller may try again.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when the camera fails for good.
+    fn capture(&mut self) -> Result<Option<RawFrame>>;
+
+    /// Closes the stream of frames and opens it again, for a camera that hangs. The exposure stays as it was set. The default
+    /// does nothing: it is for a camera that has no stream.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when the camera does not come back.
+    fn restart(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    /// The number of packets that were lost on the way and sent again, since the camera was opened. The default is 0.
+    fn resent(&self) -> u64 {
+        0
+    }
+}
+
+/// The clock of a rig, in seconds: real time ([`WallClock`](super::WallClock)) for hardware, simulated time for virtual
+/// devices. A projector's confirmations and a camera's frames carry times of this clock.
+pub trait Clock: Send {
+    /// Seconds since the rig was opened; a session that continues an earlier one counts on from its end.
+    fn now(&self) -> f64;
+
+    /// Lets this many seconds pass. The default lets the thread sleep.
+    fn sleep(&mut self, seconds: f64) {
+        if let Ok(time) = Duration::try_from_secs_f64(seconds) {
+            std::thread::sleep(time);
+        }
+    }
+}
+
+/// A projector's confirmation that a frame is on screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
-    /// When that was confirmed, in seconds on the rig's clock.
+    /// When the device confirmed it, in seconds on the rig's clock.
     pub at: f64,
 }
 
-/// Seconds in which nothing but the projector's clock was waited for.
+/// Seconds that a projector spent waiting for its own refreshes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Waited {
-    /// Until the next refresh brought the frame.
+    /// Until the next refresh, which brought the frame.
     pub refresh: f64,
-    /// Refreshes after that one.
+    /// The settle refreshes after that one.
     pub settle: f64,
 }
 
-/// The last frame of a session, for another to go on after it.
+/// The last frame of a session; a later session continues after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamp {
-    /// Its number.
+    /// The frame's number.
     pub id: u64,
     /// When its exposure ended, in seconds on the rig's clock.
     pub time: f64,
 }
 
 impl Stamp {
-    /// That of this frame.
+    /// The stamp of this frame.
     pub fn of(frame: &RawFrame) -> Self {
         Self { id: frame.id, time: frame.started + frame.exposure }
     }
 }
 
-/// Something that shows frames.
-pub trait Projector {
-    /// What it is.
-    fn info(&self) -> &ProjectorInfo;
-
-    /// Shows `frame`, and returns when the device says that it is on screen (what the light does, see
-    /// [`crate::measure`]'s settle time).
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the frame does not fit the device, or the device is gone.
-    fn show(&mut self, frame: &Frame) -> Result<Shown>;
-
-    /// What of the last [`Self::show`] was waiting for the projector's refreshes, where it knows.
-    fn waited(&self) -> Waited {
-        Waited::default()
-    }
-
-    /// Shows the frame that an interrupted session had left on screen, so that another can go on from there. A virtual
-    /// projector takes no time for that: in its time, there was no interruption.
-    ///
-    /// # Errors
-    /// As [`Self::show`].
-    fn restore(&mut self, frame: &Frame) -> Result<Shown> {
-        self.show(frame)
-    }
-
-    /// That the frame shown last has been on screen ever since, and nothing else: a photo taken meanwhile is of it. A device that
-    /// nothing can come before has nothing to say.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when something else was on screen, or the device is gone.
-    fn confirm(&mut self) -> Result<()> {
-        Ok(())
-    }
-}
-
-/// Something that counts light.
-pub trait Camera {
-    /// What it is.
-    fn info(&self) -> &CameraInfo;
-
-    /// Sets the exposure, in seconds, and returns what was really set.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when it is out of range, or the camera is gone.
-    fn configure(&mut self, exposure: f64) -> Result<f64>;
-
-    /// Takes one frame. `None`: none came in time (dropped on the way, or the camera hangs); try again.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the camera is gone.
-    fn capture(&mut self) -> Result<Option<RawFrame>>;
-
-    /// Closes and opens the stream, as one does with a camera that hangs. The exposure stays.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the camera does not come back.
-    fn restart(&mut self) -> Result<()>;
-
-    /// Packets of its frames that were lost on the way and came when they were asked for again.
-    fn resent(&self) -> u64 {
-        0
-    }
-}
-
-/// The time of a rig: the wall's for hardware, simulated for virtual devices.
-pub trait Clock {
-    /// Seconds since the rig was opened (or, in a resumed run, since it was first opened).
-    fn now(&self) -> f64;
-
-    /// Lets so many seconds pass.
-    fn sleep(&mut self, seconds: f64);
-}
-
-/// An open rig.
+/// The open devices of a rig.
+///
+/// A device of your own needs two methods if it is a projector, three if it is a camera; the other methods have
+/// defaults:
+///
+/// ```
+/// use std::sync::{Arc, Mutex};
+/// use std::time::Duration;
+///
+/// use krylux::image::Resolution;
+/// use krylux::measure::{Calibration, LiveFrames, MeasureOptions, Measurement};
+/// use krylux::operator::Operator;
+/// use krylux::rig::{
+///     Camera, CameraInfo, Devices, Frame, Projector, ProjectorInfo, RawFrame, Shown, WallClock,
+/// };
+/// use krylux::transport::Part;
+///
+/// /// A projector that keeps its frame in memory, where the camera below finds it.
+/// struct MemoryProjector {
+///     info: ProjectorInfo,
+///     screen: Arc<Mutex<Frame>>,
+///     clock: WallClock,
+/// }
+///
+/// impl Projector for MemoryProjector {
+///     fn info(&self) -> &ProjectorInfo {
+///         &self.info
+///     }
+///
+///     fn show(&mut self, frame: &Frame) -> krylux::Result<Shown> {
+///         self.info.check(frame)?;
+///         *self.screen.lock().unwrap() = frame.clone();
+///         Ok(Shown { at: self.clock.seconds() })
+///     }
+/// }
+///
+/// /// A camera whose pixel `i` sees `reflectance[i]` of the projector's pixel `i`.
+/// struct MemoryCamera {
+///     info: CameraInfo,
+///     screen: Arc<Mutex<Frame>>,
+///     clock: WallClock,
+///     reflectance: [f64; 4],
+///     exposure: f64,
+///     id: u64,
+/// }
+///
+/// impl Camera for MemoryCamera {
+///     fn info(&self) -> &CameraInfo {
+///         &self.info
+///     }
+///
+///     fn configure(&mut self, exposure: f64) -> krylux::Result<f64> {
+///         self.info.check_exposure(exposure)?;
+///         self.exposure = exposure;
+///         Ok(exposure)
+///     }
+///
+///     fn capture(&mut self) -> krylux::Result<Option<RawFrame>> {
+///         let started = self.clock.seconds();
+///         std::thread::sleep(Duration::from_secs_f64(self.exposure));
+///         self.id += 1;
+///         // At level 255 a white pixel fills half of the 12 bits in 1 ms.
+///         let gain = 2048.0 / 255.0 * self.exposure / 1e-3;
+///         let screen = self.screen.lock().unwrap();
+///         let light = screen.levels().iter().zip(self.reflectance);
+///         let counts = light.map(|(&level, reflectance)| (gain * reflectance * f64::from(level)) as u16);
+///         Ok(Some(RawFrame {
+///             resolution: self.info.resolution,
+///             channels: 1,
+///             counts: counts.map(|count| count.min(4095)).collect(),
+///             exposure: self.exposure,
+///             id: self.id,
+///             started,
+///         }))
+///     }
+/// }
+///
+/// # fn main() -> krylux::Result<()> {
+/// let resolution = Resolution::new(2, 2);
+/// let projector =
+///     ProjectorInfo { name: "memory".into(), resolution, channels: 1, bits: 8, frame_time: 0.0 };
+/// let camera =
+///     CameraInfo { name: "memory".into(), resolution, channels: 1, bits: 12, exposures: [1e-4, 1e-2] };
+/// let calibration = Calibration::ideal(&projector, &camera);
+///
+/// let clock = WallClock::starting_at(0.0);
+/// let screen = Arc::new(Mutex::new(Frame::filled(resolution, 1, 0)));
+/// let devices = Devices::new(
+///     MemoryProjector { info: projector, screen: Arc::clone(&screen), clock },
+///     MemoryCamera { info: camera, screen, clock, reflectance: [0.2, 0.4, 0.6, 1.0], exposure: 1e-3, id: 0 },
+///     clock,
+/// );
+///
+/// // From captures to light: what the devices see becomes the product `A x`.
+/// let options = MeasureOptions { exposures: vec![1e-3], ..MeasureOptions::default() };
+/// let frames = LiveFrames::new(devices, 0.0, options.tries);
+/// let mut measurement = Measurement::new(Box::new(frames), calibration, options)?;
+/// let mut photo = [0.0; 4];
+/// measurement.operator(Part::Full, 0).apply(&[1.0, 0.0, 0.5, 1.0], &mut photo)?;
+/// let relative = photo.map(|value| value / photo[3]);
+/// for (value, expected) in relative.into_iter().zip([0.2, 0.0, 0.3, 1.0]) {
+///     // Half of a count of 2048 is lost by rounding, and half of a level of 255.
+///     assert!((value - expected).abs() < 0.5 / 255.0 + 1.0 / 2048.0);
+/// }
+/// # Ok(())
+/// # }
+/// ```
 pub struct Devices {
-    /// What shows.
+    /// The projector.
     pub projector: Box<dyn Projector>,
-    /// What sees.
+    /// The camera.
     pub camera: Box<dyn Camera>,
-    /// Its time.
+    /// The clock whose times both report.
     pub clock: Box<dyn Clock>,
+}
+
+impl Devices {
+    /// These three devices together.
+    pub fn new(
+        projector: impl Projector + 'static,
+        camera: impl Camera + 'static,
+        clock: impl Clock + 'static,
+    ) -> Self {
+        Self { projector: Box::new(projector), camera: Box::new(camera), clock: Box::new(clock) }
+    }
 }

@@ -1,10 +1,10 @@
-//! What is shown, and what was counted: rasters of integers.
+//! Frames: rasters of a projector's levels and of a camera's counts.
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// What a projector is told to show: a level for each pixel and channel, from 0 to `2^bits − 1`, interleaved, row by row
-/// from the top left as in [`crate::image::Image`].
+/// A frame for a projector: a level from 0 to `2^bits − 1` for each pixel and channel, interleaved, row by row from the top left as in
+/// [`crate::image::Image`].
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Frame {
     resolution: Resolution,
@@ -13,7 +13,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Wraps levels laid out as the type says.
+    /// A frame with these levels, laid out as the type says.
     ///
     /// # Errors
     /// [`Error::Dimension`] when `channels` is neither 1 nor 3, or the number of levels is not `w·h·channels`.
@@ -22,7 +22,7 @@ impl Frame {
         Ok(Self { resolution, channels, levels })
     }
 
-    /// A frame of one level.
+    /// A frame that has this level everywhere. `channels` is 1 or 3.
     pub fn filled(resolution: Resolution, channels: usize, level: u16) -> Self {
         debug_assert!(channels == 1 || channels == 3);
         Self { resolution, channels, levels: vec![level; resolution.pixels() * channels] }
@@ -44,29 +44,29 @@ impl Frame {
     }
 }
 
-/// What a camera counted in one exposure, with all that is needed to trust it.
+/// A frame of a camera: the counts of one exposure, with the data to verify that it is the expected one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawFrame {
-    /// Size in pixels: the camera's own.
+    /// Size in camera pixels.
     pub resolution: Resolution,
     /// 1 (mono) or 3.
     pub channels: usize,
-    /// Digital numbers, interleaved, row by row from the top left; from 0 to `2^bits − 1`.
+    /// Counts (digital numbers) from 0 to `2^bits − 1`, interleaved, row by row from the top left.
     pub counts: Vec<u16>,
-    /// Seconds that the sensor was open: what was really set, not what was asked for.
+    /// The exposure in seconds that was really set.
     pub exposure: f64,
-    /// The camera's own number of the frame. It grows from frame to frame; a gap is a frame lost, a repetition is the same
-    /// frame handed out twice.
+    /// The number of the frame, which increases from frame to frame. A gap means that a frame was lost; a repetition means that the
+    /// same frame was returned twice.
     pub id: u64,
     /// When the exposure began, in seconds on the rig's clock (see [`super::Clock`]).
     pub started: f64,
 }
 
 impl RawFrame {
-    /// That the counts fill the raster.
+    /// Checks that there is one count for each pixel and channel.
     ///
     /// # Errors
-    /// [`Error::Dimension`].
+    /// [`Error::Dimension`] when there is not.
     pub fn check(&self) -> Result<()> {
         check(self.resolution, self.channels, self.counts.len(), "counts of a camera's frame")
     }

@@ -1,34 +1,34 @@
-//! A rig of real devices: a monitor of an X server that is projected, and a camera.
+//! A rig of real devices: a projector that is a monitor of an X server, and a camera.
 
 use super::x11::{Helper, X11Projector, X11Spec};
 use super::{Camera, CameraInfo, CameraSpec, Devices, Gphoto2, ProjectorInfo, Stamp, WallClock};
 use crate::error::Result;
 
-/// What is written about real devices.
+/// A description of a rig of real devices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HardwareRig {
-    /// What shows.
+    /// The projector.
     pub projector: X11Spec,
-    /// What sees.
+    /// The camera.
     pub camera: CameraSpec,
 }
 
 impl HardwareRig {
-    /// The projector, as it presents itself.
+    /// The projector's properties.
     pub fn projector_info(&self) -> ProjectorInfo {
         self.projector.info()
     }
 
-    /// The camera, as it presents itself.
+    /// The camera's properties.
     pub fn camera_info(&self) -> CameraInfo {
         self.camera.info()
     }
 
-    /// Opens both, with the window in a process of `helper`. `after` the last frame of an earlier session, time and numbers go on
-    /// from there.
+    /// Opens projector and camera, the projector's window in a process of `helper`. With `after`, the last frame of an earlier session,
+    /// time and frame numbers continue from there.
     ///
     /// # Errors
-    /// [`Error::Rig`](crate::Error::Rig) when a device is not there, is in use, or cannot do what is written about it.
+    /// [`Error::Rig`](crate::Error::Rig) when a device is missing, is in use, or cannot do what its description says.
     pub fn open(&self, helper: &Helper, after: Option<Stamp>) -> Result<Devices> {
         let clock = WallClock::starting_at(after.map_or(0.0, |stamp| stamp.time));
         let camera = camera(&self.camera, clock, after.map_or(0, |stamp| stamp.id))?;
@@ -36,7 +36,7 @@ impl HardwareRig {
         Ok(Devices { projector: Box::new(projector), camera, clock: Box::new(clock) })
     }
 
-    /// Opens the camera alone.
+    /// Opens only the camera.
     ///
     /// # Errors
     /// As [`Self::open`].
@@ -44,7 +44,7 @@ impl HardwareRig {
         camera(&self.camera, WallClock::starting_at(0.0), 0)
     }
 
-    /// Opens the projector alone, which then shows level 0.
+    /// Opens only the projector, which then shows level 0.
     ///
     /// # Errors
     /// As [`Self::open`].

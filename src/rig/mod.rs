@@ -1,20 +1,22 @@
-//! A rig: the projector that shows and the camera that sees, in integers, as the devices themselves count.
+//! A rig: a projector and a camera, in the devices' own integers.
 //!
-//! Nothing here is linear or calibrated: a [`Frame`] is what a projector is told to show, a [`RawFrame`] what a camera
-//! counted, and what both mean as light is for [`crate::measure`] to say. Hardware and virtual devices stand behind the
-//! same three traits, [`Projector`], [`Camera`] and [`Clock`]; together they are a [`Devices`].
+//! A [`Frame`] holds the levels that a projector is told to show; a [`RawFrame`] holds the counts of a camera. Nothing here is
+//! linear or calibrated: [`crate::measure`] turns levels and counts into light. Hardware and virtual devices implement the
+//! same three traits, [`Projector`], [`Camera`] and [`Clock`]; an open rig is a [`Devices`] and may move between threads.
+//! [`Devices`] has a complete example of a projector and a camera of your own.
 //!
 //! | kind of rig | projector | camera |
 //! |---|---|---|
 //! | [`VirtualRig`] | [`VirtualProjector`] | [`VirtualCamera`] |
 //! | [`HardwareRig`] | [`X11Projector`], a monitor of an X server | one of the kinds of [`CameraSpec`] |
+//! | your own | any [`Projector`] | any [`Camera`] |
 //!
 //! | kind of camera | needs |
 //! |---|---|
 //! | `GigeVision`, on the network | the feature `gige` (default) |
 //! | `Usb3Vision`, on USB 3 | the feature `usb3` (default) |
 //! | `V4l`, behind Linux's video interface | the feature `v4l` |
-//! | [`Gphoto2`], a still camera | the program `gphoto2`, and one that decodes RAW |
+//! | [`Gphoto2`], a still camera | the programs `gphoto2` and `dcraw` (or another RAW decoder) |
 
 mod cameras;
 mod clock;
@@ -24,6 +26,7 @@ pub(crate) mod genicam;
 mod gige;
 mod gphoto2;
 mod hardware;
+mod info;
 pub(crate) mod nearest;
 pub(crate) mod pixels;
 mod usb3;
@@ -35,7 +38,7 @@ mod x11;
 pub(crate) use cameras::left_out;
 pub use cameras::{CameraKind, CameraSpec};
 pub use clock::WallClock;
-pub use devices::{Camera, CameraInfo, Clock, Devices, Projector, ProjectorInfo, Shown, Stamp, Waited};
+pub use devices::{Camera, Clock, Devices, Projector, Shown, Stamp, Waited};
 pub use frame::{Frame, RawFrame};
 #[cfg(any(feature = "gige", feature = "usb3"))]
 pub use genicam::Abilities;
@@ -44,6 +47,7 @@ pub use gige::GigeSpec;
 pub use gige::{FoundCamera, GigeVision, camera_abilities, cameras};
 pub use gphoto2::{FoundStillCamera, Gphoto2, Gphoto2Spec, still_cameras};
 pub use hardware::HardwareRig;
+pub use info::{CameraInfo, ProjectorInfo};
 pub use pixels::{Binning, Colour, PixelFormat, Tiles};
 pub use usb3::Usb3Spec;
 #[cfg(feature = "usb3")]
@@ -60,7 +64,7 @@ pub use x11::{
     serve_projector,
 };
 
-/// An error of the camera.
+/// An error of the device "camera"; `help` says what to do.
 fn camera_fault(fault: impl Into<String>, help: impl Into<String>) -> crate::Error {
     crate::Error::Rig { device: "camera".into(), fault: fault.into(), help: help.into() }
 }

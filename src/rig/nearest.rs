@@ -1,13 +1,14 @@
-//! The known name that a mistyped one is nearest to.
+//! Suggestions for mistyped names.
 
-/// The name of `known` with the fewest edits from `name`; `None` where all are as far as being another word.
+/// The known name with the fewest edits from `name`. `None`: all are so different that they are probably other words.
 pub(crate) fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let distances = known.iter().map(|known| (distance(name, known), *known));
     let (edits, known) = distances.min_by_key(|(edits, _)| *edits)?;
     (2 * edits <= name.chars().count().max(known.chars().count()) + 1).then_some(known)
 }
 
-/// How many letters are to be put in, left out, replaced or swapped with the next (Damerau and Levenshtein, each place once).
+/// The number of insertions, deletions, replacements and swaps of neighbouring letters between two words: the optimal string alignment
+/// distance, a restricted Damerau–Levenshtein distance.
 fn distance(from: &str, to: &str) -> usize {
     let (from, to): (Vec<char>, Vec<char>) = (from.chars().collect(), to.chars().collect());
     let mut rows = vec![(0..=to.len()).collect::<Vec<_>>()];
@@ -31,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mistyped_name_is_recognized_and_another_word_is_not() {
+    fn a_mistyped_name_is_recognized_but_another_word_is_not() {
         let known = ["gamma", "curve", "black_level", "bits"];
         for (name, expected) in [
             ("gama", Some("gamma")),

@@ -1,31 +1,32 @@
-//! The acceleration structure: an eight-wide compressed BVH over boxes.
+//! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH) over boxes.
 
 use glam::Vec3;
 use obvhs::{BvhBuildParams, aabb::Aabb, cwbvh::CwBvh, cwbvh::builder::build_cwbvh};
 
-/// Boxes up to which the tree is built with all care: some 50 ms for so many, and up to a seventh less work for each ray. For a hundred
-/// thousand it takes another 0.13 s, for a million 2.7 s, and bumpy boxes of so many gain nothing.
-const CAREFULLY: usize = 1 << 15;
+/// The largest number of boxes for which the slow, thorough builder is used. At this number it takes about 50
+/// ms and saves up to a seventh of the work for each ray. With 100,000 boxes it costs 0.13 s more than the
+/// medium builder, with a million 2.7 s, and no gain was measured on tessellated, bumpy boxes of that size.
+const MAX_THOROUGH: usize = 1 << 15;
 
-/// Levels that the shaders' traversal stack holds.
+/// Number of levels that the shaders' traversal stack holds.
 const MAX_DEPTH: usize = 32;
 
-/// Nodes in the shaders' layout, and what the boxes stand for in the order of the leaves.
+/// A bounding volume hierarchy in the shaders' layout.
 #[derive(Debug)]
 pub struct Bvh {
-    /// Five 16-byte texels a node, as the crate obvhs lays it out.
+    /// The nodes, five 16-byte texels each, in the layout of the crate `obvhs`.
     pub nodes: Vec<[u32; 4]>,
-    /// Index of the box at each leaf position.
+    /// The index of the box at each leaf position.
     pub order: Vec<u32>,
 }
 
 impl Bvh {
-    /// Builds over boxes given by their least and greatest coordinates. `None` if the tree is deeper than the traversal can follow,
-    /// which takes thousands of boxes in one spot.
+    /// Builds the tree over boxes given by their minimum and maximum corners. Returns `None` if the tree is
+    /// deeper than the shaders' traversal stack, which takes thousands of boxes at one point.
     pub fn build(boxes: impl Iterator<Item = [Vec3; 2]>) -> Option<Self> {
         let boxes: Vec<_> = boxes.map(|[low, high]| Aabb::new(low.into(), high.into())).collect();
         let params = match boxes.len() {
-            ..=CAREFULLY => BvhBuildParams::very_slow_build(),
+            ..=MAX_THOROUGH => BvhBuildParams::very_slow_build(),
             _ => BvhBuildParams::medium_build(),
         };
         let bvh = build_cwbvh(&boxes, params, &mut Default::default());
@@ -40,6 +41,7 @@ impl Bvh {
     }
 }
 
+/// The number of levels of a tree; the root alone has one.
 fn depth(bvh: &CwBvh) -> usize {
     let mut deepest = 0;
     let mut pending = vec![(0_usize, 1_usize)];

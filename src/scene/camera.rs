@@ -1,53 +1,53 @@
-//! The geometry of a camera or a projector: where it stands, its image plane and its lens.
+//! The geometry of a camera or a projector: its pose, its image plane and its lens.
 
 use glam::Vec3;
 
 use crate::image::Resolution;
 
-/// A pinhole with an image plane at unit distance. Pixels are square: the vertical field of view is the file's, the
-/// horizontal one follows from the resolution's shape.
+/// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of
+/// view. The horizontal one follows from the resolution, since pixels are square.
 ///
-/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top, looks
-/// along `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
+/// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top,
+/// looks along `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// The node's name in the file.
+    /// The name of the camera's node in the file.
     pub name: String,
     /// Centre of projection, in metres.
     pub position: Vec3,
-    /// Unit vector to the right of the image.
+    /// Unit vector towards the right edge of the image.
     pub right: Vec3,
-    /// Unit vector to the top of the image.
+    /// Unit vector towards the top edge of the image.
     pub up: Vec3,
     /// Unit vector along the optical axis, into the scene.
     pub forward: Vec3,
     /// Tangent of half the vertical field of view.
     pub tan_half_fov: f32,
-    /// Width over height as the file states it, if it does.
+    /// Width over height of the image, if the file states it.
     pub aspect: Option<f32>,
-    /// The aperture; a pinhole by default.
+    /// The lens; a pinhole by default.
     pub lens: Lens,
 }
 
-/// A thin lens in the plane of the camera's position, across the optical axis.
+/// A thin lens through the camera's position, perpendicular to the optical axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Radius of the aperture in metres; 0 is a pinhole.
     pub radius: f32,
-    /// Distance of the plane in focus, in metres along the optical axis. Without effect on a pinhole.
+    /// Distance of the plane in focus, in metres along the optical axis. It has no effect on a pinhole.
     pub focus: f32,
 }
 
 impl Lens {
-    /// No aperture: everything is in focus.
+    /// A pinhole: everything is in focus.
     pub const PINHOLE: Self = Self { radius: 0.0, focus: 1.0 };
 
-    /// What to do about a lens that is not one.
+    /// Advice for an invalid lens.
     pub(super) const HELP: &str =
         "an open aperture needs its radius and the distance of the plane in focus, in metres";
 
-    /// A lens of this radius and focus as a file gives them; without either, a pinhole. `Err` is the rest of a sentence
-    /// about who has it.
+    /// The lens with the aperture radius and focus distance that a file states. Without a radius it is a
+    /// pinhole. `Err` is the predicate of a sentence whose subject is the camera.
     pub(super) fn checked(radius: Option<f64>, focus: Option<f64>) -> Result<Self, String> {
         let radius = radius.unwrap_or(0.0);
         if !(radius.is_finite() && radius >= 0.0) {
@@ -55,7 +55,8 @@ impl Lens {
         }
         match focus {
             _ if radius as f32 == 0.0 => Ok(Self::PINHOLE),
-            // In single precision, so that no distance becomes zero or infinite there.
+            // The check is in single precision: a tiny or huge distance would round to zero or infinity
+            // there.
             Some(focus) if (focus as f32).is_finite() && focus as f32 > 0.0 => {
                 Ok(Self { radius: radius as f32, focus: focus as f32 })
             }
@@ -71,15 +72,15 @@ impl Default for Lens {
     }
 }
 
-/// The tangent of half a field of view in radians, unless that is so narrow or so wide that single precision fails.
+/// The tangent of half a field of view (in radians). `None` if the field is too narrow or too wide for single
+/// precision.
 pub(super) fn tan_half(field: f64) -> Option<f32> {
     let tangent = (field / 2.0).tan();
     (field > 0.0 && field < std::f64::consts::PI && (1e-6..1e6).contains(&tangent)).then_some(tangent as f32)
 }
 
 impl Camera {
-    /// Whether `other` stands in the same place, looks the same way at the same field, through the same lens: but for
-    /// the last digits, which transforms round.
+    /// Whether `other` has the same pose, field of view and lens, up to the rounding of transforms.
     pub fn coincides(&self, other: &Self) -> bool {
         let close = |a: Vec3, b: Vec3| a.distance(b) <= 1e-6 * (1.0 + a.length());
         close(self.position, other.position)
@@ -90,7 +91,8 @@ impl Camera {
             && self.lens == other.lens
     }
 
-    /// The direction, not normalized, in which the raster point `(u, v)` looks; its component along `forward` is 1.
+    /// The direction of the ray through the raster point `(u, v)`. It is not normalized: its component along
+    /// `forward` is 1.
     pub fn ray_direction(&self, u: f32, v: f32, resolution: Resolution) -> Vec3 {
         let [horizontal, vertical] = self.half_extents(resolution);
         let x = (2.0 * u / resolution.width as f32 - 1.0) * horizontal;
@@ -98,9 +100,9 @@ impl Camera {
         self.forward + x * self.right + y * self.up
     }
 
-    /// The raster point `(u, v)` at which `point` is seen, the inverse of [`Camera::ray_direction`]. `None`
-    /// when it lies beside or behind the camera; outside `[0, w]` × `[0, h]` it lies before the camera but out
-    /// of view.
+    /// The raster point `(u, v)` at which the camera sees `point`: the inverse of [`Camera::ray_direction`].
+    /// `None` when the point does not lie in front of the camera. A result outside `[0, w]` × `[0, h]` lies
+    /// in front of the camera but out of view.
     pub fn project(&self, point: Vec3, resolution: Resolution) -> Option<(f32, f32)> {
         let offset = point - self.position;
         let depth = offset.dot(self.forward);
@@ -126,7 +128,7 @@ mod tests {
 
     use super::*;
 
-    /// Stands at (1, 2, 3) and looks along +X with +Z up.
+    /// A camera at (1, 2, 3) that looks along +X with +Z up.
     fn camera() -> Camera {
         Camera {
             name: "test".into(),
@@ -141,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn the_corners_of_a_wide_raster_follow_from_the_vertical_field_of_view() {
+    fn a_wide_raster_has_a_wider_horizontal_field_of_view() {
         let resolution = Resolution::new(8, 4);
         assert_eq!(camera().ray_direction(4.0, 2.0, resolution), vec3(1.0, 0.0, 0.0));
         assert_eq!(camera().ray_direction(0.0, 0.0, resolution), vec3(1.0, 1.0, 0.5), "top left");
@@ -149,20 +151,20 @@ mod tests {
     }
 
     #[test]
-    fn a_point_on_a_ray_projects_to_where_the_ray_starts() {
+    fn a_point_on_a_ray_projects_to_the_raster_point_of_the_ray() {
         let resolution = Resolution::new(7, 5);
         let camera = camera();
         for (u, v) in [(0.5, 0.25), (3.0, 4.75), (6.9, 2.0), (-1.0, 6.0)] {
             let point = camera.position + 3.0 * camera.ray_direction(u, v, resolution);
             let (back_u, back_v) =
-                camera.project(point, resolution).expect("the point lies before the camera");
-            // A few roundings of numbers below 10.
+                camera.project(point, resolution).expect("the point lies in front of the camera");
+            // The bound allows a few roundings of numbers below 10.
             assert!((back_u - u).abs() < 1e-5 && (back_v - v).abs() < 1e-5, "{u} {v} → {back_u} {back_v}");
         }
     }
 
     #[test]
-    fn points_behind_the_camera_are_not_seen() {
+    fn a_point_behind_or_beside_the_camera_has_no_projection() {
         let resolution = Resolution::new(4, 4);
         assert_eq!(camera().project(vec3(0.0, 2.0, 3.0), resolution), None);
         assert_eq!(camera().project(vec3(1.0, 5.0, 3.0), resolution), None, "beside it");

@@ -1,13 +1,14 @@
-//! Scenes: triangles in world space, their materials, and the rig's camera. Lengths are metres.
+//! Scenes: triangles in world space, their materials and textures, and the rig's camera and projector.
+//! Lengths are in metres.
 
 pub mod builtin;
 pub mod bvh;
 pub mod camera;
+mod camera_file;
 mod gltf;
 pub mod material;
 mod obj;
 mod picture;
-mod rig;
 mod shape;
 mod source;
 mod texture;
@@ -24,13 +25,13 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// What a scene is loaded with.
+/// Options for loading a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions<'a> {
-    /// The name of the camera to stand the rig at; it may be left out when the file has only one.
+    /// The name of the camera node at which the rig stands. It may be left out when the scene has only one
+    /// camera.
     pub camera: Option<&'a str>,
-    /// A rig file: a camera and a projector to see the scene by, instead of those of the file (see
-    /// [`load_with`]).
+    /// The path of a camera file, whose poses replace those of the scene (see [`load_with`]).
     pub rig: Option<&'a Path>,
 }
 
@@ -42,16 +43,17 @@ pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
     load_with(path, &LoadOptions { camera, rig: None })
 }
 
-/// Loads a scene, in the format that the file's extension says: `.glb`, `.gltf` or `.obj`.
+/// Loads a scene. The file's extension selects the format: `.glb`, `.gltf` or `.obj`.
 ///
-/// Without a rig file in the options, `NAME.rig.toml` next to the scene `NAME.EXT` is used if it exists and no camera is
-/// asked for by name. A rig file has `[camera]`, `[projector]` or both, each with `position`, `look_at` or `forward`, `up`,
-/// `vertical_fov_degrees`, `aperture_radius` and `focus_distance`; lengths are metres. The projector may have a
-/// `resolution = [width, height]`.
+/// A camera file may replace the scene's own camera and projector. It is the one that the options name. If
+/// they name neither a camera file nor a camera, it is `NAME.rig.toml` next to the scene `NAME.EXT`, if that
+/// file exists. A camera file has a `[camera]` table, a `[projector]` table or both, each with `position`,
+/// `look_at` or `forward`, `up`, `vertical_fov_degrees`, `aperture_radius` and `focus_distance`. Lengths are
+/// in metres. The projector may also have `resolution = [width, height]`.
 ///
 /// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used: both name the file,
-/// the second also what to do.
+/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both name
+/// the file; the second also says what to do.
 pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {
@@ -65,29 +67,31 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     }
 }
 
-/// A scene ready to be traced.
+/// A scene that is ready to be traced.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The file that it came from (or a name, for scenes made in memory).
+    /// The file that the scene was loaded from, or a name if the scene was made in memory.
     pub path: PathBuf,
-    /// All surfaces, in world space. Never empty when it comes from a loader.
+    /// All surfaces, in world space. A loaded scene has at least one triangle.
     pub triangles: Vec<Triangle>,
     /// Materials, indexed by [`Triangle::material`].
     pub materials: Vec<Material>,
     /// Textures, indexed by [`TextureRef::texture`].
     pub textures: Vec<Texture>,
-    /// The rig's camera, and its projector too where that is `None` below.
+    /// The rig's camera. In a coaxial rig it is the geometry of the projector, too.
     pub camera: Camera,
-    /// A projector apart from the camera, or with another lens. `None`: a coaxial rig, which makes transport symmetric.
+    /// A projector with another pose or lens than the camera's. `None` means a coaxial rig, whose transport
+    /// matrix is symmetric.
     pub projector: Option<Camera>,
-    /// Pixels of the projector, where the scene or its rig file says.
+    /// The projector's resolution, if the scene or its camera file states one.
     pub projector_resolution: Option<Resolution>,
     /// Names of the regions, indexed by [`Triangle::region`].
     pub regions: Vec<String>,
-    /// Whether the regions are the author's truth (`extras.region` in the file) or merely the mesh nodes.
+    /// Whether the regions are ground-truth labels by the scene's author (`extras.region` in the file). If
+    /// not, there is one region for each mesh node.
     pub regions_are_labels: bool,
-    /// BLAKE3 of everything that the file brought in (the scene and the files it refers to).
+    /// BLAKE3 hash of the scene file, of all files that it refers to, and of the camera file.
     pub hash: [u8; 32],
-    /// What was ignored, once each, in plain words.
+    /// One sentence for each thing in the files that was ignored.
     pub warnings: Vec<String>,
 }

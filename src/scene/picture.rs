@@ -1,14 +1,16 @@
-//! Decoding PNG and JPEG, within bounds.
+//! Decoding of PNG and JPEG pictures, with bounds on their size.
 
-use std::io::Cursor;
+use crate::image::codec::Format;
 
-use image::{ImageFormat, ImageReader, Limits};
-
-/// Pixels a side.
+/// The largest width and height of a picture in pixels.
 const MAX_SIDE: u32 = 16384;
 
-/// All pictures together. A few kilobytes of PNG can stand for any number of pixels.
+/// The largest number of texels of all pictures together. A limit is needed because a few kilobytes of PNG
+/// can encode any number of pixels.
 const MAX_TEXELS: u64 = 1 << 27;
+
+/// Bytes of one decoded picture: 16-bit RGBA is the widest that PNG has, 8 bytes a pixel.
+const MOST_BYTES: usize = 8 << 27;
 
 /// A decoded picture.
 pub(super) struct Picture {
@@ -18,32 +20,34 @@ pub(super) struct Picture {
     pub texels: Vec<[u8; 4]>,
 }
 
-/// What is wrong with a picture: the rest of a sentence that begins with its name.
+/// Why a picture cannot be used.
 pub(super) struct Fault {
+    /// The predicate of a sentence whose subject is the picture's name.
     pub fault: String,
+    /// What to do about it.
     pub help: String,
 }
 
-/// The pictures of one scene, counted together.
+/// The decoder of one scene's pictures, which counts their texels together.
 #[derive(Default)]
 pub(super) struct Pictures {
     texels: u64,
 }
 
 impl Pictures {
+    /// Decodes the bytes of a PNG or JPEG file.
     pub(super) fn decode(&mut self, bytes: &[u8]) -> Result<Picture, Fault> {
-        let Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = image::guess_format(bytes) else {
+        let Some(format) = Format::of(bytes) else {
             return Err(Fault {
                 fault: "is neither PNG nor JPEG".into(),
                 help: "export the scene with PNG or JPEG pictures".into(),
             });
         };
-        let broken = |error: image::ImageError| Fault {
+        let broken = |error: String| Fault {
             fault: format!("cannot be decoded: {error}"),
             help: "save the picture again as PNG or JPEG".into(),
         };
-        let (width, height) =
-            ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(broken)?;
+        let (width, height) = format.size(bytes).map_err(broken)?;
         self.texels = self.texels.saturating_add(u64::from(width) * u64::from(height));
         if width > MAX_SIDE || height > MAX_SIDE || width == 0 || height == 0 || self.texels > MAX_TEXELS {
             return Err(Fault {
@@ -53,15 +57,7 @@ impl Pictures {
                 ),
             });
         }
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
-        // 16-bit RGBA is the widest that PNG has.
-        limits.max_alloc = Some(8 * MAX_TEXELS);
-        reader.limits(limits);
-        let decoded = reader.decode().map_err(broken)?.into_rgba8();
-        let texels = decoded.pixels().map(|pixel| pixel.0).collect();
-        Ok(Picture { width: decoded.width(), height: decoded.height(), texels })
+        let decoded = format.decode(bytes, MOST_BYTES).map_err(broken)?;
+        Ok(Picture { width: decoded.width, height: decoded.height, texels: decoded.into_rgba8() })
     }
 }

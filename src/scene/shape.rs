@@ -1,15 +1,20 @@
-//! The direct light that a scene's shape alone predicts, whatever its colours.
+//! The direct light that a scene's shape predicts, independent of its materials.
 
 use glam::{DVec3, Vec3};
 
 use super::{Camera, Scene};
 use crate::image::Resolution;
 
-/// `|n·d| / (π t²)` at the centre of each pixel (`n`): the direct image under white of the same scene in white Lambertian paint, seen and
-/// lit from the camera; `t` is the depth of the nearest surface along the camera's axis, `n` its unit normal and `d` the ray with a
-/// component 1 along that axis, so that the projector's falloff to the sides is in it. 0 where nothing is seen.
+/// The direct image of the scene under an all-ones pattern, if all its surfaces were white Lambertian and the
+/// projector were at the camera's pinhole: one radiance for each pixel, row by row.
 ///
-/// Surfaces are drawn one by one over a depth buffer: no tracer is needed. Mirrors, glass and masks count as opaque paint.
+/// The value at a pixel's centre is `|n·d| / (π t²)`, where `t` is the depth of the nearest surface along the
+/// camera's axis, `n` the unit normal of that surface, and `d` the ray direction with component 1 along the
+/// axis. The scale of `d` accounts for the projector's falloff towards the image's edges. The value is 0
+/// where the camera sees no surface.
+///
+/// Triangles are rasterized into a depth buffer, so that no tracer is needed. Mirrors, glass and masked
+/// surfaces count as opaque.
 pub fn predicted_direct(scene: &Scene, resolution: Resolution) -> Vec<f64> {
     let mut depth = vec![f64::INFINITY; resolution.pixels()];
     let mut direct = vec![0.0; resolution.pixels()];
@@ -35,7 +40,8 @@ pub fn predicted_direct(scene: &Scene, resolution: Resolution) -> Vec<f64> {
     direct
 }
 
-/// Columns and rows that a triangle may cover: all where a corner is behind the camera.
+/// The ranges of columns and rows that a triangle may cover. They are the whole raster if a corner lies
+/// behind the camera.
 fn bounds(
     camera: &Camera,
     corners: [Vec3; 3],
@@ -52,7 +58,8 @@ fn bounds(
     (span([a.0, b.0, c.0], resolution.width), span([a.1, b.1, c.1], resolution.height))
 }
 
-/// The multiple of `ray` from the origin at which it meets a triangle (Möller and Trumbore, doi:10.1080/10867651.1997.10487468).
+/// The parameter `t > 0` at which the ray `t · ray` from the origin meets the triangle `corner`,
+/// `corner + a`, `corner + b` (Möller and Trumbore, doi:10.1080/10867651.1997.10487468).
 fn hit(ray: DVec3, corner: DVec3, a: DVec3, b: DVec3) -> Option<f64> {
     let p = ray.cross(b);
     let determinant = a.dot(p);
@@ -72,22 +79,22 @@ mod tests {
     use crate::scene::builtin;
 
     #[test]
-    fn a_wall_at_right_angles_to_the_axis_is_predicted_as_one_over_pi_d_squared() {
+    fn a_fronto_parallel_wall_is_predicted_as_one_over_pi_d_squared() {
         let scene = builtin::plane(1.5, 0.8);
         let direct = predicted_direct(&scene, Resolution::new(9, 6));
         for value in direct {
-            // Corners in single precision.
+            // The wall's corners are rounded to single precision.
             assert!((value * std::f64::consts::PI * 2.25 - 1.0).abs() < 1e-5, "{value}");
         }
     }
 
     #[test]
-    fn the_nearer_of_two_surfaces_counts() {
+    fn the_nearer_of_two_surfaces_is_the_visible_one() {
         let scene = builtin::carton_eggs().to_scene();
         let [eggs, empty] = [scene, builtin::carton().to_scene()]
             .map(|scene| predicted_direct(&scene, Resolution::new(30, 30)));
         assert!(eggs.iter().all(|value| *value > 0.0) && empty.iter().all(|value| *value > 0.0));
-        // Cup 0 has an egg, whose top in the middle is nearer than the floor; cup 1 has none.
+        // Cup 0 has an egg, whose top is nearer than the cup's floor; cup 1 has none.
         assert!(eggs[3 * 30 + 5] > 1.05 * empty[3 * 30 + 5]);
         assert_eq!(eggs[3 * 30 + 15], empty[3 * 30 + 15]);
     }

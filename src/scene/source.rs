@@ -1,4 +1,5 @@
-//! What every loader needs: errors about a file, the files next to it, warnings, and the hash of it all.
+//! Helpers of all scene loaders: errors about a file, files next to the scene, warnings, and the content
+//! hash.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -10,9 +11,10 @@ pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<Strin
     Error::Scene { path: path.to_path_buf(), fault: fault.into(), help: help.into() }
 }
 
-/// Reads the file that `scene` refers to as `path`, which is already resolved. `what` names its user (`buffer 0`).
+/// Reads a file that the scene file `scene` refers to. `path` is already resolved; `what` names the object
+/// that refers to it (`buffer 0`).
 pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
-    // A scene from elsewhere may name a device or a pipe, and reading that would never end.
+    // An untrusted scene may name a device or a pipe, and reading that might never end.
     let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
     if !metadata.is_file() {
         return Err(fault(
@@ -24,9 +26,9 @@ pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(Error::reading(path))
 }
 
-/// The path of a file that `scene` refers to by a relative path. `Err` says what is wrong with it.
+/// Resolves the relative path by which `scene` refers to a file. `Err` says why the path is not relative.
 pub(super) fn next_to(scene: &Path, relative: &str) -> std::result::Result<PathBuf, &'static str> {
-    // The part before a colon is a scheme or a drive.
+    // The part before a colon is a URI scheme or a drive.
     if relative.split(['/', '\\']).next().unwrap_or_default().contains(':') {
         return Err("not a relative path");
     }
@@ -36,7 +38,7 @@ pub(super) fn next_to(scene: &Path, relative: &str) -> std::result::Result<PathB
     Ok(scene.parent().map(|folder| folder.join(relative)).unwrap_or_else(|| relative.into()))
 }
 
-/// What was ignored, once each, in the order met.
+/// The warnings of a loader, each at most once, in the order in which they came up.
 #[derive(Default)]
 pub(super) struct Warnings {
     pub list: Vec<String>,
@@ -44,13 +46,14 @@ pub(super) struct Warnings {
 }
 
 impl Warnings {
-    /// Adds `warning` unless there was one about `subject`.
+    /// Adds `warning` unless there is one about `subject` already.
     pub(super) fn add_once(&mut self, subject: &str, warning: impl Into<String>) {
         if self.seen.insert(subject.into()) {
             self.list.push(warning.into());
         }
     }
 
+    /// Adds `warning` unless the same text is there already.
     pub(super) fn add(&mut self, warning: impl Into<String>) {
         let warning = warning.into();
         if self.seen.insert(warning.clone()) {
@@ -59,8 +62,8 @@ impl Warnings {
     }
 }
 
-/// BLAKE3 over a sequence of byte strings; each is preceded by its length, so that no two sequences collide by
-/// moving a boundary.
+/// A BLAKE3 hash of a sequence of byte strings. Each string is preceded by its length, so that sequences with
+/// the same concatenation but other boundaries have different hashes.
 #[derive(Default)]
 pub(super) struct ContentHash(blake3::Hasher);
 

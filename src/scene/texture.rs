@@ -1,48 +1,49 @@
-//! Pictures on surfaces, and how surfaces read them.
+//! Textures: pictures on surfaces, with their samplers and coordinate transforms.
 
 use glam::Affine2;
 
-/// What happens to texture coordinates outside `[0, 1]`.
+/// How texture coordinates outside `[0, 1]` are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The picture repeats.
     Repeat,
-    /// The picture repeats, every second time mirrored.
+    /// The picture repeats, and every second copy is mirrored.
     MirroredRepeat,
-    /// The border texel goes on.
+    /// The texel at the border extends outwards.
     ClampToEdge,
 }
 
-/// A picture with its sampler. Texel `(x, y)`, row 0 at the top (`v = 0`), is `texels[y·width + x]`.
+/// A picture with its sampler. Texel `(x, y)` is `texels[y·width + x]`; row 0 is the top (`v = 0`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// The image's name or URI, for messages.
     pub name: String,
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
-    /// RGBA, 8 bits each. Who reads it knows whether RGB is sRGB-encoded (colours) or linear (all else).
+    /// RGBA texels, 8 bits per channel. The material's field decides whether RGB is sRGB-encoded (colours) or
+    /// linear (everything else).
     pub texels: Vec<[u8; 4]>,
     /// Wrapping of `u` and `v`.
     pub wrap: [Wrap; 2],
-    /// Bilinear filtering; nearest texel otherwise.
+    /// Whether the texture is interpolated bilinearly. If not, the nearest texel is read.
     pub linear: bool,
 }
 
-/// A material's use of a texture.
+/// A material's reference to a texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into [`crate::scene::Scene::textures`].
     pub texture: u32,
-    /// Which of [`crate::scene::Triangle::texcoords`] it reads: 0 or 1.
+    /// Which set of [`crate::scene::Triangle::texcoords`] the texture is read with: 0 or 1.
     pub set: u32,
-    /// From those coordinates to the picture's (`KHR_texture_transform`).
+    /// The map from those coordinates to the picture's coordinates (`KHR_texture_transform`).
     pub transform: Affine2,
 }
 
 impl TextureRef {
-    /// Reads the texture by the first set of coordinates as they are.
+    /// A reference that reads the texture with the first set of coordinates, without a transform.
     pub fn new(texture: u32) -> Self {
         Self { texture, set: 0, transform: Affine2::IDENTITY }
     }

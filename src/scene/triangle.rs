@@ -1,18 +1,18 @@
-//! Triangles with what their corners carry.
+//! Triangles and their vertex attributes.
 
 use glam::{Vec2, Vec3};
 
-/// One triangle. Its front is the side from which the corners run counter-clockwise.
+/// A triangle. Its front is the side from which the corners run counter-clockwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     /// Corners in metres.
     pub positions: [Vec3; 3],
-    /// Unit normals of the smooth surface at the corners; zero where the file gives none. They shade, and nothing else:
-    /// every cosine is that of the flat triangle.
+    /// Unit shading normals at the corners; zero if the file gives none. They only affect the BSDF: every
+    /// cosine is that of the flat triangle.
     pub normals: [Vec3; 3],
-    /// Two sets of texture coordinates at each corner, as in the file; zero where it has none.
+    /// Two sets of texture coordinates at each corner, as in the file; zero if the file gives none.
     pub texcoords: [[Vec2; 2]; 3],
-    /// Linear colour and opacity at the corners, which multiply those of the material; 65535 is 1.
+    /// Linear colour and opacity at the corners. They multiply those of the material; 65535 stands for 1.
     pub colors: [[u16; 4]; 3],
     /// Index into [`crate::scene::Scene::materials`].
     pub material: u32,
@@ -20,18 +20,20 @@ pub struct Triangle {
     pub region: u32,
 }
 
-/// More triangles would not fit the memory of the machines that we know; a small file can ask for any number of them
-/// by placing one mesh many times.
+/// The largest number of triangles in a scene. A limit is needed because a small file can ask for any number
+/// of triangles by placing one mesh many times.
 pub(super) const MAX_TRIANGLES: usize = 1 << 24;
 
-/// Metres. Beyond it the square of an area overflows single precision.
+/// The largest absolute value of a coordinate, in metres. Beyond it the square of an area overflows single
+/// precision.
 pub(super) const MAX_COORDINATE: f32 = 1e9;
 
-/// A triangle whose height is a smaller part of its longest edge has no area that single precision can tell.
+/// The least ratio of a triangle's height to its longest edge. Below it the triangle's area is lost in the
+/// rounding of single precision.
 const MIN_HEIGHT_TO_EDGE: f64 = 1e-7;
 
 impl Triangle {
-    /// The colour that changes nothing.
+    /// White with full opacity: the vertex colour that leaves the material unchanged.
     pub const WHITE: [u16; 4] = [u16::MAX; 4];
 
     /// A flat triangle without texture coordinates or colours.
@@ -46,14 +48,14 @@ impl Triangle {
         }
     }
 
-    /// A linear colour with its opacity, in 16 bits a channel; what lies outside 0 to 1 is brought to the nearest end, and
-    /// NaN to 0.
+    /// Quantizes a linear colour with its opacity to 16 bits a channel. Values outside `[0, 1]` are clamped,
+    /// and NaN becomes 0.
     pub fn quantized(color: [f32; 4]) -> [u16; 4] {
         color.map(|channel| (channel.clamp(0.0, 1.0) * 65535.0).round() as u16)
     }
 
-    /// The same surface with its front on the other side.
-    pub(super) fn turned(mut self) -> Self {
+    /// The triangle with its front and back exchanged.
+    pub(super) fn flipped(mut self) -> Self {
         self.positions.swap(1, 2);
         self.normals.swap(1, 2);
         self.texcoords.swap(1, 2);
@@ -61,7 +63,8 @@ impl Triangle {
         self
     }
 
-    /// With its normals on the front's side: some exporters turn the one and not the other.
+    /// The triangle with its shading normals on the side of its front. Some exporters flip the one without
+    /// the other.
     pub(super) fn with_normals_in_front(mut self) -> Self {
         let [a, b, c] = self.positions;
         let sum: Vec3 = self.normals.iter().sum();
@@ -71,7 +74,7 @@ impl Triangle {
         self
     }
 
-    /// Whether single precision can tell it from a line.
+    /// Whether the triangle has an area that single precision can represent.
     pub(super) fn has_area(&self) -> bool {
         let [a, b, c] = self.positions.map(|position| position.as_dvec3());
         let longest = [b - a, c - b, a - c].map(|edge| edge.length_squared()).into_iter().fold(0.0, f64::max);
@@ -87,10 +90,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_single_precision_can_tell_from_a_line_has_area() {
+    fn a_triangle_whose_corners_are_collinear_in_single_precision_has_no_area() {
         let has_area = |positions| Triangle::flat(positions, 0, 0).has_area();
         let small = [vec3(0.0, 0.0, 0.0), vec3(1e-12, 0.0, 0.0), vec3(0.0, 1e-12, 0.0)];
-        assert!(has_area(small), "size alone does not make a triangle degenerate");
+        assert!(has_area(small), "a small triangle is not degenerate");
         let point = [vec3(1.0, 2.0, 3.0); 3];
         assert!(!has_area(point));
         let collinear = [vec3(0.1, 0.1, 0.1), vec3(0.2, 0.2, 0.2), vec3(0.7, 0.7, 0.7)];

@@ -1,7 +1,5 @@
 //! From light paths to the matrix: trace, add up pixel by pixel, and combine.
 
-use std::ops::ControlFlow;
-
 use super::combine::{Combined, combine};
 use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
@@ -10,7 +8,7 @@ use super::rows::Rows;
 use super::{Channels, GpuMatrix, RigShape, TransportMatrix, from_planes, luminance};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::render::{Progress, TraceSettings, TraceSummary, Tracer};
+use crate::render::{TraceSettings, TraceSummary, Tracer};
 
 /// A traced scene.
 #[derive(Debug)]
@@ -31,13 +29,8 @@ pub struct Assembled {
 ///
 /// # Errors
 /// As [`Tracer::trace`].
-pub fn assemble(
-    tracer: &mut Tracer,
-    settings: &TraceSettings,
-    channels: Channels,
-    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
-) -> Result<Assembled> {
-    assemble_layers(tracer, settings, channels, false, progress)
+pub fn assemble(tracer: &mut Tracer, settings: &TraceSettings, channels: Channels) -> Result<Assembled> {
+    assemble_layers(tracer, settings, channels, false)
 }
 
 /// As [`assemble()`]; if `split`, the second bounce and the rest are layers of their own.
@@ -49,11 +42,10 @@ pub fn assemble_layers(
     settings: &TraceSettings,
     channels: Channels,
     split: bool,
-    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Assembled> {
     match channels {
-        Channels::Luma => run(tracer, settings, channels, split, progress, |rgb| [luminance(rgb)]),
-        Channels::Rgb => run(tracer, settings, channels, split, progress, |rgb| rgb),
+        Channels::Luma => run(tracer, settings, channels, split, |rgb| [luminance(rgb)]),
+        Channels::Rgb => run(tracer, settings, channels, split, |rgb| rgb),
     }
 }
 
@@ -62,7 +54,6 @@ fn run<const C: usize>(
     settings: &TraceSettings,
     channels: Channels,
     split: bool,
-    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     project: impl Fn([f32; 3]) -> [f32; C] + Sync,
 ) -> Result<Assembled> {
     let camera = settings.resolution;
@@ -72,7 +63,7 @@ fn run<const C: usize>(
     let mut ambient = PixelSums::<C>::new(camera.pixels(), settings.samples);
     // Whether each end has samples in both halves.
     let mut are_two = true;
-    let summary = tracer.trace(settings, progress, &mut |batch| {
+    let summary = tracer.trace(settings, &mut |batch| {
         are_two &= batch.samples() > 1;
         let of_pixels = || {
             // The others' paths begin at pixels of the projector, and bring neither.
@@ -89,13 +80,13 @@ fn run<const C: usize>(
     })?;
     rows.close()?;
     // Combining needs the most memory.
-    tracer.rest();
+    tracer.release_buffers();
 
     let rig = RigShape { camera, projector: tracer.projector_resolution(settings), symmetric };
     let direct = if symmetric { direct.estimates } else { Vec::new() };
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, rows: sums } = combine(&rows.strips, rig, bounces.len(), &direct);
+    let Combined { layers, rows: sums } = combine(&rows.chunks, rig, bounces.len(), &direct);
     drop(rows);
     let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
     let mut layers: Vec<Layer> = bounces.iter().zip(layers).map(tiled).collect();
@@ -124,4 +115,21 @@ fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) ->
     let plane = |channel| (0..resolution.pixels()).map(|pixel| value(pixel, channel)).collect();
     let planes: Vec<Vec<f64>> = (0..C).map(plane).collect();
     from_planes(resolution, &planes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::Simulated;
+
+    /// Does not compile for a type that may not move to another thread.
+    const fn assert_send<T: Send>() {}
+
+    const _: () = {
+        assert_send::<Tracer>();
+        assert_send::<Assembled>();
+        assert_send::<GpuMatrix>();
+        assert_send::<Simulated>();
+        assert_send::<super::super::Retraced<'_>>();
+    };
 }

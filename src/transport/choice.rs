@@ -1,7 +1,5 @@
 //! How much memory a matrix will need, before it is traced.
 
-use std::ops::ControlFlow;
-
 use super::Channels;
 use crate::error::Result;
 use crate::image::Resolution;
@@ -20,7 +18,7 @@ pub struct Prediction {
 }
 
 /// Predicts the memory for [`super::assemble()`]. Only where it could exceed `limit` bytes does it trace: one path from each
-/// of at most 64×64 pixels.
+/// of at most 64×64 pixels. The tracer's observer sees the steps.
 ///
 /// # Errors
 /// As [`Tracer::trace`].
@@ -45,7 +43,7 @@ pub fn predict(
         ..*settings
     };
     let mut connections = 0_usize;
-    let summary = tracer.trace(&pilot, &mut |_| ControlFlow::Continue(()), &mut |batch| {
+    let summary = tracer.trace(&pilot, &mut |batch| {
         connections += (0..batch.len()).map(|path| batch.connections(path).count()).sum::<usize>();
         Ok(())
     })?;

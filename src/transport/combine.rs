@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::RigShape;
-use super::rows::{Key, Strip};
+use super::rows::{Chunk, Key};
 use super::tiles::CompressedRows;
 
 /// Contributions that one block holds, about.
@@ -44,15 +44,15 @@ struct Term<const C: usize> {
     error: [f32; C],
 }
 
-/// Merges the strips into `classes` layers. `direct` is the diagonal, as (mean, error) for each row, or empty.
+/// Merges the chunks into `classes` layers. `direct` is the diagonal, as (mean, error) for each row, or empty.
 pub(super) fn combine<const C: usize>(
-    strips: &[Strip<C>],
+    chunks: &[Chunk<C>],
     rig: RigShape,
     classes: usize,
     direct: &[[[f64; 2]; C]],
 ) -> Combined<C> {
     let rows = rig.camera.pixels();
-    let terms = count_terms(strips, rig, rows);
+    let terms = count_terms(chunks, rig, rows);
     let total: usize = terms.iter().sum();
     let nothing = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); C] };
     let mut layers = vec![nothing; classes];
@@ -62,7 +62,7 @@ pub(super) fn combine<const C: usize>(
         main.weights.iter_mut().for_each(|plane| plane.reserve_exact(total));
     }
     let mut cursors: Vec<Vec<usize>> =
-        strips.iter().map(|strip| strip.spans().map(|(_, span)| span.start).collect()).collect();
+        chunks.iter().map(|chunk| chunk.spans().map(|(_, span)| span.start).collect()).collect();
     let mut sums = Vec::with_capacity(rows);
     let mut first = 0;
     while first < rows {
@@ -72,7 +72,7 @@ pub(super) fn combine<const C: usize>(
             held += terms[last];
             last += 1;
         }
-        let mut block = gather(strips, rig, first..last, &terms[first..last], &mut cursors);
+        let mut block = gather(chunks, rig, first..last, &terms[first..last], &mut cursors);
         merge(&mut block, first, &terms[first..last], direct, &mut layers, &mut sums);
         first = last;
     }
@@ -80,15 +80,15 @@ pub(super) fn combine<const C: usize>(
 }
 
 /// How many terms each row of the matrix gets.
-fn count_terms<const C: usize>(strips: &[Strip<C>], rig: RigShape, rows: usize) -> Vec<usize> {
+fn count_terms<const C: usize>(chunks: &[Chunk<C>], rig: RigShape, rows: usize) -> Vec<usize> {
     let mut terms = vec![0_usize; rows];
-    for strip in strips {
-        for (row, span) in strip.spans() {
+    for chunk in chunks {
+        for (row, span) in chunk.spans() {
             if rig.symmetric || row.from_camera {
                 terms[row.pixel as usize] += span.len();
             }
             if rig.symmetric || !row.from_camera {
-                strip.keys[span].iter().for_each(|key| terms[key.other() as usize] += 1);
+                chunk.keys[span].iter().for_each(|key| terms[key.other() as usize] += 1);
             }
         }
     }
@@ -98,7 +98,7 @@ fn count_terms<const C: usize>(strips: &[Strip<C>], rig: RigShape, rows: usize) 
 /// The terms of the matrix rows `block`, row after row. Those of one row come by start pixel: the same order for an entry and
 /// its mirror image, so that their sums agree to the last bit.
 fn gather<const C: usize>(
-    strips: &[Strip<C>],
+    chunks: &[Chunk<C>],
     rig: RigShape,
     block: Range<usize>,
     terms: &[usize],
@@ -117,15 +117,15 @@ fn gather<const C: usize>(
         gathered[*at] = term;
         *at += 1;
     };
-    for (strip, cursors) in strips.iter().zip(cursors) {
-        for ((row, span), cursor) in strip.spans().zip(cursors) {
-            let term = |at: usize, key: Key| Term { key, mean: strip.means[at], error: strip.errors[at] };
+    for (chunk, cursors) in chunks.iter().zip(cursors) {
+        for ((row, span), cursor) in chunk.spans().zip(cursors) {
+            let term = |at: usize, key: Key| Term { key, mean: chunk.means[at], error: chunk.errors[at] };
             if (rig.symmetric || row.from_camera) && block.contains(&(row.pixel as usize)) {
-                span.clone().for_each(|at| put(row.pixel as usize, term(at, strip.keys[at])));
+                span.clone().for_each(|at| put(row.pixel as usize, term(at, chunk.keys[at])));
             }
             if rig.symmetric || !row.from_camera {
-                while *cursor < span.end && (strip.keys[*cursor].other() as usize) < block.end {
-                    let key = strip.keys[*cursor];
+                while *cursor < span.end && (chunk.keys[*cursor].other() as usize) < block.end {
+                    let key = chunk.keys[*cursor];
                     let mirrored = Key::new(row.pixel, key.class() as u32);
                     put(key.other() as usize, term(*cursor, mirrored));
                     *cursor += 1;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::matrix::{Direction, Part};
 use super::noise::Halves;
-use crate::render::{Batch, PIXEL, Run};
+use crate::render::{Batch, PIXEL_MASK, Run};
 
 /// What light goes which way.
 #[derive(Clone, Copy)]
@@ -75,8 +75,8 @@ impl<const C: usize> Contributions<C> {
                 }
             };
             for (other, value) in found {
-                let end = (other & PIXEL) as usize;
-                match other & !PIXEL {
+                let end = (other & PIXEL_MASK) as usize;
+                match other & !PIXEL_MASK {
                     DIRECT => add(start, value, &lit[start]),
                     AMBIENT => add(start, value, &[1.0; C]),
                     _ if self.symmetric => {

@@ -1,6 +1,6 @@
 //! Photos as products with an explicit matrix.
 
-use super::{Channels, Transport};
+use super::{Channels, Part, Transport};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::sparse::Csr;
@@ -33,6 +33,28 @@ impl ExplicitMatrix {
     /// The matrix.
     pub fn matrix(&self) -> &Csr {
         &self.matrix
+    }
+
+    /// One part of a square matrix: its diagonal is the direct light, as for a coaxial rig, and all else the global light.
+    ///
+    /// # Errors
+    /// None that a well-formed matrix can cause.
+    pub fn part_of(matrix: &Csr, part: Part) -> Result<Csr> {
+        if part == Part::Full {
+            return Ok(matrix.clone());
+        }
+        let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+        for row in 0..matrix.rows() {
+            let (of_row, values) = matrix.row(row);
+            for (&column, &weight) in of_row.iter().zip(values) {
+                if (column as usize == row) == (part == Part::Direct) {
+                    columns.push(column);
+                    weights.push(weight);
+                }
+            }
+            row_start.push(columns.len());
+        }
+        Csr::new(matrix.cols(), row_start, columns, weights)
     }
 }
 

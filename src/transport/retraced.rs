@@ -1,7 +1,5 @@
 //! Photos by tracing anew for each one. No matrix is kept, so none has to fit the memory.
 
-use std::ops::ControlFlow;
-
 use super::block::{deinterleave, interleave};
 use super::contributions::{Contributions, Tally, Way};
 use super::matrix::Direction;
@@ -10,20 +8,18 @@ use super::{Channels, Part, Transport, from_planes, luminance, planes};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Operator, Symmetry};
-use crate::render::{Progress, TraceSettings, Tracer};
+use crate::render::{TraceSettings, Tracer};
 
 /// A scene that is traced once per photo, always with the same light paths.
 ///
 /// The connections are added up on the host in path order, so that photos repeat to the bit.
 pub struct Retraced<'a> {
-    /// The scene on its device.
+    /// The scene on its device. Its observer sees the steps of each photo, and may stop it.
     pub tracer: &'a mut Tracer,
     /// What is traced for each photo.
     pub settings: TraceSettings,
     /// Gray or colour.
     pub channels: Channels,
-    /// Called as the tracing of a photo goes on; a break interrupts it.
-    pub progress: &'a mut dyn FnMut(Progress) -> ControlFlow<()>,
 }
 
 impl Retraced<'_> {
@@ -89,9 +85,9 @@ impl Retraced<'_> {
         let mut seen = vec![[T::default(); C]; pixels];
         // Of the batch before: read, but not yet added up.
         let mut last: Option<Contributions<C>> = None;
-        self.tracer.trace(&self.settings, self.progress, &mut |batch| {
-            // What meets is added up in path order, by one core; meanwhile the others read on, which takes
-            // longer.
+        self.tracer.trace(&self.settings, &mut |batch| {
+            // One core adds up the contributions, in path order; meanwhile the others read the next batch, which
+            // takes longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
                 || last.iter().for_each(|last| last.add_to(&mut seen, lit)),

@@ -46,13 +46,13 @@ pub(super) fn class(bounces: u32, split: bool) -> u32 {
 pub(super) struct Row {
     pub(super) pixel: u32,
     pub(super) from_camera: bool,
-    /// One past its last entry in the strip.
+    /// One past its last entry in the chunk.
     pub(super) end: usize,
 }
 
 /// Finished pixels, ascending, each with its entries by ascending key.
 #[derive(Debug)]
-pub(super) struct Strip<const C: usize> {
+pub(super) struct Chunk<const C: usize> {
     pub(super) rows: Vec<Row>,
     pub(super) keys: Vec<Key>,
     /// Means over the samples, and their errors (`e` of [`super::Noise`]).
@@ -60,7 +60,7 @@ pub(super) struct Strip<const C: usize> {
     pub(super) errors: Vec<[f32; C]>,
 }
 
-impl<const C: usize> Strip<C> {
+impl<const C: usize> Chunk<C> {
     /// Each row with its place among the entries.
     pub(super) fn spans(&self) -> impl Iterator<Item = (Row, Range<usize>)> + '_ {
         let starts = std::iter::once(0).chain(self.rows.iter().map(|row| row.end));
@@ -69,7 +69,7 @@ impl<const C: usize> Strip<C> {
 
     fn join(rows: Vec<Finished<C>>) -> Self {
         let count = rows.iter().map(|row| row.entries.len()).sum();
-        let mut strip = Self {
+        let mut chunk = Self {
             rows: Vec::with_capacity(rows.len()),
             keys: Vec::with_capacity(count),
             means: Vec::with_capacity(count),
@@ -77,13 +77,13 @@ impl<const C: usize> Strip<C> {
         };
         for row in rows {
             for (key, mean, error) in row.entries {
-                strip.keys.push(key);
-                strip.means.push(mean);
-                strip.errors.push(error);
+                chunk.keys.push(key);
+                chunk.means.push(mean);
+                chunk.errors.push(error);
             }
-            strip.rows.push(Row { pixel: row.pixel, from_camera: row.from_camera, end: strip.keys.len() });
+            chunk.rows.push(Row { pixel: row.pixel, from_camera: row.from_camera, end: chunk.keys.len() });
         }
-        strip
+        chunk
     }
 }
 
@@ -93,7 +93,7 @@ pub(super) struct Rows<const C: usize> {
     /// What all sums are divided by.
     samples: u32,
     split: bool,
-    pub(super) strips: Vec<Strip<C>>,
+    pub(super) chunks: Vec<Chunk<C>>,
     /// A pixel whose paths may not all have come yet.
     open: Option<Open<C>>,
 }
@@ -123,7 +123,7 @@ struct Finished<const C: usize> {
 
 impl<const C: usize> Rows<C> {
     pub(super) fn new(samples: u32, split: bool) -> Self {
-        Self { samples, split, strips: Vec::new(), open: None }
+        Self { samples, split, chunks: Vec::new(), open: None }
     }
 
     /// Adds a batch's connections. Sums are taken in path order, whatever the batches' limits are.
@@ -183,7 +183,7 @@ impl<const C: usize> Rows<C> {
         let done = whole.par_iter().map(|runs| self.finish(collect(runs)?));
         finished.extend(done.collect::<Vec<_>>());
         let last = collect(last)?;
-        self.strips.push(Strip::join(finished.into_iter().collect::<Result<_>>()?));
+        self.chunks.push(Chunk::join(finished.into_iter().collect::<Result<_>>()?));
         self.open = Some(last);
         Ok(())
     }
@@ -192,7 +192,7 @@ impl<const C: usize> Rows<C> {
     pub(super) fn close(&mut self) -> Result<()> {
         if let Some(open) = self.open.take() {
             let row = self.finish(open)?;
-            self.strips.push(Strip::join(vec![row]));
+            self.chunks.push(Chunk::join(vec![row]));
         }
         Ok(())
     }

@@ -57,7 +57,7 @@ fn rows(paths: &[Paths], split: bool) -> Rows<1> {
 fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, .. } = combine(&rows(paths, split).strips, rig, bounces.len(), &[]);
+    let Combined { layers, .. } = combine(&rows(paths, split).chunks, rig, bounces.len(), &[]);
     let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
     let layers = bounces.iter().zip(layers).map(tiled).collect();
     TransportMatrix { rig, channels: Channels::Luma, direct: vec![Vec::new()], layers }
@@ -155,7 +155,7 @@ fn where_batches_are_cut_makes_no_difference() {
         }
     }
     rows.close().unwrap_or_else(|error| unreachable!("{error}"));
-    let Combined { layers, .. } = combine(&rows.strips, rig, 2, &[]);
+    let Combined { layers, .. } = combine(&rows.chunks, rig, 2, &[]);
     let of_whole: Vec<_> = whole.layers.iter().map(Layer::to_rows).collect();
     assert_eq!(of_whole, layers);
 }

@@ -1,12 +1,12 @@
 //! What several tests share: shipped scenes, tracing them, reading reference data.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use krylux::image::{Image, Resolution};
 use krylux::io::npy;
-use krylux::render::{Progress, TraceSettings, Tracer};
+use krylux::render::{TraceSettings, Tracer};
 use krylux::scene::{self, Scene};
 use krylux::sparse::Csr;
 use krylux::transport::{Assembled, Channels, Part, TransportMatrix, assemble};
@@ -40,17 +40,34 @@ pub fn settings(side: usize, samples: u32, max_bounces: u32, seed: u32) -> Trace
 
 /// Traces without looking on.
 pub fn trace(tracer: &mut Tracer, settings: TraceSettings, channels: Channels) -> Assembled {
-    assemble(tracer, &settings, channels, &mut keep_going).expect("shipped scenes can be traced")
+    assemble(tracer, &settings, channels).expect("shipped scenes can be traced")
+}
+
+/// A shipped scene as it is traced with these settings. All tests of a binary that ask for the same share one trace, which must therefore
+/// not be what they test.
+pub fn traced(name: &'static str, settings: TraceSettings, channels: Channels) -> &'static Assembled {
+    type Key = (&'static str, TraceSettings, Channels);
+    type Shared = Vec<(Key, &'static OnceLock<Assembled>)>;
+    static TRACED: Mutex<Shared> = Mutex::new(Vec::new());
+    let key = (name, settings, channels);
+    // The list is free again while one of them is traced.
+    let cell = {
+        let mut shared = TRACED.lock().unwrap_or_else(PoisonError::into_inner);
+        match shared.iter().find(|(other, _)| *other == key) {
+            Some((_, cell)) => *cell,
+            None => {
+                let cell: &'static OnceLock<Assembled> = Box::leak(Box::default());
+                shared.push((key, cell));
+                cell
+            }
+        }
+    };
+    cell.get_or_init(|| trace(&mut tracer(&load(name)), settings, channels))
 }
 
 /// A part as a matrix of its own.
 pub fn csr(matrix: &TransportMatrix, part: Part, channel: usize) -> Csr {
     matrix.to_csr(part, channel).expect("a transport matrix is well formed")
-}
-
-/// Progress that nobody watches.
-pub fn keep_going(_: Progress) -> ControlFlow<()> {
-    ControlFlow::Continue(())
 }
 
 /// An array of `tests/reference`, as it lies there.

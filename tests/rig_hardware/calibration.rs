@@ -17,7 +17,7 @@ fn calibrated_from_captures_alone_a_product_is_that_of_the_scenes_matrix() {
     let mut rig = noisy(Path::new("rooms.npz"));
     rig.projector.gamma = Some(2.2);
     let stage = stage(4, &rig);
-    let helper = Helper::of(env!("CARGO_BIN_EXE_krylux"));
+    let helper = Helper::at(env!("CARGO_BIN_EXE_krylux"));
     let mut live = LiveFrames::new(stage.hardware.open(&helper, None).expect("both are there"), 0.0, 5);
     let mut go_on = |_| ControlFlow::Continue(());
     let (found, report) =

@@ -40,7 +40,7 @@ fn truth(rig: &VirtualRig, frame: &Frame, exposure: f64) -> Vec<f64> {
 }
 
 fn open(stage: &Stage) -> Devices {
-    let helper = Helper::of(env!("CARGO_BIN_EXE_krylux"));
+    let helper = Helper::at(env!("CARGO_BIN_EXE_krylux"));
     stage.hardware.open(&helper, None).expect("both devices are there")
 }
 

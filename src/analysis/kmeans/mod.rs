@@ -1,4 +1,6 @@
 //! Weighted k-means: groups of points around centres.
+//!
+//! It is written here because the k-means of `linfa-clustering` gives all points the same weight.
 
 mod points;
 

@@ -16,15 +16,19 @@
 //! and 7; there with Arnoldi, `W Qᵀ`, and no diagonal.
 
 mod capture;
+mod channels;
 mod error_curve;
 mod from_products;
 mod inverse;
 mod model;
+mod relight;
 mod saved;
 
 pub use capture::{LowRankCapture, capture, smooth_starts};
+pub use channels::{DirectPart, RankRow, capture_channels, diagonal_of, rank_curve};
 pub use error_curve::{ErrorRow, error_curve, optimal_errors};
 pub use from_products::{estimated_direct, from_products};
 pub use inverse::{Cancelled, cancel_interreflections};
 pub use model::LowRank;
+pub use relight::{Dual, Reduced, Relit};
 pub use saved::SavedModel;

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::rig::{VirtualProjector, VirtualRig};
-use crate::sparse::{Csr, SparseOperator};
+use crate::sparse::SparseOperator;
 use crate::transport::{Assembled, ExplicitMatrix, MatrixOperator, Part, Transport};
 
 /// Light transport that many rigs can look at, one after the other.
@@ -20,7 +20,7 @@ pub enum Twin {
 
 impl Twin {
     /// For a rig to be opened on.
-    pub fn transport(&self) -> Box<dyn Transport> {
+    pub fn transport(&self) -> Box<dyn Transport + Send> {
         match self {
             Self::Traced(traced) => Box::new(Arc::clone(traced)),
             Self::Explicit(given) => Box::new(given.clone()),
@@ -35,7 +35,7 @@ impl Twin {
         Ok(match self {
             Self::Traced(traced) => TwinOperator::Traced(MatrixOperator::new(&**traced, part, channel)),
             Self::Explicit(given) => {
-                TwinOperator::Explicit(SparseOperator::new(part_of(given.matrix(), part)?))
+                TwinOperator::Explicit(SparseOperator::new(ExplicitMatrix::part_of(given.matrix(), part)?))
             }
         })
     }
@@ -76,25 +76,6 @@ pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
         if value - levels[below] < levels[above] - value { levels[below] } else { levels[above] }
     };
     pattern.samples().iter().map(nearest).collect()
-}
-
-/// The diagonal, or all but that: of a coaxial rig the direct light and the rest.
-fn part_of(matrix: &Csr, part: Part) -> Result<Csr> {
-    if part == Part::Full {
-        return Ok(matrix.clone());
-    }
-    let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
-    for row in 0..matrix.rows() {
-        let (of_row, values) = matrix.row(row);
-        for (&column, &weight) in of_row.iter().zip(values) {
-            if (column as usize == row) == (part == Part::Direct) {
-                columns.push(column);
-                weights.push(weight);
-            }
-        }
-        row_start.push(columns.len());
-    }
-    Csr::new(matrix.cols(), row_start, columns, weights)
 }
 
 /// One channel of a [`Twin`].

@@ -22,7 +22,9 @@ mod graph;
 mod laplacian;
 mod options;
 mod regions;
+mod request;
 mod segmentation;
+mod truth;
 
 pub use adjacency::NormalizedAdjacency;
 pub use capture::Capture;
@@ -33,7 +35,9 @@ pub use graph::Graph;
 pub use laplacian::NegativeLaplacian;
 pub use options::{Cut, SegmentOptions};
 pub use regions::Regions;
+pub use request::{DirectLight, SegmentRequest, Segmented};
 pub use segmentation::{MASKED, Segmentation};
+pub use truth::Truth;
 
 use crate::error::Result;
 use crate::operator::Operator;

@@ -12,12 +12,18 @@
 //! The other two estimate the diagonal of `A`, which a coaxial rig's direct light is (and so see mirrors as they are).
 //! A simulator knows each bounce and needs none of this: [`crate::transport::Part`], [`crate::transport::Layer`].
 
+mod bounces;
 mod by;
+mod comparison;
 mod high_frequency;
+mod near_far;
 mod statistical;
 
+pub use bounces::second_and_rest;
 pub use by::{SeparateBy, separate};
+pub use comparison::{ComparisonRow, compare_separations};
 pub use high_frequency::{checkerboards, sinusoids};
+pub use near_far::{NearFar, NearFarOptions, near_far};
 pub use statistical::{from_capture, random_patterns};
 
 /// Direct and global light under an all-ones pattern.

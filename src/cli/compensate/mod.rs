@@ -1,33 +1,27 @@
 //! `krylux compensate`: what to project, so that the scene looks like a target.
 
-mod by_model;
-mod prior;
+mod model;
 mod question;
-mod verdict;
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use serde_json::{Value, json};
 
 use super::Outcome;
 use super::console::Console;
-use super::live::{Live, LiveArgs};
+use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
-use super::run_folder::RunFolder;
-use super::source::Source;
+use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use crate::analysis::compensate::{compare_methods, compensate_with};
-use crate::analysis::{CompensateOptions, Compensation, MethodRun, Prior, Target};
-use crate::error::Error;
+use crate::analysis::{
+    Clamping, CompensateOptions, Compensation, CompensationRow, Crosstalk, MethodRun, Similarity,
+};
+use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::io::model;
-use crate::observer::{OnStep, Step};
-use crate::operator::Observed;
-use crate::report::compensation::{CompensationExtras, CompensationRun};
-use crate::report::contact_sheet::ContactSheet;
-use crate::transport::{Channels, Part};
-use prior::ColorArgs;
+use crate::io;
+use crate::lab::{ColorMixing, CompensateRequest, Compensated, Lab};
+use crate::transport::Channels;
 pub(super) use question::Question;
 
 /// Find what to project so that the scene looks like a target image
@@ -64,109 +58,197 @@ pub(super) struct Args {
     pub(super) output: OutputArgs,
 }
 
-impl Args {
-    /// A comparison with another method is for free where photos are products. `held` as in [`Source::held`].
-    fn options(&self, baseline: bool, symmetric: bool, held: Option<usize>) -> CompensateOptions {
-        CompensateOptions { peak: self.peak, baseline, ..self.question.options_on(symmetric, held) }
-    }
+/// How colours of projector and camera belong together.
+#[derive(clap::Args)]
+struct ColorArgs {
+    /// What each camera channel sees of each projector colour, row by row: nine numbers, or `measure`: from three photos more, of
+    /// red, green and blue. The light is mixed so, and all three colours are solved as one system
+    #[arg(long, value_name = "measure|M11,M12,...", value_parser = colors)]
+    crosstalk: Option<Colors>,
+    /// Solve each channel by itself and un-mix the colours afterwards
+    #[arg(long, requires = "crosstalk")]
+    unmix: bool,
+}
 
-    fn channels(&self) -> Channels {
-        self.channels.into()
+/// A mixing matrix on the command line.
+#[derive(Clone, Copy, Debug)]
+enum Colors {
+    Measure,
+    Matrix([[f64; 3]; 3]),
+}
+
+fn colors(text: &str) -> std::result::Result<Colors, String> {
+    if text == "measure" {
+        return Ok(Colors::Measure);
+    }
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|number| {
+            number.trim().parse().map_err(|_| format!("`{number}` is no number; give nine, or `measure`"))
+        })
+        .collect::<std::result::Result<_, String>>()?;
+    let rows: Vec<[f64; 3]> = numbers.chunks(3).filter_map(|row| row.try_into().ok()).collect();
+    match <[[f64; 3]; 3]>::try_from(rows) {
+        Ok(matrix) if numbers.len() == 9 => Ok(Colors::Matrix(matrix)),
+        _ => Err(format!(
+            "{} numbers for a matrix of 3 by 3; give nine, a row for each camera channel",
+            numbers.len()
+        )),
+    }
+}
+
+impl ColorArgs {
+    /// How colours mix, after what is wrong with it has been refused.
+    fn mixing(&self, channels: Channels) -> Result<Option<ColorMixing>> {
+        let matrix = match self.crosstalk {
+            None => return Ok(None),
+            Some(_) if channels == Channels::Luma => {
+                return Err(Error::Option {
+                    option: "--crosstalk".into(),
+                    fault: "gray light has no colours to mix".into(),
+                    help: "add --channels rgb".into(),
+                });
+            }
+            Some(Colors::Matrix(matrix)) => {
+                Crosstalk::new(matrix)?;
+                Some(matrix)
+            }
+            Some(Colors::Measure) => None,
+        };
+        Ok(Some(ColorMixing { matrix, unmix: self.unmix }))
+    }
+}
+
+impl Args {
+    /// `baseline` is a comparison with another method, which costs nothing where photos are products. `photos_of_run` is the default budget
+    /// of a run that is asked again.
+    fn options(&self, baseline: bool, symmetric: bool, photos_of_run: Option<usize>) -> CompensateOptions {
+        CompensateOptions { peak: self.peak, baseline, ..self.question.options_on(symmetric, photos_of_run) }
     }
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    if args.model.is_some() || model::is_in(&args.source.source) {
-        return by_model::run(args, console);
+    if args.model.is_some() || io::model::is_in(&args.source.source) {
+        return model::run(args, console);
     }
-    // What is wrong with the options or the files should show before anything is written or traced.
+    // Wrong options and files should show before anything is written or traced.
     args.options(true, true, None).check()?;
-    args.colors.check(args.channels())?;
-    let mut source = Source::open(&args.source, &args.trace, console)?;
-    let target = args.question.target(source.resolution(), args.channels())?;
-    let mut folder = RunFolder::create(&args.run, &format!("{}-compensate", source.name()), console)?;
-    source.describe(&mut folder.manifest, args.channels());
-    let outcome = answer(args, console, &target, &mut source, &mut folder);
-    folder.close(outcome)
+    let channels = args.channels.into();
+    let colors = args.colors.mixing(channels)?;
+    let opening = Opening::new(&args.source, &args.trace).operator(&args.operator).channels(channels);
+    let mut lab = opening.open_shown(&args.live, console)?;
+    let target = args.question.target(lab.resolution(), channels)?;
+    in_run(&mut lab, &args.run, "compensate", |lab| answer(args, target, colors, lab, console))
 }
 
 fn answer(
     args: &Args,
+    target: Image,
+    colors: Option<ColorMixing>,
+    lab: &mut Lab,
     console: &Console,
-    target: &Image,
-    source: &mut Source,
-    folder: &mut RunFolder,
-) -> Result<(Outcome, String)> {
-    let name = source.name();
-    let unit = source.unit();
-    let held = source.held();
-    let live = Live::new(&args.live, source, args.channels(), console);
-    let geometry = prior::geometry(&args.options(true, true, held), source);
-    let mut light = folder.timed(source.preparation(), |folder| {
-        source.light(&args.operator, args.channels(), Some(folder), console)
-    })?;
-    folder.describe_light(&light);
-    let wish = Target::new(target, &light.ambient(console)?)?;
-    let (crosstalk, learned) = args.colors.crosstalk(&mut light, console)?;
-    let symmetric = crosstalk.is_none() && prior::is_symmetric(&mut light, console);
-    let options = args.options(light.is_simulated(), symmetric, held);
-    folder.manifest.photos_allowed = Some(options.photos);
-    let direct = prior::direct(&options, &mut light, console)?;
-    let prior = Prior { direct, geometry, crosstalk, photos: learned, start: None };
-    live.expect(1 + options.photos);
-    let found = folder.timed("photos", |_| {
-        light.with_channels(Part::Full, console, |channels| {
-            let observer = OnStep::new(|step: &Step<'_>| live.so_far(step.estimate));
-            let mut channels = live.watch_all(channels);
-            let mut channels: Vec<_> =
-                channels.iter_mut().map(|channel| Observed::new(channel, &observer)).collect();
-            let found = compensate_with(&mut channels, &wish, &options, &prior)?;
-            let methods = if args.compare_methods {
-                compare_methods(&mut channels, &wish, &options, &prior)?
-            } else {
-                Vec::new()
-            };
-            crate::Result::Ok((found, methods))
-        })
-    });
-    live.pause();
-    let (found, methods) = folder.record_rig(&mut light, found, console)?;
-    if console.check().is_break() {
-        return Err(Error::Interrupted.into());
-    }
-    finish(console, (&found, &methods), &options, (&name, unit, Some(&live.strip())), folder)
+) -> Result<Outcome> {
+    let symmetric = colors.is_none() && lab.is_symmetric()?;
+    let options = args.options(lab.is_simulated()?, symmetric, lab.photos_of_run());
+    let request = CompensateRequest { target, options, colors, compare_methods: args.compare_methods };
+    let found = lab.compensate(&request)?;
+    let answer = Compensated { methods: &found.methods, ..Compensated::new(&found.found, &request.options) };
+    conclude(&args.run, &answer, lab, console)
 }
 
 /// Says what was found, and writes it.
-fn finish(
-    console: &Console,
-    (found, methods): (&Compensation, &[MethodRun]),
-    options: &CompensateOptions,
-    (name, unit, strip): (&str, &str, Option<&ContactSheet>),
-    folder: &mut RunFolder,
-) -> Result<(Outcome, String)> {
-    let compared: usize = methods.iter().map(|run| run.photos).sum();
-    folder.manifest.photos = (found.photos + found.preparation + compared) as u64;
-    let method = options.method.facts().name;
-    verdict::say(found, method, methods, console)?;
+fn conclude(run: &RunArgs, answer: &Compensated<'_>, lab: &mut Lab, console: &Console) -> Result<Outcome> {
+    console.go_on()?;
+    say(answer, console)?;
+    if let Some(run) = lab.run() {
+        console.say(format_args!("project   {}", run.path.join("compensation.npy").display()))?;
+    }
+    let ending = Ending { run, is_good: answer.found.good, summary: summary(answer) };
+    Ok(finish(lab, console, answer, ending)?.1)
+}
 
-    let title = format!("{name} · light transport compensation");
-    let run = CompensationRun {
-        title,
-        found,
-        method,
-        floor: options.floor,
-        extras: CompensationExtras { methods, lift: options.lift },
-        unit,
-        strip,
+fn say(answer: &Compensated<'_>, console: &Console) -> Result<()> {
+    let found = answer.found;
+    let method = answer.options.method.facts().name;
+    console.say(format_args!(
+        "photos    {} by {method}, {} before: {}",
+        found.photos, found.preparation, found.status
+    ))?;
+    console.say(format_args!(
+        "residual  {:.4} of the target; {:.4} uncompensated",
+        found.residual, found.uncompensated_residual
+    ))?;
+    if let Some(row) = found.baseline.last() {
+        console.say(format_args!(
+            "baseline  {:.4} by projected Jacobi with as many photos (not counted)",
+            row.residual
+        ))?;
+    }
+    if found.unclipped.is_some() {
+        console.say(format_args!(
+            "clipped   the answer leaves what can be projected; before clipping its residual was {:.4}",
+            found.unclipped_residual
+        ))?;
+    }
+    let ssim = |of: &Similarity| of.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));
+    console.say(format_args!(
+        "similar   PSNR {:.2} dB and SSIM {}; uncompensated {:.2} dB and {}",
+        found.similarity.psnr,
+        ssim(&found.similarity),
+        found.uncompensated_similarity.psnr,
+        ssim(&found.uncompensated_similarity)
+    ))?;
+    for run in answer.methods {
+        let own = run.history.last().map_or(f64::NAN, |row| row.residual);
+        console.say(format_args!(
+            "method    {:<14} {:>3} photos: seen {:.4}, before clipping {own:.4}",
+            run.name, run.photos, run.residual
+        ))?;
+    }
+    if let Some(warning) = found.clamping.as_ref().and_then(Clamping::warning) {
+        console.note(format_args!("warning: {warning}"));
+    } else if found.residual >= found.uncompensated_residual {
+        console.note("this is no better than projecting the target itself; use --method krylov-box");
+    }
+    Ok(())
+}
+
+/// The residual after each photo.
+fn residuals(rows: &[CompensationRow]) -> Vec<f64> {
+    rows.iter().map(|row| row.residual).collect()
+}
+
+fn summary(answer: &Compensated<'_>) -> Value {
+    let found: &Compensation = answer.found;
+    let method = |run: &MethodRun| {
+        json!({
+            "method": run.name,
+            "photos": run.photos,
+            "relative_residual": run.residual,
+            "ssim": run.ssim,
+            "residuals": residuals(&run.history),
+            "residuals_displayed": residuals(&run.displayed),
+        })
     };
-    let seconds = folder.seconds();
-    folder.manifest.outputs =
-        folder.timed("files", |folder| run.write(&folder.path, &folder.manifest, seconds))?;
-    let report = folder.path.join("report.html");
-    console.say(format_args!("project   {}", folder.path.join("compensation.npy").display()))?;
-    console.say(format_args!("report    {}", report.display()))?;
-    console.summary(&verdict::summary(folder, &report, method, found, methods))?;
-    let outcome = if found.good { Outcome::Done } else { Outcome::NotGoodEnough };
-    Ok((outcome, run.sentence()))
+    json!({
+        "method": answer.options.method.facts().name,
+        "photos": found.photos,
+        "photos_before": found.preparation,
+        "status": found.status.to_string(),
+        "peak": found.peak,
+        "relative_residual": found.residual,
+        "relative_residual_unclipped": found.unclipped_residual,
+        "relative_residual_uncompensated": found.uncompensated_residual,
+        "relative_residual_jacobi": found.baseline.last().map(|row| row.residual),
+        "clipped": found.unclipped.is_some(),
+        "likeness": found.similarity,
+        "likeness_uncompensated": found.uncompensated_similarity,
+        "clamping": found.clamping.as_ref().map(|clamping| json!({
+            "relative_residual_displayed": residuals(&clamping.displayed),
+            "relative_residual_krylov_box": residuals(&clamping.boxed),
+            "warning": clamping.warning(),
+        })),
+        "residuals": residuals(&found.history),
+        "methods": answer.methods.iter().map(method).collect::<Vec<_>>(),
+    })
 }

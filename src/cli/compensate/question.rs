@@ -2,13 +2,12 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
 use clap::ValueEnum;
 
 use crate::analysis::{CompensateOptions, Precondition};
 use crate::cli::options::method;
 use crate::cli::pattern;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::krylov::{Constraint, Method};
 use crate::transport::Channels;
@@ -20,7 +19,7 @@ pub(in crate::cli) struct Question {
     #[arg(long, value_name = "FILE")]
     target: PathBuf,
     /// The paper's recipe: MINRES (GMRES where the rig is not coaxial) preconditioned by the direct image, five photos, the
-    /// target moved to [0.1, 1], and the answer clamped. What is given beside it stands in its place
+    /// target moved to [0.1, 1], and the answer clamped. Options given beside it replace those of the recipe
     #[arg(long)]
     paper: bool,
     /// How: inside the projector's range: krylov-box, fista, jacobi; not negative: mrnsd, multiplicative; clipped
@@ -45,7 +44,7 @@ pub(in crate::cli) struct Question {
     /// Some lens is out of focus: krylov-box takes the light for a mixture of blurs, as it does anyway where the rig is not coaxial
     #[arg(long)]
     out_of_focus: bool,
-    /// The width of the lens' blur in pixels, for --precondition defocus [default: told from one photo more]
+    /// The width of the lens' blur in pixels, for --precondition defocus [default: measured by one photo more]
     #[arg(long, value_name = "PIXELS")]
     defocus: Option<f64>,
 }
@@ -79,20 +78,20 @@ impl From<PreconditionArg> for Precondition {
 }
 
 impl Question {
-    /// As the library has it, for a coaxial rig.
+    /// The library's options for a coaxial rig.
     pub(in crate::cli) fn options(&self) -> CompensateOptions {
         self.options_on(true, None)
     }
 
-    /// As the library has it, for a rig whose light transport is symmetric or not; `held` the photos of a run that is asked anew.
-    pub(super) fn options_on(&self, symmetric: bool, held: Option<usize>) -> CompensateOptions {
+    /// The library's options for a rig whose light transport is symmetric or not; `photos_of_run` is the default budget of a run that is asked again.
+    pub(super) fn options_on(&self, symmetric: bool, photos_of_run: Option<usize>) -> CompensateOptions {
         let base =
             if self.paper { CompensateOptions::paper(symmetric, 0.1) } else { CompensateOptions::default() };
         let method = self.method.unwrap_or(base.method);
         let free = method.facts().constraint == Constraint::None;
         CompensateOptions {
             method,
-            photos: self.photos.or(held).unwrap_or(base.photos),
+            photos: self.photos.or(photos_of_run).unwrap_or(base.photos),
             rtol: self.rtol.unwrap_or(base.rtol),
             floor: self.floor,
             lift: self.lift.unwrap_or(base.lift),
@@ -115,16 +114,16 @@ impl Question {
             |fault: String, help: &str| Error::Data { path: self.target.clone(), fault, help: help.into() };
         if image.channels() > channels.count() {
             let fault = format!("it has {} channels, but --channels luma has 1", image.channels());
-            return Err(unusable(fault, "give a gray image, or --channels rgb").into());
+            return Err(unusable(fault, "give a gray image, or --channels rgb"));
         }
         let range = |(low, high): (f32, f32), &value: &f32| (low.min(value), high.max(value));
         let (low, high) = image.samples().iter().fold((f32::INFINITY, f32::NEG_INFINITY), range);
         if low < 0.0 || high > 1.0 {
             let fault = format!("its values are from {low} to {high}, but a target's are from 0 to 1");
-            return Err(unusable(fault, "scale it, and say by --peak what 1 stands for").into());
+            return Err(unusable(fault, "scale it, and say by --peak what 1 stands for"));
         }
         if high == 0.0 {
-            return Err(unusable("it is black".into(), "give an image with light in it").into());
+            return Err(unusable("it is black".into(), "give an image with light in it"));
         }
         Ok(image)
     }

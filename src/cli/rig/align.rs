@@ -2,28 +2,28 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
 use serde_json::{Value, json};
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::live::LiveArgs;
 use super::super::options::OutputArgs;
+use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::analysis::align::{AlignOptions, Alignment, Round, align};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::io::png::Raster;
 use crate::measure::FrameSource;
-use crate::measure::calibrate::{Measured, Observer};
+use crate::measure::calibrate::{MeasuredValue, Observer};
 use crate::report::alignment;
 use crate::report::viewer::{Plane, Viewer};
 
-/// Bring camera and projector to one point: shadows, disparity, symmetry, and which way the camera must go; round by round, until
-/// Ctrl-C
+/// Bring camera and projector to one point: shadows, disparity, symmetry, and which way the camera must go;
+/// round by round, until Ctrl-C
 ///
-/// Hang a small thing before a flat background: what stands out from the map that the larger part of the scene agrees on is taken
-/// for nearer. Directions are those of the photo. A flat scene tells nothing. Exit status 1: the last round is not aligned.
+/// Hang a small thing before a flat background: what stands out from the map that the larger part of the
+/// scene agrees on is taken for nearer. Directions are those of the photo. A flat scene tells nothing. Exit
+/// status 1: the last round is not aligned.
 #[derive(clap::Args)]
 pub(in super::super) struct Args {
     #[command(flatten)]
@@ -37,10 +37,12 @@ pub(in super::super) struct Args {
     /// Asymmetry |A − Aᵀ|/|A| that passes
     #[arg(long, value_name = "X", default_value_t = 0.1)]
     asymmetry: f64,
-    /// Seconds of each exposure [default: the longest of the rig file's, or what white fills 70 % of the camera's range in]
+    /// Seconds of each exposure [default: the longest of the rig file's, or what white fills 70 % of the
+    /// camera's range in]
     #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
     exposure: Option<f64>,
-    /// Where the picture goes: shadows red, what is dark for whatever reason violet, arrows where something is displaced to; it is there as a whole at any moment
+    /// Where the picture goes: shadows red, what is dark for whatever reason violet, arrows where something
+    /// is displaced to; it is there as a whole at any moment
     #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value = "align.png", value_parser = super::png)]
     file: PathBuf,
     #[command(flatten)]
@@ -67,10 +69,10 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     drop(shots);
     match ended {
         // Ctrl-C is how one stops aligning.
-        Err(error) if !matches!(error.downcast_ref(), Some(Error::Interrupted)) => return Err(error),
+        Err(error) if !matches!(error, Error::Interrupted) => return Err(error),
         _ => {}
     }
-    let Some(round) = &last.round else { return Err(Error::Interrupted.into()) };
+    let Some(round) = &last.round else { return Err(Error::Interrupted) };
     let is_aligned = matches!(round, Round::Found(found) if found.is_aligned(&options));
     if matches!(round, Round::Found(_)) {
         console.say(format_args!("wrote     {}", args.file.display()))?;
@@ -149,7 +151,7 @@ fn sentence(found: &Alignment, options: &AlignOptions) -> String {
         Some(stand) if stand.is_certain => format!(
             "the camera stands {}, by what is displaced by {} pixels in {:.0} % of the field: move it {}",
             stand.place(),
-            Measured::new(stand.size, stand.error),
+            MeasuredValue::new(stand.size, stand.error),
             100.0 * stand.share,
             stand.remedy()
         ),
@@ -158,7 +160,7 @@ fn sentence(found: &Alignment, options: &AlignOptions) -> String {
              way as the other; hang a small thing before a flat background",
             stand.place(),
             100.0 * stand.share,
-            Measured::new(stand.size, stand.error)
+            MeasuredValue::new(stand.size, stand.error)
         ),
         None if found.is_aligned(options) => {
             "aligned, as far as the scene has depth: nothing stands out from one map, and nothing is in shadow".into()

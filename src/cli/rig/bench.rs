@@ -2,20 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
-
 use super::super::console::Console;
+use super::super::opening::Opening;
 use super::super::options::{SourceArgs, ViewArgs};
-use super::super::rig_source::RigSource;
-use super::super::source::is_rig;
 use super::super::trace::{SizeArgs, TraceArgs};
-use crate::error::Error;
+use crate::error::{Error, Result};
+use crate::lab::{RigSource, SourceKind};
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
-
-/// Seconds between a frame's confirmation and its photo where neither a calibration nor the file says: projectors that process their
-/// picture show it some frames late.
-const CAREFUL: f64 = 0.1;
 
 /// Which rig.
 #[derive(clap::Args)]
@@ -39,7 +33,7 @@ impl RigArgs {
     /// Reads the file and the calibration that it names. One that cannot be used is named, and left aside.
     pub(super) fn read(&self, console: &Console) -> Result<Bench> {
         let source = self.source(console)?;
-        let known = calibration(&source).transpose();
+        let known = source.file.load_calibration().transpose();
         if let Err(why) = &known {
             console.note(format_args!("note: the calibration is left aside: {why}"));
         }
@@ -49,29 +43,28 @@ impl RigArgs {
     /// Reads the file alone.
     pub(super) fn source(&self, console: &Console) -> Result<RigSource> {
         require_rig(&self.rig, "RIG")?;
-        let view = ViewArgs { camera: None, camera_file: None };
         let trace = TraceArgs::for_looking(SizeArgs::default(), self.adapter.clone());
-        RigSource::uncalibrated(&SourceArgs { source: self.rig.clone(), view }, &trace, console)
+        let source = SourceArgs { source: self.rig.clone(), view: ViewArgs::default() };
+        Opening::new(&source, &trace).builder(console).open_uncalibrated_rig()
     }
 }
 
 impl Bench {
     /// Opens the devices. Frames come until the user asks to stop: then as [`Error::Interrupted`].
     pub(super) fn open(&mut self, console: &Console) -> Result<Box<dyn FrameSource>> {
-        let mut shots = self.source.opener(console)(None)?;
+        let mut shots = self.source.opener()(None)?;
         shots.set_settle(self.settle());
         Ok(Box::new(Interruptible { shots, console: console.clone() }))
     }
 
     /// Seconds between a frame's confirmation and its photo.
     pub(super) fn settle(&self) -> f64 {
-        let measured = self.known.as_ref().map(|known| known.stability.settle);
-        self.source.file.measurement.settle.or(measured).unwrap_or(CAREFUL)
+        self.source.file.settle(self.known.as_ref())
     }
 
     /// The exposure that is given, or the longest that the rig file gives.
     pub(super) fn exposure(&self, given: Option<f64>) -> Option<f64> {
-        given.or(self.source.file.measurement.exposures.last().copied())
+        given.or(self.source.file.longest_exposure())
     }
 
     /// The rig file's name.
@@ -80,27 +73,19 @@ impl Bench {
     }
 }
 
-/// The calibration that a rig's file names; none where it names none.
-pub(super) fn calibration(source: &RigSource) -> Option<crate::Result<Calibration>> {
-    let folder = source.file.calibration.as_ref()?;
-    let (projector, camera) = (source.file.kind.projector_info(), source.file.kind.camera_info());
-    Some(Calibration::load(folder).and_then(|known| known.check(&projector, &camera).map(|()| known)))
-}
-
 /// That a source, given as this argument, is a rig.
 ///
 /// # Errors
 /// [`Error::Option`].
 pub(super) fn require_rig(path: &Path, argument: &str) -> Result<()> {
-    if is_rig(path) {
+    if SourceKind::of(path) == SourceKind::Rig {
         return Ok(());
     }
     Err(Error::Option {
         option: argument.into(),
         fault: format!("{} is no rig", path.display()),
         help: "give a rig file (.toml): this verb asks devices".into(),
-    }
-    .into())
+    })
 }
 
 /// Frames until the user asks to stop.
@@ -118,7 +103,7 @@ impl FrameSource for Interruptible {
         self.shots.camera()
     }
 
-    fn capture(&mut self, shot: &CaptureRequest) -> crate::Result<RawFrame> {
+    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
         if self.console.check().is_break() {
             return Err(Error::Interrupted);
         }

@@ -2,11 +2,11 @@
 
 use std::net::Ipv4Addr;
 
-use anyhow::Result;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::super::console::Console;
+use crate::error::Result;
 use crate::rig::{self, CameraSpec};
 
 /// A camera: what is said of it, why more cannot be said, and the same for `--json`.
@@ -54,7 +54,7 @@ impl Found {
 
     /// The same with what it can do.
     #[cfg(any(feature = "gige", feature = "usb3"))]
-    fn able(mut self, abilities: crate::Result<rig::Abilities>) -> Self {
+    fn able(mut self, abilities: Result<rig::Abilities>) -> Self {
         match abilities {
             Ok(abilities) => {
                 self.lines.push(abilities.to_string());
@@ -79,7 +79,7 @@ fn known(name: &Option<String>) -> &str {
 }
 
 #[cfg(feature = "gige")]
-fn gige(address: Option<Ipv4Addr>) -> crate::Result<Vec<Found>> {
+fn gige(address: Option<Ipv4Addr>) -> Result<Vec<Found>> {
     let cameras = rig::cameras(&address.into_iter().collect::<Vec<_>>())?;
     let said = |camera: &rig::FoundCamera| {
         let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
@@ -92,7 +92,7 @@ fn gige(address: Option<Ipv4Addr>) -> crate::Result<Vec<Found>> {
 }
 
 #[cfg(feature = "usb3")]
-fn usb3() -> crate::Result<Vec<Found>> {
+fn usb3() -> Result<Vec<Found>> {
     let said = |camera: &rig::FoundUsbCamera| {
         let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
         let speed = camera.speed.as_ref().map_or_else(String::new, |speed| format!(", at {speed}"));
@@ -105,7 +105,7 @@ fn usb3() -> crate::Result<Vec<Found>> {
 }
 
 #[cfg(feature = "v4l")]
-fn v4l() -> crate::Result<Vec<Found>> {
+fn v4l() -> Result<Vec<Found>> {
     let said = |device: &rig::FoundVideoDevice| {
         let formats = if device.formats.is_empty() {
             "no format that krylux reads".into()
@@ -117,22 +117,22 @@ fn v4l() -> crate::Result<Vec<Found>> {
     Ok(rig::video_devices().iter().map(|device| Found::new("v4l", device, said(device))).collect())
 }
 
-fn gphoto2() -> crate::Result<Vec<Found>> {
+fn gphoto2() -> Result<Vec<Found>> {
     let said = |camera: &rig::FoundStillCamera| format!("gphoto2 \"{}\", at {}", camera.model, camera.port);
     Ok(rig::still_cameras()?.iter().map(|camera| Found::new("gphoto2", camera, said(camera))).collect())
 }
 
 #[cfg(not(feature = "gige"))]
-fn gige(_: Option<Ipv4Addr>) -> crate::Result<Vec<Found>> {
+fn gige(_: Option<Ipv4Addr>) -> Result<Vec<Found>> {
     Err(rig::left_out("GigE Vision", "gige"))
 }
 
 #[cfg(not(feature = "usb3"))]
-fn usb3() -> crate::Result<Vec<Found>> {
+fn usb3() -> Result<Vec<Found>> {
     Err(rig::left_out("USB3 Vision", "usb3"))
 }
 
 #[cfg(not(feature = "v4l"))]
-fn v4l() -> crate::Result<Vec<Found>> {
+fn v4l() -> Result<Vec<Found>> {
     Err(rig::left_out("cameras of Linux's video interface", "v4l"))
 }

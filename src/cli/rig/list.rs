@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
 use serde_json::{Value, json};
 
 use super::super::Outcome;
 use super::super::console::Console;
 use super::super::options::OutputArgs;
 use super::cameras;
+use crate::error::Result;
 use crate::measure::{RigFile, RigKind};
 use crate::rig::{self, MonitorInfo};
 

@@ -1,4 +1,4 @@
-//! Sparse matrices for others, and from them: SciPy's `.npz` and Matrix Market's `.mtx`.
+//! Files of sparse matrices: SciPy's `.npz` and Matrix Market's `.mtx`.
 
 mod mtx;
 mod npz;
@@ -13,7 +13,8 @@ use super::{atomic, npy};
 use crate::error::{Error, Result};
 use crate::sparse::Csr;
 
-/// Writes a matrix in the format that the extension says: `.npz` ([`write_npz`]) or `.mtx` ([`write_mtx`]).
+/// Writes a matrix in the format that the extension selects: `.npz` ([`write_npz`]) or `.mtx`
+/// ([`write_mtx`]).
 ///
 /// # Errors
 /// [`Error::Data`] for another extension; [`Error::Write`].
@@ -24,7 +25,7 @@ pub fn write(path: &Path, matrix: &Csr) -> Result<()> {
     }
 }
 
-/// Whether [`write()`] could write `path`: it has a known extension, and its folder is there and writable.
+/// Checks that [`write()`] could write `path`: its extension is known, and its folder exists and is writable.
 ///
 /// # Errors
 /// As [`write()`].
@@ -32,7 +33,8 @@ pub fn check_writable(path: &Path) -> Result<()> {
     kind(path).and_then(|_| atomic::check_writable(path))
 }
 
-/// Reads a matrix: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or a dense one, `m×n`, from an `.npy` file.
+/// Reads a matrix in the format that the extension selects: `.npz` ([`read_npz`]), `.mtx` ([`read_mtx`]), or
+/// `.npy` with a dense `m×n` array.
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Data`] for another extension or a malformed file.
@@ -46,6 +48,7 @@ pub fn read(path: &Path) -> Result<Csr> {
     }
 }
 
+/// Reads a dense matrix from an `.npy` file.
 fn from_dense(path: &Path) -> Result<Csr> {
     let npy::Array { shape, values } = npy::read_npy(path)?;
     let &[rows, cols] = shape.as_slice() else {
@@ -61,7 +64,7 @@ fn from_dense(path: &Path) -> Result<Csr> {
     )
 }
 
-/// The matrix of these (row, column, value), in any order. Zeros are left out, as are entries of an empty matrix.
+/// The matrix with these entries (row, column, value), which may be in any order. Zeros are dropped.
 fn from_entries(path: &Path, rows: usize, cols: usize, mut entries: Vec<(usize, usize, f64)>) -> Result<Csr> {
     entries.retain(|entry| entry.2 != 0.0);
     entries.sort_by_key(|&(row, column, _)| (row, column));
@@ -99,7 +102,7 @@ fn kind(path: &Path) -> Result<Kind> {
         Some("mtx") => Ok(Kind::Mtx),
         _ => Err(Error::Data {
             path: path.to_path_buf(),
-            fault: "its extension tells no sparse matrix format".into(),
+            fault: "its extension is not that of a sparse matrix format".into(),
             help: "name it .npz (SciPy) or .mtx (Matrix Market)".into(),
         }),
     }

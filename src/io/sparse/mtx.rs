@@ -1,4 +1,4 @@
-//! Matrix Market's exchange format: text, one entry a line.
+//! Matrix Market's coordinate format: a text file with one entry per line.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -8,22 +8,22 @@ use super::unusable;
 use crate::error::{Error, Result};
 use crate::sparse::Csr;
 
-/// Writes Matrix Market's coordinate format, 1-based: `symmetric` (the lower triangle) when the matrix is so to the
-/// last bit, else `general`.
+/// Writes Matrix Market's coordinate format, with indices from 1 on. A matrix that is symmetric to the last
+/// bit is written as `symmetric` (its lower triangle), any other one as `general`.
 ///
-/// Values have as many digits as it takes for a reader to find the same number.
+/// Values are written with enough digits that a reader gets the same numbers.
 ///
 /// # Errors
-/// [`Error::Write`]; a NaN or infinite entry, which the format cannot hold, is one.
+/// [`Error::Write`], also for a NaN or infinite entry, which the format cannot represent.
 pub fn write_mtx(path: &Path, matrix: &Csr) -> Result<()> {
     let symmetric = matrix.is_symmetric();
-    let kept = || matrix.entries().filter(move |&(row, column, _)| !symmetric || column <= row);
-    let count = kept().count();
+    let stored = || matrix.entries().filter(move |&(row, column, _)| !symmetric || column <= row);
+    let count = stored().count();
     atomic::write_with(path, |file| {
         let kind = if symmetric { "symmetric" } else { "general" };
         writeln!(file, "%%MatrixMarket matrix coordinate real {kind}")?;
         writeln!(file, "{} {} {count}", matrix.rows(), matrix.cols())?;
-        for (row, column, value) in kept() {
+        for (row, column, value) in stored() {
             if !value.is_finite() {
                 let fault = format!("entry ({row}, {column}) is {value}");
                 return Err(io::Error::new(io::ErrorKind::InvalidData, fault));
@@ -47,7 +47,7 @@ pub fn read_mtx(path: &Path) -> Result<Csr> {
         ["%%matrixmarket", "matrix", "coordinate", "real" | "integer", "general"] => false,
         ["%%matrixmarket", "matrix", "coordinate", "real" | "integer", "symmetric"] => true,
         _ => {
-            let fault = "its first line does not announce real coordinates, general or symmetric";
+            let fault = "its first line does not say `matrix coordinate real` (or `integer`), `general` or `symmetric`";
             return Err(unusable(path, fault.into()));
         }
     };
@@ -78,7 +78,7 @@ pub fn read_mtx(path: &Path) -> Result<Csr> {
         found += 1;
     }
     if found != count {
-        return Err(unusable(path, format!("it announces {count} entries, but has {found}")));
+        return Err(unusable(path, format!("it states {count} entries, but has {found}")));
     }
     super::from_entries(path, rows, cols, entries)
 }

@@ -1,4 +1,7 @@
 //! SciPy's `.npz`: a ZIP archive of the three arrays, the shape and the format's name.
+//!
+//! The archive is put together here because `npyz`, which writes its arrays, brings version 0.6 of `zip` for archives of its own; this one
+//! is made by version 9.
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
@@ -13,10 +16,11 @@ use super::unusable;
 use crate::error::{Error, Result};
 use crate::sparse::Csr;
 
-/// Writes what `scipy.sparse.load_npz` reads as a `csr_matrix`, of `float32` where that holds every value exactly, else of `float64`.
+/// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if that
+/// represents every value exactly, and `float64` otherwise.
 ///
-/// Index arrays are `int32` where that holds all numbers, else `int64`, as SciPy has them. The entries are stored,
-/// not compressed, with a fixed date: equal matrices give equal bytes.
+/// Index arrays are `int32` if that can represent all indices, and `int64` otherwise, as in SciPy. The
+/// members of the archive are not compressed and have a fixed date, so that equal matrices give equal bytes.
 ///
 /// # Errors
 /// [`Error::Write`].
@@ -35,7 +39,7 @@ pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
         add_format(&mut archive)?;
         add(&mut archive, "shape", 2, [matrix.rows() as i64, matrix.cols() as i64].into_iter())?;
         let weights = matrix.weights();
-        // Compared by bits, so that NaN stays what it is.
+        // Bits are compared instead of values, because NaN differs from itself.
         if weights.iter().all(|&v| f64::from(v as f32).to_bits() == v.to_bits()) {
             add(&mut archive, "data", weights.len(), weights.iter().map(|&v| v as f32))?;
         } else {
@@ -46,7 +50,7 @@ pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
     })
 }
 
-/// Appends a one-dimensional array of `count` values as `NAME.npy`.
+/// Appends a one-dimensional array of `count` values to the archive as `NAME.npy`.
 pub(crate) fn add<T: npyz::AutoSerialize>(
     archive: &mut ZipWriter<impl Write + io::Seek>,
     name: &str,
@@ -66,7 +70,7 @@ pub(crate) fn add<T: npyz::AutoSerialize>(
     buffer.flush()
 }
 
-/// The matrix's kind, as SciPy stores it: a scalar byte string.
+/// Appends the name of the matrix format, `csr`, as SciPy stores it: a scalar byte string.
 pub(crate) fn add_format(archive: &mut ZipWriter<impl Write + io::Seek>) -> io::Result<()> {
     archive.start_file("format.npy", options(0))?;
     let bytes: DType = DType::Plain("|S3".parse().map_err(io::Error::other)?);
@@ -76,33 +80,35 @@ pub(crate) fn add_format(archive: &mut ZipWriter<impl Write + io::Seek>) -> io::
     array.finish()
 }
 
+/// The options of a member of `bytes` bytes.
 pub(crate) fn options(bytes: u64) -> SimpleFileOptions {
     SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(zip::DateTime::DEFAULT)
         .unix_permissions(0o644)
-        // The header of an .npy takes some hundred bytes more; without the flag an entry ends at 4 GiB.
+        // A member of 4 GiB or more needs this flag. The sum allows for the header of the .npy format.
         .large_file(bytes + 4096 > u64::from(u32::MAX))
 }
 
-/// Arrays beyond this many bytes are refused, so that a small archive cannot fill the memory.
-const LARGEST: u64 = 1 << 36;
+/// The largest size of a member in bytes. It keeps a small malicious archive from filling the memory.
+const MAX_MEMBER_BYTES: u64 = 1 << 36;
 
-/// Reads what `scipy.sparse.save_npz` wrote from a CSR matrix of real numbers, compressed or not.
+/// Reads a file that `scipy.sparse.save_npz` wrote for a CSR matrix of real numbers, compressed or not.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when it is no such archive, another sparse format, or not a matrix.
+/// [`Error::Read`]; [`Error::Data`] when the file is not such an archive, or when its arrays do not form a
+/// CSR matrix.
 pub fn read_npz(path: &Path) -> Result<Csr> {
     let file = File::open(path).map_err(Error::reading(path))?;
     let fault = |what: String| unusable(path, what);
     let mut archive = ZipArchive::new(BufReader::new(file))
-        .map_err(|error| fault(format!("it is no ZIP archive: {error}")))?;
+        .map_err(|error| fault(format!("it is not a ZIP archive: {error}")))?;
     let mut bytes = |name: &str| -> Result<Vec<u8>> {
         let entry = archive.by_name(&format!("{name}.npy"));
-        let entry = entry.map_err(|error| fault(format!("it holds no array `{name}`: {error}")))?;
+        let entry = entry.map_err(|error| fault(format!("it has no array `{name}`: {error}")))?;
         let mut bytes = Vec::new();
         entry
-            .take(LARGEST)
+            .take(MAX_MEMBER_BYTES)
             .read_to_end(&mut bytes)
             .map_err(|error| fault(format!("array `{name}`: {error}")))?;
         Ok(bytes)
@@ -115,7 +121,7 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
         let array = npy::parse(&bytes(name)?).map_err(|what| fault(format!("array `{name}`: {what}")))?;
         Ok(array.values)
     };
-    // Indices are far below 2⁵³, so nothing is lost on the way through f64.
+    // The conversion of indices to f64 and back is exact, because they are below 2⁵³.
     let index = |name: &str, values: Vec<f64>| -> Result<Vec<usize>> {
         let whole = |&value: &f64| (0.0..9e15).contains(&value);
         if !values.iter().all(whole) {
@@ -140,7 +146,7 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
     if u32::try_from(cols).is_err() || columns.iter().any(|&column| column >= cols) {
         return Err(fault(format!("a column index is not below {cols}")));
     }
-    // Rows may come unsorted from SciPy.
+    // SciPy does not sort the entries of a row.
     let row_of = (0..rows).flat_map(|row| std::iter::repeat_n(row, starts[row + 1] - starts[row]));
     let entries = row_of.zip(columns).zip(weights).map(|((row, column), value)| (row, column, value));
     super::from_entries(path, rows, cols, entries.collect())

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::figure::Measured;
 use super::least_squares::Normal;
 use super::linear::Linear;
+use super::measured_value::MeasuredValue;
 use super::report::CameraFigures;
 use super::response::response;
 use super::saturation::{limit, plateau};
@@ -38,21 +38,21 @@ pub(super) struct Camera {
 /// # Errors
 /// [`Error::Rig`] when frames cannot be taken; [`Error::Numerical`] when they do not tell.
 pub(super) fn camera(
-    sitting: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
     exposure: f64,
 ) -> Result<Camera> {
-    let full = sitting.full();
-    let shortest = sitting.camera().exposures[0];
-    let black = sitting.filled(0);
+    let full = session.full();
+    let shortest = session.camera().exposures[0];
+    let black = session.filled(0);
     let dark: Vec<[RawFrame; 2]> = (0..DARK_PAIRS)
-        .map(|_| Ok([sitting.capture(&black, shortest)?, sitting.capture(&black, shortest)?]))
+        .map(|_| Ok([session.capture(&black, shortest)?, session.capture(&black, shortest)?]))
         .collect::<Result<_>>()?;
     let floor = percentile(dark[0][0].counts.iter().map(|&count| count.into()), 0.5);
-    let plateau = plateau(sitting, white, exposure, floor)?;
-    let (up, down) = series(sitting, white, exposure)?;
-    let darks = dark_series(sitting, &black, exposure)?;
-    let sorting = sitting.capture(white, exposure)?;
+    let plateau = plateau(session, white, exposure, floor)?;
+    let (up, down) = series(session, white, exposure)?;
+    let darks = dark_series(session, &black, exposure)?;
+    let sorting = session.capture(white, exposure)?;
     // Until the noise is known: far enough below for a camera of one electron per DN.
     let careful = limit(&plateau, (plateau.count - floor).sqrt(), MARGIN);
     let whites: Vec<RawFrame> = up.iter().chain(&down).cloned().collect();
@@ -78,7 +78,7 @@ pub(super) fn camera(
     let white_noise = white_noise(&sorting, &linear, noise.gain.value, noise.read_noise.value);
     Ok(Camera {
         figures: CameraFigures {
-            black: Measured::new(linear.black, black_error),
+            black: MeasuredValue::new(linear.black, black_error),
             read_noise: noise.read_noise,
             gain: noise.gain,
             plateau: plateau.count,
@@ -95,18 +95,19 @@ pub(super) fn camera(
     })
 }
 
-/// White at exposures from the shortest of the series up, and down again, so that a drift of the light cancels.
+/// White at exposures from the shortest of the series up, and down again, so that a drift of the light
+/// cancels.
 fn series(
-    sitting: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
     exposure: f64,
 ) -> Result<(Vec<RawFrame>, Vec<RawFrame>)> {
     let mut exposures: Vec<f64> =
-        (-1..SERIES).map(|step| sitting.allowed(exposure * 2_f64.powf(-0.5 * f64::from(step)))).collect();
+        (-1..SERIES).map(|step| session.allowed(exposure * 2_f64.powf(-0.5 * f64::from(step)))).collect();
     exposures.dedup();
     exposures.reverse();
-    let up = exposures.iter().map(|&e| sitting.capture(white, e)).collect::<Result<Vec<_>>>()?;
-    let mut down = exposures.iter().rev().map(|&e| sitting.capture(white, e)).collect::<Result<Vec<_>>>()?;
+    let up = exposures.iter().map(|&e| session.capture(white, e)).collect::<Result<Vec<_>>>()?;
+    let mut down = exposures.iter().rev().map(|&e| session.capture(white, e)).collect::<Result<Vec<_>>>()?;
     down.reverse();
     if up.len() < 3 {
         return Err(Error::Rig {
@@ -120,15 +121,15 @@ fn series(
 
 /// Black at white's exposure, and shorter.
 fn dark_series(
-    sitting: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     black: &Arc<Frame>,
     exposure: f64,
 ) -> Result<Vec<RawFrame>> {
     let mut frames = Vec::new();
     for step in 0..4 {
-        let exposure = sitting.allowed(exposure * 2_f64.powi(-step));
+        let exposure = session.allowed(exposure * 2_f64.powi(-step));
         for _ in 0..2 {
-            frames.push(sitting.capture(black, exposure)?);
+            frames.push(session.capture(black, exposure)?);
         }
     }
     Ok(frames)
@@ -140,7 +141,7 @@ fn dark_line(
     darks: &[RawFrame],
     gain: f64,
     read_noise: f64,
-) -> Result<[Measured; 2]> {
+) -> Result<[MeasuredValue; 2]> {
     let mut normal = Normal::new(2);
     for frame in dark.iter().flatten().chain(darks) {
         let samples = frame.counts.len() as f64;
@@ -150,10 +151,10 @@ fn dark_line(
         normal.add_full(&[1.0, frame.exposure], mean, 1.0 / variance.max(1e-9));
     }
     let line = normal.solve()?;
-    Ok([0, 1].map(|at| Measured::new(line.values[at], line.error(at))))
+    Ok([0, 1].map(|at| MeasuredValue::new(line.values[at], line.error(at))))
 }
 
-fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> Measured {
+fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> MeasuredValue {
     let rates: Vec<f64> = darks
         .iter()
         .map(|frame| {
@@ -164,7 +165,7 @@ fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> Measured {
     let count = rates.len() as f64;
     let mean = rates.iter().sum::<f64>() / count;
     let squares: f64 = rates.iter().map(|rate| (rate - mean).powi(2)).sum();
-    Measured::new(mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
+    MeasuredValue::new(mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
 
 fn white_noise(white: &RawFrame, linear: &Linear, gain: f64, read_noise: f64) -> f64 {

@@ -1,9 +1,11 @@
 //! Saddle points of a projected checkerboard, for cameras that do not resolve single projector pixels.
 //!
-//! The contrast of a checkerboard and its inverse, `(p − q)/(p + q)`, is a saddle at each inner corner, whatever the
-//! scene's albedo; its centre is that of a quadric fitted to the pixels around it (Lucchese and Mitra 2002).
+//! The contrast of a checkerboard and its inverse, `(p − q)/(p + q)`, is a saddle at each inner corner,
+//! whatever the scene's albedo; its centre is that of a quadric fitted to the pixels around it (Lucchese and
+//! Mitra 2002).
 
-use super::gray_code::{Light, sum};
+use super::camera_model::CameraModel;
+use super::gray_code::sum;
 use super::least_squares::Normal;
 use super::lens_map::{LensMap, Match};
 use super::session::CalibrationSession;
@@ -12,21 +14,22 @@ use crate::error::Result;
 /// Camera pixels that a square should have.
 const SQUARE: f64 = 6.0;
 
-/// Shows a checkerboard, and finds its corners near where `map` has them. Camera pixels that are not `lit` are not used.
+/// Shows a checkerboard, and finds its corners near where `map` has them. Camera pixels that are not `lit`
+/// are not used.
 ///
 /// # Errors
 /// Whatever keeps frames from being taken.
 pub(super) fn corners(
-    sitting: &mut CalibrationSession<'_>,
-    light: &Light<'_>,
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
     map: &LensMap,
     lit: &[bool],
 ) -> Result<Vec<Match>> {
     let scale = map.camera.width as f64 / map.projector.width as f64;
     let square = ((SQUARE / scale).ceil() as usize).max(1);
     let bright = |x: usize, y: usize| (x / square + y / square).is_multiple_of(2);
-    let pattern = sum(sitting, light, bright)?;
-    let inverse = sum(sitting, light, |x, y| !bright(x, y))?;
+    let pattern = sum(session, model, bright)?;
+    let inverse = sum(session, model, |x, y| !bright(x, y))?;
     let contrast: Vec<f64> =
         pattern.iter().zip(&inverse).map(|(p, q)| (p - q) / (p + q).max(f64::MIN_POSITIVE)).collect();
     let reach = 0.6 * square as f64 * scale;
@@ -42,7 +45,8 @@ pub(super) fn corners(
     Ok(matches)
 }
 
-/// The saddle point near `near`, in the camera's pixels from its corner; `None` where there is none, or too little to see.
+/// The saddle point near `near`, in the camera's pixels from its corner; `None` where there is none, or too
+/// little to see.
 fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: f64) -> Option<[f64; 2]> {
     let mut at = near;
     for _ in 0..12 {

@@ -2,14 +2,15 @@
 
 use crate::image::{Blur, Resolution};
 
-/// Standard deviation of the blur, in pixels. Edges then are as wide as steps of the iteration must be able to see.
+/// Standard deviation of the blur, in pixels. Edges then are as wide as steps of the iteration must be able
+/// to see.
 pub(super) const BLUR: f64 = 1.2;
 
 /// Standard deviation of the blur that is taken off, in pixels: what varies more slowly is indirect light.
 const SLOW: f64 = 3.0;
 
-/// A picture without what is finer than can be followed, and without what is slower than direct light; by the pixels that are `used`
-/// alone.
+/// A picture without what is finer than can be followed, and without what is slower than direct light; by the
+/// pixels that are `used` alone.
 pub(super) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<Vec<f64>> {
     let of_used = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
         (0..size.pixels()).map(|pixel| if used[pixel] { of(pixel) } else { 0.0 }).collect()
@@ -24,7 +25,8 @@ pub(super) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<V
     Some(fine?.iter().zip(slow?).map(|(fine, slow)| fine - slow).collect())
 }
 
-/// The picture's value at a point in pixels from the centre of the first, linear between pixels; none outside.
+/// The picture's value at a point in pixels from the centre of the first, linear between pixels; none
+/// outside.
 pub(super) fn value(picture: &[f64], size: Resolution, [x, y]: [f64; 2]) -> Option<f64> {
     let inside = x >= 0.0 && y >= 0.0 && x <= size.width as f64 - 1.0 && y <= size.height as f64 - 1.0;
     if !inside {

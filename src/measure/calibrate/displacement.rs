@@ -1,7 +1,8 @@
 //! How far a picture of a known pattern is displaced, to parts of a pixel.
 //!
-//! The picture shows the pattern at `x + d(x)`, with a `d` that is affine over the field. It is found by Gauss and Newton's method on
-//! both, blurred alike (Lucas and Kanade, *An iterative image registration technique*, 1981), from the best whole-pixel shift on.
+//! The picture shows the pattern at `x + d(x)`, with a `d` that is affine over the field. It is found by
+//! Gauss and Newton's method on both, blurred alike (Lucas and Kanade, *An iterative image registration
+//! technique*, 1981), from the best whole-pixel shift on.
 
 use super::comparison::{BLUR, band, correlation, value};
 use super::least_squares::Normal;
@@ -17,14 +18,15 @@ const EVIDENCE: f64 = 12.0;
 /// What is compared must be of so much of what is seen.
 const COMMON: f64 = 0.5;
 
-/// Pixels that the projector's own blur and the camera's see as one: residuals of so many are one piece of evidence,
-/// `4π σ²` of a Gaussian.
+/// Pixels that the projector's own blur and the camera's see as one: residuals of so many are one piece of
+/// evidence, `4π σ²` of a Gaussian.
 const CORRELATED: f64 = 4.0 * std::f64::consts::PI * BLUR * BLUR;
 
 /// Steps at most: a few suffice from the nearest whole pixel on.
 const STEPS: usize = 12;
 
-/// Unknowns: how much darker and lighter the pattern is seen, and `d`: two of a shift, four of a turn, scale and shear.
+/// Unknowns: how much darker and lighter the pattern is seen, and `d`: two of a shift, four of a turn, scale
+/// and shear.
 const UNKNOWNS: usize = 8;
 
 /// Those without the latter four.
@@ -43,7 +45,8 @@ pub struct Displacement {
     pub agreement: f64,
 }
 
-/// How far pictures are displaced from their patterns (pairs of pattern and what is seen), where they are `used`.
+/// How far pictures are displaced from their patterns (pairs of pattern and what is seen), where they are
+/// `used`.
 ///
 /// # Errors
 /// [`Error::Numerical`] where the patterns are not in them.
@@ -184,7 +187,8 @@ impl Pictures {
         Ok(covariance)
     }
 
-    /// The slopes of what should be seen at a point with respect to the unknowns; none where that lies outside.
+    /// The slopes of what should be seen at a point with respect to the unknowns; none where that lies
+    /// outside.
     fn row(&self, d: &Affine, point: &Point) -> Option<[f64; UNKNOWNS]> {
         let [right, down] = d.at(point.at);
         let [x, y] = [point.at[0] + right, point.at[1] + down];

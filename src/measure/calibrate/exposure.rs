@@ -12,26 +12,43 @@ const FILL: f64 = 0.7;
 /// Pixels counted as bright: all but highlights.
 const BRIGHT: f64 = 0.98;
 
-/// How near white's light comes to filling the camera's range.
+/// How well the camera's exposures suit a white frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reach {
-    /// It fills as much of it as is wanted, or as near to that as the camera's exposures allow.
+pub enum WhiteExposure {
+    /// White fills about 70 % of the camera's range, or as near to that as the camera's exposures allow.
     Filled,
-    /// Even the shortest exposure is too long.
+    /// White saturates the camera even at the shortest exposure.
     TooBright,
-    /// Even the longest exposure shows next to nothing.
+    /// White is hardly seen even at the longest exposure.
     TooDark,
 }
 
-/// The exposure at which the 98th percentile of `frame`'s photo is about 70 % of the camera's range, or the longest there is.
+impl WhiteExposure {
+    /// What is wrong with `exposure`, in seconds, and what to do. `None` when it suits white.
+    pub fn warning(self, exposure: f64) -> Option<String> {
+        match self {
+            Self::Filled => None,
+            Self::TooBright => Some(format!(
+                "white saturates the camera even at {exposure} s, its shortest exposure: close the lens, or lower its gain"
+            )),
+            Self::TooDark => Some(format!(
+                "white is hardly seen even at {exposure} s, the longest exposure: take off the lens cap, or open the lens"
+            )),
+        }
+    }
+}
+
+/// The exposure at which the 98th percentile of `frame`'s photo is about 70 % of the camera's range, or the
+/// longest there is.
 ///
 /// # Errors
-/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest shows nothing.
-pub(super) fn fill(sitting: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
-    match search(sitting, frame)? {
-        (exposure, Reach::Filled) => Ok(exposure),
-        (exposure, Reach::TooBright) => Err(saturated(exposure)),
-        (exposure, Reach::TooDark) => Err(unseen(exposure)),
+/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest shows
+/// nothing.
+pub(super) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
+    match search(session, frame)? {
+        (exposure, WhiteExposure::Filled) => Ok(exposure),
+        (exposure, WhiteExposure::TooBright) => Err(saturated(exposure)),
+        (exposure, WhiteExposure::TooDark) => Err(unseen(exposure)),
     }
 }
 
@@ -39,40 +56,44 @@ pub(super) fn fill(sitting: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> 
 ///
 /// # Errors
 /// Whatever keeps frames from being taken.
-pub(super) fn search(sitting: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<(f64, Reach)> {
-    let [shortest, longest] = sitting.camera().exposures;
-    let full = sitting.full();
-    let black = sitting.filled(0);
-    let dark = sitting.capture(&black, shortest)?;
+pub(super) fn search(
+    session: &mut CalibrationSession<'_>,
+    frame: &Arc<Frame>,
+) -> Result<(f64, WhiteExposure)> {
+    let [shortest, longest] = session.camera().exposures;
+    let full = session.full();
+    let black = session.filled(0);
+    let dark = session.capture(&black, shortest)?;
     let floor = percentile(dark.counts.iter().map(|&count| count.into()), 0.5);
     let target = floor + FILL * (full - floor);
-    let mut exposure = sitting.allowed((shortest * longest).sqrt());
+    let mut exposure = session.allowed((shortest * longest).sqrt());
     for _ in 0..24 {
-        let raw = sitting.capture(frame, exposure)?;
+        let raw = session.capture(frame, exposure)?;
         let bright = percentile(raw.counts.iter().map(|&count| count.into()), BRIGHT);
         if (bright - target).abs() < 0.1 * (full - floor) {
-            return Ok((raw.exposure, Reach::Filled));
+            return Ok((raw.exposure, WhiteExposure::Filled));
         }
-        // A saturated photo only tells that it was far too long; a full well may saturate below the largest count.
+        // A saturated photo only tells that it was far too long; a full well may saturate below the largest
+        // count.
         let factor = if bright > floor + 0.9 * (full - floor) {
             0.2
         } else {
             ((target - floor) / (bright - floor).max(1e-3 * (full - floor))).clamp(0.2, 30.0)
         };
-        let next = sitting.allowed(exposure * factor);
+        let next = session.allowed(exposure * factor);
         if next == exposure {
             return if factor < 1.0 {
-                Ok((exposure, Reach::TooBright))
+                Ok((exposure, WhiteExposure::TooBright))
             } else if bright - floor < 0.01 * (full - floor) {
-                Ok((exposure, Reach::TooDark))
+                Ok((exposure, WhiteExposure::TooDark))
             } else {
-                Ok((raw.exposure, Reach::Filled))
+                Ok((raw.exposure, WhiteExposure::Filled))
             };
         }
         exposure = next;
     }
     // A well that is full below the target: bright pixels never come near it.
-    Ok((exposure, Reach::Filled))
+    Ok((exposure, WhiteExposure::Filled))
 }
 
 fn saturated(exposure: f64) -> Error {

@@ -8,8 +8,8 @@ use crate::measure::Registration;
 /// A projector pixel is taken to be seen when camera pixels that see light cover so much of it.
 const COVERED: f64 = 0.25;
 
-/// Weighs each camera pixel by the area of its overlap with the projector pixel, in the projector's raster. Camera pixels for
-/// which `lit` is false do not count; rows that are covered too little stay empty.
+/// Weighs each camera pixel by the area of its overlap with the projector pixel, in the projector's raster.
+/// Camera pixels for which `lit` is false do not count; rows that are covered too little stay empty.
 pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let Resolution { width, height } = map.projector;
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); map.projector.pixels()];
@@ -36,8 +36,8 @@ pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     from_rows(map.camera, map.projector, rows, COVERED)
 }
 
-/// Weighs all camera pixels alike that were decoded to a projector pixel: where no common map fits, as with a camera that
-/// does not look from where the projector does.
+/// Weighs all camera pixels alike that were decoded to a projector pixel: where no common map fits, as with a
+/// camera that does not look from where the projector does.
 pub(super) fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> Registration {
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); projector.pixels()];
     for seen in &decoded.seen {
@@ -65,7 +65,8 @@ fn from_rows(
     Registration { camera, projector, starts, pixels, weights }
 }
 
-/// Area that a convex polygon has in common with the unit square whose top left corner is `at` (Sutherland and Hodgman).
+/// Area that a convex polygon has in common with the unit square whose top left corner is `at` (Sutherland
+/// and Hodgman).
 fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
     let mut points = polygon.to_vec();
     for (axis, bound, sign) in

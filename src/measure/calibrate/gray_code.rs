@@ -1,11 +1,12 @@
 //! Gray codes: which projector pixel each camera pixel looks at.
 //!
-//! Column and row numbers are shown bit by bit in Gray code, each bit with its inverse. A camera pixel reads a bit as the
-//! brighter of the two. Light that comes over other surfaces is nearly the same in both, for patterns finer than what
-//! bounces between surfaces can resolve; where direct light does not settle a bit, the pixel is left out (after Xu and
-//! Aliaga 2007: a bit counts only if the difference is a good part of the direct light, which the finest stripes tell).
+//! Column and row numbers are shown bit by bit in Gray code, each bit with its inverse. A camera pixel reads
+//! a bit as the brighter of the two. Light that comes over other surfaces is nearly the same in both, for
+//! patterns finer than what bounces between surfaces can resolve; where direct light does not settle a bit,
+//! the pixel is left out (after Xu and Aliaga 2007: a bit counts only if the difference is a good part of the
+//! direct light, which the finest stripes tell).
 
-use super::linear::Linear;
+use super::camera_model::CameraModel;
 use super::session::{CalibrationSession, Mean};
 use crate::error::Result;
 use crate::image::Resolution;
@@ -19,42 +20,33 @@ const SIGMAS: f64 = 5.0;
 /// Camera pixels with less than this share of the median of all that are lit are not lit.
 const LIT: f64 = 0.02;
 
-/// What photos are read with.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Light<'a> {
-    pub(super) linear: &'a Linear,
-    pub(super) gain: f64,
-    pub(super) read_noise: f64,
-    pub(super) exposure: f64,
-    pub(super) takes: u32,
-    /// Counts from here on may be saturated.
-    pub(super) limit: f64,
-}
-
 /// A camera pixel and the projector coordinates that it looks at.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct DecodedPixel {
     /// Camera pixel, by its number.
     pub pixel: usize,
     /// Centre of the projector pixels that it may look at, in pixels from the top left corner of the raster.
     pub at: [f64; 2],
-    /// The same to parts of a pixel: the centroid of what it sees, as far as the stripes tell whose edges it looks at.
+    /// The same to parts of a pixel: the centroid of what it sees, as far as the stripes tell whose edges it
+    /// looks at.
     pub fine: [f64; 2],
 }
 
-/// The decoded camera pixels. Planes have an entry for each camera pixel, in linear DN summed over its channels.
+/// The decoded camera pixels. Planes have an entry for each camera pixel, in linear DN summed over its
+/// channels.
 #[derive(Clone, Debug)]
 pub struct Decoded {
     /// Where each of those looks that could be decoded.
-    pub seen: Vec<Seen>,
-    /// The same of those that look at an edge between two steps, so that it is not decided which of the two they see more of: where
-    /// parts of a pixel count they tell as much.
-    pub between: Vec<Seen>,
+    pub seen: Vec<DecodedPixel>,
+    /// The same of those that look at an edge between two steps, so that it is not decided which of the two
+    /// they see more of: where parts of a pixel count they tell as much.
+    pub between: Vec<DecodedPixel>,
     /// Which camera pixels the projector lights.
     pub lit: Vec<bool>,
     /// Share of these that are not decoded.
     pub unreliable: f64,
-    /// Projector pixels that a step of the decoded coordinates stands for: 1, or more where fine bits were left out.
+    /// Projector pixels that a step of the decoded coordinates stands for: 1, or more where fine bits were
+    /// left out.
     pub step: usize,
     /// Light of white less that of black.
     pub white: Vec<f64>,
@@ -85,7 +77,7 @@ pub(super) fn from_gray(code: usize) -> usize {
 
 impl Decoded {
     /// All that tell parts of a pixel.
-    pub fn all(&self) -> impl Iterator<Item = &Seen> {
+    pub fn all(&self) -> impl Iterator<Item = &DecodedPixel> {
         self.seen.iter().chain(&self.between)
     }
 }
@@ -95,13 +87,13 @@ impl Decoded {
 /// # Errors
 /// Whatever keeps frames from being taken.
 pub(super) fn gray_code(
-    sitting: &mut CalibrationSession<'_>,
-    light: &Light<'_>,
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
     coarse: u32,
 ) -> Result<Decoded> {
-    let Resolution { width, height } = sitting.projector().resolution;
-    let (white, saturated) = photo(sitting, light, |_, _| true)?;
-    let black = sum(sitting, light, |_, _| false)?;
+    let Resolution { width, height } = session.projector().resolution;
+    let (white, saturated) = photo(session, model, |_, _| true)?;
+    let black = sum(session, model, |_, _| false)?;
     let difference: Vec<f64> = white.iter().zip(&black).map(|(white, black)| white - black).collect();
     let bits = [width, height].map(|size| usize::BITS - (size - 1).leading_zeros());
     let mut axes = Vec::new();
@@ -109,16 +101,16 @@ pub(super) fn gray_code(
         let mut planes = Vec::new();
         for shift in coarse.min(bits.saturating_sub(1))..bits {
             let lit = |x: usize, y: usize| gray_bit([x, y][axis], shift);
-            let pattern = sum(sitting, light, lit)?;
-            let inverse = sum(sitting, light, |x, y| !lit(x, y))?;
+            let pattern = sum(session, model, lit)?;
+            let inverse = sum(session, model, |x, y| !lit(x, y))?;
             planes.push((shift, pattern.iter().zip(&inverse).map(|(p, q)| p - q).collect::<Vec<f64>>()));
         }
         axes.push(planes);
     }
-    let channels = sitting.camera().channels as f64;
+    let channels = session.camera().channels as f64;
     let noise = |pixel: usize| {
-        let electrons = (white[pixel] + black[pixel]).max(0.0) / light.gain;
-        ((electrons + 2.0 * channels * light.read_noise.powi(2)) / f64::from(light.takes)).sqrt()
+        let electrons = (white[pixel] + black[pixel]).max(0.0) / model.gain;
+        ((electrons + 2.0 * channels * model.read_noise.powi(2)) / f64::from(model.takes)).sqrt()
     };
     let noise: Vec<f64> = (0..difference.len()).map(noise).collect();
     let lit = lit(&difference, |pixel| noise[pixel]);
@@ -141,7 +133,8 @@ pub(super) fn gray_code(
                 undecided |= if plane[pixel].abs() < threshold { bit } else { 0 };
             }
             let index = from_gray(code);
-            // A pixel that looks at the edge between two steps does not decide the one bit that tells them apart, and need not.
+            // A pixel that looks at the edge between two steps does not decide the one bit that tells them
+            // apart, and need not.
             if undecided != 0 && from_gray(code ^ undecided).abs_diff(index) != 1 {
                 return None;
             }
@@ -156,7 +149,7 @@ pub(super) fn gray_code(
             (from < size).then_some((centre, centroid, undecided == 0))
         };
         if let (Some(x), Some(y)) = (place(0, width), place(1, height)) {
-            let found = Seen { pixel, at: [x.0, y.0], fine: [x.1, y.1] };
+            let found = DecodedPixel { pixel, at: [x.0, y.0], fine: [x.1, y.1] };
             if x.2 && y.2 { seen.push(found) } else { between.push(found) }
         }
     }
@@ -167,27 +160,27 @@ pub(super) fn gray_code(
 
 /// Linear DN of each camera pixel under a pattern, summed over its channels.
 pub(super) fn sum(
-    sitting: &mut CalibrationSession<'_>,
-    light: &Light<'_>,
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
     lit: impl Fn(usize, usize) -> bool,
 ) -> Result<Vec<f64>> {
-    Ok(photo(sitting, light, lit)?.0)
+    Ok(photo(session, model, lit)?.0)
 }
 
 /// The same, and where a channel is saturated.
 pub(super) fn photo(
-    sitting: &mut CalibrationSession<'_>,
-    light: &Light<'_>,
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
     lit: impl Fn(usize, usize) -> bool,
 ) -> Result<(Vec<f64>, Vec<bool>)> {
-    let frame = sitting.drawn(lit)?;
-    let Mean { counts, peaks, .. } = sitting.mean(&frame, light.exposure, light.takes)?;
-    let channels = sitting.camera().channels;
+    let frame = session.drawn(lit)?;
+    let Mean { counts, peaks, .. } = session.mean(&frame, model.exposure, model.takes)?;
+    let channels = session.camera().channels;
     let values = counts
         .chunks_exact(channels)
-        .map(|pixel| pixel.iter().map(|&count| light.linear.of(count)).sum())
+        .map(|pixel| pixel.iter().map(|&count| model.linear.of(count)).sum())
         .collect();
-    let over = |pixel: &[u16]| pixel.iter().any(|&peak| f64::from(peak) >= light.limit);
+    let over = |pixel: &[u16]| pixel.iter().any(|&peak| f64::from(peak) >= model.limit);
     Ok((values, peaks.chunks_exact(channels).map(over).collect()))
 }
 

@@ -1,9 +1,9 @@
 //! Latency: how long after a frame is confirmed its light is all there, and the old one's gone.
 //!
-//! White is shown after black, and photographed after ever longer waits: as long as black is still in the photo, the light
-//! is short of white's.
+//! White is shown after black, and photographed after ever longer waits: as long as black is still in the
+//! photo, the light is short of white's.
 
-use super::figure::Measured;
+use super::measured_value::MeasuredValue;
 use super::session::CalibrationSession;
 use crate::error::Result;
 
@@ -17,7 +17,7 @@ pub(super) const CAREFUL: f64 = 1.0;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Latency {
     /// Seconds until all light is there; the error is half the step that it was found in.
-    pub(super) settle: Measured,
+    pub(super) settle: MeasuredValue,
     /// Wait and share of the light there, as they were tried.
     pub(super) sweep: Vec<(f64, f64)>,
 }
@@ -26,21 +26,21 @@ pub(super) struct Latency {
 ///
 /// # Errors
 /// Whatever keeps frames from being taken.
-pub(super) fn latency(sitting: &mut CalibrationSession<'_>, exposure: f64) -> Result<Latency> {
-    let (black, white) = (sitting.filled(0), sitting.filled(sitting.top()));
-    let step = |sitting: &mut CalibrationSession<'_>, wait: f64| -> Result<f64> {
-        sitting.set_settle(CAREFUL);
-        sitting.capture(&black, exposure)?;
-        sitting.set_settle(wait);
-        let raw = sitting.capture(&white, exposure)?;
+pub(super) fn latency(session: &mut CalibrationSession<'_>, exposure: f64) -> Result<Latency> {
+    let (black, white) = (session.filled(0), session.filled(session.top()));
+    let step = |session: &mut CalibrationSession<'_>, wait: f64| -> Result<f64> {
+        session.set_settle(CAREFUL);
+        session.capture(&black, exposure)?;
+        session.set_settle(wait);
+        let raw = session.capture(&white, exposure)?;
         Ok(raw.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / raw.counts.len() as f64)
     };
-    sitting.set_settle(CAREFUL);
-    let dark = sitting.mean(&black, exposure, 1)?;
+    session.set_settle(CAREFUL);
+    let dark = session.mean(&black, exposure, 1)?;
     let dark = dark.counts.iter().sum::<f64>() / dark.counts.len() as f64;
     let mut fulls = Vec::new();
     for _ in 0..4 {
-        fulls.push(step(sitting, CAREFUL)?);
+        fulls.push(step(session, CAREFUL)?);
     }
     let full = fulls.iter().sum::<f64>() / 4.0;
     let spread = (fulls.iter().map(|value| (value - full).powi(2)).sum::<f64>() / 3.0).sqrt();
@@ -49,24 +49,24 @@ pub(super) fn latency(sitting: &mut CalibrationSession<'_>, exposure: f64) -> Re
     let tolerance = (5.0 * spread / light).max(2e-3);
     let mut sweep = Vec::new();
     let missing =
-        |sitting: &mut CalibrationSession<'_>, wait: f64, sweep: &mut Vec<(f64, f64)>| -> Result<bool> {
-            let share = (step(sitting, wait)? - dark) / light;
+        |session: &mut CalibrationSession<'_>, wait: f64, sweep: &mut Vec<(f64, f64)>| -> Result<bool> {
+            let share = (step(session, wait)? - dark) / light;
             sweep.push((wait, share));
             Ok((share - 1.0).abs() > tolerance)
         };
-    let mut found = Measured::new(0.0, 0.0);
-    if missing(sitting, 0.0, &mut sweep)? {
+    let mut found = MeasuredValue::new(0.0, 0.0);
+    if missing(session, 0.0, &mut sweep)? {
         let (mut low, mut high) = (0.0, SHORTEST);
-        while high < CAREFUL && missing(sitting, high, &mut sweep)? {
+        while high < CAREFUL && missing(session, high, &mut sweep)? {
             (low, high) = (high, 2.0 * high);
         }
         for _ in 0..6 {
             let middle = 0.5 * (low + high);
-            if missing(sitting, middle, &mut sweep)? { low = middle } else { high = middle }
+            if missing(session, middle, &mut sweep)? { low = middle } else { high = middle }
         }
-        found = Measured::new(high, 0.5 * (high - low));
+        found = MeasuredValue::new(high, 0.5 * (high - low));
     }
-    sitting.set_settle(CAREFUL);
+    session.set_settle(CAREFUL);
     sweep.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(Latency { settle: found, sweep })
 }

@@ -1,6 +1,16 @@
 //! Weighted linear least squares of a few unknowns, with the answer's covariance.
+//!
+//! The rows are summed up as normal equations, because a fit can have a row for every pixel of a camera: a QR factorization would have
+//! to hold them all.
+
+use faer::linalg::cholesky::llt::factor::LltError;
+use faer::linalg::solvers::{DenseSolveCore, Solve};
+use faer::{Col, Mat, Side};
 
 use crate::error::{Error, Result};
+
+/// A smaller pivot of the scaled matrix is no more than rounding.
+const SMALLEST_PIVOT: f64 = 1e-13;
 
 /// The normal equations `Σ w a aᵀ x = Σ w a y` of rows `aᵀ x ≈ y` with weights `w = 1/σ²`.
 #[derive(Clone, Debug)]
@@ -54,42 +64,32 @@ impl Normal {
         damped
     }
 
-    /// Solves by Cholesky's factorization, of the matrix scaled to a diagonal of ones.
+    /// Solves by the Cholesky factorization of the matrix scaled to a diagonal of ones.
     ///
     /// # Errors
     /// [`Error::Numerical`] when the rows do not determine every unknown.
     pub(super) fn solve(&self) -> Result<Solution> {
         let n = self.unknowns;
-        let scale: Vec<f64> = (0..n).map(|i| self.matrix[i * n + i].sqrt()).collect();
-        let mut factor = vec![0.0; n * n];
-        for i in 0..n {
-            for j in 0..=i {
-                let dot: f64 = (0..j).map(|k| factor[i * n + k] * factor[j * n + k]).sum();
-                let rest = self.matrix[i * n + j] / (scale[i] * scale[j]) - dot;
-                if i != j {
-                    factor[i * n + j] = rest / factor[j * n + j];
-                } else if rest > 1e-13 {
-                    factor[i * n + i] = rest.sqrt();
-                } else {
-                    return Err(Error::Numerical(format!("the data do not determine unknown {i} of a fit")));
-                }
-            }
-        }
-        let solve = |rhs: &[f64]| {
-            let mut x: Vec<f64> = rhs.iter().zip(&scale).map(|(value, scale)| value / scale).collect();
-            for i in 0..n {
-                let dot: f64 = (0..i).map(|k| factor[i * n + k] * x[k]).sum();
-                x[i] = (x[i] - dot) / factor[i * n + i];
-            }
-            for i in (0..n).rev() {
-                let dot: f64 = (i + 1..n).map(|k| factor[k * n + i] * x[k]).sum();
-                x[i] = (x[i] - dot) / factor[i * n + i];
-            }
-            x.iter().zip(&scale).map(|(value, scale)| value / scale).collect::<Vec<f64>>()
+        let undetermined = |unknown: usize| {
+            Error::Numerical(format!("the data do not determine unknown {unknown} of a fit"))
         };
-        let unit = |at: usize| (0..n).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
-        let covariance = (0..n).flat_map(|at| solve(&unit(at))).collect();
-        Ok(Solution { values: solve(&self.rhs), covariance })
+        let scale: Vec<f64> = (0..n).map(|i| self.matrix[i * n + i].sqrt()).collect();
+        let scaled = Mat::from_fn(n, n, |i, j| self.matrix[i * n + j] / (scale[i] * scale[j]));
+        let factor =
+            scaled.llt(Side::Lower).map_err(|LltError::NonPositivePivot { index }| undetermined(index))?;
+        let determined = |unknown: usize| factor.L()[(unknown, unknown)].powi(2) > SMALLEST_PIVOT;
+        if let Some(unknown) = (0..n).find(|&unknown| !determined(unknown)) {
+            return Err(undetermined(unknown));
+        }
+        let values = factor.solve(Col::from_fn(n, |i| self.rhs[i] / scale[i]));
+        let inverse = factor.inverse();
+        Ok(Solution {
+            values: (0..n).map(|i| values[i] / scale[i]).collect(),
+            covariance: (0..n * n)
+                .map(|at| (at / n, at % n))
+                .map(|(i, j)| inverse[(i, j)] / (scale[i] * scale[j]))
+                .collect(),
+        })
     }
 }
 

@@ -1,8 +1,9 @@
 //! The map from camera to projector coordinates: radial distortion, and then a homography.
 //!
-//! Both devices of a coaxial rig look from one point, so that pinholes would be related by a homography; what lenses add is
-//! mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the camera's centre, `r = 1` at its corner. Coordinates are in
-//! pixels from the top left corner of the raster, so that pixel `(i, j)` has its centre at `(i + ½, j + ½)`.
+//! Both devices of a coaxial rig look from one point, so that pinholes would be related by a homography; what
+//! lenses add is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the camera's centre, `r = 1` at
+//! its corner. Coordinates are in pixels from the top left corner of the raster, so that pixel `(i, j)` has
+//! its centre at `(i + ½, j + ½)`.
 
 use crate::image::Resolution;
 
@@ -25,8 +26,8 @@ pub struct LensMap {
     pub camera: Resolution,
     /// The projector's pixels.
     pub projector: Resolution,
-    /// The homography's first eight entries, row by row (the ninth is 1), from undistorted normalized camera coordinates
-    /// (0 at the centre, 1 at the corner) to normalized projector coordinates.
+    /// The homography's first eight entries, row by row (the ninth is 1), from undistorted normalized camera
+    /// coordinates (0 at the centre, 1 at the corner) to normalized projector coordinates.
     pub homography: [f64; 8],
     /// `k₁` and `k₂`.
     pub distortion: [f64; 2],
@@ -88,7 +89,8 @@ fn denormalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
     [x * unit + 0.5 * raster.width as f64, y * unit + 0.5 * raster.height as f64]
 }
 
-/// The map of a normalized camera point, and its derivatives with respect to the parameters: one row for each coordinate.
+/// The map of a normalized camera point, and its derivatives with respect to the parameters: one row for each
+/// coordinate.
 pub(super) fn evaluate(p: &[f64; PARAMETERS], [x, y]: [f64; 2]) -> ([f64; 2], [[f64; PARAMETERS]; 2]) {
     let square = x * x + y * y;
     let factor = 1.0 + square * (p[8] + square * p[9]);

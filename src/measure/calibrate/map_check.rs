@@ -1,7 +1,7 @@
 //! Whether a calibration's pixel map still fits: one pattern says how far everything has moved since.
 //!
-//! Random squares are shown, photographed, and resampled by the map. What projector pixel `x` then reads is the pattern at
-//! `x + d(x)`, with a small `d`, which is found by comparing the two.
+//! Random squares are shown, photographed, and resampled by the map. What projector pixel `x` then reads is
+//! the pattern at `x + d(x)`, with a small `d`, which is found by comparing the two.
 
 use std::sync::Arc;
 
@@ -28,24 +28,25 @@ const PATTERNS: usize = 8;
 /// Camera light of a projector pixel below this share of the median is too little to go by.
 const DARK: f64 = 0.1;
 
-/// Looks how far the pixel map of `known` is off, by black, white, and a pattern at `exposure`; of a small field by a few patterns.
+/// Looks how far the pixel map of `known` is off, by black, white, and a pattern at `exposure`; of a small
+/// field by a few patterns.
 ///
 /// # Errors
 /// Whatever keeps frames from being taken; [`crate::Error::Numerical`] where nothing is seen of the pattern.
-pub fn map_check(shots: &mut dyn FrameSource, known: &Calibration, exposure: f64) -> Result<Displacement> {
-    let mut sitting = CalibrationSession::new(shots);
+pub fn map_check(frames: &mut dyn FrameSource, known: &Calibration, exposure: f64) -> Result<Displacement> {
+    let mut session = CalibrationSession::new(frames);
     let size = known.registration.projector;
-    let [black, white] = [sitting.filled(0), sitting.filled(sitting.top())];
-    let black = resampled(&mut sitting, known, &black, exposure)?;
-    let white = resampled(&mut sitting, known, &white, exposure)?;
+    let [black, white] = [session.filled(0), session.filled(session.top())];
+    let black = resampled(&mut session, known, &black, exposure)?;
+    let white = resampled(&mut session, known, &white, exposure)?;
     let white: Vec<f64> = white.iter().zip(&black).map(|(white, black)| white - black).collect();
     let bright = percentile(white.iter().copied().filter(|&light| light > 0.0), 0.5);
     let used: Vec<bool> = white.iter().map(|&light| light > DARK * bright && bright > 0.0).collect();
     let mut pairs = Vec::new();
     for number in 0..PIXELS.div_ceil(size.pixels()).clamp(1, PATTERNS) {
         let squares = squares(size, number as u64);
-        let frame = sitting.drawn(|x, y| squares[y * size.width + x] > 0.0)?;
-        let photo = resampled(&mut sitting, known, &frame, exposure)?;
+        let frame = session.drawn(|x, y| squares[y * size.width + x] > 0.0)?;
+        let photo = resampled(&mut session, known, &frame, exposure)?;
         let contrast = |pixel: usize| match used[pixel] {
             true => 2.0 * (photo[pixel] - black[pixel]) / white[pixel] - 1.0,
             false => 0.0,
@@ -70,13 +71,13 @@ fn squares(size: Resolution, seed: u64) -> Vec<f64> {
 
 /// Linear DN of a frame's photo at each projector pixel, all channels together; 0 where nothing sees it.
 fn resampled(
-    sitting: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     known: &Calibration,
     frame: &Arc<Frame>,
     exposure: f64,
 ) -> Result<Vec<f64>> {
-    let channels = sitting.camera().channels;
-    let raw = sitting.capture(frame, exposure)?;
+    let channels = session.camera().channels;
+    let raw = session.capture(frame, exposure)?;
     let (black, curve) = (known.camera.black, known.camera.curve.as_deref());
     let linear = |count: u16| {
         curve.and_then(|curve| curve.get(usize::from(count)).copied()).unwrap_or(f64::from(count) - black)

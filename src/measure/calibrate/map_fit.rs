@@ -1,4 +1,5 @@
-//! Fits the map to matches some of which are wrong: RANSAC for a start, then Gauss–Newton with Tukey's weights.
+//! Fits the map to matches some of which are wrong: RANSAC for a start, then Gauss–Newton with Tukey's
+//! weights.
 
 use std::collections::BTreeMap;
 
@@ -30,8 +31,8 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// The map from the points of one raster to those of another that most matches agree on, where these are off by about `spread`
-    /// pixels of the second.
+    /// The map from the points of one raster to those of another that most matches agree on, where these are
+    /// off by about `spread` pixels of the second.
     ///
     /// # Errors
     /// [`Error::Rig`] when fewer than 24 of the matches agree on a map.
@@ -40,7 +41,8 @@ impl Fit {
     }
 }
 
-/// Fits the map to matches some of which may be wrong. Matches are taken to be off by about `spread` projector pixels.
+/// Fits the map to matches some of which may be wrong. Matches are taken to be off by about `spread`
+/// projector pixels.
 ///
 /// # Errors
 /// [`Error::Rig`] when fewer than 24 of the matches agree on a map.
@@ -153,9 +155,10 @@ fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Re
 
 /// Standard error of the map, root mean square over the matches.
 ///
-/// Two estimates, and the larger of them. The first takes all matches for independent, each with the scatter `rms`. But codes
-/// are rounded to projector pixels, and what is rounded alike errs alike along a whole row or column: the second sums what the matches of one
-/// projector line pull before it squares (a covariance that is robust to clusters).
+/// Two estimates, and the larger of them. The first takes all matches for independent, each with the scatter
+/// `rms`. But codes are rounded to projector pixels, and what is rounded alike errs alike along a whole row
+/// or column: the second sums what the matches of one projector line pull before it squares (a covariance
+/// that is robust to clusters).
 fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms: f64) -> Result<f64> {
     let inverse = normal_equations(points, parameters, limit).solve()?.covariance;
     let mut pulls: BTreeMap<(usize, u64), [f64; PARAMETERS]> = BTreeMap::new();
@@ -238,9 +241,9 @@ mod tests {
         let found =
             fit(&matches(&truth, wrong), truth.camera, truth.projector, 0.41).expect("enough matches");
         let off = off(&found.map, &truth);
-        // 8000 independent matches of √(1/6) pixel each and ten parameters would leave 0.41 √(10/16000) = 0.010. Rounding to pixels is
-        // not independent, its error repeats along rows and columns (which the stated error knows: 0.018) and beats from column to
-        // column (which it does not): 0.042 are left.
+        // 8000 independent matches of √(1/6) pixel each and ten parameters would leave 0.41 √(10/16000) =
+        // 0.010. Rounding to pixels is not independent, its error repeats along rows and columns (which the
+        // stated error knows: 0.018) and beats from column to column (which it does not): 0.042 are left.
         assert!(off < 0.05, "{off}");
         assert!((0.5..3.0).contains(&(off / found.error)), "{off} against {}", found.error);
         assert!((found.rms - (1.0_f64 / 6.0).sqrt()).abs() < 0.05, "{}", found.rms);

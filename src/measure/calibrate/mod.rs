@@ -15,11 +15,11 @@
 //! O'Toole and Kutulakos, section 8.1.
 
 mod camera;
+mod camera_model;
 mod checkerboard;
 mod comparison;
 mod displacement;
 mod exposure;
-mod figure;
 mod footprint;
 mod gray_code;
 mod isotonic;
@@ -29,7 +29,7 @@ mod lens_map;
 mod linear;
 mod map_check;
 mod map_fit;
-mod observer;
+mod measured_value;
 mod pixel_map;
 mod ramp;
 mod report;
@@ -37,22 +37,24 @@ mod response;
 mod saturation;
 mod session;
 mod stability;
+mod structured_light;
+mod summary;
 mod transfer;
 
 pub use displacement::Displacement;
-pub use exposure::Reach;
-pub use figure::Measured;
-pub use gray_code::{Decoded, Seen};
+pub use exposure::WhiteExposure;
+pub use gray_code::{Decoded, DecodedPixel};
 pub use lens_map::{LensMap, Match};
 pub use map_check::map_check;
 pub use map_fit::Fit;
-pub use observer::Observer;
+pub use measured_value::MeasuredValue;
 pub use report::{CalibrationReport, CameraFigures, MapBy, MapFigures, ProjectorFigures, StabilityFigures};
+pub use structured_light::Observer;
 
 use std::ops::ControlFlow;
 
-use gray_code::Light;
-use ramp::{Ramp, Reading};
+use camera_model::CameraModel;
+use ramp::Ramp;
 use session::CalibrationSession;
 
 use super::{Calibration, CameraResponse, FrameSource, Stability};
@@ -63,7 +65,8 @@ use crate::error::{Error, Result};
 pub struct CalibrateOptions {
     /// Frames averaged for each level of the ramp and each pattern.
     pub takes: u32,
-    /// What the pixel map is made from; none: Gray codes, or a checkerboard where the camera is coarser than the projector.
+    /// What the pixel map is made from; none: Gray codes, or a checkerboard where the camera is coarser than
+    /// the projector.
     pub map: Option<MapBy>,
 }
 
@@ -76,12 +79,13 @@ impl Default for CalibrateOptions {
 /// The light of a projector's level is waited for so much longer than it was found to take.
 const SETTLE_MARGIN: f64 = 1.25;
 
-/// Measures everything that a [`Calibration`] holds. `progress` hears the names of the steps, and may stop between them.
+/// Measures everything that a [`Calibration`] holds. `progress` hears the names of the steps, and may stop
+/// between them.
 ///
 /// # Errors
 /// [`Error::Rig`] when the rig fails, or shows nothing that could be measured; [`Error::Interrupted`].
 pub fn calibrate(
-    shots: &mut dyn FrameSource,
+    frames: &mut dyn FrameSource,
     options: &CalibrateOptions,
     progress: &mut dyn FnMut(&'static str) -> ControlFlow<()>,
 ) -> Result<(Calibration, CalibrationReport)> {
@@ -89,48 +93,41 @@ pub fn calibrate(
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(Error::Interrupted),
     };
-    let mut sitting = CalibrationSession::new(shots);
-    sitting.set_settle(latency::CAREFUL);
-    let white = sitting.filled(sitting.top());
+    let mut session = CalibrationSession::new(frames);
+    session.set_settle(latency::CAREFUL);
+    let white = session.filled(session.top());
     step("exposure")?;
-    let exposure = exposure::fill(&mut sitting, &white)?;
+    let exposure = exposure::fill(&mut session, &white)?;
     step("latency")?;
-    let short = sitting.allowed(0.25 * exposure);
-    let latency = latency::latency(&mut sitting, short)?;
+    let short = session.allowed(0.25 * exposure);
+    let latency = latency::latency(&mut session, short)?;
     let settle = latency.settle.value * SETTLE_MARGIN;
-    sitting.set_settle(settle);
+    session.set_settle(settle);
     step("camera")?;
-    let camera = camera::camera(&mut sitting, &white, exposure)?;
-    let reading = Reading {
+    let camera = camera::camera(&mut session, &white, exposure)?;
+    let model = CameraModel {
         linear: &camera.linear,
-        limit: camera.limit,
         gain: camera.figures.gain.value,
         read_noise: camera.figures.read_noise.value,
-        exposure,
-    };
-    let mut ramps: Vec<Ramp> = Vec::new();
-    for channel in 0..sitting.projector().channels {
-        step("projector")?;
-        ramps.push(ramp::ramp(&mut sitting, &reading, channel, options.takes)?);
-    }
-    step("pixel map")?;
-    let light = Light {
-        linear: &camera.linear,
-        gain: reading.gain,
-        read_noise: reading.read_noise,
+        limit: camera.limit,
         exposure,
         takes: options.takes,
-        limit: camera.limit,
     };
-    let (registration, map) = pixel_map::pixel_map(&mut sitting, &light, options.map)?;
+    let mut ramps: Vec<Ramp> = Vec::new();
+    for channel in 0..session.projector().channels {
+        step("projector")?;
+        ramps.push(ramp::ramp(&mut session, &model, channel)?);
+    }
+    step("pixel map")?;
+    let (registration, map) = pixel_map::pixel_map(&mut session, &model, options.map)?;
     let whites = ramps.iter().map(|ramp| ramp.whites.as_slice()).collect::<Vec<_>>();
     let white_error = ramps.iter().map(|ramp| ramp.white_error).fold(0.0, f64::max);
     let drift_per_hour = stability::drift_per_hour(whites[0], white_error)?;
     let watched =
         whites[0].last().map_or(0.0, |last| last.0) - whites[0].first().map_or(0.0, |first| first.0);
     let calibration = Calibration {
-        projector_info: sitting.projector().clone(),
-        camera_info: sitting.camera().clone(),
+        projector_info: session.projector().clone(),
+        camera_info: session.camera().clone(),
         projector: ramps.iter().map(|ramp| ramp.curve.clone()).collect(),
         camera: CameraResponse {
             black: camera.linear.black,
@@ -162,7 +159,7 @@ pub fn calibrate(
             })
             .collect(),
         map,
-        effort: sitting.effort(),
+        effort: session.effort(),
     };
     Ok((calibration, report))
 }

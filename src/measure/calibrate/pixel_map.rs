@@ -1,8 +1,9 @@
 //! The pixel map, from codes to footprints.
 
+use super::camera_model::CameraModel;
 use super::checkerboard::corners;
 use super::footprint::{by_decoding, by_overlap};
-use super::gray_code::{Decoded, Light, gray_code};
+use super::gray_code::{Decoded, gray_code};
 use super::lens_map::{Match, centre};
 use super::map_fit::{self, Fit};
 use super::report::{MapBy, MapFigures};
@@ -25,21 +26,21 @@ const STRIPE: f64 = 1.5;
 /// # Errors
 /// As [`map_fit::fit`]; whatever keeps frames from being taken.
 pub(super) fn pixel_map(
-    sitting: &mut CalibrationSession<'_>,
-    light: &Light<'_>,
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
     by: Option<MapBy>,
 ) -> Result<(Registration, MapFigures)> {
-    let (camera, projector) = (sitting.camera().resolution, sitting.projector().resolution);
+    let (camera, projector) = (session.camera().resolution, session.projector().resolution);
     let scale = scale(camera, projector);
     let coarse = coarse(camera, projector);
     let by = by.unwrap_or(if scale < 0.95 { MapBy::Checkerboard } else { MapBy::GrayCode });
-    let decoded = gray_code(sitting, light, coarse)?;
+    let decoded = gray_code(session, model, coarse)?;
     let from_codes = map_fit::fit(&matches(&decoded, camera), camera, projector, 0.41 * decoded.step as f64);
     let (fit, points) = match (by, from_codes) {
         (MapBy::GrayCode, fit) => (fit, decoded.seen.len()),
         (MapBy::Checkerboard, Err(error)) => return Err(error),
         (MapBy::Checkerboard, Ok(first)) => {
-            let found = corners(sitting, light, &first.map, &decoded.lit)?;
+            let found = corners(session, model, &first.map, &decoded.lit)?;
             (map_fit::fit(&found, camera, projector, 0.2), found.len())
         }
     };

@@ -1,16 +1,17 @@
 //! The projector's response: the light of each level, from photos of full fields.
 //!
-//! Full fields scale the scene's light, global light included, as a whole, so the level's light relative to the brightest is
-//! one number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)` over the pixels that are not saturated.
-//! Dark levels are exposed longer, and the dark field at the same exposure is subtracted, so that an error of the black
-//! level cancels. White is shown again every few levels, and the light's drift is divided out.
+//! Full fields scale the scene's light, global light included, as a whole, so the level's light relative to
+//! the brightest is one number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)` over the
+//! pixels that are not saturated. Dark levels are exposed longer, and the dark field at the same exposure is
+//! subtracted, so that an error of the black level cancels. White is shown again every few levels, and the
+//! light's drift is divided out.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-use super::figure::Measured;
+use super::camera_model::CameraModel;
 use super::isotonic::ascending;
-use super::linear::Linear;
+use super::measured_value::MeasuredValue;
 use super::session::{CalibrationSession, Mean};
 use crate::error::{Error, Result};
 
@@ -23,17 +24,6 @@ const LEVELS: usize = 257;
 /// How much longer than white the darkest levels are exposed, at most.
 const LONGER: f64 = 16.0;
 
-/// What the photos are read with.
-#[derive(Clone, Debug)]
-pub(super) struct Reading<'a> {
-    pub(super) linear: &'a Linear,
-    pub(super) limit: f64,
-    pub(super) gain: f64,
-    pub(super) read_noise: f64,
-    /// The exposure at which white fills the range.
-    pub(super) exposure: f64,
-}
-
 /// The response of one channel.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ramp {
@@ -42,11 +32,11 @@ pub(super) struct Ramp {
     /// Standard error of the measured ones.
     pub(super) error: f64,
     /// The exponent of `r = (level/top)^γ` that fits best.
-    pub(super) gamma: Measured,
+    pub(super) gamma: MeasuredValue,
     /// Root mean square of what the exponent leaves, in shares of white.
     pub(super) gamma_residual: f64,
     /// Light of level 0, the ambient light included, relative to that of white.
-    pub(super) black: Measured,
+    pub(super) black: MeasuredValue,
     /// Mean white light over time, relative to the first: (seconds, share).
     pub(super) whites: Vec<(f64, f64)>,
     /// Relative standard error of each of these.
@@ -58,53 +48,53 @@ pub(super) struct Ramp {
 /// # Errors
 /// [`Error::Rig`] when white is no brighter than black.
 pub(super) fn ramp(
-    sitting: &mut CalibrationSession<'_>,
-    reading: &Reading<'_>,
+    session: &mut CalibrationSession<'_>,
+    model: &CameraModel<'_>,
     channel: usize,
-    takes: u32,
 ) -> Result<Ramp> {
-    let top = sitting.top();
+    let top = session.top();
     let levels = levels(top);
-    let white_frame = sitting.filled_channel(channel, top)?;
-    let black_frame = sitting.filled_channel(channel, 0)?;
-    let base = sitting.mean(&black_frame, reading.exposure, 4 * takes)?;
-    let mut blacks = BTreeMap::from([(reading.exposure.to_bits(), base.clone())]);
-    let white = sitting.mean(&white_frame, reading.exposure, 4 * takes)?;
+    let white_frame = session.filled_channel(channel, top)?;
+    let black_frame = session.filled_channel(channel, 0)?;
+    let base = session.mean(&black_frame, model.exposure, 4 * model.takes)?;
+    let mut blacks = BTreeMap::from([(model.exposure.to_bits(), base.clone())]);
+    let white = session.mean(&white_frame, model.exposure, 4 * model.takes)?;
     let mut references = Vec::new();
     let mut points: Vec<(u16, f64, f64, f64)> = Vec::new();
     let mut share = 1.0;
     for (index, &level) in levels.iter().rev().enumerate() {
         if index % WHITE_EVERY == 0 {
-            references.push(sitting.mean(&white_frame, reading.exposure, takes)?);
+            references.push(session.mean(&white_frame, model.exposure, model.takes)?);
         }
         if level == 0 {
             continue;
         }
-        let exposure = longer(sitting, reading.exposure, share);
+        let exposure = longer(session, model.exposure, share);
         if let Entry::Vacant(entry) = blacks.entry(exposure.to_bits()) {
-            entry.insert(sitting.mean(&black_frame, exposure, 4 * takes)?);
+            entry.insert(session.mean(&black_frame, exposure, 4 * model.takes)?);
         }
-        let lit = sitting.mean(&sitting.filled_channel(channel, level)?, exposure, takes)?;
+        let lit = session.mean(&session.filled_channel(channel, level)?, exposure, model.takes)?;
         let dark = blacks.get(&exposure.to_bits()).unwrap_or(&base);
-        let (light, error) = relative(reading, &lit, dark, &white, &base)?;
+        let (light, error) = relative(model, &lit, dark, &white, &base)?;
         points.push((level, light, error, lit.time));
         share = light.max(1e-6);
     }
-    references.push(sitting.mean(&white_frame, reading.exposure, takes)?);
+    references.push(session.mean(&white_frame, model.exposure, model.takes)?);
     let mut whites = Vec::new();
     let mut white_error = 0.0;
     for reference in &references {
-        let (light, error) = relative(reading, reference, &base, &white, &base)?;
+        let (light, error) = relative(model, reference, &base, &white, &base)?;
         whites.push((reference.time, light));
         white_error = error;
     }
-    finish(top, &points, whites, white_error, black_share(reading, &white, &base))
+    finish(top, &points, whites, white_error, black_share(model, &white, &base))
 }
 
-/// White's exposure times a power of two, as a level of this `share` of white allows; the next level is never brighter.
-fn longer(sitting: &CalibrationSession<'_>, exposure: f64, share: f64) -> f64 {
+/// White's exposure times a power of two, as a level of this `share` of white allows; the next level is never
+/// brighter.
+fn longer(session: &CalibrationSession<'_>, exposure: f64, share: f64) -> f64 {
     let factor = (0.8 / share).clamp(1.0, LONGER).log2().floor().exp2();
-    let wanted = sitting.allowed(exposure * factor);
+    let wanted = session.allowed(exposure * factor);
     if wanted < 1.5 * exposure { exposure } else { wanted }
 }
 
@@ -114,20 +104,27 @@ fn levels(top: u16) -> Vec<u16> {
     (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
 }
 
-/// Light of `lit` less that of `dark` (of one exposure), relative to `white` less `base` (of another), and its standard error.
-fn relative(reading: &Reading<'_>, lit: &Mean, dark: &Mean, white: &Mean, base: &Mean) -> Result<(f64, f64)> {
+/// Light of `lit` less that of `dark` (of one exposure), relative to `white` less `base` (of another), and
+/// its standard error.
+fn relative(
+    model: &CameraModel<'_>,
+    lit: &Mean,
+    dark: &Mean,
+    white: &Mean,
+    base: &Mean,
+) -> Result<(f64, f64)> {
     let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
     let noise = |light: f64, mean: &Mean| {
-        (light.max(0.0) / reading.gain + reading.read_noise.powi(2)) / f64::from(mean.takes)
+        (light.max(0.0) / model.gain + model.read_noise.powi(2)) / f64::from(mean.takes)
     };
     for sample in 0..lit.counts.len() {
         let saturated =
-            [lit, dark, white, base].iter().any(|mean| f64::from(mean.peaks[sample]) >= reading.limit);
+            [lit, dark, white, base].iter().any(|mean| f64::from(mean.peaks[sample]) >= model.limit);
         if saturated {
             continue;
         }
         let [lit_light, dark_light, white_light, base_light] =
-            [lit, dark, white, base].map(|mean| reading.linear.of(mean.counts[sample]));
+            [lit, dark, white, base].map(|mean| model.linear.of(mean.counts[sample]));
         sum += lit_light - dark_light;
         norm += white_light - base_light;
         variance += noise(lit_light, lit) + noise(dark_light, dark);
@@ -144,12 +141,12 @@ fn relative(reading: &Reading<'_>, lit: &Mean, dark: &Mean, white: &Mean, base: 
     Ok((rate / norm, variance.sqrt() / lit.exposure / norm))
 }
 
-fn black_share(reading: &Reading<'_>, white: &Mean, base: &Mean) -> Measured {
-    let sum = |mean: &Mean| mean.counts.iter().map(|&count| reading.linear.of(count)).sum::<f64>();
+fn black_share(model: &CameraModel<'_>, white: &Mean, base: &Mean) -> MeasuredValue {
+    let sum = |mean: &Mean| mean.counts.iter().map(|&count| model.linear.of(count)).sum::<f64>();
     let [white_sum, base_sum] = [white, base].map(sum);
     let samples = base.counts.len() as f64;
-    let variance = (base_sum / reading.gain + samples * reading.read_noise.powi(2)) / f64::from(base.takes);
-    Measured::new(base_sum / (white_sum - base_sum), variance.sqrt() / (white_sum - base_sum))
+    let variance = (base_sum / model.gain + samples * model.read_noise.powi(2)) / f64::from(base.takes);
+    MeasuredValue::new(base_sum / (white_sum - base_sum), variance.sqrt() / (white_sum - base_sum))
 }
 
 /// Divides the drift out, makes the curve ascend, fills in the levels between, and fits the exponent.
@@ -158,7 +155,7 @@ fn finish(
     points: &[(u16, f64, f64, f64)],
     whites: Vec<(f64, f64)>,
     white_error: f64,
-    black: Measured,
+    black: MeasuredValue,
 ) -> Result<Ramp> {
     let top = f64::from(top);
     let mut corrected: Vec<(f64, f64, f64)> = points
@@ -185,7 +182,7 @@ fn finish(
 }
 
 /// The exponent by Gauss–Newton; its error is scaled by what it leaves where that is more than noise.
-fn gamma(points: &[(f64, f64, f64)]) -> Result<Measured> {
+fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
     let mut gamma = 2.0;
     for _ in 0..50 {
         let (mut slope_squares, mut products) = (0.0, 0.0);
@@ -196,14 +193,14 @@ fn gamma(points: &[(f64, f64, f64)]) -> Result<Measured> {
         }
         if slope_squares == 0.0 {
             // Two levels: any exponent fits.
-            return Ok(Measured::new(1.0, 0.0));
+            return Ok(MeasuredValue::new(1.0, 0.0));
         }
         let step = products / slope_squares;
         gamma = (gamma + step.clamp(-0.5, 0.5)).clamp(0.05, 20.0);
         if step.abs() < 1e-9 {
             let chi: f64 = points.iter().map(|&(x, r, error)| ((r - x.powf(gamma)) / error).powi(2)).sum();
             let scale = (chi / (points.len() as f64 - 1.0).max(1.0)).max(1.0);
-            return Ok(Measured::new(gamma, (scale / slope_squares).sqrt()));
+            return Ok(MeasuredValue::new(gamma, (scale / slope_squares).sqrt()));
         }
     }
     Err(Error::Numerical("no exponent fits the projector's levels".into()))

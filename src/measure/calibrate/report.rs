@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::figure::Measured;
 use super::lens_map::LensMap;
+use super::measured_value::MeasuredValue;
 use crate::measure::Effort;
 
 /// Everything that was measured, with standard errors.
@@ -25,23 +25,24 @@ pub struct CalibrationReport {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraFigures {
     /// The count without light, in DN.
-    pub black: Measured,
+    pub black: MeasuredValue,
     /// In DN, without what rounding to whole counts adds.
-    pub read_noise: Measured,
+    pub read_noise: MeasuredValue,
     /// Electrons per linear DN.
-    pub gain: Measured,
+    pub gain: MeasuredValue,
     /// The count where overexposed pixels lie, in DN.
     pub plateau: f64,
     /// Whether overexposed pixels were seen; else the plateau is the largest count there can be.
     pub plateau_reached: bool,
     /// Linear DN of the plateau in electrons.
-    pub full_well: Measured,
+    pub full_well: MeasuredValue,
     /// Largest departure of the response from a line beyond noise, as a share of the range.
     pub departure: f64,
     /// Whether the response was taken for a line.
     pub linear: bool,
-    /// Linear DN per second without the projector's picture: ambient light, the projector's black, and dark current.
-    pub dark_rate: Measured,
+    /// Linear DN per second without the projector's picture: ambient light, the projector's black, and dark
+    /// current.
+    pub dark_rate: MeasuredValue,
     /// The exposure at which the white frame fills the range, in seconds.
     pub exposure: f64,
 }
@@ -50,13 +51,13 @@ pub struct CameraFigures {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ProjectorFigures {
     /// The exponent that fits the response best.
-    pub gamma: Measured,
+    pub gamma: MeasuredValue,
     /// What it leaves, root mean square over the levels, as a share of white.
     pub gamma_residual: f64,
     /// Largest standard error of a level's light, as a share of white.
     pub curve_error: f64,
     /// The light that is there at level 0, ambient light included, as a share of white's.
-    pub black: Measured,
+    pub black: MeasuredValue,
 }
 
 /// Figures of the pixel map.
@@ -68,8 +69,8 @@ pub struct MapFigures {
     pub lens: Option<LensMap>,
     /// Points that it was fitted to.
     pub points: usize,
-    /// Root mean square distance of these from the map, in projector pixels. Gray codes tell whole pixels only, which makes it
-    /// at least 0.41.
+    /// Root mean square distance of these from the map, in projector pixels. Gray codes tell whole pixels
+    /// only, which makes it at least 0.41.
     pub rms: f64,
     /// Standard error of the map, root mean square over the field, in projector pixels.
     pub error: f64,
@@ -93,9 +94,9 @@ pub enum MapBy {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StabilityFigures {
     /// Seconds from a frame's confirmation until its light is all there.
-    pub settle: Measured,
+    pub settle: MeasuredValue,
     /// Relative change of the white photo's mean per hour.
-    pub drift_per_hour: Measured,
+    pub drift_per_hour: MeasuredValue,
     /// Seconds over which the drift was watched.
     pub watched: f64,
     /// Noise of one white photo at an average camera pixel, relative to its light.

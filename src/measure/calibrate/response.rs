@@ -1,8 +1,9 @@
 //! The camera's response: counts over exposures of fixed light.
 //!
-//! The true signal is `L e` for light `L` and exposure `e`, and exposures are known: whatever makes all series of counts
-//! proportional to them is the inverse response `g`, `g(count) = L e` (Debevec and Malik 1997, with `g` itself in place of
-//! its logarithm, so that black level and ambient light are no trouble). Pixels of like light are averaged into groups first.
+//! The true signal is `L e` for light `L` and exposure `e`, and exposures are known: whatever makes all
+//! series of counts proportional to them is the inverse response `g`, `g(count) = L e` (Debevec and Malik
+//! 1997, with `g` itself in place of its logarithm, so that black level and ambient light are no trouble).
+//! Pixels of like light are averaged into groups first.
 
 use super::least_squares::Normal;
 use crate::error::Result;
@@ -39,9 +40,9 @@ pub(super) struct Response {
     pub(super) curve: Option<Vec<f64>>,
 }
 
-/// Fits the response to frames of white and of black at several exposures. `sorting` is a photo of white that is not among them,
-/// by which pixels are grouped; samples that reach `limit` leave their group out at that exposure. `full` is the largest
-/// count, `floor` about the black level.
+/// Fits the response to frames of white and of black at several exposures. `sorting` is a photo of white that
+/// is not among them, by which pixels are grouped; samples that reach `limit` leave their group out at that
+/// exposure. `full` is the largest count, `floor` about the black level.
 pub(super) fn response(
     whites: &[RawFrame],
     blacks: &[RawFrame],
@@ -136,8 +137,8 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let share = (count - knots[at]) / (knots[at + 1] - knots[at]);
         (at, share)
     };
-    // Errors of counts are errors of light by the curve's slope. That of the fit itself would feed on itself: flat means
-    // certain, and certain flatter still.
+    // Errors of counts are errors of light by the curve's slope. That of the fit itself would feed on itself:
+    // flat means certain, and certain flatter still.
     let steep = exponent(points, dark, limit - dark).recip();
     let slope = |count: f64| {
         let share = ((count - dark) / (limit - dark)).clamp(1e-3, 1.0);
@@ -149,7 +150,8 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
         normal.add(&row, 0.0, (point.error * slope(point.count)).powi(-2));
     }
-    // The scale is free: the largest count keeps its value. Between data and beyond, slopes change as little as they can.
+    // The scale is free: the largest count keeps its value. Between data and beyond, slopes change as little
+    // as they can.
     let largest = points.iter().map(|point| point.count).fold(dark, f64::max);
     let (at, share) = place(largest);
     normal.add(&[(at, 1.0 - share), (at + 1, share)], largest - dark, 1e6);

@@ -11,27 +11,29 @@ use crate::rig::Frame;
 pub(super) struct Plateau {
     /// The count where it lies.
     pub(super) count: f64,
-    /// Whether samples were seen there; else it is the converter's last count, and the light did not suffice to tell.
+    /// Whether samples were seen there; else it is the converter's last count, and the light did not suffice
+    /// to tell.
     pub(super) reached: bool,
     /// Counts from here on may be saturated.
     pub(super) limit: f64,
 }
 
-/// Overexposes `frame` eightfold: what showed more than a third of the range at `exposure` should then be three times over it.
+/// Overexposes `frame` eightfold: what showed more than a third of the range at `exposure` should then be
+/// three times over it.
 pub(super) fn plateau(
-    sitting: &mut CalibrationSession<'_>,
+    session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
     exposure: f64,
     floor: f64,
 ) -> Result<Plateau> {
-    let full = sitting.full();
+    let full = session.full();
     let unreached = Plateau { count: full, reached: false, limit: full };
-    let over = sitting.allowed(8.0 * exposure);
+    let over = session.allowed(8.0 * exposure);
     if over < 4.0 * exposure {
         return Ok(unreached);
     }
-    let plain = sitting.capture(frame, exposure)?;
-    let bright = sitting.capture(frame, over)?;
+    let plain = session.capture(frame, exposure)?;
+    let bright = session.capture(frame, over)?;
     let third = floor + 0.33 * (full - floor);
     let pairs = plain.counts.iter().zip(&bright.counts);
     let over: Vec<f64> =
@@ -48,8 +50,8 @@ pub(super) fn plateau(
     Ok(Plateau { count, reached: true, limit: low.min(count - 2.0 * (count - low)) })
 }
 
-/// Counts from here on are not to be used: `margin` standard deviations below the plateau, so that noise does not hide
-/// that the mean is on it.
+/// Counts from here on are not to be used: `margin` standard deviations below the plateau, so that noise does
+/// not hide that the mean is on it.
 pub(super) fn limit(plateau: &Plateau, noise: f64, margin: f64) -> f64 {
     (plateau.count - margin * noise).min(plateau.limit).floor()
 }

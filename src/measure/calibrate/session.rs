@@ -1,4 +1,4 @@
-//! The shots of one calibration: each new, and their means.
+//! The frames of one calibration: each new, and their means.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -8,14 +8,14 @@ use crate::image::Resolution;
 use crate::measure::{CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
-/// Takes shots, none twice: each further one of a frame and exposure has the next `take`. The order of shots is fixed by what
-/// was measured before, so that a calibration replays from a journal.
+/// Takes frames, none twice: each further one of a frame and exposure has the next `take`. The order of
+/// frames is fixed by what was measured before, so that a calibration replays from a journal.
 pub(super) struct CalibrationSession<'a> {
-    shots: &'a mut dyn FrameSource,
+    frames: &'a mut dyn FrameSource,
     takes: HashMap<(Arc<Frame>, u64), u32>,
 }
 
-/// The mean of several frames of one shot.
+/// The mean of several frames of one request.
 #[derive(Clone, Debug)]
 pub(super) struct Mean {
     /// Mean counts, of all samples (interleaved channels).
@@ -31,24 +31,24 @@ pub(super) struct Mean {
 }
 
 impl<'a> CalibrationSession<'a> {
-    pub(super) fn new(shots: &'a mut dyn FrameSource) -> Self {
-        Self { shots, takes: HashMap::new() }
+    pub(super) fn new(frames: &'a mut dyn FrameSource) -> Self {
+        Self { frames, takes: HashMap::new() }
     }
 
     pub(super) fn projector(&self) -> &ProjectorInfo {
-        self.shots.projector()
+        self.frames.projector()
     }
 
     pub(super) fn camera(&self) -> &CameraInfo {
-        self.shots.camera()
+        self.frames.camera()
     }
 
     pub(super) fn effort(&self) -> Effort {
-        self.shots.effort()
+        self.frames.effort()
     }
 
     pub(super) fn set_settle(&mut self, seconds: f64) {
-        self.shots.set_settle(seconds);
+        self.frames.set_settle(seconds);
     }
 
     /// The brightest level.
@@ -93,9 +93,9 @@ impl<'a> CalibrationSession<'a> {
     /// The next take of this frame and exposure.
     pub(super) fn capture(&mut self, frame: &Arc<Frame>, exposure: f64) -> Result<RawFrame> {
         let take = self.takes.entry((Arc::clone(frame), exposure.to_bits())).or_insert(0);
-        let shot = CaptureRequest { frame: Arc::clone(frame), exposure, take: *take };
+        let request = CaptureRequest { frame: Arc::clone(frame), exposure, take: *take };
         *take += 1;
-        let raw = self.shots.capture(&shot)?;
+        let raw = self.frames.capture(&request)?;
         raw.check()?;
         Ok(raw)
     }
@@ -132,7 +132,8 @@ impl<'a> CalibrationSession<'a> {
         mean.ok_or_else(|| crate::Error::Numerical("a mean of no frames".into()))
     }
 
-    /// An exposure that the camera can set, a whole multiple of the projector's refresh where it is longer than that.
+    /// An exposure that the camera can set, a whole multiple of the projector's refresh where it is longer
+    /// than that.
     pub(super) fn allowed(&self, exposure: f64) -> f64 {
         let [shortest, longest] = self.camera().exposures;
         let frame_time = self.projector().frame_time;

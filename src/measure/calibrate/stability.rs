@@ -1,14 +1,15 @@
 //! Drift: a line through the whites over time.
 
-use super::figure::Measured;
 use super::least_squares::Normal;
+use super::measured_value::MeasuredValue;
 use crate::error::Result;
 
-/// Relative change per hour of `whites` (seconds, light), each of this relative error; the error grows with what the line leaves.
+/// Relative change per hour of `whites` (seconds, light), each of this relative error; the error grows with
+/// what the line leaves.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when all whites are of one time.
-pub(super) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<Measured> {
+pub(super) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<MeasuredValue> {
     let start = whites.first().map_or(0.0, |white| white.0);
     let hours = |time: f64| (time - start) / 3600.0;
     let mut normal = Normal::new(2);
@@ -21,7 +22,7 @@ pub(super) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<Measur
     let residual = |&(time, light): &(f64, f64)| (light - mean - slope * hours(time)) / error;
     let chi: f64 = whites.iter().map(|white| residual(white).powi(2)).sum();
     let scale = (chi / (whites.len() as f64 - 2.0).max(1.0)).max(1.0).sqrt();
-    Ok(Measured::new(slope / mean, line.error(1) * scale / mean))
+    Ok(MeasuredValue::new(slope / mean, line.error(1) * scale / mean))
 }
 
 #[cfg(test)]

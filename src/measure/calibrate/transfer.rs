@@ -1,13 +1,13 @@
 //! The photon transfer curve: gain and read noise from pairs of equal frames.
 //!
-//! Two frames of one shot differ by noise alone, so half the variance of their difference is that of one frame,
-//! `σ² = σ_read² + s/gain`, with `s` the signal in linear DN above black and the gain in electrons per DN: a line over `s`
-//! (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The variance of rounding to whole counts, 1/12, is known and taken
-//! off, as [`crate::measure`]'s noise model counts it by itself.
+//! Two frames of one shot differ by noise alone, so half the variance of their difference is that of one
+//! frame, `σ² = σ_read² + s/gain`, with `s` the signal in linear DN above black and the gain in electrons per
+//! DN: a line over `s` (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The variance of rounding to
+//! whole counts, 1/12, is known and taken off, as [`crate::measure`]'s noise model counts it by itself.
 
-use super::figure::Measured;
 use super::least_squares::Normal;
 use super::linear::Linear;
+use super::measured_value::MeasuredValue;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
@@ -23,12 +23,12 @@ const BINS: usize = 12;
 /// Gain (electrons per linear DN) and read noise (DN).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transfer {
-    pub(super) gain: Measured,
-    pub(super) read_noise: Measured,
+    pub(super) gain: MeasuredValue,
+    pub(super) read_noise: MeasuredValue,
 }
 
-/// One bin: mean signal in linear DN, variance of one frame in linear DN², the squared slope of linear DN over counts, and
-/// how many samples it is of.
+/// One bin: mean signal in linear DN, variance of one frame in linear DN², the squared slope of linear DN
+/// over counts, and how many samples it is of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     signal: f64,
@@ -37,7 +37,8 @@ struct Point {
     samples: f64,
 }
 
-/// Fits the line to pairs of frames, the darkest of which should be as dark as can be; samples at `limit` and above are left out.
+/// Fits the line to pairs of frames, the darkest of which should be as dark as can be; samples at `limit` and
+/// above are left out.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] when all pairs are of one brightness.
@@ -64,8 +65,8 @@ pub(super) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> 
     let [read_variance, inverse] = estimate;
     let read = read_variance.sqrt();
     Ok(Transfer {
-        gain: Measured::new(1.0 / inverse, solution.error(1) / (inverse * inverse)),
-        read_noise: Measured::new(read, solution.error(0) / (2.0 * read)),
+        gain: MeasuredValue::new(1.0 / inverse, solution.error(1) / (inverse * inverse)),
+        read_noise: MeasuredValue::new(read, solution.error(0) / (2.0 * read)),
     })
 }
 
@@ -86,12 +87,14 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
-        // Where the inverse response is flat, its slope is not known well enough to say what noise it makes of noise.
+        // Where the inverse response is flat, its slope is not known well enough to say what noise it makes
+        // of noise.
         .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
             let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;
-            // Light that changed between the two changes all alike: the mean of the differences takes it away.
+            // Light that changed between the two changes all alike: the mean of the differences takes it
+            // away.
             let drift = mean(&|sample| sample.1);
             let squares: f64 = chunk.iter().map(|sample| (sample.1 - drift).powi(2)).sum();
             Point {

@@ -5,23 +5,24 @@ mod photo;
 
 use std::sync::Arc;
 
-use order::Order;
-use photo::Note;
-pub use photo::Pair;
+use order::CaptureOrder;
+pub use photo::JournaledPhoto;
+use photo::PhotoMetadata;
 
 use super::{CaptureRequest, Effort, FrameSource};
 use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// Opens the rig. With a stamp it goes on after the photo of that stamp: a virtual rig is then exactly where it was.
-pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + 'a>;
+/// Opens the rig. With a stamp it goes on after the photo of that stamp: a virtual rig is then exactly where
+/// it was.
+pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + Send + 'a>;
 
 /// FrameSource from a journal; those that it does not hold are taken, written down, and only then handed out.
 ///
-/// The rig is opened when the first photo is missing, so that a finished run is repeated without it. A photo that was lost to
-/// damage is taken anew after the stamp of the photo before it: on a virtual rig, whose frames are a function of their
-/// number and time, it comes out as it was, bit for bit.
+/// The rig is opened when the first photo is missing, so that a finished run is repeated without it. A photo
+/// that was lost to damage is taken anew after the stamp of the photo before it: on a virtual rig, whose
+/// frames are a function of their number and time, it comes out as it was, bit for bit.
 pub struct JournaledFrames<'a> {
     journal: Journal,
     opener: Option<Opener<'a>>,
@@ -30,11 +31,11 @@ pub struct JournaledFrames<'a> {
     projector: ProjectorInfo,
     camera: CameraInfo,
     settle: Option<f64>,
-    order: Order,
+    order: CaptureOrder,
     /// Of the photo handed out last.
     last: Option<Stamp>,
     effort: Effort,
-    report: Box<dyn FnMut(&Damage) + 'a>,
+    report: Box<dyn FnMut(&Damage) + Send + 'a>,
 }
 
 const DEVICES: &str = "devices";
@@ -49,7 +50,7 @@ impl<'a> JournaledFrames<'a> {
         let (devices, inner) = match known {
             Some(known) => (known, None),
             None => {
-                let after = Order::of(&journal).last();
+                let after = CaptureOrder::of(&journal).last();
                 let inner = opener(after)?;
                 let devices = photo::encode_devices(inner.projector(), inner.camera());
                 journal.note(DEVICES, &devices)?;
@@ -77,8 +78,8 @@ impl<'a> JournaledFrames<'a> {
 
     fn with(journal: Journal, devices: &[u8], opener: Option<Opener<'a>>) -> Result<Self> {
         let (projector, camera) =
-            photo::decode_devices(devices).ok_or_else(|| photo::misread(&journal, "the devices"))?;
-        let (order, effort) = (Order::of(&journal), Effort::default());
+            photo::decode_devices(devices).ok_or_else(|| photo::unknown_format(&journal, "the devices"))?;
+        let (order, effort) = (CaptureOrder::of(&journal), Effort::default());
         Ok(Self {
             journal,
             opener,
@@ -95,7 +96,7 @@ impl<'a> JournaledFrames<'a> {
 
     /// With something that is told of each record that is found damaged when it is asked for.
     #[must_use]
-    pub fn reporting(self, report: impl FnMut(&Damage) + 'a) -> Self {
+    pub fn reporting(self, report: impl FnMut(&Damage) + Send + 'a) -> Self {
         Self { report: Box::new(report), ..self }
     }
 
@@ -106,21 +107,21 @@ impl<'a> JournaledFrames<'a> {
 
     /// What the run has cost in all its sessions, up to the last photo in the journal.
     pub fn past(&self) -> Effort {
-        let notes = self.journal.entries().iter().filter_map(Note::of);
+        let notes = self.journal.entries().iter().filter_map(PhotoMetadata::of);
         notes.max_by_key(|note| note.id).map_or_else(Effort::default, |note| note.effort)
     }
 
-    /// Every photo in the journal with the frame that was shown, in the order in which they were taken; each is read when the
-    /// iterator comes to it, and those that are damaged are passed over.
-    pub fn pairs(&mut self) -> impl Iterator<Item = Result<Pair>> + '_ {
+    /// Every photo in the journal with the frame that was shown, in the order in which they were taken; each
+    /// is read when the iterator comes to it, and those that are damaged are passed over.
+    pub fn pairs(&mut self) -> impl Iterator<Item = Result<JournaledPhoto>> + '_ {
         let keys = self.order.keys();
-        keys.into_iter().filter_map(|key| Pair::read(&mut self.journal, key).transpose())
+        keys.into_iter().filter_map(|key| JournaledPhoto::read(&mut self.journal, key).transpose())
     }
 
-    fn key(&self, shot: &CaptureRequest, pattern: &[u8]) -> Key {
+    fn key(&self, request: &CaptureRequest, pattern: &[u8]) -> Key {
         let pattern = Key::of(&[b"pattern", pattern]);
-        let exposure = shot.exposure.to_bits().to_le_bytes();
-        self.journal.key(&[b"raw frame", pattern.bytes(), &exposure, &shot.take.to_le_bytes()])
+        let exposure = request.exposure.to_bits().to_le_bytes();
+        self.journal.key(&[b"raw frame", pattern.bytes(), &exposure, &request.take.to_le_bytes()])
     }
 
     fn replayed(&mut self, key: Key) -> Result<Option<RawFrame>> {
@@ -128,8 +129,10 @@ impl<'a> JournaledFrames<'a> {
         let stored = self.journal.get(key)?;
         self.journal.damages()[known..].iter().for_each(&mut self.report);
         let Some(stored) = stored else { return Ok(None) };
-        let note = Note::parse(&stored.metadata).ok_or_else(|| photo::misread(&self.journal, "a photo"))?;
-        let frame = note.frame(&stored.payload).ok_or_else(|| photo::misread(&self.journal, "a photo"))?;
+        let note = PhotoMetadata::parse(&stored.metadata)
+            .ok_or_else(|| photo::unknown_format(&self.journal, "a photo"))?;
+        let frame =
+            note.frame(&stored.payload).ok_or_else(|| photo::unknown_format(&self.journal, "a photo"))?;
         self.last = Some(note.stamp());
         self.effort.replayed += 1;
         Ok(Some(frame))
@@ -145,7 +148,7 @@ impl<'a> JournaledFrames<'a> {
     }
 
     /// Takes a photo with the rig standing after `after`.
-    fn take(&mut self, shot: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
+    fn take(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
         let inner = match self.inner.take() {
             // A rig that stands there already goes on.
             Some((inner, stands)) if stands == after => inner,
@@ -155,11 +158,11 @@ impl<'a> JournaledFrames<'a> {
                 }
                 // One rig at a time: the old one is closed first.
                 drop(other);
-                self.open(shot, after)?
+                self.open(request, after)?
             }
         };
         let (inner, _) = self.inner.insert((inner, after));
-        let frame = inner.capture(shot)?;
+        let frame = inner.capture(request)?;
         let stamp = Stamp::of(&frame);
         if let Some((_, stands)) = &mut self.inner {
             *stands = Some(stamp);
@@ -167,8 +170,8 @@ impl<'a> JournaledFrames<'a> {
         Ok((frame, stamp))
     }
 
-    fn open(&mut self, shot: &CaptureRequest, after: Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> {
-        let Some(opener) = &mut self.opener else { return Err(self.missing(shot)) };
+    fn open(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> {
+        let Some(opener) = &mut self.opener else { return Err(self.missing(request)) };
         let mut inner = opener(after)?;
         let found = photo::encode_devices(inner.projector(), inner.camera());
         if found != photo::encode_devices(&self.projector, &self.camera) {
@@ -189,23 +192,23 @@ impl<'a> JournaledFrames<'a> {
         }
         let before = after.and_then(|stamp| self.order.key(stamp.id));
         if let Some(key) = before
-            && let Some(pair) = Pair::read(&mut self.journal, key)?
+            && let Some(pair) = JournaledPhoto::read(&mut self.journal, key)?
         {
             inner.follow(&pair.shot, &pair.seen)?;
         }
         Ok(inner)
     }
 
-    fn missing(&self, shot: &CaptureRequest) -> Error {
+    fn missing(&self, request: &CaptureRequest) -> Error {
         let path = self.journal.path();
         let folder = path.parent().and_then(|journal| journal.parent()).unwrap_or(path);
         Error::Journal {
             path: path.into(),
             fault: format!(
                 "the photo of take {} at {} s of a frame with mean level {:.1} is not among its {} photos, and no rig is attached",
-                shot.take,
-                shot.exposure,
-                mean(&shot.frame),
+                request.take,
+                request.exposure,
+                mean(&request.frame),
                 self.journal.photos()
             ),
             help: format!(
@@ -225,22 +228,22 @@ impl FrameSource for JournaledFrames<'_> {
         &self.camera
     }
 
-    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
-        let pattern = photo::encode_frame(&shot.frame);
-        let key = self.key(shot, &pattern);
+    fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
+        let pattern = photo::encode_frame(&request.frame);
+        let key = self.key(request, &pattern);
         if let Some(frame) = self.replayed(key)? {
             self.mend_pattern(&pattern)?;
             return Ok(frame);
         }
         let (after, before) = self.order.place(key, self.last);
-        let (mut frame, mut stamp) = self.take(shot, after)?;
+        let (mut frame, mut stamp) = self.take(request, after)?;
         if before.is_some_and(|next| stamp.id >= next) {
             // It did not fit the gap that it was taken for, so it is no photo of then: it is taken now.
-            (frame, stamp) = self.take(shot, self.order.last())?;
+            (frame, stamp) = self.take(request, self.order.last())?;
         }
         frame.check()?;
         let pattern = self.journal.pattern(&pattern)?;
-        let note = Note::new(shot, pattern, &frame, self.effort());
+        let note = PhotoMetadata::new(request, pattern, &frame, self.effort());
         self.journal.append(Kind::Photo, key, &note.encode(), &photo::encode_counts(&frame))?;
         self.order.insert(stamp, key);
         self.last = Some(stamp);

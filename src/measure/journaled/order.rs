@@ -2,21 +2,21 @@
 
 use std::collections::{BTreeMap, HashSet};
 
-use super::photo::Note;
+use super::photo::PhotoMetadata;
 use crate::journal::{Journal, Key, Kind};
 use crate::rig::Stamp;
 
 /// The photos of a journal by the camera's number.
-pub(super) struct Order {
+pub(super) struct CaptureOrder {
     /// All whose stamp is known, also those whose content is damaged.
     photos: BTreeMap<u64, (Stamp, Key)>,
     /// Where records of unknown kind are lost: after which number, and before which.
     gaps: Vec<(Option<u64>, u64)>,
 }
 
-impl Order {
+impl CaptureOrder {
     pub(super) fn of(journal: &Journal) -> Self {
-        let note = |entry| Note::of(entry).map(|note| (note.stamp(), entry.key));
+        let note = |entry| PhotoMetadata::of(entry).map(|note| (note.stamp(), entry.key));
         let photos: Vec<(u64, Stamp, Key)> = journal
             .entries()
             .iter()
@@ -60,9 +60,10 @@ impl Order {
 
     /// After which photo a missing one is to be taken, and which number it must stay below.
     ///
-    /// One whose record is damaged but whose stamp is known comes after the photo before it. If the photo handed out
-    /// last, `last`, is followed by a gap, it is taken for the one that is missing there: a run that is repeated asks for its
-    /// photos in the order in which they were taken. Any other is new, and comes after all.
+    /// One whose record is damaged but whose stamp is known comes after the photo before it. If the photo
+    /// handed out last, `last`, is followed by a gap, it is taken for the one that is missing there: a run
+    /// that is repeated asks for its photos in the order in which they were taken. Any other is new, and
+    /// comes after all.
     pub(super) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
         let lost = self.photos.values().find(|(_, known)| *known == key).map(|(stamp, _)| stamp.id);
         if let Some(id) = lost {

@@ -15,7 +15,7 @@ use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
 /// What stands beside a photo's counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Note {
+pub(super) struct PhotoMetadata {
     /// The key of the frame that was shown.
     pattern: String,
     take: u32,
@@ -34,12 +34,12 @@ pub(super) struct Note {
     pub(super) effort: Effort,
 }
 
-impl Note {
-    pub(super) fn new(shot: &CaptureRequest, pattern: Key, frame: &RawFrame, effort: Effort) -> Self {
+impl PhotoMetadata {
+    pub(super) fn new(request: &CaptureRequest, pattern: Key, frame: &RawFrame, effort: Effort) -> Self {
         Self {
             pattern: pattern.to_string(),
-            take: shot.take,
-            asked_exposure: shot.exposure,
+            take: request.take,
+            asked_exposure: request.exposure,
             exposure: frame.exposure,
             resolution: frame.resolution,
             channels: frame.channels,
@@ -83,29 +83,30 @@ impl Note {
 
 /// What was shown, and what was seen.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pair {
+pub struct JournaledPhoto {
     /// The frame on the projector, and how it was to be photographed.
     pub shot: CaptureRequest,
     /// The camera's frame.
     pub seen: RawFrame,
 }
 
-impl Pair {
+impl JournaledPhoto {
     /// None when either is damaged.
     pub(super) fn read(journal: &mut Journal, key: Key) -> Result<Option<Self>> {
         let Some(stored) = journal.get(key)? else { return Ok(None) };
-        let note = Note::parse(&stored.metadata).ok_or_else(|| misread(journal, "a photo"))?;
-        let seen = note.frame(&stored.payload).ok_or_else(|| misread(journal, "a photo"))?;
-        let pattern = Key::from_hex(&note.pattern).ok_or_else(|| misread(journal, "a photo"))?;
+        let note =
+            PhotoMetadata::parse(&stored.metadata).ok_or_else(|| unknown_format(journal, "a photo"))?;
+        let seen = note.frame(&stored.payload).ok_or_else(|| unknown_format(journal, "a photo"))?;
+        let pattern = Key::from_hex(&note.pattern).ok_or_else(|| unknown_format(journal, "a photo"))?;
         let Some(pattern) = journal.get(pattern)? else { return Ok(None) };
-        let shown = decode_frame(&pattern.payload).ok_or_else(|| misread(journal, "a pattern"))?;
+        let shown = decode_frame(&pattern.payload).ok_or_else(|| unknown_format(journal, "a pattern"))?;
         let shot = CaptureRequest { frame: Arc::new(shown), exposure: note.asked_exposure, take: note.take };
         Ok(Some(Self { shot, seen }))
     }
 }
 
 /// A record is whole, but not in this version's form.
-pub(super) fn misread(journal: &Journal, what: &str) -> Error {
+pub(super) fn unknown_format(journal: &Journal, what: &str) -> Error {
     Error::Journal {
         path: journal.path().into(),
         fault: format!("the record of {what} is whole, but not in a form that this version knows"),

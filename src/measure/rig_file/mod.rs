@@ -42,6 +42,7 @@ mod check;
 mod check_camera;
 mod parse;
 mod scene;
+mod session;
 
 use std::path::{Path, PathBuf};
 
@@ -164,8 +165,8 @@ impl RigFile {
     /// Reads a rig file.
     ///
     /// # Errors
-    /// [`Error::Read`] when it cannot be read; [`Error::Data`] when it cannot be used: that names the line or the key, what
-    /// it may be, and for a name that is not known the one that is nearest.
+    /// [`Error::Read`] when it cannot be read; [`Error::Data`] when it cannot be used: that names the line or
+    /// the key, what it may be, and for a name that is not known the one that is nearest.
     pub fn load(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
         let check = Check { path: path.to_path_buf() };

@@ -16,7 +16,8 @@ fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
     let message = error.message().trim_end();
     let place = error.span().map_or_else(String::new, |span| place(text, span.start));
     let data = |fault, help| Error::Data { path: path.to_path_buf(), fault, help };
-    // As serde words them: "unknown field `a`, expected one of `b`, `c`", "unknown variant `a`, expected `b` or `c`".
+    // As serde words them: "unknown field `a`, expected one of `b`, `c`", "unknown variant `a`, expected `b`
+    // or `c`".
     let unknown = [("unknown field `", "key"), ("unknown variant `", "value")];
     for (beginning, what) in unknown {
         let Some((name, rest)) = message.strip_prefix(beginning).and_then(|rest| rest.split_once('`')) else {

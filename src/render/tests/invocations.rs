@@ -2,23 +2,23 @@
 
 use glam::Vec3;
 
-use super::left::{Left, left};
+use super::path_records::{PathRecord, path_records};
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
 use crate::scene::{Scene, Triangle, builtin};
 
 /// All paths of either end, when an invocation takes so many.
-fn paths(scene: &Scene, settings: &TraceSettings, each: u32, by_sight: bool) -> Vec<Left> {
+fn paths(scene: &Scene, settings: &TraceSettings, each: u32, by_light_buffer: bool) -> Vec<PathRecord> {
     let mut tracer = Tracer::new(scene, None).expect("the README's test command installs a Vulkan driver");
-    let mut strategies = tracer.stage().strategies(settings).expect("the settings are sound");
+    let mut strategies = tracer.strategy_builder().strategies(settings).expect("the settings are sound");
     let mut all = Vec::new();
     for strategy in &mut strategies {
         strategy.features.several_paths = each > 1;
-        strategy.most_paths = each;
-        if !by_sight {
-            strategy.features.sight_side = 0;
+        strategy.max_paths_per_invocation = each;
+        if !by_light_buffer {
+            strategy.features.light_buffer_side = 0;
         }
-        all.extend(left(&mut tracer, strategy));
+        all.extend(path_records(&mut tracer, strategy));
     }
     all
 }
@@ -33,14 +33,18 @@ fn a_path_is_the_same_in_whatever_invocation() {
         (mirror_ball, true),
         (apart, false),
     ];
-    for (scene, by_sight) in &scenes {
+    for (scene, by_light_buffer) in &scenes {
         // So many samples that pixels begin and end amid an invocation's paths, and its last ones are none.
         let settings = TraceSettings::new(Resolution::new(41, 30), 13);
-        let one = paths(scene, &settings, 1, *by_sight);
+        let one = paths(scene, &settings, 1, *by_light_buffer);
         assert!(one.len() >= 41 * 30 * 13);
         for each in [3, 64] {
-            let several = paths(scene, &settings, each, *by_sight);
-            assert!(one == several, "{}, by lists: {by_sight}, {each} paths each", scene.path.display());
+            let several = paths(scene, &settings, each, *by_light_buffer);
+            assert!(
+                one == several,
+                "{}, by lists: {by_light_buffer}, {each} paths each",
+                scene.path.display()
+            );
         }
     }
 }

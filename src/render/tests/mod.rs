@@ -1,4 +1,4 @@
-//! The shaders' functions by themselves, run as the WGSL that the tracer runs.
+//! Tests of the shaders' functions, which run as the WGSL that the tracer runs, and of whole traces.
 
 mod chi_square;
 mod directions;
@@ -6,13 +6,14 @@ mod fresnel;
 mod furnace;
 mod invocations;
 mod kernel;
-mod left;
+mod light_buffer;
 mod material;
+mod observer;
+mod path_records;
 mod random;
 mod reciprocity;
 mod sampler;
 mod samples;
-mod sight;
 mod statistics;
 mod surface;
 mod texture;

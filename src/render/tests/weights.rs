@@ -1,7 +1,5 @@
 //! The weights of the two ends' paths: with both, photos must be what either end's alone would give.
 
-use std::ops::ControlFlow;
-
 use glam::{Vec3, vec3};
 
 use crate::image::Resolution;
@@ -115,7 +113,7 @@ fn photos(
     let mut one = |seed: u32| {
         let settings = TraceSettings { seed, ..*settings };
         let mut photo = vec![0.0; SIDE * SIDE];
-        let mut strategies = tracer.stage().strategies(&settings).expect("the scene fits");
+        let mut strategies = tracer.strategy_builder().strategies(&settings).expect("the scene fits");
         if camera_alone {
             strategies.truncate(1);
             // As if the projector had no samples: every weight becomes 1.
@@ -136,9 +134,8 @@ fn photos(
                 }
                 Ok(())
             };
-            let mut go_on = |_| ControlFlow::Continue(());
             tracer
-                .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut go_on, &mut visit)
+                .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut visit)
                 .expect("the scene can be traced");
         }
         photo.iter().map(|value| value / f64::from(settings.samples)).collect()

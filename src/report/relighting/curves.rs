@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::{RankRow, RelightingRun, Relit};
+use super::RelightingRun;
+use crate::analysis::low_rank::{RankRow, Relit};
 use crate::error::Result;
 use crate::io::atomic;
 use crate::report::html::{Block, Section};

@@ -1,6 +1,5 @@
 //! The files and the page of low-rank relighting.
 
-mod answers;
 mod curves;
 
 use std::fmt::Write;
@@ -12,12 +11,12 @@ use super::figure;
 use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
 use super::planes::{difference, percent};
 use super::run::{self, Files};
+use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit};
 use crate::error::Result;
 use crate::image::Image;
 use crate::io::tone::exposure;
 use crate::io::{atomic, picture};
 use crate::measure::RunManifest;
-pub use answers::{Dual, RankRow, Reduced, Relit};
 
 /// What a low-rank model answered, with what belongs beside it.
 #[derive(Clone, Debug)]

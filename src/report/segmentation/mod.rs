@@ -10,28 +10,13 @@ use super::html::{Block, Figure, Legend, Outcome, Report, Section, Swatch, Verdi
 use super::palette::{label_color, paint_labels};
 use super::run::{self, Files};
 use super::{figure, spectrum};
+use crate::analysis::segment::Truth;
 use crate::analysis::{Evidence, FeatureView, MASKED, Segmentation, Separation};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::tone::exposure;
 use crate::io::{exr, npy, picture};
 use crate::measure::RunManifest;
-
-/// The author's labels of a scene.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-pub struct Truth {
-    /// Region of each pixel (`n`); [`MASKED`] where there is none.
-    pub labels: Vec<u8>,
-    /// The regions' names.
-    pub regions: Vec<String>,
-}
-
-impl Truth {
-    /// How many regions are to be seen.
-    pub fn seen(&self) -> usize {
-        (0..MASKED).filter(|region| self.labels.contains(region)).count()
-    }
-}
 
 /// A finished segmentation with what belongs beside it.
 #[derive(Clone, Debug)]
@@ -140,7 +125,7 @@ impl SegmentationRun<'_> {
             Ok(Figure {
                 png: paint_labels(self.resolution, &truth.labels).encode_png()?,
                 caption: "The true regions".into(),
-                legend: Legend::Swatches(truth.swatches()),
+                legend: Legend::Swatches(swatches(truth)),
             })
         });
         let labels = self.segmentation.labels.iter().map(|(groups, labels)| {
@@ -238,15 +223,11 @@ impl SegmentationRun<'_> {
     }
 }
 
-impl Truth {
-    fn swatches(&self) -> Vec<Swatch> {
-        let seen = |region: &u8| self.labels.contains(region);
-        let name = |region: u8| self.regions.get(usize::from(region)).cloned().unwrap_or_default();
-        (0..MASKED)
-            .filter(seen)
-            .map(|region| Swatch { color: label_color(region), text: name(region) })
-            .collect()
-    }
+/// The colour and the name of each region that some pixel sees.
+fn swatches(truth: &Truth) -> Vec<Swatch> {
+    let seen = |region: &u8| truth.labels.contains(region);
+    let name = |region: u8| truth.regions.get(usize::from(region)).cloned().unwrap_or_default();
+    (0..MASKED).filter(seen).map(|region| Swatch { color: label_color(region), text: name(region) }).collect()
 }
 
 /// What the photos of a segmentation are.

@@ -1,23 +1,23 @@
-//! What a camera can do, read from its own description.
+//! What a camera can do, read from its GenICam description.
 
 use viva_genicam::Camera;
 use viva_genicam::genapi::RegisterIo;
 
-/// What a camera says it can do, as far as it answers.
+/// What a machine vision camera can do, as far as it says.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Abilities {
-    /// Width and height of its sensor, in pixels.
+    /// Width and height of the sensor, in pixels.
     pub sensor: Option<[usize; 2]>,
-    /// The formats of its pixels, as it calls them.
+    /// The camera's names of its pixel formats.
     pub pixel_formats: Vec<String>,
     /// The shortest and the longest exposure, in seconds.
     pub exposures: Option<[f64; 2]>,
-    /// The lowest and the highest gain, in its own unit.
+    /// The lowest and the highest gain, in the camera's own unit.
     pub gains: Option<[f64; 2]>,
 }
 
 impl Abilities {
-    /// Those of an open camera. Nothing is set for that.
+    /// Reads the abilities of an open camera, without setting anything.
     pub(in crate::rig) fn of<T: RegisterIo>(camera: &Camera<T>) -> Self {
         let range = |names: &[&str]| {
             let mut states = names.iter().filter_map(|name| camera.feature_state(name).ok());
@@ -27,7 +27,7 @@ impl Abilities {
             let number = names.iter().find_map(|name| camera.get_integer(name).ok());
             number.and_then(|number| usize::try_from(number).ok()).filter(|&number| number > 0)
         };
-        // What is read now may be a part of the sensor: the most that it could be is asked for.
+        // Width and Height may be a part of the sensor now: their maximum is the sensor's.
         let sides = [whole(&["WidthMax", "SensorWidth"]), whole(&["HeightMax", "SensorHeight"])];
         Self {
             sensor: sides[0].zip(sides[1]).map(|(width, height)| [width, height]),
@@ -36,7 +36,7 @@ impl Abilities {
                 .ok()
                 .and_then(|state| state.enum_entries)
                 .unwrap_or_default(),
-            // In microseconds.
+            // The camera's exposures are in microseconds.
             exposures: range(&["ExposureTime", "ExposureTimeAbs"]).map(|range| range.map(|time| time / 1e6)),
             gains: range(&["Gain"]),
         }

@@ -1,4 +1,4 @@
-//! The camera as a rig sees it: one frame for each trigger, each with a number and a time of its own.
+//! A machine vision camera that is triggered by software: each trigger gives one frame, which has a number and a time.
 
 use std::time::Duration;
 
@@ -12,46 +12,46 @@ use super::settings::Settings;
 use crate::error::Result;
 use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 
-/// How a camera is reached.
-pub(in crate::rig) trait Transport {
-    /// Its registers.
-    type Registers: RegisterIo;
-    /// Its frames.
-    type Stream;
+/// The transport layer of a camera: GigE Vision or USB3 Vision.
+pub(in crate::rig) trait Transport: Send {
+    /// The access to the camera's registers.
+    type Registers: RegisterIo + Send;
+    /// The stream of frames.
+    type Stream: Send;
 
-    /// Where it is, e.g. `at 192.168.1.20`.
+    /// Where the camera is, e.g. `at 192.168.1.20`.
     fn place(&self) -> String;
 
-    /// Opens it.
+    /// Opens the camera.
     fn connect(&self) -> Result<Described<Self::Registers>>;
 
-    /// Starts its stream.
+    /// Opens the stream of frames.
     fn stream(
         &self,
         camera: &mut Described<Self::Registers>,
     ) -> std::result::Result<Self::Stream, GenicamError>;
 
-    /// The next whole frame. None, or [`GenicamError::Timeout`]: none came in time.
+    /// The next complete frame. `None` or [`GenicamError::Timeout`]: none came within `patience`.
     fn next(
         stream: &mut Self::Stream,
         patience: Duration,
     ) -> std::result::Result<Option<Frame>, GenicamError>;
 
-    /// The camera's number of a frame, from 1 on.
+    /// The camera's number of a frame, which counts from 1.
     fn number(frame: &Frame) -> u64;
 
-    /// Packets that were sent again.
+    /// The number of packets that were sent again.
     fn resent(stream: &Self::Stream) -> u64;
 }
 
-/// An open camera, set up and waiting for its trigger. Dropped, it is released.
+/// An open camera that is set up and waits for its trigger. Dropping it stops and releases the camera.
 struct Link<T: Transport> {
     camera: Described<T::Registers>,
     stream: T::Stream,
 }
 
 impl<T: Transport> Link<T> {
-    /// Opens the camera, sets it up, and starts its stream.
+    /// Opens the camera, sets it up, and starts the acquisition.
     fn open(transport: &T, settings: &Settings) -> Result<Self> {
         let place = transport.place();
         let mut camera = transport.connect()?;
@@ -64,7 +64,7 @@ impl<T: Transport> Link<T> {
 
 impl<T: Transport> Drop for Link<T> {
     fn drop(&mut self) {
-        // The camera may be gone; it stops by itself then.
+        // A camera that no longer answers stops by itself.
         let _ = self.camera.acquisition_stop();
     }
 }
@@ -77,15 +77,15 @@ pub(in crate::rig) struct Triggered<T: Transport> {
     clock: WallClock,
     link: Option<Link<T>>,
     anchor: Option<Anchor>,
-    /// What was asked for, and what was set.
+    /// The exposure that was asked for, and the one that was set, in seconds.
     exposure: Option<[f64; 2]>,
     numbers: Numbers,
-    /// Packets sent again, in the sessions before this one.
+    /// The number of packets that were sent again in earlier sessions.
     resent: u64,
 }
 
 impl<T: Transport> Triggered<T> {
-    /// Opens the camera. Times are told by `clock`; frames are numbered from past `after` on.
+    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
     pub(in crate::rig) fn open(
         transport: T,
         settings: Settings,
@@ -110,10 +110,10 @@ impl<T: Transport> Triggered<T> {
         Ok(camera)
     }
 
-    /// Triggers a frame and waits for it; what came, when the trigger was sent, and when it came.
+    /// Triggers a frame and waits for it. Returns the frame, and the times when the trigger was sent and when the frame arrived.
     fn frame(&mut self, exposure: f64) -> std::result::Result<Option<(Frame, [f64; 2])>, GenicamError> {
         let Some(link) = &mut self.link else { return Ok(None) };
-        // What came too late for the trigger before is not for this one.
+        // Discard frames of the previous trigger that arrived too late.
         while T::next(&mut link.stream, Duration::ZERO).is_ok_and(|frame| frame.is_some()) {}
         let now = self.clock.seconds();
         if self.anchor.is_none_or(|anchor| anchor.is_old(now)) {
@@ -129,21 +129,21 @@ impl<T: Transport> Triggered<T> {
         }
     }
 
-    /// When the exposure began, as far as the camera and the trigger tell.
+    /// The time when the exposure began, estimated from the camera's stamp and the trigger.
     fn started(&self, frame: &Frame, exposure: f64, [triggered, came]: [f64; 2]) -> f64 {
         let (Some(anchor), Some(stamp)) = (self.anchor, frame.ts_dev) else {
-            // Nothing but the trigger tells. A frame of an earlier one would be taken for this one's, which draining prevents.
+            // Without a stamp only the trigger's time is known. Late frames of an earlier trigger were discarded before.
             return triggered;
         };
         let [time, error] = anchor.time_of(stamp);
         if time < triggered - error {
             return time;
         }
-        // Some cameras stamp the exposure's end.
+        // Some cameras stamp the end of the exposure.
         time.min(came - exposure).max(triggered)
     }
 
-    /// The counts of a frame, which must be of the format and the size that were set.
+    /// The counts of a frame, which must have the format and the size that were set.
     fn counts(&self, frame: &Frame) -> Result<Vec<u16>> {
         let format = self.settings.pixel_format;
         let [width, height] = self.settings.sensor.size;
@@ -174,7 +174,7 @@ impl<T: Transport> Triggered<T> {
         })
     }
 
-    /// Sets the exposure of an open camera.
+    /// Sets the exposure of an open camera, in seconds.
     fn set(&mut self, exposure: f64) -> Result<f64> {
         match &mut self.link {
             Some(link) => set_exposure(&mut link.camera, &self.transport.place(), exposure),
@@ -209,7 +209,7 @@ impl<T: Transport> Camera for Triggered<T> {
         }
         let set = match self.set(exposure) {
             Ok(set) => set,
-            // It may have been switched off and on since the last frame.
+            // The camera may have been switched off and on since the last frame.
             Err(_) => self.reopen().and_then(|()| self.set(exposure))?,
         };
         self.exposure = Some([exposure, set]);
@@ -221,7 +221,7 @@ impl<T: Transport> Camera for Triggered<T> {
         let (frame, times) = match self.frame(exposure) {
             Ok(Some(came)) => came,
             Ok(None) => return Ok(None),
-            // It is gone, or somebody else's: opened anew at the next restart, or an error then.
+            // The camera does not answer, or another program holds it: the next restart opens it again, or fails.
             Err(_) => {
                 self.close();
                 return Ok(None);

@@ -1,15 +1,14 @@
-//! Machine vision cameras: what GigE Vision and USB3 Vision have in common, which is the camera's own GenICam description of
-//! what is where.
+//! Machine vision cameras: what GigE Vision and USB3 Vision share. Both describe their features by GenICam.
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | what is wanted | format, region, gain, exposures; what the counts will be | `settings` |
-//! | set up | against the camera's limits, nothing automatic, one frame for each software trigger | `set_up` |
-//! | abilities | what the camera says it can do | `abilities` |
-//! | time | the camera's clock against the rig's | `anchor` |
-//! | frames | triggered one by one, numbered through, a lost session opened anew | `camera`, `numbers` |
+//! | settings | hold format, region, gain and exposures that a rig file asks for | `settings` |
+//! | set up | checks the camera's limits, switches automatics off, selects one frame for each software trigger | `set_up` |
+//! | abilities | reads what the camera can do | `abilities` |
+//! | time | relates the camera's clock to the rig's | `anchor` |
+//! | frames | triggers and numbers frames, opens a lost session again | `camera`, `numbers` |
 //!
-//! The protocols are those of the crate `viva-genicam`.
+//! The crate `viva-genicam` implements the protocols.
 
 #[cfg(any(feature = "gige", feature = "usb3"))]
 mod abilities;

@@ -1,33 +1,33 @@
-//! Frame numbers that grow over all sessions with a camera.
+//! Frame numbers that increase over all sessions with a camera.
 
-/// Half of the numbers that a GigE Vision camera has for frames: what is further back is not back, but past the last of them.
+/// Half the range of a GigE Vision camera's frame numbers. A number that is further back than this belongs to the next round.
 const WRAP: u64 = 1 << 15;
 
-/// The rig's numbers of a camera's frames.
+/// Converts a camera's frame numbers to those of the rig.
 pub(super) struct Numbers {
-    /// Added to the camera's.
+    /// The number that is added to the camera's.
     base: u64,
-    /// The camera's last.
+    /// The camera's last number.
     last: u64,
 }
 
 impl Numbers {
-    /// Numbers past `after`.
+    /// Numbers from `after + 1` on.
     pub(super) fn past(after: u64) -> Self {
         Self { base: after, last: 0 }
     }
 
-    /// The number of the frame that the camera calls `number`, from 1 on.
+    /// The rig's number of the frame with the camera's `number`, which counts from 1.
     pub(super) fn of(&mut self, number: u64) -> u64 {
         if number + WRAP < self.last {
-            // From 65535 it goes on at 1.
+            // The camera's number after 65535 is 1.
             self.base += 2 * WRAP - 1;
         }
         self.last = number;
         self.base + number
     }
 
-    /// The camera counts anew.
+    /// Notes that the camera starts again at 1.
     pub(super) fn begin(&mut self) {
         self.base += self.last;
         self.last = 0;
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_grow_past_the_cameras_last_one_and_over_restarts() {
+    fn numbers_increase_when_the_camera_wraps_around_and_when_it_restarts() {
         let mut numbers = Numbers::past(10);
         assert_eq!(
             [1, 2, 2, 65_535, 1, 2].map(|number| numbers.of(number)),

@@ -1,4 +1,4 @@
-//! A camera brought to one frame for each software trigger, with nothing automatic, within its own limits.
+//! The setup of a machine vision camera: one frame for each software trigger, nothing automatic, all values within its limits.
 
 use viva_genicam::genapi::{RegisterIo, ValueRange};
 use viva_genicam::{Camera, GenicamError, StandardFeature};
@@ -7,14 +7,14 @@ use super::settings::Settings;
 use crate::error::{Error, Result};
 use crate::rig::camera_fault;
 
-/// Decibels, or whatever the camera's unit is, by which a gain that was set may differ from the one that was asked for: their steps
-/// are mostly a tenth.
+/// The largest difference between the gain that was asked for and the one that was set, in the camera's unit (usually decibels):
+/// half of the usual step of a tenth, with a margin.
 const GAIN_TOLERANCE: f64 = 0.06;
 
-/// Sets an open camera up. `place` says in errors where it is.
+/// Sets an open camera up. `place` says where it is, for errors.
 pub(super) fn set_up<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     let failed = |doing: &str, why: &GenicamError| said(place, doing, why);
-    // A session that ended abruptly leaves it running.
+    // A session that ended abruptly leaves the acquisition running.
     let _ = camera.acquisition_stop();
     for automatic in ["ExposureAuto", "GainAuto", "BalanceWhiteAuto"] {
         if camera.get_enum(automatic).is_ok_and(|value| value != "Off") {
@@ -23,7 +23,7 @@ pub(super) fn set_up<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings,
                 .map_err(|why| failed(&format!("switch {automatic} off"), &why))?;
         }
     }
-    // What bends counts, or changes single ones.
+    // Gamma and look-up tables make counts nonlinear.
     for bent in ["GammaEnable", "LUTEnable"] {
         if camera.get_bool(bent).is_ok_and(|value| value) {
             camera.set_bool(bent, false).map_err(|why| failed(&format!("switch {bent} off"), &why))?;
@@ -52,8 +52,8 @@ fn set_format<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place:
     })
 }
 
-/// Sets the part of the sensor that is read. A size's limit depends on the offset and the other way round, so that the offsets go to
-/// their least first.
+/// Sets the part of the sensor that is read. The limit of a size depends on the offset and vice versa; therefore the offsets are
+/// first set to their minimum.
 fn set_region<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     for name in ["OffsetX", "OffsetY"] {
         let least = limits(camera, name).map_or(0, |range| range.min as i64);
@@ -80,7 +80,7 @@ fn set_region<T: RegisterIo>(camera: &mut Camera<T>, settings: &Settings, place:
                 },
             ));
         }
-        // A camera without offsets reads from its first pixel on.
+        // A camera without offsets always reads from its first pixel.
         if key == "offset" && value == 0 && camera.feature_state(name).is_err() {
             continue;
         }
@@ -111,7 +111,7 @@ fn set_gain<T: RegisterIo>(camera: &mut Camera<T>, place: &str, gain: f64) -> Re
     Ok(())
 }
 
-/// That the camera does all exposures that the rig file promises.
+/// Checks that the camera can set all exposures of the rig file.
 fn check_exposures<T: RegisterIo>(camera: &Camera<T>, settings: &Settings, place: &str) -> Result<()> {
     let known = ["ExposureTime", "ExposureTimeAbs"];
     if known.iter().all(|name| camera.feature_state(name).is_err()) {
@@ -123,7 +123,7 @@ fn check_exposures<T: RegisterIo>(camera: &Camera<T>, settings: &Settings, place
     let Some(range) = known.iter().find_map(|name| limits(camera, name)) else { return Ok(()) };
     let [least, most] = [range.min, range.max];
     let [shortest, longest] = settings.exposures;
-    // Microseconds are whole numbers in many cameras.
+    // Many cameras round to whole microseconds.
     if 1e6 * shortest < least - 1.0 || 1e6 * longest > most + 1.0 {
         return Err(camera_fault(
             format!(
@@ -137,7 +137,7 @@ fn check_exposures<T: RegisterIo>(camera: &Camera<T>, settings: &Settings, place
     Ok(())
 }
 
-/// Sets the exposure in seconds; what was really set.
+/// Sets the exposure in seconds; returns the exposure that was really set.
 pub(super) fn set_exposure<T: RegisterIo>(camera: &mut Camera<T>, place: &str, exposure: f64) -> Result<f64> {
     let failed = |why: GenicamError| said(place, &format!("set an exposure of {exposure} s"), &why);
     camera.set_exposure_time(1e6 * exposure).map_err(failed)?;
@@ -145,25 +145,26 @@ pub(super) fn set_exposure<T: RegisterIo>(camera: &mut Camera<T>, place: &str, e
     Ok(set / 1e6)
 }
 
-/// What a feature may be now, where the camera says.
+/// The range that a feature's value may have now, if the camera says.
 fn limits<T: RegisterIo>(camera: &Camera<T>, name: &str) -> Option<ValueRange> {
     camera.feature_state(name).ok()?.range
 }
 
+/// Whether a value is in the range and on one of its steps.
 fn allows(range: ValueRange, value: f64) -> bool {
-    // Both are whole numbers, far below what is exact.
+    // Both are integers that `f64` represents exactly.
     let is_step = range.inc.is_none_or(|step| step <= 0.0 || (value - range.min).rem_euclid(step) == 0.0);
     (range.min..=range.max).contains(&value) && is_step
 }
 
-/// `4 to 48 in steps of 4`.
+/// A range in words, e.g. `4 to 48 in steps of 4`.
 fn told(range: ValueRange) -> String {
     let steps = range.inc.filter(|step| *step > 1.0);
     let steps = steps.map_or_else(String::new, |step| format!(" in steps of {step}"));
     format!("{} to {}{steps}", range.min, range.max)
 }
 
-/// An error of the camera, as its protocol says it.
+/// The error where the camera failed to do something; `why` is the protocol's error.
 pub(in crate::rig) fn said(place: &str, doing: &str, why: &GenicamError) -> Error {
     camera_fault(
         format!("the camera {place} did not {doing}: {why}"),

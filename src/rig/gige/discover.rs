@@ -1,4 +1,4 @@
-//! Which cameras there are.
+//! The search for cameras.
 
 use std::net::Ipv4Addr;
 use std::time::Duration;
@@ -13,23 +13,23 @@ use crate::rig::genicam::Abilities;
 /// How long cameras may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
-/// A camera that answered.
+/// A GigE Vision camera that answered.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FoundCamera {
-    /// Where it is.
+    /// The camera's address.
     pub address: Ipv4Addr,
-    /// Who made it, as far as it says.
+    /// The maker, if the camera says.
     pub maker: Option<String>,
-    /// What it is called.
+    /// The model, if the camera says.
     pub model: Option<String>,
-    /// Its serial number.
+    /// The serial number, if the camera says.
     pub serial: Option<String>,
 }
 
-/// The GigE Vision cameras that answer on the computer's own networks, and those at `addresses`.
+/// Finds the GigE Vision cameras that answer on the computer's own networks, and those at `addresses`.
 ///
 /// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when no question can be sent.
+/// [`Error::Rig`](crate::Error::Rig) when no request can be sent.
 pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
     let failed = |why: GenicamError| {
         camera_fault(format!("cameras cannot be looked for: {why}"), "check that the computer has a network")
@@ -50,10 +50,10 @@ pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
     Ok(found.into_iter().map(camera).collect())
 }
 
-/// What the camera at an address can do. It is not taken from whoever holds it.
+/// Reads what the camera at an address can do. A program that holds the camera keeps it.
 ///
 /// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when it does not answer, or lets nobody read while it is held.
+/// [`Error::Rig`](crate::Error::Rig) when it does not answer, or cannot be read while another program holds it.
 pub fn camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
     let failed = |why: GenicamError| {
         camera_fault(

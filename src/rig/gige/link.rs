@@ -1,4 +1,4 @@
-//! A session with a camera on the network.
+//! The session with a GigE Vision camera.
 
 use std::time::{Duration, Instant};
 
@@ -12,20 +12,21 @@ use crate::error::Result;
 use crate::rig::genicam::{Transport, Triggered, said};
 use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 
-/// How long a camera that is off, or still held by a session that ended abruptly (its heartbeat lasts 3 s), is waited for.
+/// How long to wait for a camera that does not answer or is held. After a session that ended abruptly, the camera is free once its
+/// heartbeat of 3 s has run out.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// The status of GigE Vision for what is somebody else's.
+/// The GigE Vision status of a camera that another program holds.
 const ACCESS_DENIED: u16 = 0x8006;
 
-/// How long one question takes at most.
+/// How long to wait for the answer to one request.
 pub(super) const ANSWER: Duration = Duration::from_millis(500);
 
 /// A GigE Vision camera.
 pub struct GigeVision(Triggered<GigeSpec>);
 
 impl GigeVision {
-    /// Opens the camera. Times are told by `clock`; frames are numbered from past `after` on.
+    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when no camera answers there, another program holds it, or it cannot do what `spec` says.

@@ -2,11 +2,11 @@
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | who answers | on the computer's networks, and what it can do | `discover` |
-//! | session | opened by address, released; its frames, lost packets of which are sent again | `link` |
-//! | in the rig file | its keys | `spec` |
+//! | find | lists the cameras on the computer's networks, and what each can do | `discover` |
+//! | session | opens a camera by its address and receives its frames; lost packets are sent again | `link` |
+//! | describe | the keys of a rig file | `spec` |
 //!
-//! All else is common with USB3 Vision: [`super::genicam`].
+//! Everything else is shared with USB3 Vision: [`super::genicam`].
 
 #[cfg(feature = "gige")]
 mod discover;

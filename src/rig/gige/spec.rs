@@ -1,4 +1,4 @@
-//! What is written about a GigE Vision camera.
+//! The description of a GigE Vision camera, as a rig file has it.
 
 use std::net::Ipv4Addr;
 
@@ -9,44 +9,44 @@ use crate::rig::cameras::{CameraKind, exposures, timeout};
 use crate::rig::genicam::Settings;
 use crate::rig::pixels::{Colour, PixelFormat, Sensor};
 
-/// A GigE Vision camera.
+/// A description of a GigE Vision camera.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GigeSpec {
-    /// What it is.
+    /// The kind of camera.
     pub kind: CameraKind,
-    /// Its address.
+    /// The camera's address.
     pub address: Ipv4Addr,
-    /// Width and height of the part of its sensor that is read, in photosites.
+    /// Width and height of the part of the sensor that is read, in photosites.
     pub size: [usize; 2],
-    /// Where that part begins, to the right and down.
+    /// The offset of that part from the sensor's top left photosite, to the right and down.
     #[serde(default)]
     pub offset: [usize; 2],
-    /// How it hands out counts.
+    /// The format in which the camera sends counts.
     #[serde(default)]
     pub pixel_format: PixelFormat,
-    /// What becomes of a colour sensor's cells.
+    /// How the cells of a colour sensor become pixels.
     #[serde(default)]
     pub colour: Colour,
-    /// A photosite that counts so much is full; none: with all bits set.
+    /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
     #[serde(default)]
     pub saturation: Option<u16>,
-    /// Its gain, in the camera's own unit (mostly decibels); none: as it is set.
+    /// The gain in the camera's own unit (usually decibels). `None`: the camera's setting is left unchanged.
     #[serde(default)]
     pub gain: Option<f64>,
-    /// The shortest and the longest exposure that are used, in seconds.
+    /// The shortest and the longest exposure, in seconds.
     #[serde(default = "exposures")]
     pub exposures: [f64; 2],
-    /// Seconds beyond the exposure after which a frame that does not come is given up.
+    /// Seconds to wait for a frame beyond its exposure.
     #[serde(default = "timeout")]
     pub timeout: f64,
-    /// Bytes of a packet at most; none: as many as get through.
+    /// The largest size of a packet in bytes. `None`: the largest that gets through the network.
     #[serde(default)]
     pub packet_size: Option<u32>,
 }
 
 impl GigeSpec {
-    /// The camera at an address, with 12 bits and so many pixels.
+    /// The camera at this address, with counts of 12 bits and an image of `width` by `height` pixels.
     pub fn new(address: Ipv4Addr, width: usize, height: usize) -> Self {
         Self {
             kind: CameraKind::Gige,
@@ -63,7 +63,7 @@ impl GigeSpec {
         }
     }
 
-    /// The camera, as it presents itself.
+    /// The camera's properties.
     pub fn info(&self) -> CameraInfo {
         self.settings().info(&format!("gige {}", self.address))
     }

@@ -1,13 +1,13 @@
-//! What `gphoto2` prints.
+//! The output of `gphoto2`, parsed.
 
 use super::speed::seconds;
 
-/// A still camera that answered.
+/// A still camera that `gphoto2` found.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FoundStillCamera {
-    /// As gphoto2 names it; `model` in a rig file.
+    /// Its name in `gphoto2`; `model` in a rig file.
     pub model: String,
-    /// Where it is, e.g. `usb:001,005`. It changes when the camera is switched off and on.
+    /// Its port, e.g. `usb:001,005`, which changes when the camera is switched off and on.
     pub port: String,
 }
 
@@ -15,18 +15,19 @@ pub struct FoundStillCamera {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Setting {
     pub(super) is_read_only: bool,
-    /// What it is now.
+    /// The current value.
     pub(super) current: String,
-    /// What it may be; none: anything.
+    /// The possible values; empty: any value.
     pub(super) choices: Vec<String>,
 }
 
-/// The cameras of `gphoto2 --auto-detect`: a head, a line of dashes, and then model and port, two spaces apart at least.
+/// Parses the cameras that `gphoto2 --auto-detect` prints: a heading, a line of dashes, and for each camera a line with its model and
+/// its port, separated by spaces.
 pub(super) fn cameras(answer: &[u8]) -> Vec<FoundStillCamera> {
     let text = String::from_utf8_lossy(answer);
     let rows = text.lines().skip_while(|line| !line.starts_with("---")).skip(1);
     let camera = |line: &str| {
-        // A port has no spaces in it; a model may.
+        // A port contains no spaces; a model may.
         let (model, port) = line.trim_end().rsplit_once(' ')?;
         let model = model.trim();
         (!model.is_empty() && port.contains(':'))
@@ -35,14 +36,14 @@ pub(super) fn cameras(answer: &[u8]) -> Vec<FoundStillCamera> {
     rows.filter_map(camera).collect()
 }
 
-/// The last parts of the names that `gphoto2 --list-config` prints, a path on each line.
+/// Parses the names of settings that `gphoto2 --list-config` prints: the last parts of the paths, one path on each line.
 pub(super) fn names(answer: &[u8]) -> Vec<String> {
     let text = String::from_utf8_lossy(answer);
     let paths = text.lines().filter(|line| line.starts_with('/'));
     paths.filter_map(|path| Some(path.trim_end().rsplit_once('/')?.1.to_owned())).collect()
 }
 
-/// What `gphoto2 --get-config NAME` prints. None where it is something else.
+/// Parses the setting that `gphoto2 --get-config NAME` prints. `None`: the output is something else.
 pub(super) fn setting(answer: &[u8]) -> Option<Setting> {
     let text = String::from_utf8_lossy(answer);
     let of = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)).map(str::trim);
@@ -50,13 +51,14 @@ pub(super) fn setting(answer: &[u8]) -> Option<Setting> {
     Some(Setting {
         is_read_only: of("Readonly:").is_some_and(|value| value == "1"),
         current: of("Current:")?.to_owned(),
-        // A number and the choice itself.
+        // Each line has a number and the choice.
         choices: choices.filter_map(|line| Some(line.split_once(' ')?.1.trim().to_owned())).collect(),
     })
 }
 
 impl Setting {
-    /// The shutter speed nearest to `exposure` seconds by ratio, as the camera words it, in seconds. `stops` as in the rig file.
+    /// The shutter speed whose ratio to `exposure` (in seconds) is nearest to 1: the camera's name for it, and its seconds. `stops` is
+    /// that of the rig file.
     pub(super) fn nearest_speed(&self, exposure: f64, stops: Option<u32>) -> Option<(&str, f64)> {
         let speeds =
             self.choices.iter().filter_map(|choice| Some((choice.as_str(), seconds(choice, stops)?)));
@@ -70,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cameras_are_told_from_the_table() {
+    fn cameras_are_read_from_the_table() {
         let answer = b"Model                          Port                                            \n\
             ----------------------------------------------------------\n\
             Canon EOS 5D Mark II           usb:001,005     \n\

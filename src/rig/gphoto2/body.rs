@@ -1,4 +1,4 @@
-//! A camera's body: found by the program, its settings read, set and read back.
+//! The setup of a still camera: it is found, and its settings are read, set and read back.
 
 use std::time::Duration;
 
@@ -10,16 +10,16 @@ use crate::error::{Error, Result};
 use crate::rig::camera_fault;
 use crate::rig::nearest::nearest;
 
-/// How long it may take to answer a question.
+/// How long `gphoto2` may take to answer a request.
 const ANSWER: Duration = Duration::from_secs(20);
 
-/// What the setting of the shutter is called: the second one, where there is one, in fractions.
+/// The names of the setting of the shutter speed, the preferred one first: `shutterspeed2` has fractions.
 const SHUTTER: [&str; 2] = ["shutterspeed2", "shutterspeed"];
 
-/// Where photos are kept until they are fetched: by way of the card it would take longer.
+/// The setting where photos are kept until they are downloaded, and its value: through the memory card it would take longer.
 const TARGET: [&str; 2] = ["capturetarget", "Internal RAM"];
 
-/// The still cameras that gphoto2 finds.
+/// Lists the still cameras that `gphoto2` finds.
 ///
 /// # Errors
 /// [`Error::Rig`] when the program is not installed, fails, or hangs.
@@ -27,7 +27,7 @@ pub fn still_cameras() -> Result<Vec<FoundStillCamera>> {
     Ok(cameras(&run("gphoto2", &["--auto-detect".into()], None, ANSWER)?.answer))
 }
 
-/// Finds the camera and sets all but the shutter; what that can do.
+/// Finds the camera and sets everything except the shutter speed, whose name and setting it returns.
 pub(super) fn prepare(spec: &Gphoto2Spec) -> Result<(Body, (String, Setting))> {
     let found = run(&spec.program, &["--auto-detect".into()], None, ANSWER)?;
     let body = Body { program: spec.program.clone(), port: choose(&found, spec.model.as_deref())? };
@@ -56,7 +56,7 @@ pub(super) fn prepare(spec: &Gphoto2Spec) -> Result<(Body, (String, Setting))> {
     Ok((body, (name.to_owned(), setting)))
 }
 
-/// The port of this model, or of the only camera.
+/// Chooses the camera of this model, or the only camera; returns its port.
 fn choose(ran: &Ran, model: Option<&str>) -> Result<String> {
     let found = cameras(&ran.answer);
     let told = |found: &[FoundStillCamera]| {
@@ -84,7 +84,7 @@ fn choose(ran: &Ran, model: Option<&str>) -> Result<String> {
     }
 }
 
-/// The name of these that the camera knows.
+/// The first of `names` that the camera knows.
 fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
     names.iter().find(|name| known.iter().any(|known| known == *name)).copied().ok_or_else(|| {
         let listed: Vec<&str> = known.iter().map(String::as_str).collect();
@@ -97,6 +97,7 @@ fn named<'a>(names: &[&'a str], known: &[String]) -> Result<&'a str> {
     })
 }
 
+/// Checks that a setting can have this value.
 fn check(name: &str, setting: &Setting, value: &str) -> Result<()> {
     if setting.is_read_only {
         return Err(camera_fault(
@@ -121,29 +122,30 @@ impl Setting {
     }
 }
 
-/// One camera, by the program and the port that reach it.
+/// A camera, which `program` reaches at `port`.
 pub(super) struct Body {
     program: String,
     port: String,
 }
 
 impl Body {
+    /// Runs the program on this camera's port.
     pub(super) fn run(&self, arguments: &[&str], limit: Duration) -> Result<Ran> {
         let arguments = ["--port", &self.port].into_iter().chain(arguments.iter().copied());
         run(&self.program, &arguments.map(String::from).collect::<Vec<_>>(), None, limit)
     }
 
-    /// A setting.
+    /// Reads a setting.
     fn get(&self, name: &str) -> Result<Setting> {
         let ran = self.run(&["--get-config", name], ANSWER)?;
-        setting(&ran.answer).ok_or_else(|| untold(name, &ran))
+        setting(&ran.answer).ok_or_else(|| unreadable(name, &ran))
     }
 
-    /// Sets it, and reads it back.
+    /// Sets a setting, and checks it by reading it back.
     pub(super) fn put(&self, name: &str, value: &str) -> Result<()> {
         let assigned = format!("{name}={value}");
         let ran = self.run(&["--set-config-value", &assigned, "--get-config", name], ANSWER)?;
-        let now = setting(&ran.answer).ok_or_else(|| untold(name, &ran))?.current;
+        let now = setting(&ran.answer).ok_or_else(|| unreadable(name, &ran))?.current;
         if now == value {
             return Ok(());
         }
@@ -154,7 +156,7 @@ impl Body {
     }
 }
 
-fn untold(name: &str, ran: &Ran) -> Error {
+fn unreadable(name: &str, ran: &Ran) -> Error {
     camera_fault(
         format!("gphoto2 did not tell {name}: {}", ran.said),
         "check by hand what `gphoto2 --get-config` prints for it",

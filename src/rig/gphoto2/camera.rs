@@ -1,4 +1,4 @@
-//! The camera as a rig sees it: a speed that is set, a file for each release, its counts.
+//! The still camera as a rig's camera: it sets the shutter speed, releases the shutter, and decodes the file to counts.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -13,23 +13,24 @@ use super::spec::Gphoto2Spec;
 use crate::error::{Error, Result};
 use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 
-/// By which factor a shutter speed may differ from the exposure that is asked for: half a stop, and what cameras round speeds by.
+/// The largest factor between a shutter speed and the exposure that is asked for: half a stop, with a margin for rounded speeds.
 const NEAR: f64 = 1.5;
 
-/// A still camera that `gphoto2` drives.
+/// An open still camera that `gphoto2` drives.
 pub struct Gphoto2 {
     info: CameraInfo,
     spec: Gphoto2Spec,
     clock: WallClock,
     body: Body,
+    /// The name and the setting of the shutter speed.
     shutter: (String, Setting),
-    /// In seconds: what was asked for, and what was set.
+    /// The exposure that was asked for, and the one that was set, in seconds.
     exposure: [f64; 2],
     id: u64,
 }
 
 impl Gphoto2 {
-    /// Opens the camera and sets it as `spec` says. Times are told by `clock`; frames are numbered from past `after` on.
+    /// Opens the camera and sets it as `spec` says. Frames carry the times of `clock`, and numbers from `after + 1` on.
     ///
     /// # Errors
     /// [`Error::Rig`] when a program is not installed, there is no such camera, or it has no such choice.
@@ -48,13 +49,13 @@ impl Gphoto2 {
         Ok(camera)
     }
 
-    /// Releases the shutter and fetches the file; its path, in the folder.
+    /// Releases the shutter and downloads the file; returns its path, and the folder that it is in.
     fn release(&self) -> Result<(PathBuf, TempDir)> {
         let limit = Duration::from_secs_f64(self.exposure[1] + self.spec.timeout);
         let arguments = ["--force-overwrite", "--filename", "photo.%C", "--capture-image-and-download"];
         let Ran { folder, said, .. } = self.body.run(&arguments, limit)?;
         let mut files = files(folder.path());
-        // With RAW and JPEG at once there are both.
+        // A camera may save RAW and JPEG together.
         let is_lossy = |path: &PathBuf| {
             path.extension()
                 .is_some_and(|end| ["jpg", "jpeg"].iter().any(|jpeg| end.eq_ignore_ascii_case(jpeg)))
@@ -74,7 +75,7 @@ impl Gphoto2 {
         }
     }
 
-    /// The counts of the sensor's part, from a RAW file.
+    /// Decodes a RAW file to the counts of the part of the sensor that is used.
     fn decode(&self, raw: &Path, folder: TempDir) -> Result<Vec<u16>> {
         let limit = Duration::from_secs_f64(self.spec.timeout);
         let (program, arguments) = self.spec.decoder.split_first().ok_or_else(|| {
@@ -143,7 +144,7 @@ impl Camera for Gphoto2 {
     }
 
     fn capture(&mut self) -> Result<Option<RawFrame>> {
-        // No still camera says when its shutter opened: after it was asked to.
+        // No still camera says when its shutter opened; it opened after it was released.
         let started = self.clock.seconds();
         let (raw, folder) = self.release()?;
         let counts = self.spec.sensor().pixels(self.decode(&raw, folder)?);
@@ -159,15 +160,15 @@ impl Camera for Gphoto2 {
     }
 
     fn restart(&mut self) -> Result<()> {
-        // Switched off and on, it has another port and may have other settings.
+        // A camera that was switched off and on has another port and may have other settings.
         (self.body, self.shutter) = prepare(&self.spec)?;
         self.configure(self.exposure[0]).map(|_| ())
     }
 }
 
-/// The files of a folder, in order.
+/// The files in a folder, sorted.
 fn files(folder: &Path) -> Vec<PathBuf> {
-    // A folder of our own that cannot be read has no files in it that could be used.
+    // If our own temporary folder cannot be read, there are no usable files in it.
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     files.sort();

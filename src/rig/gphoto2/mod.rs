@@ -1,15 +1,15 @@
-//! A still camera, driven by the program `gphoto2`; its RAW files are decoded by another program. Neither is linked: they are
-//! run, and their answers read. It has not been tried on hardware.
+//! A still camera that the program `gphoto2` drives. Another program decodes its RAW files. Both run as processes of their own, and
+//! their output is parsed. This has not been tried on hardware.
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | run | a program, with a limit to its time | `program` |
-//! | answers | which cameras there are, what can be set and to what | `answers` |
-//! | speeds | shutter speeds as cameras word them, in seconds | `speed` |
-//! | body | found, its settings set and read back | `body` |
-//! | counts | the decoder's picture | `pgm` |
-//! | frames | set, released, downloaded, decoded, cut out | `camera` |
-//! | in the rig file | its keys | `spec` |
+//! | run | runs a program with a time limit | `program` |
+//! | parse | reads lists of cameras and settings | `answers` |
+//! | speeds | converts the names of shutter speeds to seconds | `speed` |
+//! | set up | finds the camera, sets its settings and reads them back | `body` |
+//! | counts | reads the decoder's picture | `pgm` |
+//! | frames | releases the shutter, downloads, decodes and crops | `camera` |
+//! | describe | the keys of a rig file | `spec` |
 
 mod answers;
 mod body;

@@ -1,14 +1,15 @@
-//! Gray pictures of whole numbers: Netpbm's binary PGM, count by count as they stand.
+//! Gray pictures in Netpbm's binary PGM format, read without any scaling.
 
-/// A picture's width, height and counts, row by row from the top left.
+/// A picture: its width and height, and its counts row by row from the top left.
 #[derive(Debug, PartialEq)]
 pub(super) struct Gray {
     pub(super) size: [usize; 2],
     pub(super) counts: Vec<u16>,
 }
 
-/// Reads a PGM (`P5`): width, height and the highest count in letters, comments between them, one white space, then counts of one
-/// byte, or of two where the highest is 256 or more, the high one first. None where it is anything else, or cut short.
+/// Reads a PGM (`P5`): width, height and the highest count as text, with comments in between, one white space, and then the counts.
+/// A count has one byte, or two bytes (high byte first) if the highest is 256 or more. `None`: the bytes are anything else, or end
+/// too early.
 pub(super) fn read(bytes: &[u8]) -> Option<Gray> {
     let mut rest = bytes.strip_prefix(b"P5")?;
     let mut next = || -> Option<usize> {
@@ -33,7 +34,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<Gray> {
     Some(Gray { size, counts })
 }
 
-/// Without white space, which must be there, and comments.
+/// Skips white space and comments. `None`: there is no white space.
 fn skipped(mut bytes: &[u8]) -> Option<&[u8]> {
     let before = bytes.len();
     loop {
@@ -49,7 +50,7 @@ fn skipped(mut bytes: &[u8]) -> Option<&[u8]> {
 }
 
 impl Gray {
-    /// The part of `size` that begins at `offset`; none where it does not fit.
+    /// The counts of the part of this size that begins at this offset. `None`: it does not fit.
     pub(super) fn part(&self, [width, height]: [usize; 2], [x, y]: [usize; 2]) -> Option<Vec<u16>> {
         if x + width > self.size[0] || y + height > self.size[1] {
             return None;
@@ -70,14 +71,14 @@ mod tests {
         let wide = b"P5\n# by hand\n2 2 # and here\n65535\n\x00\x01\x3f\xff\xff\xff\x12\x34";
         let found = read(wide).expect("it is one");
         assert_eq!(found, Gray { size: [2, 2], counts: vec![1, 16383, 65535, 0x1234] });
-        // A count that looks like white space is a count; nothing is scaled to the highest.
+        // A byte of a count may look like white space; counts are not scaled to the highest.
         assert_eq!(read(b"P5 3 1 15\n\n\x0f\x01").expect("it is one").counts, [10, 15, 1]);
         assert_eq!(found.part([1, 2], [1, 0]), Some(vec![16383, 0x1234]));
         assert_eq!(found.part([2, 1], [1, 0]), None);
     }
 
     #[test]
-    fn anything_else_is_none() {
+    fn other_formats_and_truncated_files_are_refused() {
         for bytes in [
             &b"P6\n1 1\n255\n\x00\x00\x00"[..],
             b"P5\n2 2\n65535\n\x00\x01\x00",
@@ -94,7 +95,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read(width in 1_usize..9, counts in prop::collection::vec(any::<u16>(), 1..60)) {
+        fn written_counts_are_read_back(width in 1_usize..9, counts in prop::collection::vec(any::<u16>(), 1..60)) {
             let height = counts.len() / width;
             prop_assume!(height > 0);
             let mut bytes = format!("P5 {width} {height} 65535\n").into_bytes();
@@ -104,7 +105,7 @@ mod tests {
         }
 
         #[test]
-        fn garbage_does_no_harm(bytes in prop::collection::vec(any::<u8>(), 0..80)) {
+        fn random_bytes_never_cause_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..80)) {
             let _ = read(&[b"P5 ".as_slice(), &bytes].concat());
         }
     }

@@ -1,4 +1,4 @@
-//! Other programs, run with a limit to their time.
+//! Running other programs with a time limit.
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -11,24 +11,25 @@ use tempfile::TempDir;
 use crate::error::{Error, Result};
 use crate::rig::camera_fault;
 
-/// How often it is looked whether a program has ended.
+/// The time between two looks whether a program has ended.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Letters of a program's answer that an error repeats.
+/// The number of characters of a program's output that an error quotes.
 const REPEATED: usize = 300;
 
-/// What a program left: its answers, and the folder in which it ran.
+/// The output of a program, and the folder in which it ran.
 pub(super) struct Ran {
     pub(super) folder: TempDir,
+    /// Its standard output.
     pub(super) answer: Vec<u8>,
-    /// The last of what it said on standard error, else of its answer.
+    /// The end of its standard error, or of its standard output if that is empty, on one line.
     pub(super) said: String,
 }
 
-/// Runs a program in a folder of its own, or in that of the run before; it must end well, and within `limit`.
+/// Runs a program in a fresh temporary folder, or in the folder `before` of an earlier run.
 ///
 /// # Errors
-/// [`Error::Rig`] when it is not installed, fails, or takes longer: then it is ended.
+/// [`Error::Rig`] when it is not installed, fails, or takes longer than `limit`, in which case it is killed.
 pub(super) fn run(
     program: &str,
     arguments: &[String],
@@ -46,12 +47,12 @@ pub(super) fn run(
         Some(folder) => folder,
         None => tempfile::Builder::new().prefix("krylux-").tempdir().map_err(failed)?,
     };
-    // Files, not pipes: nobody has to read them while it runs, and no child of its own can keep them open.
+    // Files instead of pipes: nothing has to read them while the program runs, and its own children cannot keep them open.
     let [answer, said] = ["answer", "said"].map(|name| logs.path().join(name));
     let mut command = Command::new(program);
     command.args(arguments).current_dir(folder.path()).env("LC_ALL", "C").stdin(Stdio::null());
     command.stdout(File::create(&answer).map_err(failed)?).stderr(File::create(&said).map_err(failed)?);
-    // A terminal's interrupt is for the run: a photo that has begun ends well.
+    // In a separate process group, so that the terminal's interrupt does not reach it: a photo that has begun is finished.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut child = command.spawn().map_err(|why| missing(program, &why))?;
@@ -73,7 +74,7 @@ pub(super) fn run(
     }
 }
 
-/// How it ended; none: it did not in time, and was ended.
+/// Waits for a program to end. `None`: it did not end in time, and was killed.
 fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     let began = Instant::now();
     while began.elapsed() < limit {
@@ -82,12 +83,13 @@ fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
         }
         std::thread::sleep(LOOK);
     }
-    // It may have ended just now, which is as good.
+    // Killing fails if the program has just ended, which does not matter.
     let _ = child.kill();
     let _ = child.wait();
     None
 }
 
+/// The error where a program cannot be started.
 fn missing(program: &str, why: &std::io::Error) -> Error {
     let name = Path::new(program).file_name().map_or(program.into(), |name| name.to_string_lossy());
     let package = match &*name {
@@ -103,7 +105,7 @@ fn missing(program: &str, why: &std::io::Error) -> Error {
     camera_fault(format!("the program {program} cannot be run: {why}"), "check its file's permissions")
 }
 
-/// The end of an answer, on one line.
+/// The end of a program's output, on one line.
 pub(super) fn last(answer: &[u8]) -> String {
     let text = String::from_utf8_lossy(answer);
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();

@@ -1,4 +1,4 @@
-//! What is written about a still camera.
+//! The description of a still camera, as a rig file has it.
 
 use std::collections::BTreeMap;
 
@@ -8,59 +8,60 @@ use crate::rig::CameraInfo;
 use crate::rig::cameras::CameraKind;
 use crate::rig::pixels::{Colour, Sensor, Tiles};
 
-/// A still camera (a DSLR, say) that the program `gphoto2` drives, and whose RAW files another program decodes.
+/// A description of a still camera (e.g. a DSLR) that the program `gphoto2` drives, and whose RAW files another program decodes.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gphoto2Spec {
-    /// What it is.
+    /// The kind of camera.
     pub kind: CameraKind,
-    /// The model, as `gphoto2 --auto-detect` names it; none: the only camera there is.
+    /// The model, as `gphoto2 --auto-detect` names it. `None`: the only camera.
     #[serde(default)]
     pub model: Option<String>,
     /// Width and height of the part of the RAW picture that is used, in photosites.
     pub size: [usize; 2],
-    /// Where that part begins, to the right and down.
+    /// The offset of that part from the sensor's top left photosite, to the right and down.
     #[serde(default)]
     pub offset: [usize; 2],
-    /// The filters before the sensor, of the cell at the picture's first photosite; none: it is gray.
+    /// The colour filters of the 2×2 cell at the picture's top left photosite. `None`: the sensor is gray.
     #[serde(default)]
     pub tiles: Option<Tiles>,
-    /// What becomes of the cells.
+    /// How cells become pixels.
     #[serde(default)]
     pub colour: Colour,
     /// Bits of a photosite's count.
     #[serde(default = "fourteen")]
     pub bits: u32,
-    /// A photosite that counts so much is full; none: with all bits set. The white level of most sensors is less.
+    /// The count from which a photosite is saturated. `None`: `2^bits − 1`. The white level of most sensors is lower.
     #[serde(default)]
     pub saturation: Option<u16>,
-    /// The sensitivity, as the camera words its choices, e.g. `100`.
+    /// The sensitivity: one of the camera's choices, e.g. `100`. `None`: it is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub iso: Option<String>,
-    /// The lens's aperture, likewise, e.g. `8`.
+    /// The aperture of the lens: one of the camera's choices, e.g. `8`. `None`: it is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub aperture: Option<String>,
-    /// The format of its files, likewise, e.g. `RAW` or `NEF (Raw)`.
+    /// The format of the files: one of the camera's choices, e.g. `RAW` or `NEF (Raw)`. `None`: it is left unchanged.
     #[serde(default, deserialize_with = "worded")]
     pub image_format: Option<String>,
-    /// Other settings, by gphoto2's names for them.
+    /// Values of other settings, by the names that `gphoto2` gives them.
     #[serde(default)]
     pub settings: BTreeMap<String, String>,
-    /// The shortest and the longest exposure that are used, in seconds.
+    /// The shortest and the longest exposure, in seconds.
     #[serde(default = "exposures")]
     pub exposures: [f64; 2],
-    /// What shutter speeds really are: `stops = 3` takes each for the nearest power of the cube root of 2, as with most cameras (1/60 is
-    /// 1/64 s, 30 is 32 s), 2 of the square root; none: as the camera says them.
+    /// Steps of the shutter speed to a doubling. With `stops = 3`, each speed is replaced by the nearest power of the cube root of 2,
+    /// which is the true speed of most cameras (1/60 means 1/64 s, 30 means 32 s); with 2, of the square root. `None`: the camera's
+    /// numbers are taken literally.
     #[serde(default)]
     pub stops: Option<u32>,
-    /// Seconds beyond the exposure that gphoto2 may take for a photo, and the decoder for its file.
+    /// Seconds beyond the exposure that `gphoto2` may take for a photo, and that the decoder may take for its file.
     #[serde(default = "half_a_minute")]
     pub timeout: f64,
-    /// The program itself, where it is not on the `PATH` (then from the root on) or has another name.
+    /// The `gphoto2` program: its absolute path, or a name on `PATH`.
     #[serde(default = "gphoto2")]
     pub program: String,
-    /// The program that decodes RAW, with its arguments; the file's name is added. It prints a PGM, or leaves one beside the file:
-    /// the sensor's own counts, neither scaled nor turned.
+    /// The program that decodes RAW, with its arguments; the file's name is appended. It prints a PGM or leaves one beside the file,
+    /// with the sensor's counts, neither scaled nor rotated.
     #[serde(default = "dcraw")]
     pub decoder: Vec<String>,
 }
@@ -81,12 +82,12 @@ fn gphoto2() -> String {
     "gphoto2".into()
 }
 
-/// dcraw's raw counts (`-D`) of 16 bits on a line (`-4`), not turned (`-t 0`), printed (`-c`).
+/// `dcraw` with the options for raw counts (`-D`), linear 16 bits (`-4`), no rotation (`-t 0`), to standard output (`-c`).
 fn dcraw() -> Vec<String> {
     ["dcraw", "-4", "-D", "-t", "0", "-c"].map(String::from).to_vec()
 }
 
-/// A text, or a number for the text that it is.
+/// Reads a text, or a number as its text.
 fn worded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged, expecting = "one of the camera's choices as text or number")]
@@ -103,7 +104,7 @@ fn worded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, 
 }
 
 impl Gphoto2Spec {
-    /// The only camera there is, with so many gray photosites.
+    /// The only camera, with `width` by `height` gray photosites.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             kind: CameraKind::Gphoto2,
@@ -126,8 +127,8 @@ impl Gphoto2Spec {
         }
     }
 
-    /// The camera, as it presents itself. Its name says all that changes the numbers: photos and calibrations of other settings are
-    /// another camera's.
+    /// The camera's properties. The name contains every setting that changes counts, so that photos and calibrations of other settings
+    /// belong to another camera.
     pub fn info(&self) -> CameraInfo {
         let model = self.model.as_deref().map_or_else(String::new, |model| format!(" {model}"));
         let mut info = self.sensor().info(&format!("gphoto2{model}"), self.exposures);
@@ -146,7 +147,7 @@ impl Gphoto2Spec {
         Sensor { size, offset, bits, tiles, colour, saturation }
     }
 
-    /// Settings that the file asks for: the names that cameras have for each, and its value.
+    /// The settings that the rig file asks for: the possible names of each, and its value.
     pub(super) fn wanted(&self) -> impl Iterator<Item = (Vec<&str>, &str)> {
         let known: [(&[&str], &Option<String>); 3] = [
             (&["iso"], &self.iso),

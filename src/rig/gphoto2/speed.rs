@@ -1,8 +1,9 @@
-//! Shutter speeds as cameras word them.
+//! Shutter speeds in seconds, from the names that cameras give them.
 
-/// The seconds of a speed: `1/200`, `0.5`, `30`, `1.3s`, `1/1.3` or `0"4`. None of what is no time, as `bulb`.
+/// The seconds of a speed such as `1/200`, `0.5`, `30`, `1.3s`, `1/1.3` or `0"4`. `None`: it is not a time, e.g. `bulb`.
 ///
-/// Cameras word powers of a root of 2 as round numbers: 1/60 for 1/64 s. With `stops` to a doubling, the power that is nearest.
+/// Cameras name powers of a root of 2 by round numbers, e.g. 1/64 s by 1/60. With `stops` steps to a doubling, the result is the
+/// nearest power of `2^(1/stops)`.
 pub(super) fn seconds(speed: &str, stops: Option<u32>) -> Option<f64> {
     let speed = speed.trim().trim_end_matches(['s', '"']).trim_end().replace('"', ".");
     let number = |text: &str| text.trim().parse::<f64>().ok();
@@ -20,7 +21,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn speeds_are_read_in_every_wording() {
+    fn speeds_are_read_in_every_notation() {
         for (speed, expected) in [
             ("1/200", Some(0.005)),
             ("0.5", Some(0.5)),
@@ -43,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn round_numbers_stand_for_powers_of_a_root_of_two() {
+    fn round_numbers_are_replaced_by_powers_of_a_root_of_two() {
         for (speed, stops, power) in [
             ("1/8000", 3, -13.0),
             ("1/60", 3, -6.0),

@@ -1,13 +1,12 @@
-//! Pixel formats: how many bits a count has, how counts are packed, and which colours they are of.
+//! Pixel formats: the number of bits of a count, the packing of counts into bytes, and the colour filters.
 //!
-//! Names are those of EMVA's Pixel Format Naming Convention (PFNC 2.4). Bytes become counts in `viva-pfnc`, the GenICam crates'
-//! own table of layouts:
+//! The names are those of EMVA's Pixel Format Naming Convention (PFNC 2.4). The crate `viva-pfnc` unpacks bytes to counts:
 //!
-//! | ending | layout | PFNC |
+//! | suffix | layout | source |
 //! |---|---|---|
-//! | none | a count in 8 or 16 bits, its low byte first, its upper bits zero | 6.1.1 |
-//! | `p` | counts one after another without a gap, from bit 0 of byte 0 on | 6.3.1 |
-//! | `Packed` | two counts in three bytes, their high bytes first and last, their low bits between | GigE Vision 2.0 |
+//! | none | a count in 8 or 16 bits, low byte first, upper bits zero | PFNC 6.1.1 |
+//! | `p` | counts without gaps, from bit 0 of byte 0 on | PFNC 6.3.1 |
+//! | `Packed` | two counts in three bytes: high bits of the first, low bits of both, high bits of the second | GigE Vision 2.0 |
 
 use serde::de::{Deserialize, Deserializer, Error};
 
@@ -15,24 +14,26 @@ use super::mosaic::Tiles;
 
 macro_rules! formats {
     ($($(#[$of:meta])? $name:ident $key:literal $bits:literal $tiles:expr;)*) => {
-        /// How a camera hands out counts. In a rig file in lower case, as in `mono12p`; its own spelling will do.
+        /// The format in which a camera sends counts. Rig files write it in lower case, e.g. `mono12p`; the convention's own spelling
+        /// is accepted, too.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[allow(missing_docs, reason = "the convention's names are the documentation")]
         pub enum PixelFormat {
             $($(#[$of])? $name,)*
         }
 
-        /// All there are, with their keys.
+        /// All formats.
         const ALL: &[PixelFormat] = &[$(PixelFormat::$name),*];
+        /// Their names in rig files, in the same order.
         const KEYS: &[&str] = &[$($key),*];
 
         impl PixelFormat {
-            /// As cameras call it.
+            /// The name in the convention, which cameras use.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$name => stringify!($name),)* }
             }
 
-            /// As rig files call it.
+            /// The name in rig files.
             pub fn key(self) -> &'static str {
                 match self { $(Self::$name => $key,)* }
             }
@@ -42,7 +43,7 @@ macro_rules! formats {
                 match self { $(Self::$name => $bits,)* }
             }
 
-            /// The colours before the sensor; none before a gray one.
+            /// The colour filters before the sensor. `None`: the sensor is gray.
             pub fn tiles(self) -> Option<Tiles> {
                 match self { $(Self::$name => $tiles,)* }
             }
@@ -104,8 +105,8 @@ impl<'de> Deserialize<'de> for PixelFormat {
 
 #[cfg(any(feature = "gige", feature = "usb3"))]
 impl PixelFormat {
-    /// The counts of a frame of `width` by `height` photosites, row by row; the bytes of a row begin `stride` after those of the one
-    /// before, or without a gap. None where there are too few bytes.
+    /// Unpacks a frame of `width` by `height` photosites to counts, row by row. A row begins `stride` bytes after the previous one
+    /// (`None`: without a gap). The result is `None` if there are too few bytes.
     pub(in crate::rig) fn counts(
         self,
         [width, height]: [u32; 2],
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_mean_what_the_conventions_say() {
+    fn bytes_are_unpacked_as_the_conventions_say() {
         use PixelFormat as F;
         // By hand, from PFNC 2.4: 6.1.1 (whole bytes), figures 6-8 and 6-9 (`p`), and from the layout of GigE Vision 2.0 that makers
         // of cameras document for `Packed`.
@@ -138,7 +139,7 @@ mod tests {
             (F::Mono12, &[0xFF, 0x0F, 0x01, 0x00], &[4095, 1]),
             (F::Mono14, &[0xFF, 0x3F, 0x34, 0x12], &[16383, 0x1234]),
             (F::Mono16, &[0xFF, 0xFF, 0x34, 0x12], &[65535, 0x1234]),
-            // 0xABC is BC, A; 0x123 goes on with 3 in the upper half of the second byte: BC 3A 12.
+            // 0xABC is stored as BC, A; 0x123 continues with 3 in the upper half of the second byte: BC 3A 12.
             (F::Mono12p, &[0xBC, 0x3A, 0x12], &[0xABC, 0x123]),
             // High bytes AB and 12 outside, low halves C and 3 between, the first in the lower one: AB 3C 12.
             (F::Mono12Packed, &[0xAB, 0x3C, 0x12], &[0xABC, 0x123]),
@@ -156,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_bytes_are_no_frame_and_rows_may_be_padded() {
+    fn too_few_bytes_are_refused_and_rows_may_be_padded() {
         assert_eq!(PixelFormat::Mono12p.counts([4, 1], None, &[0; 5]), None);
         let padded = [0xBC, 0x3A, 0x12, 0xEE, 0x23, 0xC1, 0xAB, 0xEE];
         let found = PixelFormat::Mono12p.counts([2, 2], Some(4), &padded);
@@ -176,7 +177,7 @@ mod tests {
         }
     }
 
-    /// Counts of `bits`, four of them, one after another from bit 0 on.
+    /// Packs counts of `bits` bits without gaps, from bit 0 on.
     fn pack_lsb(counts: &[u16], bits: u32) -> Vec<u8> {
         let mut bytes = vec![0; (counts.len() * bits as usize).div_ceil(8)];
         for (index, count) in counts.iter().enumerate() {
@@ -188,7 +189,7 @@ mod tests {
         bytes
     }
 
-    /// Two counts in three bytes.
+    /// Packs pairs of counts into three bytes.
     fn pack_pairs(counts: &[u16], bits: u32) -> Vec<u8> {
         let low = bits - 8;
         let pairs = counts.chunks(2).map(|pair| [pair[0], pair.get(1).copied().unwrap_or(0)]);
@@ -200,7 +201,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_packed_comes_out_again(counts in prop::collection::vec(any::<u16>(), 1..40)) {
+        fn packed_counts_are_unpacked(counts in prop::collection::vec(any::<u16>(), 1..40)) {
             use PixelFormat as F;
             let width = counts.len() as u32;
             let of = |bits: u32| -> Vec<u16> { counts.iter().map(|count| count >> (16 - bits)).collect() };

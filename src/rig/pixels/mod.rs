@@ -1,10 +1,10 @@
-//! What a camera's bytes and counts mean: pixel formats, and the colours of a sensor behind a mosaic of filters.
+//! From a camera's bytes to counts and pixels: pixel formats, and colour sensors with a mosaic of filters.
 //!
 //! | from | to | file |
 //! |---|---|---|
 //! | bytes of a pixel format | a count for each photosite | `format` |
-//! | counts of a mosaic | pixels, a cell each | `mosaic` |
-//! | what a rig file says | what the camera is | `sensor` |
+//! | counts of a mosaic | a pixel for each 2×2 cell | `mosaic` |
+//! | the description in a rig file | the camera's properties | `sensor` |
 
 mod format;
 mod mosaic;

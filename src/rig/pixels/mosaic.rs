@@ -1,13 +1,13 @@
-//! A colour sensor: a mosaic of filters, two by two, each photosite behind one of them.
+//! Colour sensors: a mosaic of colour filters in cells of 2×2 photosites.
 //!
-//! Each cell of 2×2 photosites becomes one pixel, and nothing is interpolated: no count enters two pixels, so the noise of each
-//! pixel is its own, and the photo is the same linear function of light everywhere. Half the size is the price.
+//! Each cell becomes one pixel, without interpolation. No count contributes to two pixels; therefore the noise of pixels is
+//! independent, and each pixel is the same linear function of light. The photo has half the width and height of the sensor.
 
 use serde::Deserialize;
 
 use crate::image::Resolution;
 
-/// The colours of a cell: its upper row, then its lower one.
+/// The colour filters of a cell: the upper row, then the lower row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Tiles {
@@ -21,38 +21,38 @@ pub enum Tiles {
     Bggr,
 }
 
-/// What becomes of a cell's four counts R, G₁, G₂ and B.
+/// How the four counts R, G₁, G₂ and B of a cell become a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Colour {
-    /// Three channels: 2R, G₁ + G₂, 2B; one bit more than a photosite has.
+    /// Three channels: 2R, G₁ + G₂, 2B. They have one bit more than a photosite.
     #[default]
     Rgb,
-    /// One channel: R + G₁ + G₂ + B, all the light that the cell saw; two bits more.
+    /// One channel: R + G₁ + G₂ + B, all the light of the cell. It has two bits more than a photosite.
     Luma,
-    /// One channel: G₁ + G₂; one bit more.
+    /// One channel: G₁ + G₂. It has one bit more than a photosite.
     Green,
 }
 
-/// How cells become pixels.
+/// The conversion of a colour sensor's cells to pixels.
 ///
-/// A sum, not a mean: so no half of a count is lost. Where it takes more than 16 bits it is halved, or quartered, and rounded.
-/// A cell of which one photosite is full is full in all channels, at the highest count of all: the light that it gave away may be in its
-/// neighbours.
+/// A pixel is a sum, not a mean, so that nothing is lost by rounding. A sum of more than 16 bits is halved or quartered, and rounded.
+/// If one photosite of a cell is saturated, all channels of the pixel get the highest count, because the excess light may have spilled
+/// over into the neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Binning {
-    /// The filters.
+    /// The colour filters.
     pub tiles: Tiles,
-    /// What is wanted of them.
+    /// The channels of a pixel.
     pub colour: Colour,
     /// Bits of a photosite's count, 8 to 16.
     pub bits: u32,
-    /// A photosite that counts so much is full.
+    /// The count from which a photosite is saturated.
     pub full: u16,
 }
 
 impl Tiles {
-    /// The colours in capitals, as in `RGGB`.
+    /// The colours in capital letters, e.g. `RGGB`.
     pub fn letters(self) -> &'static str {
         match self {
             Self::Rggb => "RGGB",
@@ -62,7 +62,7 @@ impl Tiles {
         }
     }
 
-    /// Places in a cell (0 and 1 above, 2 and 3 below) of red, the two greens, and blue.
+    /// The positions of red, the two greens, and blue in a cell, where 0 and 1 are the upper row, 2 and 3 the lower row.
     fn places(self) -> [usize; 4] {
         match self {
             Self::Rggb => [0, 1, 2, 3],
@@ -74,7 +74,7 @@ impl Tiles {
 }
 
 impl Colour {
-    /// As rig files call it.
+    /// The name in rig files.
     pub fn key(self) -> &'static str {
         match self {
             Self::Rgb => "rgb",
@@ -83,12 +83,12 @@ impl Colour {
         }
     }
 
-    /// Channels of a pixel.
+    /// The number of channels of a pixel.
     pub fn channels(self) -> usize {
         if self == Self::Rgb { 3 } else { 1 }
     }
 
-    /// Bits that a sum has more than its counts.
+    /// The number of bits that a sum has more than its counts.
     fn more_bits(self) -> u32 {
         if self == Self::Luma { 2 } else { 1 }
     }
@@ -100,19 +100,20 @@ impl Binning {
         (self.bits + self.colour.more_bits()).min(16)
     }
 
-    /// Pixels of a mosaic of so many photosites; an odd row or column is left over.
+    /// The size in pixels of a mosaic with this size in photosites. An odd last row or column is dropped.
     pub fn resolution(&self, mosaic: Resolution) -> Resolution {
         Resolution::new(mosaic.width / 2, mosaic.height / 2)
     }
 
-    /// The pixels of a mosaic's counts, row by row, channels interleaved. `counts` must fill `mosaic`.
+    /// Converts the counts of a mosaic to pixels, row by row, channels interleaved. `counts` has one count for each photosite of
+    /// `mosaic`.
     pub fn bin(&self, mosaic: Resolution, counts: &[u16]) -> Vec<u16> {
         debug_assert_eq!(counts.len(), mosaic.pixels());
         let size = self.resolution(mosaic);
         let full = ((1_u32 << self.bits()) - 1) as u16;
         let shift = self.bits + self.colour.more_bits() - self.bits();
         let half = (1_u32 << shift) / 2;
-        // What is not full stays below what is.
+        // The highest count is reserved for saturated cells.
         let scaled = |sum: u32| (((sum + half) >> shift) as u16).min(full - 1);
         let mut pixels = Vec::with_capacity(size.pixels() * self.colour.channels());
         for y in 0..size.height {
@@ -149,9 +150,9 @@ mod tests {
     const ALL: [Tiles; 4] = [Tiles::Rggb, Tiles::Grbg, Tiles::Gbrg, Tiles::Bggr];
 
     #[test]
-    fn each_colour_is_taken_from_behind_its_filter() {
+    fn each_channel_is_taken_from_the_photosites_of_its_colour() {
         for tiles in ALL {
-            // As the letters stand: red 100, the first green 7, the second 9, blue 1000.
+            // In the order of the letters: red 100, the first green 7, the second 9, blue 1000.
             let mut greens = [7, 9].into_iter();
             let cell: Vec<u16> = tiles
                 .letters()
@@ -169,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_stay_where_they_are_and_odd_edges_are_left_over() {
+    fn cells_keep_their_position_and_odd_edges_are_dropped() {
         let mosaic = Resolution::new(5, 3);
         let counts: Vec<u16> = (0..15).collect();
         let of = binning(Tiles::Rggb, Colour::Luma, 12);
@@ -178,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_with_one_full_photosite_is_full_in_all_channels() {
+    fn a_cell_with_one_saturated_photosite_is_saturated_in_all_channels() {
         for tiles in ALL {
             for colour in [Colour::Rgb, Colour::Luma, Colour::Green] {
                 for bits in [8, 12, 14, 16] {
@@ -190,7 +191,7 @@ mod tests {
                         let pixel = of.bin(CELL, &cell);
                         assert!(pixel.iter().all(|&count| count == top), "{of:?}: {pixel:?}");
                     }
-                    // And one of which none is full is not, however bright.
+                    // A bright cell without a saturated photosite stays below the highest count.
                     let bright = of.bin(CELL, &[of.full - 1; 4]);
                     assert!(bright.iter().all(|&count| count < top), "{of:?}: {bright:?}");
                 }

@@ -1,29 +1,29 @@
-//! The part of a sensor that is read, and what becomes of its counts.
+//! The part of a sensor that is read, and the conversion of its counts to pixels.
 
 use super::mosaic::{Binning, Colour, Tiles};
 use crate::image::Resolution;
 use crate::rig::CameraInfo;
 
-/// What a rig file says of a camera's sensor.
+/// The description of a camera's sensor in a rig file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sensor {
-    /// Photosites that are read.
+    /// Width and height of the part that is read, in photosites.
     pub(crate) size: [usize; 2],
-    /// Where they begin, to the right and down.
+    /// The offset of that part from the sensor's top left photosite, to the right and down.
     pub(crate) offset: [usize; 2],
     /// Bits of a photosite's count.
     pub(crate) bits: u32,
-    /// The filters before them; none: it is gray.
+    /// The colour filters. `None`: the sensor is gray.
     pub(crate) tiles: Option<Tiles>,
-    /// What becomes of a cell of filters.
+    /// How the cells of a colour sensor become pixels.
     pub(crate) colour: Colour,
-    /// A photosite that counts so much is full; none: with all bits set.
+    /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
     pub(crate) saturation: Option<u16>,
 }
 
 impl Sensor {
-    /// A camera with this sensor, called `name` and what of the sensor changes the numbers: photos and calibrations of other settings
-    /// are another camera's.
+    /// The properties of a camera with this sensor. Its name is `name`, followed by every setting of the sensor that changes counts,
+    /// so that photos and calibrations of other settings belong to another camera.
     pub(crate) fn info(&self, name: &str, exposures: [f64; 2]) -> CameraInfo {
         let [[width, height], [x, y]] = [self.size, self.offset];
         let mut name = format!("{name} {width}x{height}+{x}+{y}");
@@ -59,7 +59,7 @@ impl Sensor {
         ((1_u32 << self.bits) - 1) as u16
     }
 
-    /// What the counts of all photosites are as pixels of [`Self::info`]'s camera.
+    /// Converts the counts of all photosites to the pixels of [`Self::info`]'s camera. Saturated pixels get the highest count.
     pub(crate) fn pixels(&self, mut counts: Vec<u16>) -> Vec<u16> {
         if let Some(binning) = self.binning() {
             return binning.bin(self.raster(), &counts);
@@ -69,7 +69,7 @@ impl Sensor {
         counts
     }
 
-    /// What of it cannot be, whatever the camera: what is wrong, and what to do.
+    /// Finds a contradiction in the description: what is wrong, and what to do. `None`: there is none.
     pub(crate) fn fault(&self) -> Option<[String; 2]> {
         let fault = |fault: String, help: String| Some([fault, help]);
         for (key, [a, b]) in [("size", self.size), ("offset", self.offset)] {
@@ -104,7 +104,7 @@ mod tests {
         Sensor { size: [4, 2], offset: [2, 0], bits: 12, tiles: None, colour: Colour::Rgb, saturation: None };
 
     #[test]
-    fn a_gray_sensors_counts_stay_and_full_ones_have_all_bits_set() {
+    fn a_gray_sensors_counts_stay_and_saturated_ones_have_all_bits_set() {
         let info = GRAY.info("it", [0.1, 1.0]);
         assert_eq!((info.name.as_str(), info.channels, info.bits), ("it 4x2+2+0", 1, 12));
         assert_eq!(GRAY.pixels(vec![0, 4094, 4095, 7]), [0, 4094, 4095, 7]);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_colour_sensor_has_half_the_size_and_says_how_it_is_binned() {
+    fn a_colour_sensor_has_half_the_size_and_its_name_says_how_it_is_binned() {
         let colour = Sensor { tiles: Some(Tiles::Rggb), ..GRAY };
         let info = colour.info("it", [0.1, 1.0]);
         assert_eq!(info.name, "it 4x2+2+0 RGGB binned to rgb");
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_named() {
+    fn contradictions_are_named() {
         let refused = |sensor: Sensor| sensor.fault().expect("it is refused").join("; ");
         let colour = Sensor { tiles: Some(Tiles::Rggb), ..GRAY };
         assert_eq!((GRAY.fault(), colour.fault()), (None, None));

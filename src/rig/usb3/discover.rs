@@ -1,4 +1,4 @@
-//! Which cameras there are.
+//! The search for cameras.
 
 use viva_genicam::u3v::U3vDeviceInfo;
 
@@ -10,20 +10,20 @@ use crate::rig::genicam::Abilities;
 /// A USB3 Vision camera that is plugged in.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FoundUsbCamera {
-    /// Its serial number, as far as it says.
+    /// The serial number, if the camera says.
     pub serial: Option<String>,
-    /// Who made it, as far as it says.
+    /// The maker, if the camera says.
     pub maker: Option<String>,
-    /// What it is called.
+    /// The model, if the camera says.
     pub model: Option<String>,
-    /// How fast it is connected.
+    /// The speed of the connection, if known.
     pub speed: Option<String>,
 }
 
-/// The USB3 Vision cameras that are plugged in. None is opened for that.
+/// Finds the USB3 Vision cameras that are plugged in, without opening them.
 ///
 /// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when the system does not tell what is plugged in.
+/// [`Error::Rig`](crate::Error::Rig) when the system does not list its USB devices.
 pub fn usb_cameras() -> Result<Vec<FoundUsbCamera>> {
     let camera = |device: U3vDeviceInfo| FoundUsbCamera {
         serial: device.serial,
@@ -34,10 +34,10 @@ pub fn usb_cameras() -> Result<Vec<FoundUsbCamera>> {
     Ok(devices()?.into_iter().map(camera).collect())
 }
 
-/// What the camera of this serial number (none: the only one) can do. It is opened for that, and let go.
+/// Opens the camera with this serial number (`None`: the only camera), reads what it can do, and closes it.
 ///
 /// # Errors
-/// [`Error::Rig`](crate::Error::Rig) when it is not there, or another program holds it.
+/// [`Error::Rig`](crate::Error::Rig) when it is not plugged in, or another program holds it.
 pub fn usb_camera_abilities(serial: Option<&str>) -> Result<Abilities> {
     let spec = Usb3Spec { serial: serial.map(str::to_owned), ..Usb3Spec::new(1, 1) };
     Ok(Abilities::of(&spec.open()?))

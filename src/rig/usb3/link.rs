@@ -1,4 +1,4 @@
-//! A session with a camera on USB.
+//! The session with a USB3 Vision camera.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::rig::{Camera, CameraInfo, RawFrame, WallClock};
 pub struct Usb3Vision(Triggered<OnUsb<Usb3Spec>>);
 
 impl Usb3Vision {
-    /// Opens the camera. Times are told by `clock`; frames are numbered from past `after` on.
+    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when it is not plugged in, another program holds it, or it cannot do what `spec` says.
@@ -42,7 +42,7 @@ impl Camera for Usb3Vision {
     }
 }
 
-/// The protocol, on whatever carries its bytes.
+/// The USB3 Vision protocol over a port, which is real or simulated.
 pub(super) struct OnUsb<P>(pub(super) P);
 
 impl<P: Port> Transport for OnUsb<P> {
@@ -72,12 +72,12 @@ impl<P: Port> Transport for OnUsb<P> {
     }
 
     fn number(frame: &Frame) -> u64 {
-        // Their first is 0.
+        // The camera's first frame has the number 0.
         frame.block_id + 1
     }
 
     fn resent(_: &U3vFrameStream) -> u64 {
-        // Nothing is lost on USB but whole frames.
+        // On USB only whole frames are lost.
         0
     }
 }

@@ -2,21 +2,21 @@
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | who is there | on the computer's USB ports, and what it can do | `discover` |
-//! | port | found by serial number, opened | `port` |
-//! | session | its frames, released | `link` |
-//! | in the rig file | its keys | `spec` |
+//! | find | lists the cameras on the computer's USB ports, and what each can do | `discover` |
+//! | open | finds a camera by its serial number | `port` |
+//! | session | receives its frames | `link` |
+//! | describe | the keys of a rig file | `spec` |
 //!
-//! All else is common with GigE Vision, and proven there: [`super::genicam`].
+//! Everything else is shared with GigE Vision, and tested there: [`super::genicam`].
 
 #[cfg(feature = "usb3")]
 mod discover;
 #[cfg(feature = "usb3")]
 mod link;
-#[cfg(all(test, feature = "usb3"))]
-mod played;
 #[cfg(feature = "usb3")]
 mod port;
+#[cfg(all(test, feature = "usb3"))]
+mod simulated;
 mod spec;
 
 #[cfg(feature = "usb3")]

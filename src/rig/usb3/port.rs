@@ -1,4 +1,4 @@
-//! Finding a camera on USB, and opening it.
+//! The USB port of a camera: finding the camera and opening it.
 
 use viva_genicam::u3v::{NusbTransfer, U3vDeviceInfo, UsbTransfer, discover};
 use viva_genicam::{Camera as Described, U3vRegisterIo, connect_u3v};
@@ -7,15 +7,15 @@ use super::Usb3Spec;
 use crate::error::{Error, Result};
 use crate::rig::camera_fault;
 
-/// How a camera is opened.
-pub(super) trait Port {
-    /// What carries bytes to it and back.
+/// A way to open a camera.
+pub(super) trait Port: Send {
+    /// The transfer of bytes to the camera and back.
     type Wire: UsbTransfer + 'static;
 
-    /// Where it is, in errors.
+    /// Where the camera is, for errors, e.g. `on USB`.
     fn place(&self) -> String;
 
-    /// Opens it.
+    /// Opens the camera.
     fn open(&self) -> Result<Described<U3vRegisterIo<Self::Wire>>>;
 }
 
@@ -38,7 +38,7 @@ impl Port for Usb3Spec {
     }
 }
 
-/// The cameras that are plugged in, as the protocol knows them.
+/// Lists the cameras that are plugged in.
 pub(super) fn devices() -> Result<Vec<U3vDeviceInfo>> {
     discover().map_err(|why| {
         camera_fault(
@@ -48,7 +48,7 @@ pub(super) fn devices() -> Result<Vec<U3vDeviceInfo>> {
     })
 }
 
-/// The camera of this serial number, or the only one.
+/// Chooses the camera with this serial number, or the only one.
 fn choose(mut devices: Vec<U3vDeviceInfo>, serial: Option<&str>) -> Result<U3vDeviceInfo> {
     let known: Vec<String> =
         devices.iter().map(|device| device.serial.clone().unwrap_or_else(|| "?".into())).collect();
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_is_chosen_by_its_serial_number_or_as_the_only_one() {
+    fn a_camera_is_chosen_by_its_serial_number_or_because_it_is_the_only_one() {
         let both = || vec![device("A1"), device("B2")];
         let of = |devices, serial| choose(devices, serial).map(|device| device.serial);
         let refused = |devices, serial| of(devices, serial).expect_err("it is refused").to_string();

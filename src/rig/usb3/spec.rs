@@ -1,4 +1,4 @@
-//! What is written about a USB3 Vision camera.
+//! The description of a USB3 Vision camera, as a rig file has it.
 
 use serde::Deserialize;
 
@@ -7,42 +7,42 @@ use crate::rig::cameras::{CameraKind, exposures, timeout};
 use crate::rig::genicam::Settings;
 use crate::rig::pixels::{Colour, PixelFormat, Sensor};
 
-/// A USB3 Vision camera.
+/// A description of a USB3 Vision camera.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Usb3Spec {
-    /// What it is.
+    /// The kind of camera.
     pub kind: CameraKind,
-    /// Its serial number; none: the only one there is.
+    /// The camera's serial number. `None`: the only camera that is plugged in.
     #[serde(default)]
     pub serial: Option<String>,
-    /// Width and height of the part of its sensor that is read, in photosites.
+    /// Width and height of the part of the sensor that is read, in photosites.
     pub size: [usize; 2],
-    /// Where that part begins, to the right and down.
+    /// The offset of that part from the sensor's top left photosite, to the right and down.
     #[serde(default)]
     pub offset: [usize; 2],
-    /// How it hands out counts.
+    /// The format in which the camera sends counts.
     #[serde(default)]
     pub pixel_format: PixelFormat,
-    /// What becomes of a colour sensor's cells.
+    /// How the cells of a colour sensor become pixels.
     #[serde(default)]
     pub colour: Colour,
-    /// A photosite that counts so much is full; none: with all bits set.
+    /// The count from which a photosite is saturated. `None`: `2^bits − 1`.
     #[serde(default)]
     pub saturation: Option<u16>,
-    /// Its gain, in the camera's own unit (mostly decibels); none: as it is set.
+    /// The gain in the camera's own unit (usually decibels). `None`: the camera's setting is left unchanged.
     #[serde(default)]
     pub gain: Option<f64>,
-    /// The shortest and the longest exposure that are used, in seconds.
+    /// The shortest and the longest exposure, in seconds.
     #[serde(default = "exposures")]
     pub exposures: [f64; 2],
-    /// Seconds beyond the exposure after which a frame that does not come is given up.
+    /// Seconds to wait for a frame beyond its exposure.
     #[serde(default = "timeout")]
     pub timeout: f64,
 }
 
 impl Usb3Spec {
-    /// The only camera there is, with 12 bits and so many pixels.
+    /// The only camera that is plugged in, with counts of 12 bits and an image of `width` by `height` pixels.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             kind: CameraKind::Usb3,
@@ -58,7 +58,7 @@ impl Usb3Spec {
         }
     }
 
-    /// The camera, as it presents itself.
+    /// The camera's properties.
     pub fn info(&self) -> CameraInfo {
         let serial = self.serial.as_deref().map_or_else(String::new, |serial| format!(" {serial}"));
         self.settings().info(&format!("usb3{serial}"))

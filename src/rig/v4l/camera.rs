@@ -1,4 +1,4 @@
-//! The camera as a rig sees it. It runs free: for each photo, frames that may have begun before are thrown away.
+//! The video camera as a rig's camera. It runs freely: for each photo, frames that may have begun before are discarded.
 
 use std::time::Duration;
 
@@ -13,25 +13,25 @@ use super::spec::V4lSpec;
 use crate::error::Result;
 use crate::rig::{Camera, CameraInfo, RawFrame, WallClock, camera_fault};
 
-/// Frames that the driver keeps, which are from before whenever nobody fetched them for a while.
+/// The number of frames that the driver buffers. After a pause these are from before the pause.
 const BUFFERS: u32 = 2;
 
-/// A camera behind Linux's video interface.
+/// An open camera of Linux's video interface.
 pub struct V4l {
     info: CameraInfo,
     spec: V4lSpec,
     clock: WallClock,
     device: Device,
     layout: Layout,
-    /// None: not started, or ended by an error.
+    /// The stream of frames. `None`: not started, or ended by an error.
     stream: Option<Stream<'static>>,
-    /// What was asked for, and what was set.
+    /// The exposure that was asked for, and the one that was set, in seconds.
     exposure: [f64; 2],
     id: u64,
 }
 
 impl V4l {
-    /// Opens the camera. Times are told by `clock`; frames are numbered from past `after` on.
+    /// Opens the camera. Frames carry the times of `clock`, and numbers from `after + 1` on.
     ///
     /// # Errors
     /// [`Error::Rig`](crate::Error::Rig) when there is no such device, it is in use, or it cannot do what `spec` says.
@@ -51,13 +51,13 @@ impl V4l {
         Ok(camera)
     }
 
-    /// The counts of the frame after those that are thrown away. None: none came in time, or it is damaged.
+    /// Discards the frames that may be too early, and returns the counts of the next one. `None`: the frame is damaged.
     fn next(&mut self) -> std::io::Result<Option<Vec<u16>>> {
         let stream = match &mut self.stream {
             Some(stream) => stream,
             None => self.stream.insert(Stream::with_buffers(&self.device, Type::VideoCapture, BUFFERS)?),
         };
-        // A frame takes as long as its exposure, or as the camera's rate.
+        // The timeout covers the exposure and the interval of the camera's frame rate.
         stream.set_timeout(Duration::from_secs_f64(self.exposure[1] + self.spec.timeout));
         for _ in 0..BUFFERS + self.spec.skip {
             stream.next()?;
@@ -72,7 +72,7 @@ impl V4l {
     }
 }
 
-/// The device, set up.
+/// Opens the device and sets it up.
 fn ready(spec: &V4lSpec) -> Result<(Device, Layout)> {
     let mut device = Device::with_path(&spec.device).map_err(|why| {
         camera_fault(
@@ -97,12 +97,13 @@ impl Camera for V4l {
     }
 
     fn capture(&mut self) -> Result<Option<RawFrame>> {
-        // All that was begun before is thrown away.
+        // Frames that began before this time are discarded.
         let started = self.clock.seconds();
         let counts = match self.next() {
             Ok(Some(counts)) => counts,
             Ok(None) => return Ok(None),
-            // It did not come, or the camera is gone: from a fresh stream next time, or an error when it is opened anew.
+            // The frame did not arrive in time, or the camera failed: the next capture starts a new stream, and the next restart opens
+            // the device again.
             Err(_) => {
                 self.stream = None;
                 return Ok(None);

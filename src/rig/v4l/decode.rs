@@ -1,12 +1,12 @@
-//! Bytes of a frame to counts.
+//! The conversion of a frame's bytes to counts.
 
 use super::V4lFormat;
 
-/// The counts of a frame of `width` by `height` pixels, row by row; the bytes of a row begin `stride` after those of the one before.
-/// None where there are too few bytes.
+/// The counts of a frame of `width` by `height` pixels, row by row. A row begins `stride` bytes after the previous one. `None`: there
+/// are too few bytes.
 ///
-/// Layouts are those of the kernel's documentation (V4L2_PIX_FMT_GREY, _Y10, _Y12, _Y16, _YUYV): counts of more than 8 bits have 16,
-/// the low byte first; of luma and chroma in turn every second byte is luma.
+/// The layouts are those of the kernel's documentation (V4L2_PIX_FMT_GREY, _Y10, _Y12, _Y16, _YUYV). Counts of more than 8 bits take 16
+/// bits, low byte first; in YUYV every second byte is luma.
 pub(super) fn counts(
     format: V4lFormat,
     [width, height]: [usize; 2],
@@ -16,13 +16,13 @@ pub(super) fn counts(
     let taken = width * if format == V4lFormat::Grey { 1 } else { 2 };
     let mut counts = Vec::with_capacity(width * height);
     for row in 0..height {
-        // The last row need not be filled up.
+        // The last row may lack its padding.
         let row = bytes.get(row * stride..row * stride + taken)?;
         match format {
             V4lFormat::Grey => counts.extend(row.iter().map(|&byte| u16::from(byte))),
             V4lFormat::Yuyv => counts.extend(row.as_chunks::<2>().0.iter().map(|[luma, _]| u16::from(*luma))),
             V4lFormat::Y10 | V4lFormat::Y12 | V4lFormat::Y16 => {
-                // What a driver leaves in the bits above is none of the count's.
+                // The driver may leave anything in the unused upper bits.
                 let mask = ((1_u32 << format.bits()) - 1) as u16;
                 counts.extend(row.as_chunks::<2>().0.iter().map(|&pair| u16::from_le_bytes(pair) & mask));
             }
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_mean_what_the_kernel_says() {
+    fn bytes_are_decoded_as_the_kernel_documents() {
         use V4lFormat as F;
         for (format, bytes, expected) in [
             (F::Grey, &[1, 255][..], &[1, 255][..]),
@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_may_be_padded_and_a_short_frame_is_none() {
+    fn rows_may_be_padded_and_a_short_frame_is_refused() {
         let bytes = [1, 2, 99, 3, 4];
         assert_eq!(counts(V4lFormat::Grey, [2, 2], 3, &bytes), Some(vec![1, 2, 3, 4]));
         assert_eq!(counts(V4lFormat::Grey, [2, 2], 3, &bytes[..4]), None);

@@ -1,4 +1,4 @@
-//! The video interface of Linux, through the crate `v4l`.
+//! Access to Linux's video interface through the crate `v4l`.
 
 use std::io::Error as Refusal;
 
@@ -9,27 +9,27 @@ use v4l::{Device, Format, FourCC};
 use super::V4lFormat;
 use super::set_up::{Layout, VideoDevice};
 
-/// A video device that could be a camera.
+/// A video device that may be a camera.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct FoundVideoDevice {
-    /// Its file; `device` in a rig file.
+    /// The device file; `device` in a rig file.
     pub device: String,
-    /// As its driver names it.
+    /// The driver's name of the device.
     pub name: String,
-    /// Those of its formats that krylux reads; `pixel_format` in a rig file.
+    /// The formats that krylux supports; `pixel_format` in a rig file.
     pub formats: Vec<&'static str>,
 }
 
-/// The video devices of this computer that take pictures.
+/// Lists the computer's video devices that capture images.
 pub fn video_devices() -> Vec<FoundVideoDevice> {
-    // No folder: no such devices.
+    // Without the folder there are no video devices.
     let entries = std::fs::read_dir("/sys/class/video4linux").into_iter().flatten().flatten();
     let mut found: Vec<FoundVideoDevice> = entries
         .filter_map(|entry| {
             let device = format!("/dev/{}", entry.file_name().to_string_lossy());
             let name = std::fs::read_to_string(entry.path().join("name")).unwrap_or_default();
             let codes = Device::with_path(&device).ok()?.formats().ok()?;
-            // One that has none at all is for something else.
+            // A device without any format captures no images.
             let known = V4lFormat::ALL.iter().filter(|format| codes.contains(&format.code()));
             let formats = known.map(|format| format.key()).collect();
             (!codes.is_empty()).then(|| FoundVideoDevice { device, name: name.trim().into(), formats })

@@ -1,14 +1,14 @@
-//! A camera behind Linux's video interface (feature `v4l`), which has not been tried on hardware.
+//! A camera of Linux's video interface V4L2 (feature `v4l`). This has not been tried on hardware.
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | set up | format and size as asked for, nothing automatic, exposure and gain by hand, each read back | `set_up` |
-//! | counts | bytes of a frame, row by row | `decode` |
-//! | frames | it runs free: those from before are thrown away | `camera` |
-//! | the interface itself | through the crate `v4l` | `device` |
-//! | in the rig file | its keys | `spec` |
+//! | set up | sets format, size, exposure and gain, switches automatics off, and reads each back | `set_up` |
+//! | counts | converts the bytes of a frame to counts | `decode` |
+//! | frames | takes frames of a camera that runs freely, and discards those that began too early | `camera` |
+//! | interface | calls the kernel through the crate `v4l` | `device` |
+//! | describe | the keys of a rig file | `spec` |
 //!
-//! All but `device` and `camera` is told of a video device by a trait, and tested on one that is played.
+//! `set_up` reaches the device through a trait, so that it is tested on a simulated device.
 
 #[cfg(feature = "v4l")]
 mod camera;

@@ -1,31 +1,33 @@
-//! A video device brought to what a rig file says: its format, nothing automatic, exposure and gain by hand. A driver may set something
-//! else than what it is asked for, and does not call that an error: each is read back.
+//! The setup of a video device: format, exposure and gain as the rig file says, nothing automatic. A driver may set another value than
+//! it is asked for, without an error; therefore each value is read back.
 
 use super::spec::V4lSpec;
 use crate::error::Result;
 use crate::rig::camera_fault;
 
-/// Why a video device refused.
+/// The error of a video device.
 pub(super) type Refusal = std::io::Error;
 
-/// How a device hands out frames.
+/// The layout of a device's frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
+    /// The four-character code of the pixel format.
     pub(super) code: [u8; 4],
+    /// Width and height in pixels.
     pub(super) size: [usize; 2],
     /// Bytes from one row to the next.
     pub(super) stride: usize,
 }
 
-/// What a video device can be asked.
+/// The requests to a video device.
 pub(super) trait VideoDevice {
-    /// The four letters of each of its formats.
+    /// The four-character codes of its pixel formats.
     fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal>;
 
-    /// Asks for a format and a size; what was set.
+    /// Asks for a format and a size; returns the layout that was set.
     fn set_layout(&mut self, code: [u8; 4], size: [usize; 2]) -> std::result::Result<Layout, Refusal>;
 
-    /// A control's value. An error where there is no such control.
+    /// Reads a control's value. It is an error if there is no such control.
     fn control(&self, id: u32) -> std::result::Result<i64, Refusal>;
 
     /// Asks for a control's value.
@@ -47,7 +49,7 @@ pub(super) mod id {
     pub(in super::super) const STABILIZATION: u32 = 0x009A_0916;
 }
 
-/// What is automatic, and its value when it is off (`EXPOSURE_AUTO`: 1 is by hand).
+/// The automatic controls, with the value that switches each off (of `EXPOSURE_AUTO`, 1 means manual).
 const AUTOMATIC: [(u32, &str, i64); 9] = [
     (id::EXPOSURE_AUTO, "the automatic exposure", 1),
     (id::AUTO_GAIN, "the automatic gain", 0),
@@ -63,15 +65,15 @@ const AUTOMATIC: [(u32, &str, i64); 9] = [
 /// Units of `EXPOSURE` in a second.
 const PER_SECOND: f64 = 1e4;
 
-/// By how much an exposure that was set may differ from the one that was asked for, relatively: half a unit of the shortest that is
-/// worth having, and what drivers round to.
+/// The largest relative difference between the exposure that was asked for and the one that was set: half a unit at an exposure of five
+/// units, which also covers the rounding of drivers.
 const NEAR: f64 = 0.1;
 
-/// Sets a device up; how it hands out frames.
+/// Sets a device up; returns the layout of its frames.
 pub(super) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
     let layout = set_layout(device, spec)?;
     for (id, name, off) in AUTOMATIC {
-        // What it does not have is off.
+        // A control that the device does not have is off.
         if device.control(id).is_ok_and(|value| value != off) {
             put(device, spec, (id, name), off)?;
         }
@@ -79,7 +81,7 @@ pub(super) fn set_up(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<La
     if let Some(gain) = spec.gain {
         put(device, spec, (id::GAIN, "gain"), gain)?;
     }
-    // The ends of what is promised must be there.
+    // The rig file promises exposures between these two.
     let [shortest, longest] = spec.exposures;
     set_exposure(device, spec, longest)?;
     set_exposure(device, spec, shortest)?;
@@ -116,7 +118,7 @@ fn set_layout(device: &mut impl VideoDevice, spec: &V4lSpec) -> Result<Layout> {
     Ok(set)
 }
 
-/// Sets the exposure in seconds; what was really set.
+/// Sets the exposure in seconds; returns the exposure that was really set.
 pub(super) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposure: f64) -> Result<f64> {
     let units = (exposure * PER_SECOND).round().max(1.0) as i64;
     let failed = |why: Refusal| {
@@ -136,7 +138,7 @@ pub(super) fn set_exposure(device: &mut impl VideoDevice, spec: &V4lSpec, exposu
     ))
 }
 
-/// Sets a control, and reads it back.
+/// Sets a control, and checks it by reading it back.
 fn put(device: &mut impl VideoDevice, spec: &V4lSpec, (id, name): (u32, &str), value: i64) -> Result<()> {
     let help = "`v4l2-ctl --list-ctrls` names the device's controls and their limits";
     device
@@ -168,8 +170,8 @@ mod tests {
     use super::*;
     use crate::rig::{CameraKind, V4lFormat};
 
-    /// A device that does what drivers do: values are brought within limits, sizes to the nearest there is.
-    struct Played {
+    /// A simulated device that acts as drivers do: it clamps values to their limits, and sizes to the largest one.
+    struct SimulatedDevice {
         formats: Vec<[u8; 4]>,
         most: [usize; 2],
         /// By number: value, least and most.
@@ -178,7 +180,7 @@ mod tests {
         stubborn: Vec<u32>,
     }
 
-    impl VideoDevice for Played {
+    impl VideoDevice for SimulatedDevice {
         fn formats(&self) -> std::result::Result<Vec<[u8; 4]>, Refusal> {
             Ok(self.formats.clone())
         }
@@ -203,9 +205,9 @@ mod tests {
         }
     }
 
-    /// A webcam as it is plugged in: all automatic.
-    fn webcam() -> Played {
-        Played {
+    /// A webcam after it was plugged in: everything is automatic.
+    fn webcam() -> SimulatedDevice {
+        SimulatedDevice {
             formats: vec![*b"MJPG", *b"YUYV", *b"Y16 "],
             most: [1280, 720],
             controls: BTreeMap::from([
@@ -235,12 +237,12 @@ mod tests {
     }
 
     #[track_caller]
-    fn refused(mut device: Played, spec: &V4lSpec) -> String {
+    fn refused(mut device: SimulatedDevice, spec: &V4lSpec) -> String {
         set_up(&mut device, spec).expect_err("it is refused").to_string()
     }
 
     #[test]
-    fn nothing_stays_automatic_and_what_is_asked_for_is_set() {
+    fn automatics_are_switched_off_and_values_are_set() {
         let mut device = webcam();
         let layout = set_up(&mut device, &spec()).expect("it can do that");
         assert_eq!(layout, Layout { code: *b"Y16 ", size: [640, 480], stride: 1280 });
@@ -256,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_driver_sets_instead_is_told() {
+    fn errors_name_the_value_that_a_driver_set_instead() {
         let message = refused(webcam(), &V4lSpec { pixel_format: V4lFormat::Grey, ..spec() });
         assert!(
             message.contains("no pixel format GREY") && message.contains("it has MJPG, YUYV, Y16"),
@@ -270,7 +272,7 @@ mod tests {
         assert!(message.contains("asked for an exposure of 1 s, and set 0.2047 s"), "{message}");
         let message = refused(webcam(), &V4lSpec { exposures: [1e-5, 0.1], ..spec() });
         assert!(message.contains("an exposure of 0.00001 s"), "{message}");
-        let stubborn = Played { stubborn: vec![id::EXPOSURE_AUTO], ..webcam() };
+        let stubborn = SimulatedDevice { stubborn: vec![id::EXPOSURE_AUTO], ..webcam() };
         let message = refused(stubborn, &spec());
         assert!(message.contains("the automatic exposure to 1, and set 3"), "{message}");
         let mut blind = webcam();

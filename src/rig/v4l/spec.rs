@@ -1,4 +1,4 @@
-//! What is written about a camera behind Linux's video interface.
+//! The description of a camera of Linux's video interface, as a rig file has it.
 
 use serde::Deserialize;
 
@@ -6,38 +6,38 @@ use crate::rig::CameraInfo;
 use crate::rig::cameras::{CameraKind, timeout};
 use crate::rig::pixels::{Colour, Sensor};
 
-/// A camera behind Linux's video interface: a webcam, mostly. It runs free, its gray counts are used.
+/// A description of a camera of Linux's video interface, e.g. a webcam. It runs freely, and its gray counts are used.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct V4lSpec {
-    /// What it is.
+    /// The kind of camera.
     pub kind: CameraKind,
-    /// Its device, e.g. `/dev/video0`.
+    /// The device file, e.g. `/dev/video0`.
     pub device: String,
-    /// Width and height of its picture.
+    /// Width and height of a frame in pixels.
     pub size: [usize; 2],
-    /// How it hands out counts.
+    /// The format in which the camera sends counts.
     #[serde(default)]
     pub pixel_format: V4lFormat,
-    /// A pixel that counts so much is full; none: with all bits set.
+    /// The count from which a pixel is saturated. `None`: `2^bits − 1`.
     #[serde(default)]
     pub saturation: Option<u16>,
-    /// Its gain, in the driver's own unit; none: as it is set.
+    /// The gain in the driver's own unit. `None`: the camera's setting is left unchanged.
     #[serde(default)]
     pub gain: Option<i64>,
-    /// The shortest and the longest exposure that are used, in seconds.
+    /// The shortest and the longest exposure, in seconds.
     #[serde(default = "exposures")]
     pub exposures: [f64; 2],
-    /// Seconds beyond the exposure after which a frame that does not come is given up.
+    /// Seconds to wait for a frame beyond its exposure.
     #[serde(default = "timeout")]
     pub timeout: f64,
-    /// Frames that are thrown away before each photo, beyond those that wait in the driver: as many as the camera itself may have
-    /// begun before.
+    /// The number of frames that are discarded before each photo, in addition to those that the driver buffers: those that the camera
+    /// itself may have begun too early.
     #[serde(default = "two")]
     pub skip: u32,
 }
 
-/// How counts are packed.
+/// The pixel formats that are supported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum V4lFormat {
@@ -50,15 +50,15 @@ pub enum V4lFormat {
     /// 16 bits of gray.
     #[default]
     Y16,
-    /// Luma and halved chroma in turn, 8 bits each: luma alone is used.
+    /// Luma and chroma alternately, 8 bits each; only luma is used.
     Yuyv,
 }
 
 impl V4lFormat {
-    /// All there are.
+    /// All formats.
     pub const ALL: [Self; 5] = [Self::Grey, Self::Y10, Self::Y12, Self::Y16, Self::Yuyv];
 
-    /// As rig files call it.
+    /// The name in rig files.
     pub fn key(self) -> &'static str {
         match self {
             Self::Grey => "grey",
@@ -69,7 +69,7 @@ impl V4lFormat {
         }
     }
 
-    /// The four letters by which the video interface calls it.
+    /// The four-character code of the video interface.
     pub fn code(self) -> [u8; 4] {
         *match self {
             Self::Grey => b"GREY",
@@ -100,7 +100,7 @@ fn two() -> u32 {
 }
 
 impl V4lSpec {
-    /// The camera, as it presents itself. Its name says all that changes the numbers.
+    /// The camera's properties. The name contains every setting that changes counts.
     pub fn info(&self) -> CameraInfo {
         let code = String::from_utf8_lossy(&self.pixel_format.code()).trim_end().to_owned();
         let mut info = self.sensor().info(&format!("v4l {} {code}", self.device), self.exposures);

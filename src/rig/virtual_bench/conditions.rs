@@ -1,54 +1,55 @@
-//! What is written about the world around the devices of a virtual rig: at its default, dark, steady and without fault.
+//! The conditions of a virtual rig: ambient light, drift and faults. By default there are none.
 
 use serde::Deserialize;
 
-/// Light that does not come from the projector: the same at each camera pixel, but for its vignetting.
+/// Light that does not come from the projector. It is the same at each camera pixel, except for the camera's vignetting.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Ambient {
-    /// Relative to the mean of the white photo.
+    /// Its level relative to the mean of the white photo.
     pub level: f64,
-    /// By which share of itself it swings, as a sine of time; a photo has the mean over its exposure.
+    /// The relative amplitude of its variation, a sine of time. A photo has the mean over its exposure.
     pub variation: f64,
-    /// The sine's period in seconds.
+    /// The period of the sine in seconds.
     pub period: f64,
 }
 
-/// The projector's brightness at time `t`: `(1 + per_hour · t / 3600)(1 + swing · sin(2π t / period))`. A photo has its mean
-/// over the exposure.
+/// The change of the projector's brightness with time `t`: `(1 + per_hour · t / 3600)(1 + swing · sin(2π t / period))`. A photo
+/// has the mean over its exposure.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Drift {
-    /// Relative change per hour.
+    /// The relative change per hour.
     pub per_hour: f64,
-    /// By which share of itself it swings, as a sine of time.
+    /// The relative amplitude of the sine.
     pub swing: f64,
-    /// The sine's period in seconds.
+    /// The period of the sine in seconds.
     pub period: f64,
 }
 
-/// Frames that go wrong: each by chance (selected by the seed and its number), or by its number, from 1.
+/// The frames that fail. Each fault is given by its probability (the seed and the frame's number select the frames), or by the
+/// numbers of the frames, which count from 1.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Faults {
-    /// The chance that a frame does not come.
+    /// The probability that a frame does not arrive.
     pub dropped: f64,
-    /// The chance that the frame before comes again instead.
+    /// The probability that the previous frame arrives again instead.
     pub repeated: f64,
-    /// The chance that a frame comes which was exposed before the last pattern was shown.
+    /// The probability that a frame arrives which was exposed before the last pattern was shown.
     pub late: f64,
-    /// The chance that a frame's exposure began as soon as the last pattern was confirmed, without waiting.
+    /// The probability that a frame's exposure began when the last pattern was confirmed, before the pattern settled.
     pub early: f64,
-    /// Frames that do not come.
+    /// The frames that do not arrive.
     pub dropped_frames: Vec<u64>,
-    /// Frames instead of which the one before comes again.
+    /// The frames that are replaced by the previous frame.
     pub repeated_frames: Vec<u64>,
-    /// Frames that were exposed before the last pattern was shown.
+    /// The frames that were exposed before the last pattern was shown.
     pub late_frames: Vec<u64>,
-    /// Frames whose exposure did not wait.
+    /// The frames whose exposure did not wait for the pattern to settle.
     pub early_frames: Vec<u64>,
-    /// Frames after which the camera hangs until it is restarted.
+    /// The frames after which the camera hangs until it is restarted.
     pub freeze_after: Vec<u64>,
-    /// A camera that hangs does not come back.
+    /// Whether a restart does not help a camera that hangs.
     pub freeze_for_good: bool,
 }

@@ -1,18 +1,18 @@
-//! Which frames go wrong: a function of the seed and the frame's number.
+//! The choice of frames that fail: a function of the seed and the frame's number.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::Faults;
 
-/// What happens to a frame.
+/// The fate of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fate {
-    /// Nothing.
+    /// The frame arrives as it should.
     Good,
-    /// It does not come.
+    /// It does not arrive.
     Dropped,
-    /// The one before comes again.
+    /// The previous frame arrives again instead.
     Repeated,
     /// It was exposed before the last pattern was shown.
     Late,
@@ -26,12 +26,12 @@ pub(super) fn generator(seed: u64, frame: u64, purpose: u64) -> Pcg64 {
     for (word, value) in key.chunks_exact_mut(8).zip([seed, frame, purpose, 0x6b72_796c_7578]) {
         word.copy_from_slice(&value.to_le_bytes());
     }
-    // Neighbouring keys must not give similar numbers.
+    // The hash makes the seeds of neighbouring keys unrelated.
     Pcg64::from_seed(*blake3::hash(&key).as_bytes())
 }
 
 impl Faults {
-    /// What happens to frame `id`.
+    /// The fate of frame `id`.
     pub(super) fn fate(&self, seed: u64, id: u64) -> Fate {
         let by_number = [
             (&self.dropped_frames, Fate::Dropped),
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_go_wrong_as_often_as_said_and_always_the_same_ones() {
+    fn faults_have_their_probabilities_and_repeat_with_the_seed() {
         let faults = Faults { dropped: 0.1, repeated: 0.05, late: 0.2, ..Faults::default() };
         let fates: Vec<Fate> = (1..=20_000).map(|id| faults.fate(7, id)).collect();
         for (fate, share) in
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_is_named_goes_wrong_for_certain() {
+    fn a_frame_given_by_its_number_always_fails() {
         let faults = Faults { dropped_frames: vec![3], repeated_frames: vec![5], ..Faults::default() };
         let fates: Vec<Fate> = (1..=5).map(|id| faults.fate(0, id)).collect();
         assert_eq!(fates, [Fate::Good, Fate::Good, Fate::Dropped, Fate::Good, Fate::Repeated]);

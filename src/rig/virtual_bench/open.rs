@@ -1,8 +1,7 @@
 //! Opening a virtual rig.
 
-use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 
 use super::VirtualRig;
 use super::devices::{VirtualCameraHandle, VirtualClock, VirtualProjectorHandle};
@@ -17,7 +16,7 @@ use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, Stamp};
 use crate::transport::Transport;
 
 impl VirtualRig {
-    /// The projector, as it presents itself.
+    /// The projector's properties.
     pub fn projector_info(&self) -> ProjectorInfo {
         let (resolution, spec) = (self.scene.size(), &self.projector);
         ProjectorInfo {
@@ -29,7 +28,7 @@ impl VirtualRig {
         }
     }
 
-    /// The camera, as it presents itself.
+    /// The camera's properties.
     pub fn camera_info(&self) -> CameraInfo {
         let spec = &self.camera;
         let size = spec.size.map(|[width, height]| Resolution::new(width, height));
@@ -42,16 +41,16 @@ impl VirtualRig {
         }
     }
 
-    /// Opens the rig on this light transport, that of its [`scene`](Self::scene), of [`channels`](Self::channels) channels. The
-    /// screen shows level 0. `after` the last frame of an earlier session it goes on as if that had never ended (see
-    /// [`Projector::restore`](crate::rig::Projector::restore)).
+    /// Opens the rig on `light`, the light transport of its [`scene`](Self::scene) with at least [`channels`](Self::channels)
+    /// channels. The screen shows level 0. With `after`, the last frame of an earlier session, the rig continues as if that session
+    /// had never ended (see [`Projector::restore`](crate::rig::Projector::restore)).
     ///
-    /// The light transport's units do not matter: the camera's sensitivity is relative to the white photo.
+    /// The units of the light transport do not matter: the camera's sensitivity is relative to the white photo.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the transport does not fit, or white is dark; and what keeps the transport from being
-    /// photographed.
-    pub fn open(&self, light: Box<dyn Transport>, after: Option<Stamp>) -> Result<Devices> {
+    /// [`Error::Rig`] when the light transport has another size or too few channels, or the white photo is dark; an error of
+    /// `light` when it cannot be photographed.
+    pub fn open(&self, light: Box<dyn Transport + Send>, after: Option<Stamp>) -> Result<Devices> {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());
         let optics = Optics::new(camera.resolution, light.photo_resolution(), &self.camera.misregistration());
@@ -69,7 +68,7 @@ impl VirtualRig {
             })?;
         let own_light = view.unlit()?;
         let change = Change { asked: 0.0, confirmed: 0.0, appears: f64::NEG_INFINITY, light: black };
-        let world = Rc::new(RefCell::new(World {
+        let world = Arc::new(Mutex::new(World {
             rig: self.clone(),
             camera: camera.resolution,
             view,
@@ -85,11 +84,11 @@ impl VirtualRig {
             restarted_at: None,
         }));
         Ok(Devices {
-            projector: Box::new(VirtualProjectorHandle { info: projector, world: Rc::clone(&world) }),
+            projector: Box::new(VirtualProjectorHandle { info: projector, world: Arc::clone(&world) }),
             camera: Box::new(VirtualCameraHandle {
                 info: camera,
                 step: self.camera.exposure_step,
-                world: Rc::clone(&world),
+                world: Arc::clone(&world),
             }),
             clock: Box::new(VirtualClock { world }),
         })

@@ -1,9 +1,9 @@
-//! Where camera pixels look: the photo resampled, by area.
+//! The camera's optics: they resample the photo to camera pixels, by area.
 //!
-//! Each camera pixel is cut into sub-pixels, whose centres go through the misregistration and whose sides are scaled as the
-//! map scales there; each is shared out to the photo's pixels (squares of constant light, as a projector's are) by the area
-//! that it has in common with them. That is exact for shifts and scales, and to second order in what a sub-pixel is
-//! turned by otherwise. What lies outside the photo is dark. All is linear, so that it is one sparse matrix, built once.
+//! Each camera pixel is divided into sub-pixels. The misregistration maps the centre of a sub-pixel, and its local scale gives the
+//! sides. Each sub-pixel is a mean over the photo pixels (squares of constant light), weighted by the area of the overlap. This is
+//! exact for shifts and scales; the error is of second order in a sub-pixel's rotation. Light outside the photo is 0. The
+//! resampling is linear, so that it is one sparse matrix, which is built once.
 
 use rayon::prelude::*;
 
@@ -14,8 +14,8 @@ use crate::image::{Image, Resolution};
 const SUB_PIXELS: usize = 4;
 
 impl Misregistration {
-    /// The point of the photo's raster that is seen where `[x, y]` should be, both in pixels of a raster of this size from its
-    /// top left corner. Not finite where a homography sends it to infinity.
+    /// Maps the point `[x, y]` that should be seen to the point that is seen, both in pixels of `raster` from its top left corner.
+    /// The result is not finite where a homography maps the point to infinity.
     pub fn apply(&self, raster: Resolution, [x, y]: [f64; 2]) -> [f64; 2] {
         let centre = [raster.width as f64 / 2.0, raster.height as f64 / 2.0];
         let from_centre = [x - centre[0], y - centre[1]];
@@ -35,7 +35,7 @@ impl Misregistration {
     }
 }
 
-/// What each camera pixel sees of the photo, as compressed sparse rows.
+/// The weights of photo pixels in each camera pixel, as compressed sparse rows.
 pub(super) struct Optics {
     starts: Vec<usize>,
     pixels: Vec<u32>,
@@ -43,7 +43,7 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    /// Camera pixels of `camera` look at a photo of `photo`.
+    /// The optics of a camera with `camera` pixels in front of a photo with `photo` pixels.
     pub(super) fn new(camera: Resolution, photo: Resolution, map: &Misregistration) -> Self {
         let rows: Vec<Vec<(u32, f64)>> =
             (0..camera.pixels()).into_par_iter().map(|pixel| row(pixel, camera, photo, map)).collect();
@@ -74,7 +74,7 @@ impl Optics {
     }
 }
 
-/// The photo pixels that one camera pixel sees, with their shares, by pixel.
+/// The photo pixels that one camera pixel sees, with their weights, ordered by pixel.
 fn row(pixel: usize, camera: Resolution, photo: Resolution, map: &Misregistration) -> Vec<(u32, f64)> {
     let step = [
         photo.width as f64 / (camera.width * SUB_PIXELS) as f64,
@@ -98,7 +98,7 @@ fn row(pixel: usize, camera: Resolution, photo: Resolution, map: &Misregistratio
     runs.map(|run| (run[0].0, weight * run.iter().map(|share| share.1).sum::<f64>())).collect()
 }
 
-/// Adds what share of a rectangle about `middle` lies in each of the photo's pixels.
+/// Adds the share of a rectangle with the centre `middle` that lies in each photo pixel.
 fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut Vec<(u32, f64)>) {
     let ends = [photo.width as f64, photo.height as f64];
     let spans = [0, 1].map(|axis| {
@@ -119,7 +119,7 @@ fn share_out(middle: [f64; 2], sides: [f64; 2], photo: Resolution, shares: &mut 
     }
 }
 
-/// `1 − vignetting · r²`, with the distance `r` from the centre relative to the corner's, at each pixel.
+/// The factor `1 − vignetting · r²` at each pixel, where `r` is the distance from the centre relative to the corner's.
 pub(super) fn vignette(resolution: Resolution, vignetting: f64) -> Vec<f64> {
     let Resolution { width, height } = resolution;
     let offset = |index: usize, of: usize| index as f64 + 0.5 - of as f64 / 2.0;

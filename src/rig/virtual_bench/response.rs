@@ -1,16 +1,16 @@
-//! Response curves: what goes in, from 0 to 1, against what comes out, from 0 to 1.
+//! Response curves: the output of a device, from 0 to 1, as a function of its input, from 0 to 1.
 
 /// A curve through (0, 0) and (1, 1).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Response {
-    /// `y = x^gamma`; 1 is linear.
+    /// The power `y = x^gamma`; 1 is linear.
     Gamma(f64),
-    /// Values at equally spaced `x`, the first at 0, the last at 1; linear between them.
+    /// At least two values at equally spaced `x`, the first at 0, the last at 1; linear between them.
     Curve(Vec<f64>),
 }
 
 impl Response {
-    /// The curve at `x`, which is brought to \[0, 1\]. Its ends are exact.
+    /// The value at `x`, which is clamped to \[0, 1\]. The values at both ends are exact.
     pub fn at(&self, x: f64) -> f64 {
         let x = x.clamp(0.0, 1.0);
         match self {

@@ -5,18 +5,18 @@ use super::{Response, VirtualProjector};
 use crate::image::{Image, Resolution};
 use crate::rig::Frame;
 
-/// Levels to light.
+/// Converts levels to light.
 pub(super) struct Screen {
-    /// Light of each level, relative to white.
+    /// The light of each level, relative to white.
     light: Vec<f64>,
     vignette: Vec<f64>,
-    /// The blur's weights at 0, ±1, ±2, …; one weight: no blur.
+    /// The weights of the blur at the offsets 0, ±1, ±2, …; a single weight means no blur.
     kernel: Vec<f64>,
     resolution: Resolution,
 }
 
 impl Screen {
-    /// That of this projector, of so many pixels.
+    /// The screen of this projector with `resolution` pixels.
     pub(super) fn new(spec: &VirtualProjector, resolution: Resolution) -> Self {
         let highest = (1_u32 << spec.bits) - 1;
         let response: Response = spec.response();
@@ -30,7 +30,7 @@ impl Screen {
         Self { light, vignette, kernel: gaussian(spec.blur), resolution }
     }
 
-    /// The pattern of light for this frame, which fits the screen.
+    /// The light of a frame, which must fit the screen, as a pattern.
     pub(super) fn emit(&self, frame: &Frame) -> Image {
         let channels = frame.channels();
         let mut pattern = Image::filled(self.resolution, channels, 0.0);
@@ -47,7 +47,7 @@ impl Screen {
     }
 }
 
-/// Weights of a Gaussian averaged over pixels' distances 0, 1, …, to four standard deviations; they add up to 1 with both sides.
+/// The weights of a Gaussian at the distances 0, 1, … up to four standard deviations. Counted on both sides, they sum to 1.
 fn gaussian(deviation: f64) -> Vec<f64> {
     if deviation == 0.0 {
         return vec![1.0];
@@ -58,7 +58,7 @@ fn gaussian(deviation: f64) -> Vec<f64> {
     weights.iter().map(|weight| weight / sum).collect()
 }
 
-/// Blurs along both axes. The light at the border stays inside: mirrored.
+/// Blurs along both axes. The border mirrors, so that no light is lost.
 fn blur(light: Vec<f64>, resolution: Resolution, kernel: &[f64]) -> Vec<f64> {
     if kernel.len() == 1 {
         return light;
@@ -82,7 +82,7 @@ fn blur(light: Vec<f64>, resolution: Resolution, kernel: &[f64]) -> Vec<f64> {
     along(&rows, height, width, &|pixel| pixel % width)
 }
 
-/// The index that a mirror at both ends of `0..of` shows at `at`.
+/// The index in `0..of` that `at` is reflected to, with mirrors at both ends.
 fn mirrored(at: i64, of: usize) -> usize {
     let of = of as i64;
     let at = at.rem_euclid(2 * of);
@@ -129,7 +129,7 @@ mod tests {
             levels
         });
         let light = Screen::new(&spec, resolution).emit(&corner.expect("as many levels")).plane(0);
-        assert!((light.iter().sum::<f64>() - 1.0).abs() < 1e-6, "none is lost at the border");
+        assert!((light.iter().sum::<f64>() - 1.0).abs() < 1e-6, "no light is lost at the border");
     }
 
     #[test]

@@ -1,27 +1,29 @@
-//! From light to counts: what a virtual camera's sensor makes of an exposure.
+//! The sensor of a virtual camera: it turns light into counts.
 
+use rand::RngExt;
+use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::faults::generator;
 use super::optics::vignette;
-use super::poisson::{normal, poisson};
+use super::poisson::poisson;
 use super::{Response, VirtualCamera};
 use crate::image::Resolution;
 
-/// A sensor, ready to expose.
+/// A virtual camera's sensor.
 pub(super) struct Sensor {
     spec: VirtualCamera,
     resolution: Resolution,
     response: Response,
-    /// Electrons per second for light of 1, at each pixel.
+    /// Electrons per second for a light of 1, at each pixel.
     sensitivity: Vec<f64>,
     seed: u64,
 }
 
 impl Sensor {
-    /// That of this camera, of so many pixels. `white` is the white photo as it falls on the sensor (all channels), which says
-    /// how sensitive it is; `None` where that is dark.
+    /// The sensor of this camera. `white` is the light of the white photo on the sensor, all channels one after the other; it sets
+    /// the sensitivity. `None`: the white photo is dark.
     pub(super) fn new(
         spec: &VirtualCamera,
         resolution: Resolution,
@@ -35,7 +37,7 @@ impl Sensor {
             .map(|(index, light)| light * sensitivity[index % resolution.pixels()])
             .collect();
         seen.sort_by(f64::total_cmp);
-        // The brightest but 1 in 100: one glint does not set the scale.
+        // The 99th percentile, so that a glint does not set the scale.
         let bright = seen[(seen.len() - 1) * 99 / 100];
         if bright <= 0.0 {
             return None;
@@ -45,12 +47,13 @@ impl Sensor {
         Some(Self { spec: spec.clone(), resolution, response: spec.response(), sensitivity, seed })
     }
 
-    /// Counts of frame `id`, interleaved. `light` is the mean over the exposure, a plane for each channel.
+    /// The counts of frame `id`, interleaved. `light` is the mean over the exposure of `exposure` seconds, one plane for each
+    /// channel.
     pub(super) fn expose(&self, light: &[Vec<f64>], exposure: f64, id: u64) -> Vec<u16> {
         let (width, channels) = (self.resolution.width, light.len());
         let mut counts = vec![0; self.resolution.pixels() * channels];
         counts.par_chunks_mut(width * channels).enumerate().for_each(|(row, counts)| {
-            // One generator for each row, so that the counts do not depend on how rows are shared out to threads.
+            // One generator for each row, so that the counts do not depend on the threads that compute them.
             let mut random = generator(self.seed, id, row as u64);
             for (index, count) in counts.iter_mut().enumerate() {
                 let pixel = row * width + index / channels;
@@ -62,18 +65,18 @@ impl Sensor {
         counts
     }
 
-    /// The count of a pixel that gathers so many electrons on average.
+    /// A random count of a pixel whose expected number of electrons is `mean`.
     fn count(&self, mean: f64, random: &mut Pcg64) -> u16 {
         let spec = &self.spec;
         let electrons = if spec.shot_noise { poisson(mean, random) } else { mean };
         let full = electrons / spec.full_well;
         let mut signal = if full < 1.0 { self.response.at(full) } else { full };
         if spec.read_noise > 0.0 {
-            signal += normal(random) * spec.read_noise / spec.full_well;
+            signal += random.sample::<f64, _>(StandardNormal) * spec.read_noise / spec.full_well;
         }
         let all_bits = f64::from((1_u32 << spec.bits) - 1);
         let count = spec.black_level + (all_bits - spec.black_level) * signal;
-        // Both bounds are whole numbers of 16 bits.
+        // Both bounds are integers of 16 bits.
         count.round().clamp(0.0, f64::from(spec.highest())) as u16
     }
 }

@@ -1,4 +1,4 @@
-//! What is written about a virtual rig: every imperfection, at its default none at all.
+//! The description of a virtual rig, with every imperfection. By default there are none.
 
 use std::path::PathBuf;
 
@@ -9,49 +9,49 @@ use super::conditions::{Ambient, Drift, Faults};
 use crate::image::Resolution;
 use crate::transport::Channels;
 
-/// A simulated scene behind imperfect devices.
+/// A description of a simulated scene behind imperfect devices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualRig {
-    /// What is lit and seen.
+    /// The scene.
     pub scene: VirtualScene,
-    /// What shows.
+    /// The projector.
     pub projector: VirtualProjector,
-    /// What sees.
+    /// The camera.
     pub camera: VirtualCamera,
     /// Light that does not come from the projector.
     pub ambient: Ambient,
-    /// How the projector's brightness wanders.
+    /// How the projector's brightness changes with time.
     pub drift: Drift,
-    /// Frames that go wrong.
+    /// Which of the camera's frames fail.
     pub faults: Faults,
-    /// Selects all random numbers of the devices; equal seeds give equal bits.
+    /// The seed of all random numbers of the devices; equal seeds give identical counts.
     pub seed: u64,
 }
 
-/// Where the light of a virtual rig is computed from.
+/// The source of a virtual rig's light transport.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum VirtualScene {
-    /// A scene, traced.
+    /// A scene file, which is traced.
     File {
-        /// The scene.
+        /// The scene file.
         path: PathBuf,
-        /// The scene's camera to stand the rig at; it may be left out when there is only one.
+        /// The name of the scene's camera whose pose the rig takes. `None`: the scene's only camera.
         camera: Option<String>,
-        /// A file that says where camera and projector stand, instead of the scene's own.
+        /// A camera file with the poses of camera and projector, which replace those of the scene. `None`: the scene's own.
         camera_file: Option<PathBuf>,
         /// The projector's pixels, and the photo's before the camera resamples it.
         size: Resolution,
         /// Light paths per pixel.
         samples: u32,
-        /// Surfaces that a path meets at most.
+        /// The largest number of surface hits of a path.
         max_bounces: u32,
-        /// Selects the random numbers of the tracer.
+        /// The seed of the tracer's random numbers.
         seed: u32,
     },
-    /// A light transport matrix from a file: it needs no graphics device.
+    /// A light transport matrix from a file. No graphics device is needed.
     Matrix {
-        /// The matrix, square, of one channel.
+        /// The file of the matrix, which is square and has one channel.
         path: PathBuf,
         /// The projector's pixels, and the photo's before the camera resamples it.
         size: Resolution,
@@ -67,7 +67,8 @@ impl VirtualScene {
     }
 }
 
-/// A virtual projector. Level `l` of `L` emits `b + (1 − b) · response(l / (L − 1))` of white, with the black level `b`.
+/// A description of a virtual projector. Level `l` of `L` levels emits the share `b + (1 − b) · response(l / (L − 1))` of white,
+/// where `b` is the black level.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VirtualProjector {
@@ -75,19 +76,19 @@ pub struct VirtualProjector {
     pub bits: u32,
     /// 1 (gray) or 3.
     pub channels: usize,
-    /// The response `x^gamma`.
+    /// The exponent of the response `x^gamma`. `None`: 1.
     pub gamma: Option<f64>,
-    /// The response as light at equally spaced levels, from 0 to 1, instead of a gamma.
+    /// The response as light at equally spaced levels, from 0 to 1; it replaces `gamma`.
     pub curve: Option<Vec<f64>>,
-    /// The share of white that level 0 still emits.
+    /// The share of white that level 0 emits.
     pub black_level: f64,
-    /// By which share it is darker in the corners than in the centre; it falls off with the square of the distance.
+    /// The share by which the corners are darker than the centre; the light falls off with the square of the distance.
     pub vignetting: f64,
-    /// Standard deviation of its Gaussian blur, in its pixels.
+    /// Standard deviation of the Gaussian blur, in projector pixels.
     pub blur: f64,
-    /// Seconds from a frame's confirmation until its light is there. Before that, it is the old frame's.
+    /// Seconds from a frame's confirmation until its light appears. Until then the light is that of the previous frame.
     pub latency: f64,
-    /// Seconds from one refresh to the next: what showing a frame takes.
+    /// Seconds from one refresh to the next, which is the time that showing a frame takes.
     pub frame_time: f64,
 }
 
@@ -107,17 +108,17 @@ impl Default for VirtualProjector {
     }
 }
 
-/// A virtual camera. After an exposure of `t` seconds to `light`, a pixel holds
-/// `e = Poisson(t · (sensitivity · light + dark_current))` electrons, and its count is
+/// A description of a virtual camera. After an exposure of `t` seconds to `light`, a pixel holds
+/// `e = Poisson(t · (sensitivity · light + dark_current))` electrons. Its count is
 /// `black_level + (2^bits − 1 − black_level) · (response(e / full_well) + Normal(read_noise / full_well))`, rounded and
-/// brought to \[0, saturation\]: the full well is the saturation capacity of EMVA 1288, what is more spills over.
+/// clamped to \[0, saturation\]. The full well is the saturation capacity of EMVA 1288.
 ///
-/// The sensitivity is such that the white photo (in the dark, at no drift) fills `white_fill` of the full well within
-/// `white_exposure` seconds, at the brightest pixels but 1 in 100.
+/// The sensitivity is set such that the white photo (without ambient light and drift) fills the share `white_fill` of the full well
+/// within `white_exposure` seconds, at the 99th percentile of the pixels.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VirtualCamera {
-    /// Width and height in pixels; none: the scene's.
+    /// Width and height in pixels. `None`: those of the scene.
     pub size: Option<[usize; 2]>,
     /// 1 (mono) or 3.
     pub channels: usize,
@@ -125,35 +126,35 @@ pub struct VirtualCamera {
     pub bits: u32,
     /// The count without light.
     pub black_level: f64,
-    /// The highest count; none: all bits set.
+    /// The highest count. `None`: `2^bits − 1`.
     pub saturation: Option<u16>,
-    /// Electrons that a pixel can hold: at these, all bits are set.
+    /// The number of electrons at which all bits of the count are set.
     pub full_well: f64,
-    /// The share of the full well that white fills in `white_exposure` seconds.
+    /// The share of the full well that the white photo fills in `white_exposure` seconds.
     pub white_fill: f64,
-    /// See `white_fill`.
+    /// The exposure of `white_fill`, in seconds.
     pub white_exposure: f64,
-    /// Whether photons come one by one.
+    /// Whether the number of electrons follows a Poisson distribution.
     pub shot_noise: bool,
-    /// Standard deviation in electrons.
+    /// Standard deviation of the read noise in electrons.
     pub read_noise: f64,
     /// Electrons per second without light.
     pub dark_current: f64,
-    /// By which share it is less sensitive in the corners than in the centre; it falls off with the square of the distance.
+    /// The share by which the corners are less sensitive than the centre; the sensitivity falls off with the square of the distance.
     pub vignetting: f64,
-    /// The response `x^gamma`.
+    /// The exponent of the response `x^gamma`. `None`: 1.
     pub gamma: Option<f64>,
-    /// The response as counts at equally spaced light, from 0 to 1, instead of a gamma.
+    /// The response as counts at equally spaced light, from 0 to 1; it replaces `gamma`.
     pub curve: Option<Vec<f64>>,
     /// The shortest and the longest exposure in seconds.
     pub exposures: [f64; 2],
     /// Exposures are whole multiples of this many seconds; 0: any.
     pub exposure_step: f64,
-    /// Seconds from the end of an exposure until the frame is there.
+    /// Seconds from the end of an exposure until the frame arrives.
     pub readout: f64,
-    /// Seconds after which a frame that does not come is given up.
+    /// Seconds to wait for a frame that does not arrive.
     pub timeout: f64,
-    /// What each of its three channels sees of each of the projector's three, a row for each of its own; none: of the same alone.
+    /// The response of each camera channel (row) to each projector channel (column). `None`: the identity.
     pub crosstalk: Option<[[f64; 3]; 3]>,
     /// See [`Misregistration`].
     pub shift: [f64; 2],
@@ -198,23 +199,24 @@ impl Default for VirtualCamera {
     }
 }
 
-/// Where a camera pixel looks, if not where it should.
+/// The misregistration of a camera: a map from where a camera pixel should look to where it looks.
 ///
-/// Both rasters cover the same field, so that a point of the camera's lies at a point `q` of the photo's raster, in projector
-/// pixels from its top left corner. There it would look without fault. It looks at `H(c + (q − c)(1 + k₁ r²))`, with the
-/// centre `c` of the field and `r` the distance from it relative to the corner's. `H` turns by `rotation` degrees (clockwise
-/// as seen) and scales about the centre, then shifts; or is the given homography, of the same coordinates.
+/// Without misregistration, camera raster and photo raster cover the same field, so that a point of the camera raster lies at a
+/// point `q` of the photo raster, in projector pixels from its top left corner. With it, the point sees
+/// `H(c + (q − c)(1 + k₁ r²))`, where `c` is the centre of the field and `r` the distance from it, relative to the corner's
+/// distance. `H` rotates by `rotation` degrees (clockwise in the picture) and scales about the centre, then shifts; or `H` is the
+/// given homography in the same coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Misregistration {
-    /// To the right and down, in projector pixels.
+    /// The shift to the right and down, in projector pixels.
     pub shift: [f64; 2],
-    /// Degrees.
+    /// The rotation in degrees.
     pub rotation: f64,
-    /// More than 1: it sees more than the field.
+    /// The scale; with more than 1 the camera sees more than the field.
     pub scale: f64,
-    /// Instead of the three above: rows of a matrix on homogeneous positions in projector pixels.
+    /// The rows of a matrix on homogeneous positions in projector pixels; it replaces the three above.
     pub homography: Option<[[f64; 3]; 3]>,
-    /// `k₁`.
+    /// The radial distortion `k₁`.
     pub distortion: f64,
 }
 
@@ -226,19 +228,19 @@ fn response(gamma: Option<f64>, curve: Option<&Vec<f64>>) -> Response {
 }
 
 impl VirtualProjector {
-    /// Light against level, both from 0 to 1, without the black level.
+    /// Light as a function of the level, both from 0 to 1, without the black level.
     pub fn response(&self) -> Response {
         response(self.gamma, self.curve.as_ref())
     }
 }
 
 impl VirtualCamera {
-    /// Counts against electrons, both from 0 to 1.
+    /// The count as a function of the electrons, both from 0 to 1.
     pub fn response(&self) -> Response {
         response(self.gamma, self.curve.as_ref())
     }
 
-    /// Where its pixels look.
+    /// The map of where its pixels look.
     pub fn misregistration(&self) -> Misregistration {
         let Self { shift, rotation, scale, homography, distortion, .. } = *self;
         Misregistration { shift, rotation, scale, homography, distortion }
@@ -251,7 +253,7 @@ impl VirtualCamera {
 }
 
 impl VirtualRig {
-    /// Devices without fault, of 8 and 16 bits, on this scene.
+    /// A projector of 8 bits and a camera of 16 bits, without imperfections, on this scene.
     pub fn ideal(scene: VirtualScene) -> Self {
         Self {
             scene,
@@ -264,7 +266,7 @@ impl VirtualRig {
         }
     }
 
-    /// The light transport that it needs: coloured as soon as one of the devices is.
+    /// The channels of light transport that the rig needs: `Rgb` if one of the devices has colour.
     pub fn channels(&self) -> Channels {
         if self.projector.channels.max(self.camera.channels) > 1 { Channels::Rgb } else { Channels::Luma }
     }

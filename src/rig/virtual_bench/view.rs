@@ -1,4 +1,4 @@
-//! From what a projector emits to what falls on the camera's sensor: the scene, and the camera's optics.
+//! The way of light from the projector to the camera's sensor: through the scene and the camera's optics.
 
 use super::VirtualCamera;
 use super::optics::Optics;
@@ -6,23 +6,23 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::transport::{Transport, luminance};
 
-/// Light on the sensor, in the photo's units: a plane for each of the camera's channels.
+/// Light on the sensor in the photo's units: one plane for each of the camera's channels.
 pub(super) type SeenLight = Vec<Vec<f64>>;
 
-/// A scene behind a camera's optics.
+/// A scene seen through a camera's optics.
 pub(super) struct View {
-    transport: Box<dyn Transport>,
+    transport: Box<dyn Transport + Send>,
     optics: Optics,
     channels: usize,
     crosstalk: Option<[[f64; 3]; 3]>,
-    /// The photo without any light of the projector.
+    /// The photo without light from the projector.
     unlit: Image,
 }
 
 impl View {
-    /// What this camera sees, of 1 or 3 channels, of a scene of at least as many.
+    /// The view of this camera. The scene has at least as many channels as the camera.
     pub(super) fn new(
-        mut transport: Box<dyn Transport>,
+        mut transport: Box<dyn Transport + Send>,
         optics: Optics,
         camera: &VirtualCamera,
     ) -> Result<Self> {
@@ -32,7 +32,7 @@ impl View {
         Ok(Self { transport, optics, channels, crosstalk, unlit })
     }
 
-    /// What a pattern adds to the scene's own light.
+    /// The light that a pattern adds to the scene's own light.
     pub(super) fn lit_by(&mut self, pattern: &Image) -> Result<SeenLight> {
         let mut photo = match self.crosstalk {
             Some(matrix) if pattern.channels() == 3 => {
@@ -61,7 +61,7 @@ impl View {
     }
 }
 
-/// The pattern as each of the camera's channels is lit by it.
+/// The pattern whose channel `c` is the light that camera channel `c` responds to: `matrix` times the pattern's channels.
 fn mixed(matrix: &[[f64; 3]; 3], pattern: &Image) -> Result<Image> {
     let light = pattern.samples().chunks_exact(3).flat_map(|colors| {
         matrix.map(|row| row.iter().zip(colors).map(|(m, &color)| m * f64::from(color)).sum::<f64>() as f32)

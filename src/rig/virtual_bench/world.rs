@@ -1,8 +1,8 @@
-//! What time does to a virtual rig: which light is on, how bright, and which frame comes.
+//! The state of a virtual rig, and how it changes with time: the light on the sensor, its brightness, and the next frame.
 //!
-//! Its state is the clock, what is on screen since when, and the number of the last frame. Everything else is a function
-//! of the rig's description, the frame's number and the time, so that a bench that is opened after a
-//! [`Stamp`](crate::rig::Stamp) goes on as if it had never been closed.
+//! The state consists of the time, what has been on screen since when, and the number of the last frame. Everything else is a
+//! function of the rig's description, the frame's number and the time. Therefore a rig that is opened after a
+//! [`Stamp`](crate::rig::Stamp) continues as if it had never been closed.
 
 use std::collections::VecDeque;
 
@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::{Frame, RawFrame};
 
-/// Changes that the screen's history holds. Late frames look back by one.
+/// The number of changes that the screen's history holds. Late frames look back by one.
 const HISTORY: usize = 8;
 
 /// A frame that was put on screen.
@@ -24,38 +24,39 @@ pub(super) struct Change {
     pub(super) asked: f64,
     /// When it was confirmed.
     pub(super) confirmed: f64,
-    /// When its light is there.
+    /// When its light appears.
     pub(super) appears: f64,
     /// Its light on the sensor.
     pub(super) light: SeenLight,
 }
 
-/// A virtual rig at work.
+/// An open virtual rig.
 pub(super) struct World {
     pub(super) rig: VirtualRig,
     pub(super) camera: Resolution,
     pub(super) view: View,
     pub(super) screen: Screen,
     pub(super) sensor: Sensor,
-    /// The scene's own light, and the light of an ambient level of 1.
+    /// The scene's own light.
     pub(super) own_light: SeenLight,
+    /// The light of an ambient level of 1.
     pub(super) ambient_unit: f64,
-    /// Seconds.
+    /// The exposure in seconds.
     pub(super) exposure: f64,
-    /// Seconds on the rig's clock.
+    /// The time in seconds on the rig's clock.
     pub(super) now: f64,
-    /// The camera's number of its last frame.
+    /// The number of the camera's last frame.
     pub(super) id: u64,
-    /// What was shown, the latest last; never empty.
+    /// The history of the screen, the latest change last; never empty.
     pub(super) changes: VecDeque<Change>,
-    /// The frame handed out last; not known to a bench that was opened after it.
+    /// The frame that the camera returned last. `None` in a session that has none yet.
     pub(super) handed_out: Option<RawFrame>,
     /// The number of the last frame before the camera was restarted.
     pub(super) restarted_at: Option<u64>,
 }
 
 impl World {
-    /// Shows a frame, which fits the screen; the time of its confirmation.
+    /// Shows a frame, which must fit the screen; returns the time of the confirmation.
     pub(super) fn show(&mut self, frame: &Frame) -> Result<f64> {
         let light = self.view.lit_by(&self.screen.emit(frame))?;
         let asked = self.now;
@@ -68,7 +69,7 @@ impl World {
         Ok(confirmed)
     }
 
-    /// Puts a frame on screen as if it had been there from the beginning.
+    /// Puts a frame on screen as if it had been there from the beginning; returns the time of the confirmation.
     pub(super) fn restore(&mut self, frame: &Frame) -> Result<f64> {
         let light = self.view.lit_by(&self.screen.emit(frame))?;
         self.changes.clear();
@@ -76,7 +77,7 @@ impl World {
         Ok(0.0)
     }
 
-    /// Takes a frame.
+    /// Takes a frame. `None`: it does not arrive.
     pub(super) fn capture(&mut self) -> Option<RawFrame> {
         let (exposure, camera) = (self.exposure, &self.rig.camera);
         let (readout, timeout) = (camera.readout, camera.timeout);
@@ -88,7 +89,7 @@ impl World {
         let fate = self.rig.faults.fate(self.rig.seed, self.id);
         let (asked, confirmed) = self.changes.back().map_or((0.0, 0.0), |last| (last.asked, last.confirmed));
         let started = match fate {
-            // It lay waiting, and takes no time.
+            // The frame was waiting in a buffer, and takes no time.
             Fate::Late => asked - exposure,
             Fate::Early => confirmed,
             Fate::Good | Fate::Dropped | Fate::Repeated => self.now,
@@ -113,7 +114,7 @@ impl World {
         }
     }
 
-    /// Wakes a camera that hangs.
+    /// Restarts the camera, which ends a hang unless it is for good.
     pub(super) fn restart(&mut self) {
         self.now += self.rig.camera.timeout;
         if !self.rig.faults.freeze_for_good {
@@ -121,7 +122,7 @@ impl World {
         }
     }
 
-    /// The mean light on the sensor while an exposure lasts.
+    /// The mean light on the sensor during an exposure.
     fn light_during(&self, started: f64, exposure: f64) -> SeenLight {
         let ended = started + exposure;
         let middle = started + 0.5 * exposure;
@@ -130,7 +131,7 @@ impl World {
         let mut light = self.own_light.clone();
         light.iter_mut().flatten().for_each(|value| *value += ambient);
         for (index, change) in self.changes.iter().enumerate() {
-            // The oldest that is known was there before.
+            // The oldest known frame was on screen before the exposure began.
             let from = if index == 0 { started } else { change.appears.clamp(started, ended) };
             let until = self.changes.get(index + 1).map_or(ended, |next| next.appears.clamp(started, ended));
             if until > from {
@@ -143,13 +144,14 @@ impl World {
         light
     }
 
-    /// The projector's light relative to that at the beginning, on average while an exposure lasts.
+    /// The mean brightness of the projector during an exposure, relative to that at the beginning.
     fn brightness(&self, middle: f64, exposure: f64) -> f64 {
         let drift = &self.rig.drift;
         let trend = (1.0 + drift.per_hour * middle / 3600.0).max(0.0);
         trend * (1.0 + drift.swing * mean_sine(drift.period, middle, exposure))
     }
 
+    /// The mean ambient light during an exposure.
     fn ambient(&self, middle: f64, exposure: f64) -> f64 {
         let ambient = &self.rig.ambient;
         let swing = ambient.variation * mean_sine(ambient.period, middle, exposure);
@@ -157,7 +159,7 @@ impl World {
     }
 }
 
-/// The mean of `sin(2π t / period)` over an exposure about `middle`; 0 without a period.
+/// The mean of `sin(2π t / period)` over an exposure with the centre `middle`; 0 if the period is 0.
 fn mean_sine(period: f64, middle: f64, exposure: f64) -> f64 {
     if period == 0.0 {
         return 0.0;

@@ -1,4 +1,4 @@
-//! Levels as pixels of a screen, and back.
+//! The conversion between levels and the pixel values of an X screen.
 
 use x11rb::connection::Connection;
 use x11rb::image::{Image, PixelLayout};
@@ -10,20 +10,20 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::Frame;
 
-/// Bytes that are read back at once.
+/// Bytes that are read back in one request.
 const BAND: usize = 1 << 16;
 
-/// How pixels of one screen are made of levels.
+/// The pixel format of one screen.
 pub(super) struct Canvas {
     layout: PixelLayout,
     depth: u8,
     setup: Setup,
-    /// A pattern's pixel is a square of so many pixels on a side.
+    /// Each pattern pixel is shown as a square with this many screen pixels on a side.
     magnify: usize,
 }
 
 impl Canvas {
-    /// Of a screen whose own visual shows 8 bits for each of red, green and blue.
+    /// The format of `screen`, whose root visual must show 8 bits for each of red, green and blue.
     pub(super) fn new(connection: &RustConnection, screen: &Screen, magnify: usize) -> Result<Self> {
         let visuals = screen.allowed_depths.iter().flat_map(|depth| &depth.visuals);
         let visual = visuals.into_iter().find(|visual| visual.visual_id == screen.root_visual);
@@ -45,7 +45,7 @@ impl Canvas {
         Ok(Self { layout, depth: screen.root_depth, setup: connection.setup().clone(), magnify })
     }
 
-    /// The picture of a frame.
+    /// Draws a frame in the screen's pixel format.
     pub(super) fn draw(&self, frame: &Frame) -> Result<Picture> {
         let Resolution { width, height } = frame.resolution();
         let mut rows =
@@ -59,9 +59,9 @@ impl Canvas {
         Ok(Picture { rows, magnify: self.magnify })
     }
 
-    /// Where `seen`, the picture's rows from `top` on, is not as they were drawn.
+    /// Compares `seen`, which holds the screen's rows from `top` on, with the drawn picture. `None`: they are equal.
     pub(super) fn difference(&self, drawn: &Picture, top: u16, seen: &Image<'_>) -> Option<Difference> {
-        // Nearly always all is well, bits of no meaning included.
+        // The fast path: nearly always all bytes agree, even the unused ones.
         if drawn.is_same(top, seen) {
             return None;
         }
@@ -83,7 +83,7 @@ impl Canvas {
 
     fn pixel(&self, frame: &Frame, at: usize) -> u32 {
         let channels = frame.channels();
-        // Colours are handed over as 16 bits, of which the visual takes the upper 8.
+        // `encode` takes colours of 16 bits, of which the visual keeps the upper 8.
         let level = |channel: usize| frame.levels()[at * channels + channel.min(channels - 1)] * 257;
         self.layout.encode((level(0), level(1), level(2)))
     }
@@ -94,8 +94,8 @@ impl Canvas {
     }
 }
 
-/// A frame in the server's pixels: each row of the pattern once, as wide as it is shown. The server repeats it, which spares most of
-/// what had to be sent.
+/// A frame in the server's pixel format. It holds each row of the pattern once, at the width at which it is shown. The server
+/// repeats the rows, so that less has to be sent.
 pub(super) struct Picture {
     pub(super) rows: Image<'static>,
     pub(super) magnify: usize,
@@ -106,13 +106,13 @@ impl Picture {
         self.rows.width()
     }
 
-    /// As it is shown.
+    /// The height at which the picture is shown, in screen pixels.
     pub(super) fn height(&self) -> u16 {
-        // A monitor's sides have 16 bits, and it fits the monitor.
+        // The picture fits the monitor, whose sides have 16 bits.
         (usize::from(self.rows.height()) * self.magnify) as u16
     }
 
-    /// The row of the pattern that is shown in this one.
+    /// The row of the pattern that is shown in screen row `y`.
     pub(super) fn row(&self, y: u16) -> u16 {
         (usize::from(y) / self.magnify) as u16
     }
@@ -121,8 +121,8 @@ impl Picture {
         self.rows.get_pixel(x, self.row(y))
     }
 
-    /// First rows and heights of parts that are small enough to be read without getting memory from the system, which takes longer
-    /// than reading.
+    /// The first row and the height of each band that is read back in one request. Bands are small enough that reading one needs
+    /// no fresh memory from the system, which would take longer than the reading itself.
     pub(super) fn bands(&self) -> impl Iterator<Item = [u16; 2]> + use<> {
         let (height, rows) = (self.height(), (BAND / self.stride()).max(1));
         // No more than the height, which has 16 bits.
@@ -130,7 +130,7 @@ impl Picture {
         (0..height).step_by(rows.into()).map(move |top| [top, rows.min(height - top)])
     }
 
-    /// Byte for byte.
+    /// Whether `seen`, from row `top` on, has the drawn bytes.
     fn is_same(&self, top: u16, seen: &Image<'_>) -> bool {
         let stride = self.stride();
         let drawn = |y: u16| &self.rows.data()[usize::from(self.row(y)) * stride..][..stride];
@@ -143,12 +143,12 @@ impl Picture {
     }
 }
 
-/// Where a picture is not as it was drawn.
+/// The first pixel that differs from what was drawn.
 pub(super) struct Difference {
     pub(super) x: u16,
     pub(super) y: u16,
     pub(super) drawn: [u16; 3],
     pub(super) seen: [u16; 3],
-    /// Pixels that differ.
+    /// The number of pixels that differ.
     pub(super) count: usize,
 }

@@ -1,45 +1,177 @@
-//! The helper process: it owns the window, and does as the pipe says.
+//! The helper program: which `krylux` program is started to own a projector's window.
+//!
+//! The window lives in a separate process, so that a crash or a hang of the X connection, or an interrupt in the terminal,
+//! does not end the measurement. That process is always the `krylux` program, started as `krylux projector`. A program that
+//! is not krylux never starts itself: it names the `krylux` program, or has it found.
 
-use std::io::{Read, Write};
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::Duration;
 
 use super::fault;
-use super::screen::Screen;
-use super::wire::{self, Reply, Request};
-use crate::error::{Error, Result};
-use crate::rig::Frame;
+use crate::error::Result;
 
-/// Answers requests until the pipe ends; then the window is gone.
-///
-/// # Errors
-/// What keeps the pipe from being read or written.
-pub fn serve(mut from: impl Read, mut to: impl Write) -> std::io::Result<()> {
-    let mut screen = None;
-    while let Some((request, payload)) = wire::receive(&mut from)? {
-        let reply = answer(&mut screen, request, &payload).unwrap_or_else(|error| match error {
-            Error::Rig { fault, help, .. } => Reply::Fault { fault, help },
-            other => Reply::Fault { fault: other.to_string(), help: "report this".into() },
-        });
-        wire::send(&mut to, &reply, &[])?;
-    }
-    Ok(())
+/// The running program, if it is krylux.
+static DECLARED: OnceLock<PathBuf> = OnceLock::new();
+
+/// How the helper process is started.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Helper {
+    /// The `krylux` program.
+    pub program: PathBuf,
+    /// The longest wait for an answer, 15 s by default. It must be longer than the 5 s for which the helper itself waits for
+    /// the X server, so that the helper can report what failed.
+    pub patience: Duration,
 }
 
-fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Result<Reply> {
-    match (request, screen) {
-        (Request::Open(spec), screen) => {
-            // The old window is closed before there is a new one.
-            *screen = None;
-            let opened = screen.insert(Screen::open(&spec)?);
-            let monitor = opened.monitor();
-            Ok(Reply::Opened { monitor: monitor.name.clone(), resolution: monitor.resolution })
+impl Helper {
+    /// The environment variable that names the `krylux` program for [`Helper::find`].
+    pub const VARIABLE: &str = "KRYLUX_HELPER";
+
+    /// The `krylux` program at this path. Whether it can be started is found out when a projector is opened.
+    pub fn at(program: impl Into<PathBuf>) -> Self {
+        Self { program: program.into(), patience: Duration::from_secs(15) }
+    }
+
+    /// Finds the `krylux` program. These places are tried in order:
+    ///
+    /// 1. the file that the environment variable [`KRYLUX_HELPER`](Self::VARIABLE) names;
+    /// 2. the running program, if it declared itself by [`Helper::declare_this_program`];
+    /// 3. a file `krylux` in the folder of the running program;
+    /// 4. a file `krylux` in a folder of `PATH`.
+    ///
+    /// # Errors
+    /// [`Error::Rig`](crate::Error::Rig) when there is none, or when the variable names no file.
+    pub fn find() -> Result<Self> {
+        let running = std::env::current_exe().ok();
+        Places {
+            variable: std::env::var_os(Self::VARIABLE).filter(|named| !named.is_empty()),
+            declared: DECLARED.get().map(PathBuf::as_path),
+            running: running.as_deref(),
+            path: std::env::var_os("PATH").unwrap_or_default(),
         }
-        (Request::Show { resolution, channels }, Some(screen)) => {
-            let levels = payload.iter().map(|&level| level.into()).collect();
-            Ok(Reply::Shown(screen.show(&Frame::new(resolution, channels, levels)?)?))
+        .find()
+        .map(Self::at)
+    }
+
+    /// Declares that the running program is krylux: started with the single argument `projector`, it calls
+    /// [`serve_projector`](super::serve_projector). Only such a program may call this, at the start of its `main`.
+    pub fn declare_this_program() {
+        if let Ok(program) = std::env::current_exe() {
+            // A second declaration says the same.
+            let _ = DECLARED.set(program);
         }
-        (Request::Confirm, Some(screen)) => screen.confirm().map(|()| Reply::Confirmed),
-        (Request::Show { .. } | Request::Confirm, None) => {
-            Err(fault("its window was never opened", "open it first"))
+    }
+}
+
+/// Where the helper program is looked for.
+struct Places<'a> {
+    variable: Option<OsString>,
+    declared: Option<&'a Path>,
+    running: Option<&'a Path>,
+    path: OsString,
+}
+
+impl Places<'_> {
+    fn find(&self) -> Result<PathBuf> {
+        if let Some(named) = &self.variable {
+            let program = PathBuf::from(named);
+            return if program.is_file() { Ok(program) } else { Err(names_no_file(named)) };
         }
+        if let Some(program) = self.declared {
+            return Ok(program.to_owned());
+        }
+        let name = format!("krylux{}", std::env::consts::EXE_SUFFIX);
+        let beside = self.running.and_then(Path::parent).map(Path::to_owned);
+        let mut candidates =
+            beside.into_iter().chain(std::env::split_paths(&self.path)).map(|folder| folder.join(&name));
+        candidates
+            .find(|program| program.is_file() && !self.is_running(program))
+            .ok_or_else(|| self.none(&name))
+    }
+
+    /// Whether this is the running program, which did not declare that it is krylux: it must not start itself.
+    fn is_running(&self, program: &Path) -> bool {
+        let real = |path: &Path| path.canonicalize().ok();
+        self.running.and_then(real).is_some_and(|running| real(program) == Some(running))
+    }
+
+    fn none(&self, name: &str) -> crate::Error {
+        let beside = self.running.and_then(Path::parent).map(|folder| format!("{} and ", folder.display()));
+        fault(
+            format!(
+                "no helper program was found: a file \"{name}\" was looked for in {}the folders of PATH, the environment \
+                 variable {} is not set, and the running program is not krylux",
+                beside.unwrap_or_default(),
+                Helper::VARIABLE
+            ),
+            format!(
+                "install krylux (`cargo install krylux`), set {} to its program, or give its path by Helper::at",
+                Helper::VARIABLE
+            ),
+        )
+    }
+}
+
+fn names_no_file(named: &OsStr) -> crate::Error {
+    fault(
+        format!(
+            "the environment variable {} names the helper program \"{}\", which is not a file",
+            Helper::VARIABLE,
+            named.display()
+        ),
+        "set it to the path of the krylux program, or unset it",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder with a file `krylux`.
+    fn folder_with_krylux() -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().expect("a folder can be made");
+        let program = folder.path().join(format!("krylux{}", std::env::consts::EXE_SUFFIX));
+        std::fs::write(&program, []).expect("a file can be written");
+        (folder, program)
+    }
+
+    #[test]
+    fn the_variable_comes_before_the_declared_program_before_the_folder_before_path() {
+        let [named, beside, on_path] = [(); 3].map(|()| folder_with_krylux());
+        let running = beside.0.path().join("notebook");
+        let declared = Path::new("/declared/krylux");
+        let mut places = Places {
+            variable: Some(named.1.clone().into()),
+            declared: Some(declared),
+            running: Some(&running),
+            path: on_path.0.path().into(),
+        };
+        assert_eq!(places.find().expect("it is a file"), named.1);
+        places.variable = None;
+        assert_eq!(places.find().expect("it is declared"), declared);
+        places.declared = None;
+        assert_eq!(places.find().expect("it is beside"), beside.1);
+        places.running = None;
+        assert_eq!(places.find().expect("it is on PATH"), on_path.1);
+    }
+
+    #[test]
+    fn a_program_that_is_called_krylux_but_did_not_declare_itself_is_not_started() {
+        let (folder, program) = folder_with_krylux();
+        let places =
+            Places { variable: None, declared: None, running: Some(&program), path: folder.path().into() };
+        let message = places.find().expect_err("only itself is there").to_string();
+        assert!(message.contains("no helper program was found"), "{message}");
+    }
+
+    #[test]
+    fn a_variable_that_names_no_file_is_an_error() {
+        let (folder, _) = folder_with_krylux();
+        let variable = Some(folder.path().join("absent").into());
+        let places = Places { variable, declared: None, running: None, path: folder.path().into() };
+        let message = places.find().expect_err("there is no such file").to_string();
+        assert!(message.contains("KRYLUX_HELPER") && message.contains("absent"), "{message}");
     }
 }

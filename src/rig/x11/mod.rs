@@ -1,16 +1,16 @@
-//! A projector that is a monitor of an X server: exact levels on chosen pixels, confirmed by the server before anything is
-//! photographed.
+//! A projector that is a monitor of an X server. It shows exact levels on chosen pixels, and the server confirms each frame before
+//! a photo is taken.
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | which monitor | by name or number, at its own pixels, without a gamma ramp | `monitor` |
-//! | levels → pixels | of the screen's own visual; each pattern pixel a square | `canvas` |
-//! | on screen | presented, confirmed, read back | `window`, `screen`, `reader` |
-//! | watched | closed, covered and moved windows, a server that is gone | `watch` |
-//! | apart | the window lives in a helper process, reached by a pipe | `helper`, `wire`, `projector` |
+//! | choose | finds the monitor by name or number; it must show its native pixels without a gamma ramp | `monitor` |
+//! | draw | converts levels to the screen's pixel format; each pattern pixel becomes a square | `canvas` |
+//! | show | presents a frame, waits for the confirmation, reads the frame back | `window`, `screen`, `reader` |
+//! | watch | notices windows that are closed, covered or moved, and a server that is gone | `watch` |
+//! | isolate | keeps the window in a helper process, which a pipe reaches | `helper`, `serve`, `wire`, `projector` |
 //!
-//! What is read back is what the server's picture holds. What a monitor makes of it (sharpening, its own gamma, a colour wheel)
-//! only a camera sees: that is for calibration and audit.
+//! Reading back shows what the server's framebuffer holds. What the monitor does to it afterwards (sharpening, its own gamma, a
+//! colour wheel) is seen by the camera only; calibration and audit find it.
 
 mod canvas;
 mod helper;
@@ -18,28 +18,30 @@ mod monitor;
 mod projector;
 mod reader;
 mod screen;
+mod serve;
 mod spec;
 mod watch;
 mod window;
 mod wire;
 
-pub use helper::serve as serve_projector;
+pub use helper::Helper;
 pub use monitor::{MonitorInfo, monitors};
-pub use projector::{Helper, X11Projector};
+pub use projector::X11Projector;
+pub use serve::serve as serve_projector;
 pub use spec::{ProjectorKind, X11Monitor, X11Spec};
 pub use wire::ShowTimes;
 
 use crate::error::Error;
 
-/// What the error is about.
+/// The device that errors name.
 const DEVICE: &str = "projector";
 
-/// An error of the projector.
+/// An error of the projector; `help` says what to do.
 fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
     Error::Rig { device: DEVICE.into(), fault: fault.into(), help: help.into() }
 }
 
-/// A request that the server did not answer as it should.
+/// The error where the server failed or refused a request.
 fn lost(doing: &str, why: &dyn std::fmt::Display) -> Error {
     fault(
         format!("the X server is gone, or refused to {doing}: {why}"),

@@ -1,4 +1,4 @@
-//! Monitors of an X server, and whether one shows pixels as they are.
+//! The monitors of an X server, and the checks that one shows pixels unchanged.
 
 use x11rb::connection::{Connection, RequestConnection};
 use x11rb::protocol::randr::{ConnectionExt as _, Crtc, GetScreenResourcesCurrentReply};
@@ -14,24 +14,24 @@ use crate::rig::nearest::nearest;
 /// One of an X server's monitors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MonitorInfo {
-    /// As the server names it.
+    /// The server's name of it, e.g. `HDMI-1`.
     pub name: String,
-    /// Its own pixels.
+    /// Its size in pixels.
     pub resolution: Resolution,
-    /// Where its top left pixel is in the server's picture, to the right and down.
+    /// The position of its top left pixel on the server's screen, to the right and down, in pixels.
     pub place: [i16; 2],
-    /// Whether it is the desktop's first.
+    /// Whether it is the desktop's primary monitor.
     pub is_primary: bool,
-    /// Seconds from one refresh to the next, where the server knows.
+    /// Seconds from one refresh to the next, if the server knows.
     pub frame_time: Option<f64>,
-    /// The parts of the graphics device that light it.
+    /// The display controllers (CRTCs) that drive it.
     pub(super) crtcs: Vec<Crtc>,
 }
 
-/// Shares of full scale by which a gamma ramp may depart from a line: half of an 8-bit level.
+/// The share of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
 const RAMP_TOLERANCE: f64 = 0.5 / 255.0;
 
-/// The monitors of a server, in its order; `display` as in [`X11Spec::display`].
+/// Lists the monitors of a server, in the server's order; `display` is as in [`X11Spec::display`].
 ///
 /// # Errors
 /// [`Error::Rig`] when the server cannot be reached, or does not know its monitors.
@@ -42,10 +42,10 @@ pub fn monitors(display: Option<&str>) -> Result<Vec<MonitorInfo>> {
 }
 
 impl X11Spec {
-    /// The monitor that is meant, which must fit what is written about it and show levels as they are.
+    /// Finds the monitor that is described, and checks that it has the described properties and shows levels unchanged.
     ///
     /// # Errors
-    /// [`Error::Rig`] naming what differs, and what to do.
+    /// [`Error::Rig`], which names the difference and says what to do.
     pub fn monitor(&self) -> Result<MonitorInfo> {
         let (connection, screen) = connect(self.display.as_deref())?;
         let root = connection.setup().roots[screen].root;
@@ -55,11 +55,11 @@ impl X11Spec {
     }
 }
 
-/// Why a Wayland session is none to project from.
+/// Why a projector cannot be driven from a Wayland session.
 const WAYLAND: &str = "a Wayland session shows windows as its compositor likes: an X server on top of it (XWayland) scales them, and \
                        does not say when a frame is on screen";
 
-/// Connects to a server, which must be one that lights its monitors itself.
+/// Connects to a server, which must drive its monitors itself: XWayland is refused.
 pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> {
     let (connection, screen) = x11rb::connect(display).map_err(|why| {
         let name = display.map_or_else(|| std::env::var("DISPLAY").unwrap_or_default(), str::to_owned);
@@ -75,7 +75,7 @@ pub(super) fn connect(display: Option<&str>) -> Result<(RustConnection, usize)> 
     Ok((connection, screen))
 }
 
-/// The error where the server of this name (none: no name is known) cannot be reached.
+/// The error where the server of this name cannot be reached. The name is empty where none was given.
 fn no_server(name: &str, is_wayland: bool, why: &str) -> Error {
     let help = "start it, or give the server as display = \":0\" in [projector], or set DISPLAY";
     match (name.is_empty(), is_wayland) {
@@ -88,6 +88,7 @@ fn no_server(name: &str, is_wayland: bool, why: &str) -> Error {
     }
 }
 
+/// Lists the monitors through an open connection.
 pub(super) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<MonitorInfo>> {
     let asked = "list its monitors";
     let failed = |why: &dyn std::fmt::Display| lost(asked, why);
@@ -123,6 +124,7 @@ pub(super) fn listed(connection: &RustConnection, root: Window) -> Result<Vec<Mo
     Ok(monitors)
 }
 
+/// Seconds from one refresh to the next of the first of these display controllers.
 fn frame_time(
     connection: &RustConnection,
     crtcs: &[Crtc],
@@ -131,12 +133,12 @@ fn frame_time(
     let Some(&crtc) = crtcs.first() else { return Ok(None) };
     let crtc = connection.randr_get_crtc_info(crtc, resources.config_timestamp)?.reply()?;
     let mode = resources.modes.iter().find(|mode| mode.id == crtc.mode);
-    // A server without a device behind it says 0.
+    // A server without a real display, such as Xvfb, says 0.
     let known = mode.filter(|mode| mode.dot_clock > 0 && mode.htotal > 0 && mode.vtotal > 0);
     Ok(known.map(|mode| f64::from(mode.htotal) * f64::from(mode.vtotal) / f64::from(mode.dot_clock)))
 }
 
-/// The monitor that `spec` means, which must fit it.
+/// Chooses the monitor that `spec` describes, and checks its properties.
 pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<MonitorInfo> {
     let names: Vec<String> = monitors.iter().map(|monitor| monitor.name.clone()).collect();
     let listed = names.iter().enumerate().map(|(at, name)| format!("{at} ({name})"));
@@ -186,7 +188,7 @@ pub(super) fn choose(monitors: Vec<MonitorInfo>, spec: &X11Spec) -> Result<Monit
     Ok(monitor)
 }
 
-/// That levels go to this monitor as they are: no gamma ramp but a line, no transform.
+/// Checks that levels reach this monitor unchanged: its gamma ramp is a straight line, and it has no transform.
 pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -> Result<()> {
     let asked = "tell a monitor's gamma ramp and transform";
     let sent = |why: x11rb::errors::ConnectionError| lost(asked, &why);
@@ -213,7 +215,7 @@ pub(super) fn check_passes(connection: &RustConnection, monitor: &MonitorInfo) -
     Ok(())
 }
 
-/// An empty ramp is none at all; one of zeros is that of a server without a device.
+/// Whether a gamma ramp is a straight line. An empty ramp means that there is none; a server without a real display has zeros.
 fn is_line(ramp: &[u16]) -> bool {
     if ramp.len() < 2 || ramp.iter().all(|&value| value == 0) {
         return true;
@@ -224,7 +226,7 @@ fn is_line(ramp: &[u16]) -> bool {
         .all(|(at, &value)| (f64::from(value) / 65535.0 - at as f64 / last).abs() <= RAMP_TOLERANCE)
 }
 
-/// In 16.16 fixed point.
+/// Whether a transform, in 16.16 fixed point, is the identity.
 fn is_identity(transform: &x11rb::protocol::render::Transform) -> bool {
     const ONE: i32 = 1 << 16;
     let rows = transform;

@@ -1,80 +1,55 @@
-//! The projector as a rig sees it: it asks the helper process, and lives on when that does not.
+//! The projector that a rig drives: it sends requests to the helper process, and starts another one when that fails.
 
-use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use super::fault;
+use super::helper::Helper;
 use super::spec::X11Spec;
 use super::wire::{self, Reply, Request, ShowTimes};
 use crate::error::{Error, Result};
 use crate::rig::{Frame, Projector, ProjectorInfo, Shown, Waited, WallClock};
 
-/// How long a helper may take to end by itself.
+/// How long a helper may take to end by itself before it is killed.
 const FAREWELL: Duration = Duration::from_millis(500);
 
-/// How the helper process is started.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Helper {
-    /// The `krylux` program.
-    pub program: PathBuf,
-    /// The longest wait for an answer: longer than the helper itself waits for the server, so that it can say why.
-    pub patience: Duration,
-}
-
-impl Helper {
-    /// The running program itself.
-    ///
-    /// # Errors
-    /// [`Error::Rig`] when the system does not say where that is.
-    pub fn this_program() -> Result<Self> {
-        let program = std::env::current_exe().map_err(|why| {
-            fault(format!("its helper process cannot be found: {why}"), "start krylux from its own file")
-        })?;
-        Ok(Self::of(program))
-    }
-
-    /// This `krylux` program.
-    pub fn of(program: impl Into<PathBuf>) -> Self {
-        Self { program: program.into(), patience: Duration::from_secs(15) }
-    }
-}
-
-/// A monitor of an X server.
+/// A projector that is a monitor of an X server.
 pub struct X11Projector {
     info: ProjectorInfo,
     spec: X11Spec,
     helper: Helper,
     clock: WallClock,
     process: Option<Process>,
-    /// What is on screen, for another helper to show.
+    /// The frame on screen. `None`: not known.
     shown: Option<Frame>,
     times: ShowTimes,
     restarts: u64,
 }
 
+/// A running helper process.
 struct Process {
     child: Child,
-    /// None once it is to end.
+    /// The helper's standard input. `None` once the helper is to end.
     requests: Option<ChildStdin>,
     replies: Receiver<Reply>,
     patience: Duration,
 }
 
-/// Why there is no answer.
-enum Silence {
-    /// The helper ended, or does not answer.
+/// Why a request failed.
+enum Failure {
+    /// The helper process ended or does not answer; the text says how.
     Helper(String),
-    /// It answered with an error.
-    Said(Error),
+    /// The helper answered with an error of the projector.
+    Projector(Error),
 }
 
 impl X11Projector {
-    /// Opens the window in a process of its own; it shows level 0. Times are told by `clock`.
+    /// Opens the window in a process of `helper`; it shows level 0. Confirmations carry the times of `clock`.
     ///
     /// # Errors
-    /// [`Error::Rig`] when there is no such server or monitor, it is of the wrong size, or does not show what it is told.
+    /// [`Error::Rig`] when the helper cannot be started, there is no such server or monitor, the monitor has the wrong size, or
+    /// does not show what it is told.
     pub fn open(spec: &X11Spec, helper: &Helper, clock: WallClock) -> Result<Self> {
         let mut projector = Self {
             info: spec.info(),
@@ -90,58 +65,58 @@ impl X11Projector {
         Ok(projector)
     }
 
-    /// Where the time went when the last frame was shown.
+    /// The times of the steps in which the last frame was shown.
     pub fn times(&self) -> ShowTimes {
         self.times
     }
 
-    /// How often the helper process had to be started again.
+    /// The number of times that the helper process was started again.
     pub fn restarts(&self) -> u64 {
         self.restarts
     }
 
-    /// The helper's process number, while it lives.
+    /// The helper's process number, while it runs.
     pub fn helper_id(&self) -> Option<u32> {
         self.process.as_ref().map(|process| process.child.id())
     }
 
-    fn start(&mut self) -> std::result::Result<(), Silence> {
-        self.process = Some(Process::start(&self.helper).map_err(Silence::Helper)?);
+    fn start(&mut self) -> std::result::Result<(), Failure> {
+        self.process = Some(Process::start(&self.helper).map_err(Failure::Helper)?);
         match self.ask(&Request::Open(self.spec.clone()), &[])? {
             Reply::Opened { .. } => Ok(()),
-            other => Err(Silence::Helper(format!("it answered {other:?}"))),
+            other => Err(Failure::Helper(format!("it answered {other:?}"))),
         }
     }
 
-    fn ask(&mut self, request: &Request, payload: &[u8]) -> std::result::Result<Reply, Silence> {
-        let Some(process) = &mut self.process else { return Err(Silence::Helper("it ended".into())) };
+    fn ask(&mut self, request: &Request, payload: &[u8]) -> std::result::Result<Reply, Failure> {
+        let Some(process) = &mut self.process else { return Err(Failure::Helper("it ended".into())) };
         match process.ask(request, payload) {
-            Ok(Reply::Fault { fault: what, help }) => Err(Silence::Said(fault(what, help))),
+            Ok(Reply::Fault { fault: what, help }) => Err(Failure::Projector(fault(what, help))),
             Ok(reply) => Ok(reply),
             Err(why) => {
                 self.process = None;
-                Err(Silence::Helper(why))
+                Err(Failure::Helper(why))
             }
         }
     }
 
-    fn try_show(&mut self, frame: &Frame) -> std::result::Result<(), Silence> {
+    fn try_show(&mut self, frame: &Frame) -> std::result::Result<(), Failure> {
         let request = Request::Show { resolution: frame.resolution(), channels: frame.channels() };
-        // Levels of 8 bits: the frame was checked.
+        // The frame was checked: its levels have 8 bits.
         let levels: Vec<u8> = frame.levels().iter().map(|&level| level as u8).collect();
         match self.ask(&request, &levels)? {
             Reply::Shown(times) => {
                 self.times = times;
                 Ok(())
             }
-            other => Err(Silence::Helper(format!("it answered {other:?}"))),
+            other => Err(Failure::Helper(format!("it answered {other:?}"))),
         }
     }
 
-    fn gone(&self, why: Silence) -> Error {
+    fn gone(&self, why: Failure) -> Error {
         match why {
-            Silence::Said(error) => error,
-            Silence::Helper(why) => fault(
+            Failure::Projector(error) => error,
+            Failure::Helper(why) => fault(
                 format!(
                     "the helper process with its window ({} projector) failed: {why}",
                     self.helper.program.display()
@@ -161,8 +136,8 @@ impl Projector for X11Projector {
         self.info.check(frame)?;
         self.shown = None;
         let first = self.try_show(frame);
-        if let Err(Silence::Helper(_)) = first {
-            // It crashed or hangs: another one, once.
+        if let Err(Failure::Helper(_)) = first {
+            // The helper crashed or hangs: another one is started, once.
             self.restarts += 1;
             self.start().and_then(|()| self.try_show(frame)).map_err(|why| self.gone(why))?;
         } else {
@@ -191,7 +166,7 @@ impl Process {
     fn start(helper: &Helper) -> std::result::Result<Self, String> {
         let mut command = Command::new(&helper.program);
         command.arg("projector").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::inherit());
-        // A terminal's interrupt is for the run, which ends the helper when it is done.
+        // In a separate process group, so that the terminal's interrupt reaches the run only; the run ends the helper.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().map_err(|why| why.to_string())?;
@@ -199,7 +174,7 @@ impl Process {
         let Some(mut answers) = child.stdout.take() else { return Err("it has no standard output".into()) };
         let (sender, replies) = channel();
         std::thread::spawn(move || {
-            // An end or an error both end the channel, which is how it is told.
+            // The channel closes when the pipe ends or fails; `ask` notices that.
             while let Ok(Some((reply, _))) = wire::receive(&mut answers) {
                 if sender.send(reply).is_err() {
                     break;
@@ -236,7 +211,7 @@ impl Drop for Process {
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        // It hangs, and its window must not stay on the monitor.
+        // The helper hangs, and its window must not stay on the monitor.
         if self.child.kill().is_ok() {
             let _ = self.child.wait();
         }

@@ -1,4 +1,4 @@
-//! Reading back what the server's picture holds where a pattern was drawn.
+//! Reading back the server's framebuffer where a pattern was drawn.
 
 use x11rb::connection::Connection;
 use x11rb::errors::{ConnectionError, ParseError, ReplyError};
@@ -10,16 +10,16 @@ use super::canvas::{Canvas, Difference, Picture};
 use super::lost;
 use crate::error::{Error, Result};
 
-/// Reads from one place.
+/// Reads the framebuffer at one position.
 pub(super) struct Reader {
-    /// The window that holds all others: what lies above the projector's is seen, too.
+    /// The root window, which holds all others: a window that covers the projector's is read, too.
     pub(super) root: Window,
-    /// Of a pattern's top left pixel.
+    /// The position of a pattern's top left pixel.
     pub(super) corner: [i16; 2],
 }
 
 impl Reader {
-    /// Where the server's picture is not as it was drawn.
+    /// Compares the framebuffer with the drawn picture. `None`: they are equal.
     pub(super) fn difference(
         &self,
         connection: &RustConnection,
@@ -35,7 +35,7 @@ impl Reader {
         };
         let mut found: Option<Difference> = None;
         let mut coming = None;
-        // The next part is on its way while one is compared.
+        // One band is compared while the next is on its way.
         for band in drawn.bands().map(Some).chain([None]) {
             let next = band.map(ask).transpose().map_err(|why| failed(&why))?;
             let Some((top, height, asked)) = std::mem::replace(&mut coming, next) else { continue };

@@ -1,4 +1,4 @@
-//! The window on its monitor: frames are presented, confirmed and read back.
+//! The window on its monitor. Each frame is presented, confirmed and read back.
 
 use std::time::Instant;
 
@@ -20,17 +20,17 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::rig::Frame;
 
-/// Refreshes in which a compositor may take a confirmed frame to the screen.
+/// Refreshes that a compositor may take to bring a confirmed frame to the screen.
 const LAG: u32 = 6;
 
-/// An open projector.
+/// The open window of a projector.
 pub(super) struct Screen {
     connection: RustConnection,
     window: Window,
     gc: Gcontext,
-    /// Shown in turns: the one on screen is not drawn on.
+    /// The two pixmaps are shown alternately, so that the one on screen is never drawn on.
     pixmaps: [Pixmap; 2],
-    /// Where a pattern's rows arrive, to be repeated from.
+    /// The pixmap that receives each row of a pattern once; the server copies rows from it.
     rows: Pixmap,
     turn: usize,
     serial: u32,
@@ -38,15 +38,15 @@ pub(super) struct Screen {
     reader: Reader,
     watch: Watch,
     monitor: MonitorInfo,
-    /// Where patterns are on the monitor.
+    /// The position of patterns on the monitor.
     offset: [i16; 2],
     spec: X11Spec,
-    /// What is on screen.
+    /// The picture on screen. `None`: not known.
     shown: Option<Picture>,
 }
 
 impl Screen {
-    /// Opens the window, black, and shows that it shows what it is told.
+    /// Opens the window, verifies with a test frame that it shows what it is told, and makes it black.
     pub(super) fn open(spec: &X11Spec) -> Result<Self> {
         let (connection, number) = monitor::connect(spec.display.as_deref())?;
         let screen = connection.setup().roots[number].clone();
@@ -102,7 +102,7 @@ impl Screen {
         &self.monitor
     }
 
-    /// Shows a frame that fits; when it returns, the server has confirmed it, its refreshes are over, and it was read back.
+    /// Shows a frame that fits. On return the server has confirmed it, the settle refreshes are over, and it was read back.
     pub(super) fn show(&mut self, frame: &Frame) -> Result<ShowTimes> {
         let began = Instant::now();
         self.watch.look(&self.connection)?;
@@ -146,8 +146,8 @@ impl Screen {
         if settles {
             self.await_refresh(confirmed.refresh + self.spec.settle_frames)?;
         }
-        // Read back while the refreshes pass: what comes before it until then is told by events, and what comes later by the look
-        // after the photo.
+        // Reading back happens while the refreshes pass. A window that covers this one earlier causes an event; one that covers it
+        // later is found by `confirm`, after the photo.
         let is_there = self.difference(&picture)?.is_none();
         let verified = began.elapsed();
         if settles {
@@ -181,29 +181,29 @@ impl Screen {
         Ok(())
     }
 
-    /// That the last frame is on screen still, and nothing came before it since.
+    /// Confirms that the last frame is still on screen, and that nothing covered it since.
     pub(super) fn confirm(&mut self) -> Result<()> {
         self.watch.look(&self.connection)?;
         let Some(picture) = self.shown.take() else { return Ok(()) };
         self.read_back(&picture)?;
         self.shown = Some(picture);
-        // Events on the way are here by now: the server answered after it.
+        // The server sends events in order: those from before its answer have arrived by now.
         self.watch.look(&self.connection)
     }
 
-    /// Asks to be told when the server's monitor has refreshed so often.
+    /// Asks the server for an event when the monitor reaches this refresh.
     fn await_refresh(&mut self, refresh: u64) -> Result<()> {
         self.serial += 1;
         self.connection.present_notify_msc(self.window, self.serial, refresh, 0, 0).map_err(presenting)?;
         self.connection.flush().map_err(presenting)
     }
 
-    /// Waits until it has; which refresh it was.
+    /// Waits for that event; returns the number of the refresh.
     fn refreshed(&mut self) -> Result<u64> {
         Ok(self.watch.completed(&self.connection, self.serial, false)?.refresh)
     }
 
-    /// That the server's picture has what was drawn, pixel by pixel.
+    /// Checks pixel by pixel that the framebuffer holds what was drawn, with some refreshes of patience.
     fn read_back(&mut self, drawn: &Picture) -> Result<()> {
         let mut found = self.difference(drawn)?;
         let mut refresh = 0;
@@ -211,7 +211,7 @@ impl Screen {
             if found.is_none() {
                 return Ok(());
             }
-            // A target that is past already means the next one.
+            // A refresh that is past already means the next one.
             self.await_refresh(refresh + 1)?;
             refresh = self.refreshed()?;
             found = self.difference(drawn)?;
@@ -240,7 +240,8 @@ fn presenting(why: ConnectionError) -> crate::Error {
     lost("show a frame", &why)
 }
 
-/// Neighbours of different levels in every channel: what scales mixes them, what manages colours bends them.
+/// A frame whose neighbouring pixels have different levels in every channel: scaling would mix them, and colour management would
+/// change them.
 fn test_frame(resolution: Resolution, channels: usize) -> Result<Frame> {
     let level = |sample: usize| {
         let (pixel, channel) = (sample / channels, sample % channels);

@@ -1,29 +1,29 @@
-//! What is written about a projector on X11.
+//! The description of a projector on X11, as a rig file has it.
 
 use serde::{Deserialize, Serialize};
 
 use crate::image::Resolution;
 use crate::rig::ProjectorInfo;
 
-/// A projector that is a monitor of an X server.
+/// A description of a projector that is a monitor of an X server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct X11Spec {
-    /// What it is.
+    /// The kind of projector.
     pub kind: ProjectorKind,
-    /// The server, e.g. `:0`; none: that of the environment's `DISPLAY`.
+    /// The server, e.g. `:0`. `None`: the one that the environment variable `DISPLAY` names.
     #[serde(default)]
     pub display: Option<String>,
-    /// Which of its monitors.
+    /// The monitor.
     #[serde(default)]
     pub monitor: X11Monitor,
-    /// Width and height of patterns, in their own pixels.
+    /// Width and height of patterns, in pattern pixels.
     pub size: [usize; 2],
-    /// A pattern's pixel is a square of so many of the monitor's, on a side. The pattern is in the monitor's centre; around it
-    /// the monitor is black.
+    /// Monitor pixels on the side of the square that shows one pattern pixel. The pattern is in the monitor's centre; around it the
+    /// monitor is black.
     #[serde(default = "one")]
     pub magnify: usize,
-    /// Width and height that the monitor must have in its own pixels: a projector scales what does not fit it. None: as it is.
+    /// Width and height in pixels that the monitor must have: a projector scales any other size, which blurs patterns. `None`: any.
     #[serde(default)]
     pub monitor_size: Option<[usize; 2]>,
     /// 1 (gray) or 3.
@@ -32,12 +32,12 @@ pub struct X11Spec {
     /// Seconds from one refresh to the next.
     #[serde(default = "sixty_hertz")]
     pub frame_time: f64,
-    /// Refreshes that pass after the server's confirmation until a frame is taken for shown.
+    /// Refreshes to wait after the server's confirmation before a frame counts as shown.
     #[serde(default = "one_frame")]
     pub settle_frames: u64,
 }
 
-/// Kinds of projectors.
+/// The kinds of projectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ProjectorKind {
@@ -45,11 +45,11 @@ pub enum ProjectorKind {
     X11,
 }
 
-/// One of an X server's monitors.
+/// How a rig file names one of an X server's monitors.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum X11Monitor {
-    /// In the server's order, from 0.
+    /// By its number in the server's order, from 0.
     Number(usize),
     /// By its name, e.g. `HDMI-1`.
     Name(String),
@@ -83,7 +83,7 @@ fn sixty_hertz() -> f64 {
 }
 
 impl X11Spec {
-    /// The first monitor, with gray patterns of this size.
+    /// A projector on the first monitor of the default server, with gray patterns of this size.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             kind: ProjectorKind::X11,
@@ -98,7 +98,7 @@ impl X11Spec {
         }
     }
 
-    /// The projector, as it presents itself.
+    /// The projector's properties.
     pub fn info(&self) -> ProjectorInfo {
         ProjectorInfo {
             name: format!("x11 monitor {}", self.monitor),
@@ -109,7 +109,7 @@ impl X11Spec {
         }
     }
 
-    /// Pixels of the monitor that a pattern takes.
+    /// The size of a pattern on the monitor, in monitor pixels.
     pub(super) fn shown(&self) -> Resolution {
         Resolution::new(self.size[0] * self.magnify, self.size[1] * self.magnify)
     }

@@ -1,4 +1,4 @@
-//! What happens to the projector's window, as the server tells it.
+//! The server's events about the projector's window.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use x11rb::rust_connection::RustConnection;
 use super::{fault, lost};
 use crate::error::{Error, Result};
 
-/// Between two looks for events. It bounds the delay of a confirmation.
+/// The time between two looks for events. It bounds the delay of a confirmation.
 const POLL: Duration = Duration::from_micros(200);
 
 /// The longest wait for a confirmation: hundreds of refreshes.
@@ -20,12 +20,12 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Follows the events of one window.
 pub(super) struct Watch {
     window: Window,
-    /// Where it is in the server's picture, and its size.
+    /// The window's position on the server's screen, and its size, in pixels.
     place: [i32; 4],
     mapped: bool,
-    /// Whether it is covered now.
+    /// Whether the window is covered now.
     obscured: bool,
-    /// What went wrong since the last look: it stays so until somebody was told.
+    /// What went wrong since the last look. It is kept until it is reported.
     trouble: Option<Trouble>,
     completed: Option<Completed>,
 }
@@ -39,13 +39,13 @@ enum Trouble {
     Rearranged,
 }
 
-/// A confirmation.
+/// A confirmation by the server.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Completed {
     serial: u32,
-    /// Whether it is of a frame; else of a refresh.
+    /// Whether it confirms a frame; otherwise it reports a refresh.
     of_frame: bool,
-    /// Whether the frame was passed over for a later one.
+    /// Whether the frame was skipped in favour of a later one.
     pub(super) skipped: bool,
     /// The number of the refresh.
     pub(super) refresh: u64,
@@ -56,7 +56,7 @@ impl Watch {
         Self { window, place, mapped: false, obscured: false, trouble: None, completed: None }
     }
 
-    /// Waits until the window is there.
+    /// Waits until the window is mapped.
     pub(super) fn until_mapped(&mut self, connection: &RustConnection) -> Result<()> {
         let began = Instant::now();
         while !self.mapped {
@@ -72,7 +72,7 @@ impl Watch {
         Ok(())
     }
 
-    /// Waits for the confirmation of this number, of a frame or of a refresh.
+    /// Waits for the confirmation with this serial number, of a frame or of a refresh.
     pub(super) fn completed(
         &mut self,
         connection: &RustConnection,
@@ -97,7 +97,7 @@ impl Watch {
         }
     }
 
-    /// Takes note of all that has happened.
+    /// Reads all pending events.
     ///
     /// # Errors
     /// [`Error::Rig`] when the window was closed, hidden, moved or covered since the last look, or the server is
@@ -105,7 +105,7 @@ impl Watch {
     pub(super) fn look(&mut self, connection: &RustConnection) -> Result<()> {
         self.drain(connection)?;
         if self.trouble == Some(Trouble::Hidden) {
-            // A window that is closed is hidden first: once the server has answered, both are told.
+            // A window that is closed is hidden first. Once the server has answered a request, both events have arrived.
             let asked = connection.get_input_focus().map_err(|why| untold(&why))?;
             asked.reply().map_err(|why| untold(&why))?;
             self.drain(connection)?;
@@ -127,7 +127,7 @@ impl Watch {
                 ));
             }
         };
-        // A window that is gone stays gone.
+        // A closed window stays closed.
         if trouble == Trouble::Closed {
             self.trouble = Some(trouble);
         }

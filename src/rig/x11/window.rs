@@ -1,4 +1,4 @@
-//! The window and what is drawn on before it is shown.
+//! The window, and the pixmaps that frames are drawn on before they are shown.
 
 use x11rb::connection::{Connection, RequestConnection as _};
 use x11rb::errors::ReplyOrIdError;
@@ -17,8 +17,8 @@ use super::spec::X11Spec;
 
 type Made<T> = Result<T, ReplyOrIdError>;
 
-/// Makes a black window over the whole of `monitor`, past the window manager: nothing around it, nothing above it, no place of
-/// another's choice. It is not on screen yet.
+/// Makes a black window over the whole of `monitor`. It bypasses the window manager, so that it gets no border and stays where it
+/// is put. It is not mapped yet.
 pub(super) fn window(connection: &RustConnection, screen: &Screen, monitor: &MonitorInfo) -> Made<Window> {
     let (root, [x, y], [width, height]) = (screen.root, monitor.place, sides(monitor));
     let window = connection.generate_id()?;
@@ -40,14 +40,14 @@ pub(super) fn window(connection: &RustConnection, screen: &Screen, monitor: &Mon
     connection.present_select_input(id, window, present::EventMask::COMPLETE_NOTIFY)?;
     connection.randr_select_input(root, NotifyMask::SCREEN_CHANGE | NotifyMask::CRTC_CHANGE)?;
     if connection.extension_information(screensaver::X11_EXTENSION_NAME)?.is_some() {
-        // Undone by the server when this connection ends.
+        // The server resumes the screen saver when this connection ends.
         connection.screensaver_query_version(1, 1)?.reply()?;
         connection.screensaver_suspend(1)?;
     }
     Ok(window)
 }
 
-/// Two black pictures of the monitor's size, and what draws on them.
+/// Makes two black pixmaps of the monitor's size, and the graphics context that draws on them.
 pub(super) fn pixmaps(
     connection: &RustConnection,
     screen: &Screen,
@@ -66,21 +66,21 @@ pub(super) fn pixmaps(
     Ok((gc, pixmaps))
 }
 
-/// What takes the rows of a pattern, each once.
+/// Makes the pixmap that receives each row of a pattern once.
 pub(super) fn rows(connection: &RustConnection, screen: &Screen, spec: &X11Spec) -> Made<Pixmap> {
     let pixmap = connection.generate_id()?;
-    // It fits the monitor, whose sides have 16 bits.
+    // The pattern fits the monitor, whose sides have 16 bits.
     let [width, height] = [spec.shown().width, spec.size[1]].map(|side| side as u16);
     connection.create_pixmap(screen.root_depth, pixmap, screen.root, width, height)?;
     Ok(pixmap)
 }
 
-/// The protocol's own numbers: a monitor came with sides of 16 bits.
+/// The monitor's sides as the protocol's 16-bit numbers, which they were read from.
 fn sides(monitor: &MonitorInfo) -> [u16; 2] {
     [monitor.resolution.width, monitor.resolution.height].map(|side| side as u16)
 }
 
-/// A pointer without a picture.
+/// An invisible pointer.
 fn blank_cursor(connection: &RustConnection, root: Window) -> Made<Cursor> {
     let [pixmap, cursor, gc] =
         [connection.generate_id()?, connection.generate_id()?, connection.generate_id()?];

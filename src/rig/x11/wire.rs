@@ -1,5 +1,5 @@
-//! What the projector and its helper process tell each other: a header as JSON, then raw bytes, both with their lengths
-//! before them.
+//! The messages between the projector and its helper process. Each is a JSON header and raw bytes, preceded by both lengths as
+//! little-endian 32-bit numbers.
 
 use std::io::{self, Read, Write};
 
@@ -9,21 +9,21 @@ use serde::{Deserialize, Serialize};
 use super::spec::X11Spec;
 use crate::image::Resolution;
 
-/// The longest part that is believed: a frame of 16384² colours.
+/// The longest header or payload that is accepted: a frame of 16384² pixels in colour.
 const LONGEST: usize = 3 << 28;
 
-/// To the helper.
+/// A message to the helper.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Request {
     /// Open the window.
     Open(X11Spec),
-    /// Show the levels that follow.
+    /// Show the levels that follow as payload, one byte each.
     Show { resolution: Resolution, channels: usize },
-    /// Say whether the last frame has been on screen ever since.
+    /// Say whether the last frame has been on screen without interruption.
     Confirm,
 }
 
-/// From the helper: one for each request.
+/// A message from the helper: one for each request.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Reply {
     Opened { monitor: String, resolution: Resolution },
@@ -32,22 +32,23 @@ pub(super) enum Reply {
     Fault { fault: String, help: String },
 }
 
-/// Seconds that showing one frame took.
+/// Seconds that each step of showing a frame took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShowTimes {
-    /// Levels to pixels to the server.
+    /// Converting levels to pixels, and sending them to the server.
     pub draw: f64,
-    /// Until the server confirmed it.
+    /// Waiting for the server's confirmation.
     pub present: f64,
-    /// Refreshes waited for after that, beyond the time of reading back.
+    /// Waiting for the refreshes after that, as far as it took longer than reading back.
     pub settle: f64,
-    /// Reading it back, which goes on while refreshes pass.
+    /// Reading the frame back, which happens while refreshes pass.
     pub verify: f64,
 }
 
+/// Writes one message.
 pub(super) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8]) -> io::Result<()> {
     let header = serde_json::to_vec(header)?;
-    // In one piece, so that who waits for it wakes once.
+    // In one piece, so that the reader is woken once.
     let mut message = Vec::with_capacity(8 + header.len() + payload.len());
     message.extend((header.len() as u32).to_le_bytes());
     message.extend((payload.len() as u32).to_le_bytes());
@@ -57,7 +58,7 @@ pub(super) fn send(to: &mut impl Write, header: &impl Serialize, payload: &[u8])
     to.flush()
 }
 
-/// None at the end of the pipe.
+/// Reads one message. `None`: the pipe ended.
 pub(super) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<Option<(T, Vec<u8>)>> {
     let mut lengths = [0; 8];
     match from.read_exact(&mut lengths) {

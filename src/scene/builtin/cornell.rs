@@ -7,9 +7,9 @@ use super::model::{Model, Part, camera_along_z, matte};
 /// tan 20°
 const TAN_HALF_FOV: f32 = 0.363_970_22;
 
-/// A box of 1 m, open towards the camera that stands 1.3 m in front of it: white floor, ceiling and back, red wall on
-/// the left, green on the right, and in it a short white block and a tall one. The five parts are regions by name,
-/// not labels: all of them exchange light.
+/// A box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Floor, ceiling
+/// and back wall are white, the left wall is red, the right one green. A short and a tall white block stand
+/// in the box. The five parts are named regions, not labels, since all of them exchange light.
 pub fn cornell() -> Model {
     let low = -0.5;
     let high = 0.5;
@@ -41,10 +41,11 @@ pub fn cornell() -> Model {
     }
 }
 
-/// A block of 0.3 m × 0.3 m on the floor, turned by `turn` radians about the vertical.
+/// A block with a base of 0.3 m × 0.3 m around the floor point `foot`, rotated by `turn` radians about the
+/// vertical.
 fn block(name: &str, foot: DVec3, height: f64, turn: f64) -> Part {
     let (sine, cosine) = turn.sin_cos();
-    // Corners are named by their place before the turn: left or right, bottom or top, back or front.
+    // Corners are named by their place before the rotation: left or right, bottom or top, back or front.
     let corner = |x: f64, y: f64, z: f64| {
         let (x, z) = (0.3 * (x - 0.5), 0.3 * (z - 0.5));
         (foot + dvec3(cosine * x + sine * z, y * height, cosine * z - sine * x)).as_vec3()

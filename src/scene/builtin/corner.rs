@@ -7,8 +7,9 @@ use super::model::{Model, Part, camera_along_z, white_paper};
 /// tan 20°
 const TAN_HALF_FOV: f32 = 0.363_970_22;
 
-/// Two white planes that meet at a right angle along the vertical, 1.2 m in front of the camera, and come 0.6 m
-/// towards it on both sides. They fill the view. Left is region 0, right region 1.
+/// Two white planes that meet at a right angle along a vertical edge, 1.2 m in front of the camera. Each
+/// extends 0.6 m towards the camera and 0.6 m to its side. They fill the view. The left plane is region 0,
+/// the right one region 1.
 pub fn corner() -> Model {
     let mut left = Part::new("left", Some(0));
     left.quad([vec3(-0.6, -0.7, -0.6), vec3(0.0, -0.7, -1.2), vec3(0.0, 0.7, -1.2), vec3(-0.6, 0.7, -0.6)]);

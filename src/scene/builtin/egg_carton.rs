@@ -1,4 +1,4 @@
-//! `carton` and `carton-eggs`: an egg carton from above.
+//! `carton`, `carton-eggs`, `nine-cells` and `nine-cells-eggs`: egg cartons seen from above.
 
 use glam::{DVec3, Vec3, dvec3};
 
@@ -7,46 +7,49 @@ use crate::scene::{Camera, Lens};
 
 const COLUMNS: usize = 3;
 
-/// Metres, from rim to rim.
+/// Width of a cup from rim to rim, in metres.
 const CUP_WIDTH: f64 = 0.20;
+/// Depth of a cup below the rims, in metres.
 const CUP_DEPTH: f64 = 0.09;
-/// All rows together.
+/// Length of all rows together, in metres.
 const LENGTH: f64 = 0.60;
 
-/// Part of the half-width over which a cup's floor is flat.
+/// The share of the half-width of a cup over which its floor is flat.
 const FLOOR: f64 = 0.4;
 
-/// Cells a side of a cup's grid.
+/// Number of grid cells along each side of a cup.
 const CUP_GRID: usize = 12;
 
-/// Half-axes of an egg that lies along the cup's width, below the rims.
+/// Half-axes in metres of an egg that lies along the cup's width and stays below the rims.
 const LYING: DVec3 = dvec3(0.050, 0.036, 0.036);
-/// Half-axes of an egg that stands, fills most of its cup, and rises 0.07 m above the rims.
+/// Half-axes in metres of a standing egg, which fills most of its cup and rises 0.07 m above the rims.
 const STANDING: DVec3 = dvec3(0.070, 0.080, 0.070);
 const EGG_SEGMENTS: usize = 16;
 const EGG_RINGS: usize = 12;
 
-/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, lying on the floor with its rims at height 0; the camera looks
-/// down on it from 1 m, and the carton fills the view. A cup is 0.20 m × 0.15 m and 0.09 m deep. All rims are
-/// equally high and no cup rises above them, so light bounces within a cup but never from one to another. Each
-/// cup is a region, in rows of three from the top left of the photo.
+/// An egg carton of 3 × 4 cups, 0.6 m × 0.6 m, whose rims are at height 0. The camera looks down on it from a
+/// height of 1 m, and the carton fills the view. A cup is 0.20 m × 0.15 m wide and 0.09 m deep. All rims are
+/// equally high and no cup rises above them, so light bounces within a cup but never from one cup to another.
+/// Each cup is a region, numbered in rows of three from the top left of the photo.
 pub fn carton() -> Model {
     model("carton", 4, LYING, |_| false)
 }
 
-/// The same carton with an egg in every second cup, as on the black squares of a chessboard. An egg belongs to
-/// the region of its cup and stays below the rim.
+/// The same carton with an egg in every second cup, in a chessboard pattern. An egg belongs to the region of
+/// its cup and stays below the rims.
 pub fn carton_eggs() -> Model {
     model("carton-eggs", 4, LYING, |cup| (cup % COLUMNS + cup / COLUMNS).is_multiple_of(2))
 }
 
-/// A carton as in the paper's figure: 3 × 3 cups of 0.20 m × 0.20 m, seen as [`carton`] is. With `eggs`, one stands in
-/// every cup, hides most of it from the camera and rises above the rims, so that light goes from egg to egg.
+/// A carton as in figure 8 of the paper: 3 × 3 cups of 0.20 m × 0.20 m, seen from the camera of [`carton`].
+/// With `eggs`, an egg stands in every cup. It hides most of the cup from the camera and rises above the
+/// rims, so that light passes from egg to egg.
 pub fn nine_cells(eggs: bool) -> Model {
     let name = if eggs { "nine-cells-eggs" } else { "nine-cells" };
     model(name, 3, STANDING, |_| eggs)
 }
 
+/// A carton of `rows` rows of cups, with eggs of half-axes `egg` in the cups for which `has_egg` holds.
 fn model(name: &'static str, rows: usize, egg: DVec3, has_egg: impl Fn(usize) -> bool) -> Model {
     let mut parts = Vec::new();
     for index in 0..rows * COLUMNS {
@@ -69,11 +72,12 @@ fn model(name: &'static str, rows: usize, egg: DVec3, has_egg: impl Fn(usize) ->
     Model { name, parts, materials: white_paper(), camera }
 }
 
+/// A cup of a carton.
 struct Cup {
     index: usize,
-    /// Middle of the rim.
+    /// The centre of the cup at the height of its rim, in metres.
     center: DVec3,
-    /// From rim to rim, along the rows' order.
+    /// Length from rim to rim across the rows, in metres.
     length: f64,
 }
 
@@ -86,11 +90,12 @@ impl Cup {
         Self { index, center: dvec3(x, 0.0, z), length }
     }
 
+    /// The wall and the floor of the cup.
     fn shell(&self) -> Part {
         let mut part = Part::new(format!("cup {}", self.index), Some(self.index as u32));
         part.grid(CUP_GRID, CUP_GRID, |column, row| {
             let across = 2.0 * column as f64 / CUP_GRID as f64 - 1.0;
-            // Rows run away from the camera's lower edge, so that the front is above.
+            // Rows of the grid run from the lower edge of the photo upwards, so that the front is above.
             let along = 1.0 - 2.0 * row as f64 / CUP_GRID as f64;
             let local = dvec3(across * CUP_WIDTH / 2.0, -depth(across, along), along * self.length / 2.0);
             (self.center + local).as_vec3()
@@ -98,7 +103,7 @@ impl Cup {
         part
     }
 
-    /// An ellipsoid that rests on the cup's floor.
+    /// An ellipsoid with these half-axes that rests on the cup's floor.
     fn egg(&self, half_axes: DVec3) -> Part {
         let mut part = Part::new(format!("egg {}", self.index), Some(self.index as u32));
         let center = self.center + dvec3(0.0, half_axes.y - CUP_DEPTH, 0.0);
@@ -109,7 +114,7 @@ impl Cup {
         };
         let turn = std::f64::consts::TAU / EGG_SEGMENTS as f64;
         let step = std::f64::consts::PI / EGG_RINGS as f64;
-        // Rings between the poles, then the two poles.
+        // The vertices are the rings between the poles, then the two poles.
         for ring in 1..EGG_RINGS {
             let latitude = step * ring as f64 - std::f64::consts::FRAC_PI_2;
             part.positions.extend((0..EGG_SEGMENTS).map(|segment| point(turn * segment as f64, latitude)));
@@ -132,8 +137,8 @@ impl Cup {
     }
 }
 
-/// Depth of a cup at `across` and `along` in [−1, 1]: flat in the middle, smooth, and exactly 0 on the rim.
-/// Contours are rounded rectangles.
+/// The depth of a cup in metres at `across` and `along`, both in [−1, 1]. It is smooth, constant on the floor
+/// and exactly 0 on the rim. Its contours are rounded rectangles.
 fn depth(across: f64, along: f64) -> f64 {
     let radius = (across.powi(4) + along.powi(4)).sqrt().sqrt();
     let rise = ((radius - FLOOR) / (1.0 - FLOOR)).clamp(0.0, 1.0);
@@ -144,7 +149,7 @@ fn depth(across: f64, along: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The least height above the wall, and the greatest above the plane of the rims.
+    /// The least height of an egg's surface above the cup, and the greatest above the plane of the rims.
     fn clearance(rows: usize, half_axes: DVec3) -> (f64, f64) {
         let cup = Cup::new(0, rows);
         let heights = cup.egg(half_axes).positions.into_iter().map(|position| {
@@ -160,13 +165,13 @@ mod tests {
     #[test]
     fn lying_eggs_touch_neither_the_walls_nor_the_plane_of_the_rims() {
         let (above, height) = clearance(4, LYING);
-        // Single precision rounds the point where the egg rests.
+        // The point where the egg touches the floor is rounded to single precision.
         assert!(above > -1e-6, "{above} m below the wall");
         assert!(height < -0.01, "{height} m is close to the rim");
     }
 
     #[test]
-    fn standing_eggs_touch_no_wall_and_rise_above_the_rims() {
+    fn standing_eggs_do_not_touch_the_walls_and_rise_above_the_rims() {
         let (above, height) = clearance(3, STANDING);
         assert!(above > -1e-6, "{above} m below the wall");
         assert!((height - 0.07).abs() < 1e-6, "{height} m above the rims, to single precision");

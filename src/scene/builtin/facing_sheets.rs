@@ -1,4 +1,4 @@
-//! `facing-sheets`: two sheets of paper that stand opposite each other, with nothing between.
+//! `facing-sheets`: two sheets of paper opposite each other.
 
 use glam::{Vec3, vec3};
 
@@ -6,10 +6,10 @@ use super::model::{Model, Part, camera_along_z, white_paper};
 
 const TAN_HALF_FOV: f32 = 0.5;
 
-/// Two white sheets, each 1 m high, standing left and right of the view like an open book without its spine: 0.7 m to 1.3 m
-/// from the camera, from 0.35 m off the axis in front to 0.15 m behind. What is between them in the photo is dark. A flat sheet
-/// lights nothing of itself, so that all light is exchanged between the two, across that gap. Left is region 0, right
-/// region 1.
+/// Two white sheets on the left and the right of the view, each 1 m high. They extend from 0.7 m to 1.3 m in
+/// front of the camera; their distance from the optical axis is 0.35 m at the near edge and 0.15 m at the far
+/// edge. The photo is dark between them. A flat sheet does not illuminate itself, so all indirect light is
+/// exchanged between the two sheets. The left sheet is region 0, the right one region 1.
 pub fn facing_sheets() -> Model {
     let mut left = Part::new("left sheet", Some(0));
     left.quad([

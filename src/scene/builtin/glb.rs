@@ -1,4 +1,5 @@
-//! Writing models as `.glb`: just what the shipped scenes need, byte for byte the same on every machine.
+//! Writing of models as `.glb` files. It supports what the shipped scenes need, and the bytes are the same on
+//! every machine.
 
 use serde_json::{Value, json};
 
@@ -16,7 +17,7 @@ impl Model {
     }
 }
 
-/// The file's bytes: positions as `f32`, indices as `u16` where they fit.
+/// The bytes of the file: positions are `f32`, indices `u16` if they fit and `u32` otherwise.
 fn write(model: &Model) -> Vec<u8> {
     let mut binary = Binary::default();
     let mut nodes = Vec::new();
@@ -51,7 +52,7 @@ fn write(model: &Model) -> Vec<u8> {
     assemble(document.to_string().into_bytes(), binary.bytes)
 }
 
-/// The binary chunk as it grows, with the views and accessors into it.
+/// The binary chunk that is being written, with its buffer views and accessors.
 #[derive(Default)]
 struct Binary {
     bytes: Vec<u8>,
@@ -60,6 +61,7 @@ struct Binary {
 }
 
 impl Binary {
+    /// Appends the vertices of a part. Returns the index of their accessor.
     fn positions(&mut self, part: &Part) -> usize {
         let mut minimum = glam::Vec3::INFINITY;
         let mut maximum = glam::Vec3::NEG_INFINITY;
@@ -81,9 +83,10 @@ impl Binary {
         )
     }
 
+    /// Appends the triangles of a part. Returns the index of their accessor.
     fn indices(&mut self, part: &Part) -> usize {
         let start = self.bytes.len();
-        // The largest index of each width is reserved (primitive restart).
+        // The largest index of each width is reserved for primitive restart.
         let short = part.positions.len() < usize::from(u16::MAX);
         for &index in part.triangles.as_flattened() {
             if short {
@@ -102,7 +105,8 @@ impl Binary {
         )
     }
 
-    /// Gives the bytes since `start` a view of their own, and `accessor` to read it.
+    /// Adds a buffer view for the bytes from `start` on, and `accessor` for that view. Returns the accessor's
+    /// index.
     fn accessor(&mut self, start: usize, mut accessor: Value) -> usize {
         let length = self.bytes.len() - start;
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
@@ -128,8 +132,8 @@ fn material(material: &Material) -> Value {
 }
 
 fn camera(camera: &Camera) -> Value {
-    // A pinhole has no clipping planes, but the format wants a near one.
-    // In single precision, so that the last digit does not depend on the machine.
+    // A pinhole has no clipping planes, but the format requires a near one. The field of view is rounded to
+    // single precision, so that the last digit does not depend on the machine.
     let field = (2.0 * f64::from(camera.tan_half_fov).atan()) as f32;
     let mut perspective = json!({ "yfov": field, "znear": 0.001 });
     if let Some(aspect) = camera.aspect {
@@ -138,7 +142,8 @@ fn camera(camera: &Camera) -> Value {
     json!({ "name": "rig", "type": "perspective", "perspective": perspective })
 }
 
-/// A matrix and not a quaternion, so that axes like −Y come back exactly.
+/// The camera's node. Its pose is a matrix and not a quaternion, so that axes such as −Y are read back
+/// exactly.
 fn camera_node(camera: &Camera) -> Value {
     let columns = [
         camera.right.extend(0.0),
@@ -151,7 +156,8 @@ fn camera_node(camera: &Camera) -> Value {
     json!({ "name": camera.name, "camera": 0, "matrix": matrix })
 }
 
-/// Header and two chunks, each padded to four bytes as the format asks.
+/// The GLB container: a header and two chunks, each padded to a multiple of four bytes as the format
+/// requires.
 fn assemble(mut text: Vec<u8>, mut binary: Vec<u8>) -> Vec<u8> {
     text.resize(text.len().next_multiple_of(4), b' ');
     binary.resize(binary.len().next_multiple_of(4), 0);

@@ -1,11 +1,12 @@
-//! A sphere of nearly equal triangles.
+//! Triangle meshes of the unit sphere by subdivision of an icosahedron.
 
 use std::collections::HashMap;
 
 use glam::{DVec3, dvec3};
 
-/// An icosahedron split into four `subdivisions` times, at most 8 times: vertices on the unit sphere, and triangles counter-clockwise
-/// as seen from inside. Only square roots are taken, so it is the same on every machine.
+/// An icosahedron whose triangles are split into four `subdivisions` times, at most 8 times. Returns the
+/// vertices, on the unit sphere, and the triangles, counter-clockwise as seen from inside. The result is the
+/// same on every machine, because square roots are the only functions used.
 pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut vertices, mut triangles) = icosahedron();
     for _ in 0..subdivisions.min(8) {
@@ -14,14 +15,15 @@ pub(super) fn icosphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (vertices, triangles)
 }
 
-/// Vertices on the unit sphere; triangles counter-clockwise as seen from inside.
+/// The vertices of an icosahedron, on the unit sphere, and its triangles, counter-clockwise as seen from
+/// inside.
 fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let mut vertices = Vec::new();
     for (one, long) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
         vertices.extend([dvec3(0.0, one, long), dvec3(one, long, 0.0), dvec3(long, 0.0, one)]);
     }
-    // Faces are the triples at the edge length, 2, of each other.
+    // Three vertices form a face if each two of them are at the distance of the edge length, 2.
     let adjacent = |a: usize, b: usize| (vertices[a].distance(vertices[b]) - 2.0).abs() < 1e-9;
     let mut triangles = Vec::new();
     for a in 0..12 {
@@ -39,7 +41,7 @@ fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (vertices.into_iter().map(DVec3::normalize).collect(), triangles)
 }
 
-/// Splits each triangle at the middles of its edges, which move out to the sphere.
+/// Splits each triangle into four at the midpoints of its edges, which are projected to the sphere.
 fn split(vertices: &mut Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
     let mut middle = |a: u32, b: u32| {

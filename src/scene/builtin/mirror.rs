@@ -8,8 +8,9 @@ use crate::scene::Material;
 /// tan 20°
 const TAN_HALF_FOV: f32 = 0.363_970_22;
 
-/// The [`corner`](super::corner()) with a perfect mirror for its right half. Light comes back from the wall directly, by way
-/// of the mirror on its way in, on its way out, and on both ways. Left is region 0, right region 1.
+/// The [`corner`](super::corner()) with a perfect mirror as its right half. Light returns from the wall along
+/// four kinds of path: directly, or by the mirror before the wall, after the wall, or both. The wall (left)
+/// is region 0, the mirror (right) region 1.
 pub fn mirror() -> Model {
     let mut left = Part::new("wall", Some(0));
     left.quad([vec3(-0.6, -0.7, -0.6), vec3(0.0, -0.7, -1.2), vec3(0.0, 0.7, -1.2), vec3(-0.6, 0.7, -0.6)]);

@@ -9,18 +9,21 @@ use crate::scene::Material;
 /// tan 20°
 const TAN_HALF_FOV: f32 = 0.363_970_22;
 
-/// The ball: its middle and its radius in metres.
-const MIDDLE: DVec3 = dvec3(0.04, -0.22, -0.42);
+/// The centre of the ball, in metres.
+const CENTER: DVec3 = dvec3(0.04, -0.22, -0.42);
+/// The radius of the ball, in metres.
 const RADIUS: f64 = 0.28;
 
-/// 5120 facets, 4° each: about one a pixel where the ball is 60 pixels wide.
+/// Four subdivisions give 5120 facets, each about 4° wide: about one facet per pixel in a picture where the
+/// ball is 60 pixels wide.
 const SUBDIVISIONS: u32 = 4;
 
-/// A white room of 1 m, open towards the camera that stands 1.3 m in front of it, and on its floor a perfect mirror in the shape of a
-/// ball. Light that the ball throws on walls and floor, and light of the room that is seen in it, is as sharp as what is projected, so that
-/// separation by patterns of high frequency takes some of it for direct light, and loses direct light to it. What is seen and lit by
-/// way of the ball along the same chain of mirrors scatters once, and is direct light. Room is region 0, ball region 1 by name, not
-/// labels: they exchange light.
+/// A white room of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. A perfect
+/// mirror ball lies on its floor. The ball reflects the projected pattern onto the walls without blurring it,
+/// and the room is seen sharply in the ball. Separation by high-frequency patterns therefore counts some
+/// indirect light as direct light, and some direct light as indirect. A path to a point of the room and back
+/// along the same mirrors scatters only once and is direct light. The room is region 0 and the ball region 1.
+/// These are named regions, not labels, since they exchange light.
 pub fn mirror_ball() -> Model {
     let (low, high) = (-0.5, 0.5);
     let mut room = Part::new("room", None);
@@ -31,7 +34,7 @@ pub fn mirror_ball() -> Model {
     room.quad([vec3(high, low, -1.0), vec3(high, low, 0.0), vec3(high, high, 0.0), vec3(high, high, -1.0)]);
     let mut ball = Part::new("ball", None);
     let (vertices, inwards) = icosphere(SUBDIVISIONS);
-    ball.positions = vertices.iter().map(|vertex| (MIDDLE + RADIUS * *vertex).as_vec3()).collect();
+    ball.positions = vertices.iter().map(|vertex| (CENTER + RADIUS * *vertex).as_vec3()).collect();
     ball.triangles = inwards.into_iter().map(|[a, b, c]| [a, c, b]).collect();
     ball.material = 1;
     let mirror = Material {

@@ -1,6 +1,6 @@
-//! Scenes made in code: those that are shipped as files, and those for tests and benchmarks.
+//! Scenes that are made in code: the shipped scenes, and scenes for tests and benchmarks.
 //!
-//! | shipped as `assets/scenes/NAME/scene.glb` | shows |
+//! | shipped as `assets/scenes/NAME/scene.glb` | content |
 //! |---|---|
 //! | `zigzag` | two folded sheets that exchange no light |
 //! | `corner` | two planes at a right angle |
@@ -8,13 +8,13 @@
 //! | `mirror-ball` | a mirror ball on the floor of a white room |
 //! | `cornell` | a coloured box with two blocks |
 //! | `two-sheets` | two curved sheets of paper that exchange no light |
-//! | `two-sheets-post` | the same behind a post, which parts one of them in the picture |
+//! | `two-sheets-post` | the same behind a post, which divides one of them into two patches in the picture |
 //! | `carton` | an egg carton of twelve cups that exchange no light |
 //! | `carton-eggs` | the same with an egg in every second cup |
-//! | `nine-cells` | an egg carton of nine cups, as in the paper's figure |
-//! | `nine-cells-eggs` | the same with eggs, over which light goes from cup to cup |
+//! | `nine-cells` | an egg carton of nine cups, as in figure 8 of the paper |
+//! | `nine-cells-eggs` | the same with an egg in every cup; light passes from egg to egg |
 //!
-//! `cargo run --example regenerate_assets` writes the files anew.
+//! `cargo run --example regenerate_assets` writes the files of the shipped scenes.
 
 mod analytic;
 mod cornell;
@@ -44,7 +44,7 @@ pub use two_sheets::{two_sheets, two_sheets_post};
 pub use white_room::white_room;
 pub use zigzag::zigzag;
 
-/// Every shipped scene; the file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
+/// All shipped scenes. The file of each is `assets/scenes/NAME/scene.glb`, where `NAME` is [`Model::name`].
 pub fn shipped() -> Vec<Model> {
     vec![
         zigzag(),

@@ -1,52 +1,54 @@
-//! Indexed meshes with a camera: what every built-in scene is made of.
+//! Models: indexed meshes with materials and a camera, from which the built-in scenes are made.
 
 use glam::Vec3;
 
 use crate::scene::{Camera, Lens, Material, Scene, Triangle};
 
-/// A scene in the form in which it is written to a file.
+/// A scene in the form of indexed meshes, which can be written to a file.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// The scene's name: its folder, and its path as a [`Scene`].
+    /// The scene's name. It is the name of its folder, and the path of its [`Scene`].
     pub name: &'static str,
     /// The objects.
     pub parts: Vec<Part>,
     /// Materials, indexed by [`Part::material`].
     pub materials: Vec<Material>,
-    /// The rig.
+    /// The camera of the coaxial rig.
     pub camera: Camera,
 }
 
 /// An object of one material, in world space.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// Its name; its region's name, too, unless the parts are labelled.
+    /// The part's name. It is also the name of its region, unless the parts have labels.
     pub name: String,
-    /// The author's label of its region, counted from 0 without gaps. All parts of a model have one, or none has.
+    /// The label of its region. Labels are numbered from 0 without gaps. Either all parts of a model have a
+    /// label or none has.
     pub label: Option<u32>,
     /// Vertices in metres.
     pub positions: Vec<Vec3>,
-    /// Vertices of each triangle, counter-clockwise around its front.
+    /// Vertex indices of each triangle, counter-clockwise as seen from its front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Model::materials`].
     pub material: u32,
 }
 
 impl Part {
-    /// A part without vertices, of material 0.
+    /// A part of material 0 without vertices.
     pub fn new(name: impl Into<String>, label: Option<u32>) -> Self {
         Self { name: name.into(), label, positions: Vec::new(), triangles: Vec::new(), material: 0 }
     }
 
-    /// Adds a quadrilateral; its front is the side from which the corners run counter-clockwise.
+    /// Adds a quadrilateral. Its front is the side from which the corners run counter-clockwise.
     pub fn quad(&mut self, corners: [Vec3; 4]) {
         let first = self.positions.len() as u32;
         self.positions.extend(corners);
         self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
     }
 
-    /// Adds a grid of `columns` × `rows` cells, two triangles each, with shared vertices. `at(i, j)` is the vertex at
-    /// column `i ≤ columns`, row `j ≤ rows`; the front is where `i` runs to the right when `j` runs upwards.
+    /// Adds a grid of `columns` × `rows` cells of two triangles, which share their vertices. `at(i, j)` is
+    /// the vertex in column `i ≤ columns` and row `j ≤ rows`. The front is the side from which columns run to
+    /// the right and rows upwards.
     pub fn grid(&mut self, columns: usize, rows: usize, at: impl Fn(usize, usize) -> Vec3) {
         let first = self.positions.len();
         for row in 0..=rows {
@@ -64,7 +66,8 @@ impl Part {
 }
 
 impl Model {
-    /// The model as a scene in memory; for a shipped model, the same as its file loaded, but for path and hash.
+    /// The model as a scene in memory. For a shipped model it equals the scene loaded from the file, except
+    /// for path and hash.
     pub fn to_scene(&self) -> Scene {
         let labelled = self.parts.iter().any(|part| part.label.is_some());
         let regions = if labelled {
@@ -99,10 +102,11 @@ impl Model {
     }
 }
 
-/// A scene without a file is known by what it consists of.
+/// The hash of a scene without a file, computed from its content.
 fn content_hash(scene: &Scene) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    // Debug text of floats is exact: Rust prints the shortest digits that read back as the same number.
+    // Rust prints floats with the shortest digits that read back as the same number, so different values have
+    // different texts.
     hasher.update(
         format!(
             "{:?} {:?} {:?} {:?} {:?}",
@@ -121,7 +125,8 @@ fn content_hash(scene: &Scene) -> [u8; 32] {
     *hasher.finalize().as_bytes()
 }
 
-/// A camera at `position` that looks along −Z with +Y up, square, with this tangent of half its field of view.
+/// A square camera at `position` that looks along −Z with +Y up. `tan_half_fov` is the tangent of half its
+/// field of view.
 pub(super) fn camera_along_z(position: Vec3, tan_half_fov: f32) -> Camera {
     Camera {
         name: "camera".into(),
@@ -135,12 +140,12 @@ pub(super) fn camera_along_z(position: Vec3, tan_half_fov: f32) -> Camera {
     }
 }
 
-/// A matte material that reflects `color` of the light, the same from both sides.
+/// A two-sided Lambertian material of albedo `color`.
 pub(super) fn matte(name: &str, color: Vec3) -> Material {
     Material { name: name.into(), base_color: color, ..Material::default() }
 }
 
-/// The matte white of the paper's scenes.
+/// The white matte material (albedo 0.8) of the paper scenes.
 pub(super) fn white_paper() -> Vec<Material> {
     vec![matte("white paper", Vec3::splat(0.8))]
 }

@@ -1,4 +1,4 @@
-//! An open box of any number of triangles, for benchmarks.
+//! An open box with a chosen number of triangles, for benchmarks.
 
 use std::f64::consts::PI;
 
@@ -10,15 +10,17 @@ use crate::scene::Scene;
 /// tan 20°
 const TAN_HALF_FOV: f32 = 0.363_970_22;
 
-/// Height of the bumps in metres, and how many there are along a wall.
+/// Height of the bumps, in metres.
 const BUMP: f64 = 0.01;
+/// Number of bumps along a wall.
 const BUMPS: f64 = 6.0;
 
-/// A white box of 1 m, open towards the camera 1.3 m in front of it, its five walls tessellated alike and slightly
-/// bumpy. It has `10·n²` triangles, with the `n ≥ 1` that comes closest to `target_triangles`. Each wall is a region.
+/// A white box of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Its five
+/// walls are slightly bumpy, and each is tessellated by the same grid of `n × n` cells. The box has `10·n²`
+/// triangles, where `n` is `√(target_triangles / 10)` rounded, but at least 1. Each wall is a region.
 pub fn tessellated_box(target_triangles: usize) -> Scene {
     let cells = ((target_triangles as f64 / 10.0).sqrt().round() as usize).max(1);
-    // Origin, then the directions in which columns and rows run; their cross product points inwards.
+    // Each wall has an origin and the directions of its columns and rows, whose cross product points inwards.
     let walls = [
         ("floor", dvec3(-0.5, -0.5, 0.0), DVec3::X, DVec3::NEG_Z),
         ("ceiling", dvec3(-0.5, 0.5, -1.0), DVec3::X, DVec3::Z),
@@ -31,7 +33,7 @@ pub fn tessellated_box(target_triangles: usize) -> Scene {
         let inwards = along.cross(up);
         part.grid(cells, cells, |column, row| -> Vec3 {
             let [s, t] = [column, row].map(|index| index as f64 / cells as f64);
-            // Bumps vanish at the edges, so that the walls still meet.
+            // There are no bumps on the edges, so that the walls meet.
             let edge = column == 0 || column == cells || row == 0 || row == cells;
             let bump =
                 if edge { 0.0 } else { BUMP * ((BUMPS * PI * s).sin() * (BUMPS * PI * t).sin()).powi(2) };

@@ -1,4 +1,4 @@
-//! `two-sheets`: two curved sheets of paper; `two-sheets-post`: the same behind a post.
+//! `two-sheets`: two curved sheets of paper. `two-sheets-post`: the same sheets behind a post.
 
 use glam::{DVec2, Vec3, dvec2, dvec3, vec3};
 
@@ -6,17 +6,18 @@ use super::model::{Model, Part, camera_along_z, matte, white_paper};
 
 const TAN_HALF_FOV: f32 = 0.45;
 
-/// Distance of all rims from the camera, in metres.
+/// Distance of all rims from the camera along its axis, in metres.
 const RIM: f64 = 0.85;
 
-/// Strips in which each sheet is bent.
+/// Number of flat strips that approximate each sheet.
 const STRIPS: usize = 24;
 
-/// Two white sheets of paper side by side, each bent about a vertical axis into a trough that opens towards the
-/// camera: part of a cylinder, 120° of it on the left and 100° on the right, 0.43 m and 0.41 m from rim to rim,
-/// 0.9 m high. A gap of 2 mm is between them. Both rims of both sheets are 0.85 m from the camera and
-/// everything else lies behind, so a line from one sheet to the other is blocked by their rims: they exchange
-/// no light. Left is region 0, right region 1. Unlike the zigzag's, the halves are not mirror images.
+/// Two white sheets of paper side by side. Each is bent about a vertical axis into a trough that opens
+/// towards the camera: a part of a cylinder, of 120° on the left and 100° on the right. They are 0.43 m and
+/// 0.41 m wide from rim to rim and 0.9 m high, with a gap of 2 mm between them. Both rims of both sheets are
+/// 0.85 m from the camera, and everything else lies behind them. Every line from one sheet to the other is
+/// blocked by the rims, so the sheets exchange no light. The left sheet is region 0, the right one region 1.
+/// Unlike the sheets of `zigzag`, they are not mirror images of each other.
 pub fn two_sheets() -> Model {
     Model {
         name: "two-sheets",
@@ -29,9 +30,9 @@ pub fn two_sheets() -> Model {
     }
 }
 
-/// The same with a black post in front of the left sheet, 3 cm wide and 3 cm behind the plane of the rims: in the picture the left
-/// sheet falls into two patches that do not touch, and light goes from one to the other behind the post. The post is region 2; it
-/// returns no light.
+/// The same sheets with a black post in front of the left one, 3 cm wide and 3 cm behind the plane of the
+/// rims. In the picture the post divides the left sheet into two patches that do not touch, but light passes
+/// from one to the other behind the post. The post is region 2; it reflects no light.
 pub fn two_sheets_post() -> Model {
     let mut model = Model { name: "two-sheets-post", ..two_sheets() };
     let mut post = Part::new("post", Some(2));
@@ -48,13 +49,13 @@ pub fn two_sheets_post() -> Model {
     model
 }
 
-/// An arc from `left` to `right` (metres along x), whose ends rise at `angle` degrees.
+/// A sheet bent to a circular arc from `left` to `right` (metres along x). The arc spans `2·angle` degrees.
 fn trough(name: &str, label: u32, [left, right]: [f64; 2], angle: f64) -> Part {
     let angle = angle.to_radians();
     let radius = (right - left) / (2.0 * angle.sin());
     let axis = dvec2((left + right) / 2.0, -RIM + radius * angle.cos());
     let profile = |strip: usize| -> DVec2 {
-        // The ends are set and not computed: rounding must not bring one before the other.
+        // The ends are not computed: rounding must not move one rim in front of the other.
         match strip {
             0 => dvec2(left, -RIM),
             STRIPS => dvec2(right, -RIM),

@@ -1,4 +1,4 @@
-//! `white-room`: the room of the coloured box, empty and white.
+//! `white-room`: the box of `cornell` without blocks, all white.
 
 use glam::vec3;
 
@@ -7,8 +7,9 @@ use super::model::{Model, Part, camera_along_z, white_paper};
 /// tan 20°
 const TAN_HALF_FOV: f32 = 0.363_970_22;
 
-/// A white room of 1 m, open towards the camera that stands 1.3 m in front of it. Every wall lights every other, so that the
-/// greatest eigenvalue of its light transport stands well apart from the others.
+/// A white room of 1 m that is open towards the camera, which stands 1.3 m in front of the opening. Every
+/// wall illuminates every other one, so the largest eigenvalue of the light transport matrix is well
+/// separated from the others.
 pub fn white_room() -> Model {
     let mut room = Part::new("room", None);
     let (low, high) = (-0.5, 0.5);

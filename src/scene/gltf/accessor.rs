@@ -1,18 +1,19 @@
-//! Accessors: typed, strided arrays inside buffer views, checked once and then read element by element.
+//! Accessors: typed, strided arrays in buffer views. They are checked when they are opened, and then read
+//! element by element.
 
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
+use gltf_json::validation::Checked;
 
 use super::{Document, buffers, extensions};
 use crate::error::Result;
 
-/// A checked accessor: every element up to `count` lies inside its bytes.
+/// A checked accessor: all its `count` elements lie inside its bytes.
 #[derive(Clone, Copy)]
 pub(super) struct Array<'a> {
-    /// `None`: all zeros.
+    /// The elements; `None` if all of them are zero.
     base: Option<Elements<'a>>,
-    /// Elements that differ from the base.
+    /// Elements that replace some of the base.
     sparse: Option<Sparse<'a>>,
     component: ComponentType,
     normalized: bool,
@@ -20,7 +21,7 @@ pub(super) struct Array<'a> {
     pub count: usize,
 }
 
-/// Elements at a fixed distance from each other.
+/// Elements at a fixed stride, in bytes.
 #[derive(Clone, Copy)]
 struct Elements<'a> {
     bytes: &'a [u8],
@@ -34,7 +35,7 @@ impl<'a> Elements<'a> {
     }
 }
 
-/// Replaced elements: their indices, strictly increasing, and their values.
+/// Replacements of elements: their indices, strictly increasing, and their values.
 #[derive(Clone, Copy)]
 struct Sparse<'a> {
     indices: Elements<'a>,
@@ -44,12 +45,13 @@ struct Sparse<'a> {
 }
 
 impl Sparse<'_> {
+    /// The index of the element that replacement `position` replaces.
     fn index(&self, position: usize) -> Option<u32> {
         integer(self.indices.at(position)?, self.component)
     }
 
-    /// Where among the replaced elements element `index` is, if it is. By halving: a file must not make us hold, or walk
-    /// through, more than it has.
+    /// The position of the replacement of element `index`, if there is one. A binary search needs neither a
+    /// dense copy of the array, whose size a hostile file could choose, nor a scan for each element.
     fn find(&self, index: usize) -> Option<usize> {
         let (mut low, mut high) = (0, self.count);
         while low < high {
@@ -66,8 +68,8 @@ impl Sparse<'_> {
 
 const HELP: &str = "the file is damaged or not glTF 2.0: export it again";
 
-/// Opens an accessor of shape `shape` whose components are among `components`. `what` names its user, as in
-/// `mesh 0, primitive 1: POSITION`.
+/// Opens an accessor whose elements have shape `shape` and one of the component types `components`. `what`
+/// names the object that uses it, such as `mesh 0, primitive 1: POSITION`.
 pub(super) fn open<'a>(
     document: &'a Document,
     what: &str,
@@ -121,6 +123,7 @@ pub(super) fn open<'a>(
     Ok(Array { base, sparse: sparse.transpose()?, component, normalized: accessor.normalized, count })
 }
 
+/// Opens the sparse part of accessor number `accessor`, which has `base_count` elements of `element` bytes.
 fn open_sparse<'a>(
     document: &'a Document,
     accessor: usize,
@@ -142,9 +145,9 @@ fn open_sparse<'a>(
     let indices = elements(document, &what, indices.buffer_view, offset, component.size(), count)?;
     let what = format!("accessor {accessor}, sparse values");
     let values = elements(document, &what, values.buffer_view, values.byte_offset.0, element, count)?;
-    // It fits: the views' lengths bound it.
+    // The cast is exact, because the length of the buffer view bounds the count.
     let sparse = Sparse { indices, component, values, count: count as usize };
-    // Once each: a mesh that is placed a million times is opened as often.
+    // The indices are checked only once: a mesh that is placed a million times is opened as often.
     if !document.checked_sparse.borrow_mut().insert(accessor) {
         return Ok(sparse);
     }
@@ -162,7 +165,8 @@ fn open_sparse<'a>(
     Ok(sparse)
 }
 
-/// `count` elements of `element` bytes in a buffer view, all of them there. `what` names them.
+/// Finds `count` elements of `element` bytes in a buffer view and checks that all of them lie inside. `what`
+/// names them in errors.
 fn elements<'a>(
     document: &'a Document,
     what: &str,
@@ -179,7 +183,7 @@ fn elements<'a>(
             HELP,
         ));
     }
-    // All in u64 with checks: a hostile count or offset must not wrap around.
+    // The arithmetic is checked: a hostile count or offset must not wrap around.
     let end = match count.checked_sub(1) {
         None => Some(offset),
         Some(last) => last
@@ -204,6 +208,7 @@ fn elements<'a>(
     }
 }
 
+/// The unsigned integer of type `component` at the start of `bytes`.
 fn integer(bytes: &[u8], component: ComponentType) -> Option<u32> {
     match component {
         ComponentType::U8 => bytes.first().map(|&byte| u32::from(byte)),
@@ -214,7 +219,7 @@ fn integer(bytes: &[u8], component: ComponentType) -> Option<u32> {
 }
 
 impl Array<'_> {
-    /// The bytes from element `index` on; `Some(None)` where it is zero.
+    /// The bytes from element `index` on; `Some(None)` if the element is zero, `None` past the end.
     fn bytes(&self, index: usize) -> Option<Option<&[u8]>> {
         if index >= self.count {
             return None;
@@ -230,8 +235,8 @@ impl Array<'_> {
         }
     }
 
-    /// Element `index` of a float or quantized vector, as `KHR_mesh_quantization` defines its value. `None` past the
-    /// end.
+    /// Element `index` of an array of vectors. Integers are converted to floats as `KHR_mesh_quantization`
+    /// defines. `None` past the end.
     pub(super) fn vector<const N: usize>(&self, index: usize) -> Option<[f32; N]> {
         let mut vector = [0.0; N];
         let Some(bytes) = self.bytes(index)? else { return Some(vector) };
@@ -258,9 +263,9 @@ impl Array<'_> {
         Some(integers)
     }
 
-    /// The first component of these bytes.
+    /// The component at the start of `bytes`.
     fn value(&self, bytes: &[u8]) -> Option<f32> {
-        // Unsigned types have no negative values for the lower bound to act on.
+        // The lower bound of −1 only affects signed types.
         let (value, maximum) = match self.component {
             ComponentType::F32 => return bytes.first_chunk().map(|&word| f32::from_le_bytes(word)),
             ComponentType::I8 => (f32::from(bytes.first()?.cast_signed()), 127.0),

@@ -1,6 +1,6 @@
-//! Buffers and views into them.
+//! Buffers and buffer views.
 
-use gltf::json;
+use gltf_json as json;
 
 use super::{Document, called, extensions, uri};
 use crate::error::{Error, Result};
@@ -19,7 +19,7 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
         if (bytes.len() as u64) < expected {
             return Err(document.fault(
                 format!("{what} should have {expected} bytes, but there are {}", bytes.len()),
-                "the file or a buffer of it is cut short: copy or export it again",
+                "the file or its buffer is cut short: copy or export it again",
             ));
         }
         document.buffers.push(bytes);
@@ -27,6 +27,7 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
+/// The error about a buffer without data.
 fn missing(document: &Document, what: &str) -> Error {
     match extensions::compression(document) {
         Some(name) => document.fault(
@@ -40,7 +41,8 @@ fn missing(document: &Document, what: &str) -> Error {
     }
 }
 
-/// The bytes of a buffer view, and its stride if it states one. `what` names its user.
+/// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses
+/// it.
 pub(super) fn view<'a>(
     document: &'a Document,
     what: &str,

@@ -1,8 +1,8 @@
-//! The rig's camera and projector from the file's camera nodes.
+//! The rig's camera and projector, from the file's camera nodes or a camera file.
 
 use glam::DVec3;
-use gltf::json;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::validation::Checked;
 
 use super::extras::Extras;
 use super::nodes::Placed;
@@ -10,11 +10,11 @@ use super::{Document, called};
 use crate::error::Result;
 use crate::scene::Camera;
 use crate::scene::camera::tan_half;
-use crate::scene::rig::{Rig, RigFile};
+use crate::scene::camera_file::{CameraFile, CameraPair};
 use crate::scene::triangle::MAX_COORDINATE;
 
-/// The cosine up to which axes count as perpendicular: well above the rounding of exporters, well below a shear
-/// that one could see.
+/// The largest cosine of axes that count as perpendicular: well above the rounding of exporters, well below a
+/// visible shear.
 const MAX_SHEAR: f64 = 1e-4;
 
 /// A camera node.
@@ -25,17 +25,18 @@ struct Candidate<'a> {
     extras: Extras,
 }
 
-/// The rig: what the rig file gives, and the rest from the file's camera nodes. The camera is the one called `wanted`, or
-/// the only one; the projector the one whose node has `"krylux": "projector"` in its extras.
-pub(super) fn rig(
+/// The camera and the projector. Each is taken from the camera file, if that states it, and otherwise from
+/// the scene's camera nodes. The camera is then the node called `wanted`, or the only one. The projector is
+/// the node that has `"krylux": "projector"` in its extras.
+pub(super) fn pair(
     document: &Document,
     placed: &[Placed],
     wanted: Option<&str>,
-    given: Option<RigFile>,
-) -> Result<Rig> {
-    let (camera, projector, mut resolution) = match given {
+    file: Option<CameraFile>,
+) -> Result<CameraPair> {
+    let (camera, projector, mut resolution) = match file {
         None => (None, None, None),
-        Some(given) => (given.camera, given.projector, given.projector_resolution),
+        Some(file) => (file.camera, file.projector, file.projector_resolution),
     };
     let (cameras, projectors) = candidates(document, placed)?;
     let camera = match camera {
@@ -52,14 +53,14 @@ pub(super) fn rig(
         (None, [first, second, ..]) => {
             return Err(document.fault(
                 format!("two projectors, `{}` and `{}`", first.name, second.name),
-                "leave \"krylux\": \"projector\" in the extras of one",
+                "keep \"krylux\": \"projector\" in the extras of one of them only",
             ));
         }
     };
-    Ok(Rig::of(camera, projector, resolution))
+    Ok(CameraPair::new(camera, projector, resolution))
 }
 
-/// The file's cameras and projectors.
+/// The camera nodes of the scene: the cameras, and those that are marked as projectors.
 fn candidates<'a>(
     document: &'a Document,
     placed: &'a [Placed],
@@ -74,7 +75,7 @@ fn candidates<'a>(
         let Some(index) = node.camera.map(|camera| camera.value()) else {
             if is_projector {
                 return Err(document.fault(
-                    format!("{} is marked as the projector, but is no camera", what()),
+                    format!("{} is marked as the projector, but is not a camera", what()),
                     "put \"krylux\": \"projector\" into the extras of a camera's node",
                 ));
             }
@@ -95,7 +96,7 @@ fn candidates<'a>(
     Ok((cameras, projectors))
 }
 
-/// The camera called `wanted`, or the only one.
+/// The candidate called `wanted`, or the only one.
 fn choose<'a>(
     document: &Document,
     candidates: &'a [Candidate<'a>],
@@ -109,7 +110,7 @@ fn choose<'a>(
         ([candidate], _) => Ok(candidate),
         _ if candidates.is_empty() => Err(document.fault(
             "no camera in the scene",
-            "add a perspective camera where the rig stands, and export the scene with cameras, or give a rig file by \
+            "add a perspective camera where the rig stands, and export the scene with cameras, or give a camera file by \
              --camera-file",
         )),
         ([], Some(wanted)) => Err(document.fault(
@@ -125,6 +126,7 @@ fn choose<'a>(
     }
 }
 
+/// Converts a camera node.
 fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Camera> {
     let Candidate { name, camera, placed, extras } = candidate;
     let Some(perspective) = &camera.perspective else {
@@ -170,7 +172,7 @@ fn build(document: &Document, candidate: &Candidate<'_>) -> Result<Camera> {
     })
 }
 
-/// Right, up and forward as an exactly orthonormal frame; the node's scale does not matter to a pinhole.
+/// Right, up and forward of a camera node as an orthonormal frame. The node's scale is ignored.
 fn axes(document: &Document, name: &str, placed: &Placed) -> Result<[DVec3; 3]> {
     let linear = placed.transform.matrix3;
     let normalized = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.try_normalize());

@@ -1,4 +1,4 @@
-//! The GLB container: a header, a JSON chunk, and perhaps a binary chunk.
+//! The GLB container: a header, a JSON chunk, and optionally a binary chunk.
 
 use std::path::Path;
 
@@ -11,7 +11,8 @@ const CHUNK_HEADER_BYTES: usize = 8;
 const JSON_CHUNK: &[u8; 4] = b"JSON";
 const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
 
-/// Splits a file into its JSON text and its binary chunk; a file without the GLB magic is all JSON.
+/// Splits a file into its JSON text and its binary chunk, if it has one. A file that does not begin with the
+/// GLB magic is JSON text as a whole.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
     let extension_is_glb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
     if !bytes.starts_with(MAGIC) {
@@ -35,7 +36,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Optio
     if kind != JSON_CHUNK {
         return Err(damaged(path, "the first GLB chunk is not JSON"));
     }
-    // Chunks of other kinds are for extensions; the specification says to skip them.
+    // Chunks of other kinds belong to extensions; the specification says to skip them.
     let mut rest = rest;
     while !rest.is_empty() {
         let (kind, content, after) = chunk(path, rest)?;
@@ -47,7 +48,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Optio
     Ok((text, None))
 }
 
-/// The kind and content of the chunk that `bytes` begins with, and what follows it.
+/// The kind and the content of the chunk at the start of `bytes`, and the bytes after it.
 fn chunk<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8], &'a [u8])> {
     let length = word(bytes, 0).map(|length| length as usize);
     let kind = bytes.get(4..CHUNK_HEADER_BYTES);
@@ -60,6 +61,7 @@ fn chunk<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8], &'a [u
     Ok((kind, content.0, content.1))
 }
 
+/// The little-endian integer at byte `at`.
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     let four = bytes.get(at..at + 4)?;
     Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))

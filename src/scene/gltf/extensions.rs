@@ -1,28 +1,31 @@
-//! Which glTF extensions are followed, which are ignored, and which a scene cannot be loaded with.
+//! The glTF features and extensions that are supported, ignored or refused.
 //!
-//! | extension | here |
+//! | extension | treatment |
 //! |---|---|
-//! | `KHR_materials_specular`, `KHR_materials_ior`, `KHR_materials_emissive_strength` | followed, with their textures |
-//! | `KHR_materials_transmission` | followed: thin walls |
-//! | `KHR_materials_volume` | makes solids of them where `thicknessFactor` is above 0; the thickness itself comes from the geometry, so the surface must be closed |
-//! | `KHR_materials_diffuse_transmission` | followed |
-//! | `KHR_texture_transform` | followed, for each texture by itself |
-//! | `KHR_mesh_quantization` | followed |
-//! | `EXT_mesh_gpu_instancing` | followed |
+//! | `KHR_materials_specular`, `KHR_materials_ior`, `KHR_materials_emissive_strength` | supported, with their textures |
+//! | `KHR_materials_transmission` | supported; the surface is a thin wall unless it has a volume |
+//! | `KHR_materials_volume` | makes a surface the boundary of a solid where `thicknessFactor` is above 0; the thickness itself comes from the geometry, so the surface must be closed |
+//! | `KHR_materials_diffuse_transmission` | supported |
+//! | `KHR_texture_transform` | supported, for each texture separately |
+//! | `KHR_mesh_quantization` | supported |
+//! | `EXT_mesh_gpu_instancing` | supported |
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
-//! | any other, required | error |
-//! | any other, used | one warning, unless it has no effect on the picture |
-//! | `KHR_materials_unlit` | error where a surface uses it: an unlit surface transports no light |
+//! | any other, required | an error |
+//! | any other, used | a warning, unless the extension has no effect on the picture |
+//! | `KHR_materials_unlit` | an error if a surface uses it: an unlit surface transports no light |
 //!
-//! Without extensions: every texture of metallic-roughness but occlusion, which is ignored (it stands for light that is
-//! traced here); alpha modes; `COLOR_0`; `TEXCOORD_0` and `TEXCOORD_1`; normals (`TANGENT` is ignored: normal maps are read
-//! in the frame of their texture coordinates); sparse accessors; morph targets and skins at rest, where animations leave
-//! them alone. Extras of camera nodes: `"krylux": "projector"`, `resolution`, `aperture_radius`, `focus_distance`.
+//! Of the core format these are supported: all metallic-roughness textures; alpha modes; `COLOR_0`;
+//! `TEXCOORD_0` and `TEXCOORD_1`; normals; sparse accessors; morph targets and skins in their rest pose,
+//! without animations. Occlusion textures are ignored, since occlusion is traced. `TANGENT` is ignored, since
+//! normal maps are read in the frame of their texture coordinates.
+//!
+//! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and
+//! `focus_distance`.
 
 use super::Document;
 use crate::error::Result;
 
-const FOLLOWED: [&str; 9] = [
+const SUPPORTED: [&str; 9] = [
     INSTANCING,
     "KHR_materials_transmission",
     "KHR_materials_diffuse_transmission",
@@ -34,12 +37,12 @@ const FOLLOWED: [&str; 9] = [
     "KHR_mesh_quantization",
 ];
 
-/// Many places for one mesh.
+/// Places one mesh many times.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 const LIGHTS: &str = "KHR_lights_punctual";
 
-/// Used, these change nothing in the picture of the scene as the file presents it.
+/// Extensions that do not change the picture of the scene at rest.
 const WITHOUT_EFFECT: [&str; 8] = [
     "KHR_xmp",
     "KHR_xmp_json_ld",
@@ -54,14 +57,15 @@ const WITHOUT_EFFECT: [&str; 8] = [
 const COMPRESSION: [&str; 3] =
     ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// These are met, or not, where a mesh or a texture turns out to have no other data, or where a material uses them.
+/// Extensions for image formats. They are refused only if a texture in use has no picture in another format.
 const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif"];
 
-/// Refuses required extensions that are not followed, and warns of used ones.
+/// Refuses required extensions that are not supported, and adds a warning for each of the other unsupported
+/// ones in use.
 pub(super) fn check(document: &mut Document) -> Result<()> {
     for name in &document.root.extensions_required {
         let name = name.as_str();
-        if !FOLLOWED.contains(&name) && name != LIGHTS && !WITHOUT_EFFECT.contains(&name) {
+        if !SUPPORTED.contains(&name) && name != LIGHTS && !WITHOUT_EFFECT.contains(&name) {
             return Err(document.fault(
                 format!("the file requires the extension {name}, which is not supported"),
                 advice(name),
@@ -74,11 +78,12 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
             document
                 .warnings
                 .add(format!("the file's lights ({LIGHTS}) are ignored: the projector is the light"));
-        } else if !FOLLOWED.contains(&name)
+        } else if !SUPPORTED.contains(&name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
             && !COMPRESSION.contains(&name)
-            // Named with the material that uses it, and not at all if none does.
+            // The warning about a material extension names a material that uses it, so it is made where
+            // materials are read.
             && !name.starts_with("KHR_materials_")
         {
             document.warnings.add(format!("the extension {name} is not supported and ignored"));
@@ -87,12 +92,12 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// The mesh compression that the file uses, if any: the likely reason why data is not where it should be.
+/// The mesh compression that the file uses, if any. It is the likely reason for missing data.
 pub(super) fn compression(document: &Document) -> Option<&str> {
     document.root.extensions_used.iter().map(String::as_str).find(|name| COMPRESSION.contains(name))
 }
 
-/// What to do about an extension that is required but not supported.
+/// Advice for a file that requires an unsupported extension.
 pub(super) fn advice(name: &str) -> &'static str {
     match name {
         _ if COMPRESSION.contains(&name) => "export the scene without mesh compression",

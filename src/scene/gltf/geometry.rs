@@ -1,11 +1,11 @@
-//! From placed meshes to triangles in world space.
+//! Assembly of the scene's triangles in world space from its nodes and meshes.
 
 use std::collections::HashMap;
 use std::rc::Rc;
 
 use glam::DAffine3;
-use gltf::json::mesh::Mode;
-use gltf::json::validation::Checked;
+use gltf_json::mesh::Mode;
+use gltf_json::validation::Checked;
 
 use super::labels::{self, Label};
 use super::materials::Materials;
@@ -19,23 +19,24 @@ use super::{Document, called, instancing};
 use crate::error::{Error, Result};
 use crate::scene::triangle::{MAX_TRIANGLES, Triangle};
 
-/// Primitives, counted each time that a node places them: a small file can ask for any number of empty ones.
+/// The largest number of primitives, counted each time a node places them. A limit is needed because a small
+/// file can place any number of primitives without triangles.
 const MAX_PLACEMENTS: usize = 1 << 20;
 
-/// Triangles times morph targets.
+/// The largest number of triangles times morph targets.
 const MAX_MORPHS: usize = 1 << 28;
 
-/// The triangles of one primitive at one node, their region still to be filled in.
+/// The triangles of one primitive at one node. Their region index is set later.
 pub(super) struct Surface {
     /// Index into the placed nodes.
     pub placed: usize,
-    /// `extras.region` of the primitive, else of its mesh, else what the node has.
+    /// The label of the primitive, else of its mesh, else of its node.
     pub label: Option<Label>,
     /// Never empty.
     pub triangles: Vec<Triangle>,
 }
 
-/// All surfaces of the scene, in the order of the nodes.
+/// Assembles all surfaces of the scene, in the order of the nodes.
 pub(super) fn assemble(
     document: &mut Document,
     placed: &[Placed],
@@ -94,36 +95,41 @@ pub(super) fn assemble(
     Ok(assembly.surfaces)
 }
 
-/// One primitive of one mesh, at one node.
+/// One primitive of one mesh at one node.
 struct Placement {
+    /// The primitive's name in messages.
     what: String,
     node: usize,
     mesh: usize,
     primitive: usize,
 }
 
-/// Where a mesh stands.
+/// The poses of a mesh at a node.
 enum Poses {
+    /// One transform for each instance.
     Rigid(Vec<Transform>),
+    /// One matrix for each joint of the skin.
     Skinned(Rc<[DAffine3]>),
 }
 
+/// The surfaces assembled so far, with the counts that bound the work.
 struct Assembly {
     surfaces: Vec<Surface>,
     skins: Skins,
-    /// Primitives placed.
+    /// Number of primitives placed.
     placements: usize,
-    /// Triangles met, the dropped ones included.
+    /// Number of triangles, dropped ones included.
     total: usize,
-    /// Triangles met, once for each morph target.
+    /// Number of triangles, counted once for each morph target.
     morphs: usize,
+    /// Number of triangles dropped because they have no area.
     degenerate: usize,
-    /// Labels of meshes, and of their primitives, parsed once however often they are placed.
+    /// Labels of meshes and of their primitives. They are parsed once, however often the mesh is placed.
     labels: HashMap<(usize, Option<usize>), Option<Label>>,
 }
 
 impl Assembly {
-    /// `extras.region` of a mesh, or of a primitive of it.
+    /// The label of a mesh, or of one of its primitives, from `extras.region`.
     fn label(
         &mut self,
         document: &Document,
@@ -141,6 +147,7 @@ impl Assembly {
         Ok(label)
     }
 
+    /// Counts the primitives of a placed mesh, up to [`MAX_PLACEMENTS`].
     fn count_placements(&mut self, document: &Document, primitives: usize) -> Result<()> {
         self.placements = self.placements.saturating_add(primitives);
         if self.placements > MAX_PLACEMENTS {
@@ -152,6 +159,7 @@ impl Assembly {
         Ok(())
     }
 
+    /// The poses of the mesh of a node.
     fn poses(&mut self, document: &Document, node_name: &str, node: &Placed) -> Result<Poses> {
         let source = &document.root.nodes[node.node];
         if let Some(skin) = source.skin {
@@ -166,6 +174,7 @@ impl Assembly {
         }))
     }
 
+    /// The triangles of a primitive at all its poses.
     fn place(
         &mut self,
         document: &mut Document,
@@ -216,6 +225,8 @@ impl Assembly {
         Ok(triangles)
     }
 
+    /// Counts the triangles of a primitive, up to [`MAX_TRIANGLES`] and [`MAX_MORPHS`]. Returns their number
+    /// at all poses.
     fn count_triangles(
         &mut self,
         document: &Document,
@@ -234,7 +245,7 @@ impl Assembly {
         }
         if self.morphs > MAX_MORPHS {
             return Err(document.fault(
-                format!("more than {MAX_MORPHS} triangles, counted once for each morph target of theirs"),
+                format!("more than {MAX_MORPHS} triangles, counted once for each of their morph targets"),
                 "apply the morph targets before the export",
             ));
         }
@@ -242,7 +253,7 @@ impl Assembly {
     }
 }
 
-/// Whether a primitive has triangles; a warning where it has not.
+/// Whether a primitive consists of triangles. Adds a warning if it does not.
 fn has_triangles(document: &mut Document, placement: &Placement) -> Result<bool> {
     let what = &placement.what;
     match &document.root.meshes[placement.mesh].primitives[placement.primitive].mode {

@@ -1,8 +1,8 @@
-//! `EXT_mesh_gpu_instancing`: one node that places its mesh many times.
+//! `EXT_mesh_gpu_instancing`: a node that places its mesh many times.
 
 use glam::{DAffine3, DQuat, DVec3};
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
 use serde::Deserialize;
 
 use super::Document;
@@ -10,7 +10,7 @@ use super::accessor::{self, Array};
 use super::extensions::INSTANCING;
 use crate::error::Result;
 
-/// More would take longer to place than anyone waits.
+/// The largest number of instances at one node; it bounds the loading time.
 const MAX_INSTANCES: usize = 1 << 20;
 
 #[derive(Deserialize)]
@@ -28,7 +28,8 @@ struct Attributes {
     scale: Option<json::Index<json::Accessor>>,
 }
 
-/// Where `node` places its mesh, in the node's frame. `None` without the extension. `what` names the node.
+/// The transforms from each instance's frame to the frame of `node`. `None` if the node does not use the
+/// extension. `what` names the node.
 pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> Result<Option<Vec<DAffine3>>> {
     let extension = node.extensions.as_ref().and_then(|extensions| extensions.others.get(INSTANCING));
     let Some(extension) = extension else { return Ok(None) };
@@ -53,7 +54,7 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
     if least != most || most > MAX_INSTANCES {
         return Err(document.fault(
             format!("{what} has {most} instances, and {least} in another list of them"),
-            format!("give each instance a place, and at most {MAX_INSTANCES} to a node"),
+            format!("give all lists the same length, of at most {MAX_INSTANCES} instances"),
         ));
     }
 
@@ -80,8 +81,10 @@ pub(super) fn instances(document: &Document, what: &str, node: &json::Node) -> R
         .map(|index| {
             place(index).ok_or_else(|| {
                 document.fault(
-                    format!("{what}: the place of its instance {index} is not finite, or its rotation is no rotation"),
-                    "correct the instances",
+                    format!(
+                        "{what}: the transform of its instance {index} is not finite, or its rotation is zero"
+                    ),
+                    "correct the instance's translation, rotation and scale",
                 )
             })
         })

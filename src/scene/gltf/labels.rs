@@ -1,22 +1,23 @@
-//! The author's labels of regions: `extras.region` of nodes, meshes and primitives.
+//! Region labels by the scene's author: `extras.region` of nodes, meshes and primitives.
 
-use gltf::json;
+use gltf_json as json;
 
 use super::Document;
 use crate::error::Result;
 
-/// Every node below a labelled one holds a copy of its label.
+/// The largest length of a label in bytes. A limit is needed because every node below a labelled one holds a
+/// copy of its label.
 const MAX_NAME_BYTES: usize = 200;
 
-/// An author's label. Numbers come first, by value, so that the index of a region does not depend on the order of
-/// the nodes; then names; then what was left without a label.
+/// A region label. The order of labels is the order of the regions, so that a region's index does not depend
+/// on the order of the nodes: numbers by value, then names, then the region of surfaces without a label.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Label {
     /// A non-negative integer.
     Number(u64),
     /// Any other name.
     Name(String),
-    /// No label, in a file that has labels elsewhere.
+    /// Surfaces without a label in a file that has labels.
     Absent,
 }
 
@@ -30,7 +31,7 @@ impl std::fmt::Display for Label {
     }
 }
 
-/// `extras.region` of an object, if it has one. `what` names the object.
+/// The label of an object from `extras.region`, if it has one. `what` names the object.
 pub(super) fn label(document: &Document, what: &str, extras: &json::Extras) -> Result<Option<Label>> {
     let Some(extras) = extras else { return Ok(None) };
     let parsed: Option<json::Value> = serde_json::from_str(extras.get()).ok();
@@ -46,13 +47,13 @@ pub(super) fn label(document: &Document, what: &str, extras: &json::Extras) -> R
     };
     label.map(Some).ok_or_else(|| {
         document.fault(
-            format!("{what}: its extras.region is {}, which is no label", shortened(region)),
+            format!("{what}: its extras.region is {}, which is not a label", shortened(region)),
             format!("label regions by a non-negative integer or a name of at most {MAX_NAME_BYTES} bytes"),
         )
     })
 }
 
-/// The beginning of a value, for a message of one line.
+/// The first 60 characters of a value as JSON, for a message of one line.
 fn shortened(value: &json::Value) -> String {
     let text = value.to_string();
     match text.char_indices().nth(60) {

@@ -1,9 +1,9 @@
-//! Materials: factors checked, textures noted, and warnings of what is not followed.
+//! Conversion of glTF materials: factors, textures, and warnings about unsupported extensions.
 
 use std::collections::HashMap;
 
-use gltf::json;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::validation::Checked;
 
 use super::checks::Checks;
 use super::textures::{Textures, Use};
@@ -12,19 +12,20 @@ use super::{Document, called};
 use crate::error::Result;
 use crate::scene::{AlphaMode, Material};
 
-/// The materials that surfaces use, in the order met.
+/// The materials that surfaces use, in the order of their first use.
 #[derive(Default)]
 pub(super) struct Materials {
-    /// What [`crate::scene::Triangle::material`] indexes.
+    /// The materials that [`crate::scene::Triangle::material`] indexes.
     pub list: Vec<Material>,
     /// The textures that they refer to.
     pub textures: Textures,
+    /// By the file's index; `None` is glTF's default material.
     index_of: HashMap<Option<usize>, usize>,
 }
 
 impl Materials {
-    /// The scene's index of the file's material `index` (`None`: glTF's default). `what` names the primitive that uses
-    /// it.
+    /// The scene's index of the file's material `index`, or of glTF's default material for `None`. `what`
+    /// names the primitive that uses it.
     pub(super) fn index_of(
         &mut self,
         document: &mut Document,
@@ -56,6 +57,7 @@ impl Materials {
         Ok(position as u32)
     }
 
+    /// Converts the file's material `index`. `user` names the primitive that uses it.
     fn convert(&mut self, document: &mut Document, user: &str, index: usize) -> Result<Material> {
         let Some(source) = document.root.materials.get(index).cloned() else {
             return Err(document.fault(
@@ -64,7 +66,7 @@ impl Materials {
             ));
         };
         let what = called("material", index, source.name.as_ref());
-        warn_of_ignored(document, &what, &source)?;
+        check_extensions(document, &what, &source)?;
 
         let pbr = &source.pbr_metallic_roughness;
         let extensions = source.extensions.clone().unwrap_or_default();
@@ -155,7 +157,8 @@ fn alpha_mode(checked: &Checks<'_>, source: &json::Material) -> Result<AlphaMode
     })
 }
 
-fn warn_of_ignored(document: &mut Document, what: &str, source: &json::Material) -> Result<()> {
+/// Refuses an unlit material, and warns about the other extensions of a material that are not supported.
+fn check_extensions(document: &mut Document, what: &str, source: &json::Material) -> Result<()> {
     let Some(others) = source.extensions.as_ref().map(|extensions| &extensions.others) else {
         return Ok(());
     };
@@ -165,7 +168,7 @@ fn warn_of_ignored(document: &mut Document, what: &str, source: &json::Material)
             super::extensions::advice("KHR_materials_unlit"),
         ));
     }
-    for name in others.keys().filter(|name| !super::through::FOLLOWED.contains(&name.as_str())) {
+    for name in others.keys().filter(|name| !super::through::SUPPORTED.contains(&name.as_str())) {
         let warning = format!("{name} is not supported and ignored; {what} uses it first");
         document.warnings.add_once(name, warning);
     }

@@ -1,10 +1,10 @@
-//! Loading glTF 2.0, as `.glb` or `.gltf`.
+//! The loader of glTF 2.0 scenes, `.glb` and `.gltf`.
 //!
-//! The `gltf` crate parses the JSON; every reference and every range in it is checked here, where it is used, because
-//! the crate's own validation refuses files that name extensions which we do support, and its readers panic on what
-//! validation would have caught. Whatever the bytes, loading ends with a scene or an [`enum@Error`].
+//! The crate `gltf` parses the JSON. Every reference and every range in it is checked here, where it is used:
+//! the crate's own validation refuses files with extensions that krylux supports, and its readers panic on
+//! files that validation would have refused. For any input, loading ends with a scene or an [`enum@Error`].
 //!
-//! What a file may use, and what is refused or ignored, stands in [`extensions`].
+//! The module [`extensions`] lists what is supported, what is ignored and what is refused.
 
 mod accessor;
 mod buffers;
@@ -32,10 +32,10 @@ use std::cell::RefCell;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use gltf::json;
+use gltf_json as json;
 
 use super::source::{ContentHash, Warnings, fault};
-use super::{LoadOptions, Scene, rig};
+use super::{LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
@@ -45,29 +45,29 @@ use crate::error::{Error, Result};
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let mut document = Document::parse(path, &bytes)?;
-    let given = rig::find(path, options)?;
-    if let Some(given) = &given {
-        document.hash.add(&given.bytes);
+    let camera_file = camera_file::find(path, options)?;
+    if let Some(file) = &camera_file {
+        document.hash.add(&file.bytes);
     }
     extensions::check(&mut document)?;
     buffers::load(&mut document)?;
 
     let placed = nodes::walk(&mut document)?;
-    let rig = cameras::rig(&document, &placed, options.camera, given)?;
+    let cameras = cameras::pair(&document, &placed, options.camera, camera_file)?;
     let mut materials = materials::Materials::default();
     let surfaces = geometry::assemble(&mut document, &placed, &mut materials)?;
     let (triangles, regions, regions_are_labels) = regions::name(&mut document, &placed, surfaces)?;
 
-    // Two cameras of one file are two rigs: a cache keyed by the hash must tell them apart.
-    document.hash.add(rig.camera.name.as_bytes());
+    // The hash is part of cache keys, and another camera of the same file gives another matrix.
+    document.hash.add(cameras.camera.name.as_bytes());
     Ok(Scene {
         path: path.to_path_buf(),
         triangles,
         materials: materials.list,
         textures: materials.textures.list,
-        camera: rig.camera,
-        projector: rig.projector,
-        projector_resolution: rig.projector_resolution,
+        camera: cameras.camera,
+        projector: cameras.projector,
+        projector_resolution: cameras.projector_resolution,
         regions,
         regions_are_labels,
         hash: document.hash.finish(),
@@ -75,21 +75,22 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     })
 }
 
-/// A parsed file with everything that it brought in.
+/// A parsed file with the buffers that it refers to.
 struct Document {
     path: PathBuf,
     root: json::Root,
-    /// The binary chunk of a `.glb`, until it becomes the first buffer.
+    /// The binary chunk of a `.glb`, until [`buffers::load`] moves it to the first buffer.
     chunk: Option<Vec<u8>>,
-    /// The bytes of `root.buffers`, in that order.
+    /// The bytes of each buffer of `root.buffers`.
     buffers: Vec<Vec<u8>>,
-    /// Sparse accessors whose indices were found in order.
+    /// Sparse accessors whose indices are known to be increasing.
     checked_sparse: RefCell<HashSet<usize>>,
     hash: ContentHash,
     warnings: Warnings,
 }
 
 impl Document {
+    /// Parses the bytes of the file at `path`, without the files that it refers to.
     fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let mut hash = ContentHash::default();
         hash.add(bytes);
@@ -118,14 +119,15 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
     let version = |version: &str| {
         fault(path, format!("glTF version `{version}` is not supported"), "export the scene as glTF 2.0")
     };
-    let error = match json::deserialize::from_slice::<json::Root>(text) {
+    let error = match json::Root::from_slice(text) {
         Ok(root) if root.asset.version.starts_with("2.") => return Ok(root),
         Ok(root) => return Err(version(&root.asset.version)),
         Err(error) => error,
     };
     let broken =
         fault(path, format!("not a valid glTF document: {error}"), "export the scene again as glTF 2.0");
-    // Another version has another structure; and extensions give animations, which nothing here reads, another one.
+    // A file of another glTF version does not fit the structure, nor do animations that use an extension.
+    // Animations are not used, so the file is parsed again without them.
     let Ok(mut value) = serde_json::from_slice::<json::Value>(text) else { return Err(broken) };
     if let Some(other) = value.pointer("/asset/version").and_then(json::Value::as_str)
         && !other.starts_with("2.")
@@ -133,12 +135,13 @@ fn read_root(path: &Path, text: &[u8]) -> Result<json::Root> {
         return Err(version(other));
     }
     match value.as_object_mut().and_then(|members| members.remove("animations")) {
-        Some(_) => serde_json::from_value(value).map_err(|_| broken),
+        // As text once more, because the reader of text is compiled already, and this is rare.
+        Some(_) => json::Root::from_str(&value.to_string()).map_err(|_| broken),
         None => Err(broken),
     }
 }
 
-/// `mesh 3 "lamp"`: how messages call an object of the file.
+/// The name of an object of the file in messages, such as `mesh 3 "lamp"`.
 fn called(kind: &str, index: usize, name: Option<&String>) -> String {
     match name {
         Some(name) if !name.is_empty() => format!("{kind} {index} \"{name}\""),

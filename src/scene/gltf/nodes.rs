@@ -1,28 +1,29 @@
-//! The node graph: which nodes the scene places where.
+//! The node graph: the nodes of the default scene and their world transforms.
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
-use gltf::json;
+use gltf_json as json;
 
 use super::labels::{self, Label};
 use super::{Document, called};
 use crate::error::Result;
 
-/// A node of the scene with its world transform.
+/// A node of the scene and its world transform.
 pub(super) struct Placed {
     /// Index into the file's nodes.
     pub node: usize,
-    /// From the node's frame to the world; double precision, so that chains of transforms lose nothing.
+    /// The transform from the node's frame to the world. It is in double precision because chains of
+    /// transforms accumulate rounding errors.
     pub transform: DAffine3,
-    /// `extras.region` of the node or of its nearest ancestor that has one.
+    /// The label of the node, or of its nearest ancestor that has one.
     pub label: Option<Label>,
 }
 
-/// Every node of the default scene, parents before children, in the file's order.
+/// Lists every node of the default scene, parents before children, in the file's order.
 pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
     let roots = roots(document)?;
     check_forest(document, &roots)?;
 
-    // A stack of our own: a chain of a million nodes must not overflow the thread's.
+    // The walk is not recursive: a chain of a million nodes must not overflow the thread's stack.
     let mut stack: Vec<(usize, DAffine3, Option<Label>)> =
         roots.iter().rev().map(|&root| (root, DAffine3::IDENTITY, None)).collect();
     let mut placed = Vec::new();
@@ -44,7 +45,7 @@ pub(super) fn walk(document: &mut Document) -> Result<Vec<Placed>> {
     Ok(placed)
 }
 
-/// The root nodes of the scene that the file names as its default, or else of its first.
+/// The root nodes of the file's default scene, or of its first scene if the file names no default.
 fn roots(document: &mut Document) -> Result<Vec<usize>> {
     let index = document.root.scene.map_or(0, |scene| scene.value());
     let count = document.root.scenes.len();
@@ -66,7 +67,8 @@ fn roots(document: &mut Document) -> Result<Vec<usize>> {
     Ok(roots)
 }
 
-/// Each node has at most one parent, and the scene begins at nodes without one: then no walk meets a node twice.
+/// Checks that each node has at most one parent and that no root has one. Then the walk visits each node at
+/// most once.
 fn check_forest(document: &Document, roots: &[usize]) -> Result<()> {
     let help = "the file is damaged: nodes must form a tree; export it again";
     let nodes = &document.root.nodes;
@@ -109,9 +111,10 @@ fn check_forest(document: &Document, roots: &[usize]) -> Result<()> {
     Ok(())
 }
 
+/// Whether node `start` is its own ancestor.
 fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
     let mut at = start;
-    // A walk upwards that is longer than the number of nodes goes round a cycle that `start` only leads into.
+    // If `start` is on a cycle, it is met again within as many steps as there are nodes.
     for _ in 0..parents.len() {
         match parents[at] {
             Some(parent) if parent == start => return true,
@@ -122,11 +125,12 @@ fn in_cycle(parents: &[Option<usize>], start: usize) -> bool {
     false
 }
 
+/// The transform from the frame of a node to that of its parent.
 fn local_transform(document: &Document, index: usize, node: &json::Node) -> Result<DAffine3> {
     if let Some(matrix) = node.matrix {
         let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
         let last = matrix.row(3);
-        // Exporters round; a projective node would bend straight edges.
+        // glTF requires an affine matrix. The tolerance is for exporters that round.
         if !last.abs_diff_eq(glam::DVec4::W, 1e-6) {
             return Err(document.fault(
                 format!("{}: its matrix is not affine", called("node", index, node.name.as_ref())),

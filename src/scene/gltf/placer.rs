@@ -1,4 +1,4 @@
-//! Vertices of a primitive as corners in the world.
+//! Transformation of a primitive's vertices to triangle corners in world space.
 
 use glam::Vec3;
 
@@ -8,9 +8,10 @@ use super::vertices::Vertices;
 use crate::error::{Error, Result};
 use crate::scene::triangle::{MAX_COORDINATE, Triangle};
 
-/// Brings triangles of a primitive into the world.
+/// Makes world-space triangles of a primitive at one pose.
 pub(super) struct Placer<'a> {
     pub document: &'a Document,
+    /// The primitive's name in messages.
     pub what: &'a str,
     pub vertices: &'a Vertices<'a>,
     pub pose: &'a Pose<'a>,
@@ -18,18 +19,20 @@ pub(super) struct Placer<'a> {
 }
 
 impl Placer<'_> {
-    /// The triangle of these vertices.
+    /// The triangle whose corners are the vertices `indices`.
     pub(super) fn triangle(&self, indices: [u32; 3]) -> Result<Triangle> {
         let mut triangle = Triangle::flat([Vec3::ZERO; 3], self.material, 0);
         let mut mirrors = false;
         for (corner, index) in indices.into_iter().enumerate() {
             mirrors = self.place(index, corner, &mut triangle)?;
         }
-        // A mirroring map turns the order of the corners round; swapping two keeps the front where it was.
-        Ok(if mirrors { triangle.turned() } else { triangle })
+        // A mirroring transform reverses the order of the corners. Exchanging two of them keeps the front
+        // where it was.
+        Ok(if mirrors { triangle.flipped() } else { triangle })
     }
 
-    /// Sets a corner; whether the map of its vertex mirrors.
+    /// Sets corner number `corner` of `triangle` to the vertex `index`. Returns whether the vertex's
+    /// transform mirrors.
     fn place(&self, index: u32, corner: usize, triangle: &mut Triangle) -> Result<bool> {
         let Self { document, what, vertices, .. } = self;
         let vertex = vertices.vertex(index as usize).ok_or_else(|| {
@@ -40,7 +43,7 @@ impl Placer<'_> {
         })?;
         let transform = self.pose.of(index as usize).ok_or_else(|| {
             document.fault(
-                format!("{what}: vertex {index} hangs on no joint, or on one that the skin does not have"),
+                format!("{what}: vertex {index} is bound to no joint, or to one that the skin does not have"),
                 "the mesh is damaged: export it again",
             )
         })?;
@@ -62,6 +65,7 @@ impl Placer<'_> {
     }
 }
 
+/// The error about a vertex whose world position is not usable. `local` is its position in the mesh's frame.
 fn bad_position(document: &Document, what: &str, vertex: u32, local: Vec3) -> Error {
     if local.is_finite() {
         document.fault(

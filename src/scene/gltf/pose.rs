@@ -1,4 +1,4 @@
-//! How the vertices of a mesh get into the world.
+//! Transforms of a mesh's vertices to world space, rigid or by a skin.
 
 use std::rc::Rc;
 
@@ -6,49 +6,53 @@ use glam::{DAffine3, DMat3, Vec3};
 
 use super::skin::Influences;
 
-/// A map of points, with the one of normals that belongs to it.
+/// An affine transform of points, with the corresponding transform of normals.
 #[derive(Clone, Copy)]
 pub(super) struct Transform {
     points: DAffine3,
     normals: DMat3,
-    /// Whether it turns the front of a triangle to the other side.
+    /// Whether the determinant is negative, which exchanges the front and the back of a triangle.
     pub mirrors: bool,
 }
 
 impl Transform {
+    /// The transform whose map of points is `points`.
     pub(super) fn new(points: &DAffine3) -> Self {
         let DMat3 { x_axis, y_axis, z_axis } = points.matrix3;
-        // The inverse transposed but for its length, which exists for a map that flattens, too.
+        // Cofactors are the inverse transpose times the determinant. They exist for singular matrices, too,
+        // and normals are normalized anyway.
         let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
         let mirrors = points.matrix3.determinant() < 0.0;
         Self { points: *points, normals: if mirrors { -cofactors } else { cofactors }, mirrors }
     }
 
+    /// Transforms a point.
     pub(super) fn point(&self, point: Vec3) -> Vec3 {
         self.points.transform_point3(point.as_dvec3()).as_vec3()
     }
 
-    /// A unit vector, or zero for what has no direction.
+    /// Transforms a normal to a unit vector, or to zero if it has no direction.
     pub(super) fn normal(&self, normal: Vec3) -> Vec3 {
         (self.normals * normal.as_dvec3()).normalize_or_zero().as_vec3()
     }
 }
 
-/// The same map for all vertices, or one for each.
+/// The pose of a mesh: one transform for all vertices, or one for each.
 pub(super) enum Pose<'a> {
-    /// Where the mesh's node, or an instance of it, stands.
+    /// The transform of the mesh's node, or of one of its instances.
     Rigid(Transform),
-    /// Where the joints of its skin stand.
+    /// Transforms by the joints of a skin.
     Skinned {
-        /// Each joint's map.
+        /// The matrix of each joint.
         joints: Rc<[DAffine3]>,
-        /// Which joints each vertex hangs on.
+        /// The joints and weights of each vertex.
         influences: Influences<'a>,
     },
 }
 
 impl Pose<'_> {
-    /// The map of vertex `index`. `None` when its skin has no such joint.
+    /// The transform of vertex `index`. `None` if the vertex is bound to no joint, or to one that the skin
+    /// does not have.
     pub(super) fn of(&self, index: usize) -> Option<Transform> {
         match self {
             Self::Rigid(transform) => Some(*transform),

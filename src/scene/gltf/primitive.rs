@@ -1,9 +1,9 @@
-//! How a primitive's vertices make triangles.
+//! The triangles of a primitive as triples of vertex indices.
 
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::mesh::Mode;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
+use gltf_json::mesh::Mode;
+use gltf_json::validation::Checked;
 
 use super::Document;
 use super::accessor::{self, Array};
@@ -15,7 +15,7 @@ const INDICES: [ComponentType; 3] = [ComponentType::U8, ComponentType::U16, Comp
 pub(super) struct Corners<'a> {
     mode: Mode,
     indices: Option<Array<'a>>,
-    /// Number of triangles, degenerate ones included.
+    /// The number of triangles, degenerate ones included.
     pub triangles: usize,
 }
 
@@ -43,7 +43,7 @@ impl<'a> Corners<'a> {
             _ if corners % 3 == 0 => corners / 3,
             _ => {
                 return Err(document.fault(
-                    format!("{what} has {corners} corners, which is no multiple of 3"),
+                    format!("{what} has {corners} corners, which is not a multiple of 3"),
                     "the mesh is damaged: export it again",
                 ));
             }
@@ -54,7 +54,7 @@ impl<'a> Corners<'a> {
     /// The vertices of triangle `index`, counter-clockwise around its front. `None` past the end.
     pub(super) fn vertices(&self, index: usize) -> Option<[u32; 3]> {
         let corners = match self.mode {
-            // Every second triangle of a strip is wound the other way round.
+            // Every second triangle of a strip has the opposite orientation.
             Mode::TriangleStrip if index % 2 == 1 => [index, index + 2, index + 1],
             Mode::TriangleStrip => [index, index + 1, index + 2],
             Mode::TriangleFan => [index + 1, index + 2, 0],

@@ -1,4 +1,4 @@
-//! Regions: one for each of the author's labels, or else for each mesh node.
+//! Regions: one for each label, or, in a scene without labels, one for each mesh node.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -9,10 +9,11 @@ use super::{Document, called};
 use crate::error::Result;
 use crate::scene::Triangle;
 
-/// Labels are stored as bytes, and 255 stands for a masked pixel.
+/// The largest number of labels. They are stored as bytes, and 255 stands for a masked pixel.
 const MAX_LABELS: usize = 255;
 
-/// Gives every triangle its region: the triangles, the regions' names, and whether they are the author's labels.
+/// Sets the region of every triangle. Returns the triangles, the names of the regions, and whether the
+/// regions are labels.
 pub(super) fn name(
     document: &mut Document,
     placed: &[Placed],
@@ -29,9 +30,10 @@ pub(super) fn name(
     Ok((triangles, names, labelled))
 }
 
-/// Names of the regions, and the region of each surface.
+/// The names of the regions, and the region of each surface.
 type Naming = (Vec<String>, Vec<u32>);
 
+/// One region for each label, in the order of labels.
 fn by_label(document: &mut Document, surfaces: &[Surface]) -> Result<Naming> {
     let mut index: BTreeMap<Label, u32> =
         surfaces.iter().map(|surface| (surface.label.clone().unwrap_or(Label::Absent), 0)).collect();
@@ -60,6 +62,7 @@ fn by_label(document: &mut Document, surfaces: &[Surface]) -> Result<Naming> {
     Ok((index.keys().map(Label::to_string).collect(), region_of))
 }
 
+/// One region for each mesh node, in the order of nodes.
 fn by_node(document: &Document, placed: &[Placed], surfaces: &[Surface]) -> Naming {
     let mut names = Vec::new();
     let mut taken = HashSet::new();

@@ -1,30 +1,31 @@
-//! Skins at rest: where the joints of a skin carry the vertices that hang on them.
+//! Skins in their rest pose: transforms of vertices by the joints that they are bound to.
 
 use std::collections::HashMap;
 use std::rc::Rc;
 
 use glam::{DAffine3, DMat3, DVec3};
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::mesh::Semantic;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
+use gltf_json::mesh::Semantic;
+use gltf_json::validation::Checked;
 
 use super::accessor::{self, Array};
 use super::nodes::Placed;
 use super::{Document, called};
 use crate::error::Result;
 
-/// `JOINTS_0` to `JOINTS_3`: four joints each.
+/// The largest number of attribute pairs `JOINTS_n` and `WEIGHTS_n`, of four joints each.
 const MAX_SETS: u32 = 4;
 
-/// The joint matrices of the skins met so far.
+/// The joint matrices of the skins, computed at their first use.
 pub(super) struct Skins {
-    /// By node of the file; `None` where the scene does not place it.
+    /// The world transform of each node of the file; `None` if the node is not in the scene.
     placed: Vec<Option<DAffine3>>,
     matrices: HashMap<usize, Rc<[DAffine3]>>,
 }
 
 impl Skins {
+    /// Prepares the skins of a document whose scene has the nodes `placed`.
     pub(super) fn new(document: &Document, placed: &[Placed]) -> Self {
         let mut transforms = vec![None; document.root.nodes.len()];
         for node in placed {
@@ -33,8 +34,9 @@ impl Skins {
         Self { placed: transforms, matrices: HashMap::new() }
     }
 
-    /// For each joint of skin `index` the map from the mesh's frame to the world. The node that has the mesh does not
-    /// count: a skinned mesh stands where its joints stand.
+    /// The matrices of skin `index`, which map the mesh's frame to the world: one for each joint. The
+    /// transform of the mesh's node is not part of them, since only the joints place a skinned mesh. `user`
+    /// names the node.
     pub(super) fn matrices(
         &mut self,
         document: &Document,
@@ -60,7 +62,7 @@ impl Skins {
         for (position, joint) in skin.joints.iter().enumerate() {
             let Some(&Some(transform)) = self.placed.get(joint.value()) else {
                 return Err(document.fault(
-                    format!("{what}: its joint {} is no node of the scene", joint.value()),
+                    format!("{what}: its joint {} is not a node of the scene", joint.value()),
                     "export the skeleton in the same scene as the mesh",
                 ));
             };
@@ -81,10 +83,11 @@ impl Skins {
     }
 }
 
+/// The affine transform of a 4×4 matrix given by columns; `None` if its last row is not 0 0 0 1.
 fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     let columns = columns.map(f64::from);
     let last = [columns[3], columns[7], columns[11], columns[15]];
-    // Exporters round.
+    // The tolerance is for exporters that round.
     let is_affine = last.iter().zip([0.0, 0.0, 0.0, 1.0]).all(|(value, exact)| (value - exact).abs() < 1e-6);
     let column = |first: usize| DVec3::new(columns[first], columns[first + 1], columns[first + 2]);
     is_affine.then(|| DAffine3 {
@@ -93,7 +96,7 @@ fn affine(columns: [f32; 16]) -> Option<DAffine3> {
     })
 }
 
-/// Which joints a primitive's vertices hang on, and how much.
+/// The joints and weights of a primitive's vertices.
 pub(super) struct Influences<'a> {
     sets: Vec<(Array<'a>, Array<'a>)>,
 }
@@ -138,8 +141,8 @@ impl<'a> Influences<'a> {
         Ok(Self { sets })
     }
 
-    /// The map of vertex `index` from the mesh's frame to the world: the weighted mean of its joints'. `None` when it
-    /// hangs on a joint that the skin does not have, or on nothing.
+    /// The transform of vertex `index` from the mesh's frame to the world: the weighted mean of the matrices
+    /// of its joints. `None` if the vertex is bound to no joint, or to one that the skin does not have.
     pub(super) fn matrix(&self, index: usize, joints: &[DAffine3]) -> Option<DAffine3> {
         let mut sum = DAffine3::ZERO;
         let mut total = 0.0;
@@ -155,7 +158,7 @@ impl<'a> Influences<'a> {
                 }
             }
         }
-        // The weights sum to 1 but for rounding, which is undone.
+        // The weights sum to 1 up to rounding; the division removes the rounding error.
         (total > 0.0).then(|| DAffine3 { matrix3: sum.matrix3 / total, translation: sum.translation / total })
     }
 }

@@ -1,29 +1,29 @@
-//! Textures: pictures decoded once per sampler, and how texture coordinates are read.
+//! Textures: decoded pictures with their samplers, and references to them by materials.
 
 use std::collections::HashMap;
 
 use glam::{Affine2, Mat2, Vec2};
-use gltf::json;
-use gltf::json::extensions::texture::TextureTransform;
-use gltf::json::texture::{MagFilter, WrappingMode};
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::extensions::texture::TextureTransform;
+use gltf_json::texture::{MagFilter, WrappingMode};
+use gltf_json::validation::Checked;
 
 use super::{Document, buffers, called, uri};
 use crate::error::Result;
 use crate::scene::picture::{Fault, Picture, Pictures};
 use crate::scene::{Texture, TextureRef, Wrap};
 
-/// The textures that materials use, in the order met.
+/// The textures that materials use, in the order of their first use.
 #[derive(Default)]
 pub(super) struct Textures {
-    /// What [`TextureRef::texture`] indexes.
+    /// The textures that [`TextureRef::texture`] indexes.
     pub list: Vec<Texture>,
-    /// By the file's image and how it is sampled.
+    /// By the file's image index, its wrapping, and whether it is interpolated.
     index_of: HashMap<(usize, [Wrap; 2], bool), u32>,
     pictures: Pictures,
 }
 
-/// Where a material of the file refers to a texture.
+/// A reference to a texture in a material of the file.
 pub(super) struct Use {
     index: usize,
     set: u32,
@@ -31,13 +31,13 @@ pub(super) struct Use {
 }
 
 impl Use {
-    /// A reference in the form that all have but the normal texture.
+    /// A reference to a texture other than the normal texture.
     pub(super) fn of(info: &json::texture::Info) -> Self {
         let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.clone());
         Self { index: info.index.value(), set: info.tex_coord, transform: transform.unwrap_or_default() }
     }
 
-    /// A reference to a normal texture. `None` when its `KHR_texture_transform` is not what it should be.
+    /// A reference to a normal texture. `None` if its `KHR_texture_transform` is malformed.
     pub(super) fn of_normal(info: &json::material::NormalTexture) -> Option<Self> {
         let extension =
             info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
@@ -50,7 +50,8 @@ impl Use {
 }
 
 impl Textures {
-    /// The texture that `material` uses as its `role` ("base colour").
+    /// The scene's reference for the file's reference `info`. `material` and `role` (`base colour`) name its
+    /// place in messages.
     pub(super) fn refer(
         &mut self,
         document: &mut Document,
@@ -76,7 +77,7 @@ impl Textures {
         Ok(TextureRef { texture: self.index_of(document, material, info.index)?, set, transform })
     }
 
-    /// The scene's index of the file's texture `index`. `user` names the material.
+    /// The scene's index of the file's texture `index`. `user` names the material that uses it.
     fn index_of(&mut self, document: &mut Document, user: &str, index: usize) -> Result<u32> {
         let help = "the file is damaged: export it again";
         let Some(texture) = document.root.textures.get(index).cloned() else {
@@ -111,7 +112,7 @@ impl Textures {
         Ok(position)
     }
 
-    /// Decodes an image of the file: its name and texels.
+    /// Decodes image `index` of the file. Returns its name in messages and its texels.
     fn picture(
         &mut self,
         document: &mut Document,
@@ -137,7 +138,8 @@ impl Textures {
     }
 }
 
-/// Wrapping of u and v, and whether to interpolate; glTF's defaults without a sampler.
+/// The wrapping of `u` and `v` of a texture, and whether it is interpolated. Without a sampler these are
+/// glTF's defaults.
 fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<([Wrap; 2], bool)> {
     let Some(index) = texture.sampler.map(|sampler| sampler.value()) else {
         return Ok(([Wrap::Repeat; 2], true));
@@ -164,8 +166,8 @@ fn sampler(document: &Document, what: &str, texture: &json::Texture) -> Result<(
     Ok(([wrap(sampler.wrap_s)?, wrap(sampler.wrap_t)?], linear))
 }
 
-/// How texture coordinates are mapped: scale, then rotation, then offset. The rotation is counter-clockwise as one sees the
-/// picture, whose `v` runs downwards.
+/// The map of texture coordinates by `KHR_texture_transform`: scale, then rotation, then offset. The rotation
+/// is counter-clockwise as seen on the picture, where `v` runs downwards.
 fn transform(scale: Vec2, rotation: f32, offset: Vec2) -> Affine2 {
     let (sine, cosine) = rotation.sin_cos();
     Affine2::from_mat2_translation(

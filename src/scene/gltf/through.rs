@@ -1,6 +1,6 @@
-//! The extensions by which light gets through a surface, from their JSON.
+//! Material extensions for light that passes through a surface, parsed from their JSON.
 
-use gltf::json;
+use gltf_json as json;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
@@ -13,8 +13,8 @@ const TRANSMISSION: &str = "KHR_materials_transmission";
 const DIFFUSE_TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
 const VOLUME: &str = "KHR_materials_volume";
 
-/// What is read here.
-pub(super) const FOLLOWED: [&str; 3] = [TRANSMISSION, DIFFUSE_TRANSMISSION, VOLUME];
+/// The extensions that this module reads.
+pub(super) const SUPPORTED: [&str; 3] = [TRANSMISSION, DIFFUSE_TRANSMISSION, VOLUME];
 
 /// `KHR_materials_transmission`.
 #[derive(Default, Deserialize)]
@@ -38,7 +38,7 @@ pub(super) struct DiffuseTransmission {
     pub color_texture: Option<json::texture::Info>,
 }
 
-/// `KHR_materials_volume`; the thickness itself comes from the geometry.
+/// `KHR_materials_volume`. A thickness above 0 makes a solid; how thick it is follows from the geometry.
 #[derive(Default, Deserialize)]
 struct Medium {
     #[serde(default, rename = "thicknessFactor")]
@@ -49,7 +49,7 @@ struct Medium {
     attenuation_color: Option<[f32; 3]>,
 }
 
-/// All three, where a material has them.
+/// The three extensions of a material; defaults for those that it does not have.
 #[derive(Default)]
 pub(super) struct Through {
     pub transmission: Transmission,
@@ -58,6 +58,7 @@ pub(super) struct Through {
 }
 
 impl Through {
+    /// Parses the extensions of the material that `what` names.
     pub(super) fn read(
         document: &Document,
         what: &str,
@@ -70,7 +71,7 @@ impl Through {
         })
     }
 
-    /// Sets the factors in `material`.
+    /// Checks the factors and stores them in `material`.
     pub(super) fn check_into(&self, checked: &Checks<'_>, material: &mut Material) -> Result<()> {
         material.transmission = checked.fraction("transmissionFactor", self.transmission.factor)?;
         material.diffuse_transmission = checked.fraction("diffuseTransmissionFactor", self.diffuse.factor)?;
@@ -91,6 +92,7 @@ impl Through {
     }
 }
 
+/// Parses the extension `name`, or returns its default if the material does not have it.
 fn read<T: Default + DeserializeOwned>(
     document: &Document,
     what: &str,

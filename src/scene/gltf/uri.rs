@@ -1,4 +1,4 @@
-//! Where buffers and pictures come from: base64 data URIs, or files next to the scene.
+//! URIs of buffers and pictures: base64 data URIs, or files next to the scene.
 
 use std::path::PathBuf;
 
@@ -9,14 +9,15 @@ use super::Document;
 use crate::error::Result;
 use crate::scene::source;
 
-/// Exporters disagree about padding; its absence loses nothing.
+/// Base64 with or without padding, since exporters differ.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &base64::alphabet::STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Reads what a URI stands for. `what` names its user (`buffer 0`). A file's bytes enter the document's hash; a data
-/// URI is in it already, as a part of the scene file.
+/// Reads the bytes that a URI refers to. `what` names the object that uses it (`buffer 0`). The bytes of a
+/// file are added to the document's hash. Those of a data URI are part of the scene file, which is hashed
+/// already.
 pub(super) fn read(document: &mut Document, what: &str, uri: &str) -> Result<Vec<u8>> {
     // The scheme is case-insensitive.
     if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
@@ -28,6 +29,7 @@ pub(super) fn read(document: &mut Document, what: &str, uri: &str) -> Result<Vec
     Ok(bytes)
 }
 
+/// Decodes a data URI, given without its scheme.
 fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     let Some((header, content)) = data.split_once(',') else {
         return Err(document
@@ -44,7 +46,7 @@ fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     })
 }
 
-/// The path of a relative URI: percent-decoded, from the scene's folder.
+/// The path of a relative URI: percent-decoded and relative to the scene's folder.
 fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     let help = "put the file next to the scene and refer to it by a relative path, or export as .glb";
     if uri.is_empty() {
@@ -53,7 +55,7 @@ fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     let decoded = percent_decode(uri).ok_or_else(|| {
         document.fault(format!("{what}: `{uri}` is not a valid URI (percent-encoding or UTF-8)"), help)
     })?;
-    // The scheme ends before any percent-encoding.
+    // Both forms are checked: a scheme is recognized before decoding, an encoded absolute path only after it.
     source::next_to(&document.path, uri).and_then(|_| source::next_to(&document.path, &decoded)).map_err(
         |fault| {
             document.fault(format!("{what}: `{uri}` is {fault}; only files next to the scene are read"), help)
@@ -61,7 +63,8 @@ fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     )
 }
 
-/// `None` when a `%` is not followed by two hexadecimal digits, or the result is not UTF-8 without NUL.
+/// Decodes percent-encoding. `None` if a `%` is not followed by two hexadecimal digits, or if the result is
+/// not UTF-8 or contains NUL.
 fn percent_decode(text: &str) -> Option<String> {
     let mut decoded = Vec::with_capacity(text.len());
     let mut bytes = text.bytes();
@@ -82,7 +85,7 @@ mod tests {
     use super::percent_decode;
 
     #[test]
-    fn percent_encoding_is_undone() {
+    fn percent_encoding_is_decoded() {
         assert_eq!(percent_decode("my%20scene%C3%A9.bin").as_deref(), Some("my scene\u{e9}.bin"));
         assert_eq!(percent_decode("plain+name.bin").as_deref(), Some("plain+name.bin"));
     }

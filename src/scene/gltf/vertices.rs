@@ -1,17 +1,18 @@
-//! A primitive's vertices: positions, normals, texture coordinates and colours, morphed as at rest.
+//! A primitive's vertices: positions, normals, texture coordinates and colours, with morph targets at their
+//! rest weights.
 
 use glam::{Vec2, Vec3};
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::mesh::Semantic;
-use gltf::json::validation::Checked;
+use gltf_json as json;
+use gltf_json::accessor::{ComponentType, Type};
+use gltf_json::mesh::Semantic;
+use gltf_json::validation::Checked;
 
 use super::Document;
 use super::accessor::{self, Array};
 use crate::error::Result;
 use crate::scene::{Material, Triangle};
 
-/// Floats, and what `KHR_mesh_quantization` adds.
+/// The component types of coordinates: floats, and the integers that `KHR_mesh_quantization` adds.
 pub(super) const COORDINATES: [ComponentType; 5] =
     [ComponentType::F32, ComponentType::I8, ComponentType::U8, ComponentType::I16, ComponentType::U16];
 
@@ -21,24 +22,24 @@ const COLORS: [ComponentType; 3] = [ComponentType::F32, ComponentType::U8, Compo
 #[derive(Clone, Copy)]
 pub(super) struct Vertex {
     pub position: Vec3,
-    /// As in the file; zero without one.
+    /// The normal as in the file; zero if the file gives none.
     pub normal: Vec3,
     pub texcoords: [Vec2; 2],
     pub color: [u16; 4],
 }
 
-/// Arrays of a primitive, open for reading vertex by vertex.
+/// The attributes of a primitive, opened for reading vertex by vertex.
 pub(super) struct Vertices<'a> {
     positions: Array<'a>,
     normals: Option<Array<'a>>,
     texcoords: [Option<Array<'a>>; 2],
     colors: Option<(Array<'a>, Type)>,
     targets: Vec<Target<'a>>,
-    /// Number of vertices that an index may ask for.
+    /// The number of vertices.
     pub count: usize,
 }
 
-/// A morph target with its weight at rest.
+/// A morph target with its rest weight.
 struct Target<'a> {
     weight: f32,
     positions: Option<Array<'a>>,
@@ -46,7 +47,8 @@ struct Target<'a> {
 }
 
 impl<'a> Vertices<'a> {
-    /// Opens what `material` needs of the primitive's attributes, morphed by `weights`.
+    /// Opens the primitive's attributes and its morph targets, whose rest weights are `weights`. Of the
+    /// texture coordinates it opens the sets that `material` uses.
     pub(super) fn open(
         document: &'a Document,
         what: &str,
@@ -95,12 +97,12 @@ impl<'a> Vertices<'a> {
         Ok(Self { positions, normals, texcoords, colors, targets, count })
     }
 
-    /// Number of morph targets that count.
+    /// The number of morph targets whose weight is not zero.
     pub(super) fn targets(&self) -> usize {
         self.targets.len()
     }
 
-    /// `None` when there is no such vertex.
+    /// Vertex `index`; `None` if it does not exist.
     pub(super) fn vertex(&self, index: usize) -> Option<Vertex> {
         let mut position = Vec3::from_array(self.positions.vector(index)?);
         let mut normal = match &self.normals {
@@ -133,7 +135,7 @@ impl<'a> Vertices<'a> {
     }
 }
 
-/// The targets whose weight is not zero.
+/// Opens the morph targets whose weight is not zero.
 fn open_targets<'a>(
     document: &'a Document,
     what: &str,
@@ -155,7 +157,7 @@ fn open_targets<'a>(
         let open = |name: &str, accessor: Option<json::Index<json::Accessor>>| {
             let Some(accessor) = accessor else { return Ok(None) };
             let source = document.root.accessors.get(accessor.value());
-            // No data at all stands for zeros, which move nothing.
+            // An accessor without data stands for zeros, which move no vertex.
             if source.is_some_and(|source| source.buffer_view.is_none() && source.sparse.is_none()) {
                 return Ok(None);
             }
@@ -171,7 +173,7 @@ fn open_targets<'a>(
     Ok(targets)
 }
 
-/// Opens an attribute that must have an element for each of `count` vertices.
+/// Opens an attribute and checks that it has an element for each of `count` vertices.
 pub(super) fn open_for<'a>(
     document: &'a Document,
     what: &str,

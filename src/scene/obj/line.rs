@@ -7,7 +7,7 @@ use crate::scene::source::fault;
 
 /// One statement, continued lines joined.
 pub(super) struct Line<'a> {
-    path: &'a Path,
+    pub path: &'a Path,
     number: usize,
     pub keyword: &'a str,
     /// The rest of the line, trimmed.
@@ -47,12 +47,14 @@ impl Line<'_> {
         )
     }
 
+    /// The arguments up to a comment.
+    pub(super) fn words(&self) -> impl Iterator<Item = &str> {
+        self.rest.split_whitespace().take_while(|word| !word.starts_with('#'))
+    }
+
     /// The arguments, all of them finite numbers.
     pub(super) fn numbers(&self) -> Result<Vec<f32>> {
-        self.rest
-            .split_whitespace()
-            // A comment may follow.
-            .take_while(|word| !word.starts_with('#'))
+        self.words()
             .map(|word| match word.parse::<f32>() {
                 Ok(number) if number.is_finite() => Ok(number),
                 _ => Err(self.fault(&format!("`{}` is not a finite number", shortened(word)))),

@@ -20,10 +20,11 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
+use indexmap::IndexSet;
 
+use super::check::Checked;
 use super::maps::Maps;
-use super::mesh::{Mesh, NONE};
-use super::mtl::{self, Entry};
+use super::mtl;
 use crate::error::Result;
 use crate::scene::source::{self, ContentHash, Warnings, fault};
 use crate::scene::{AlphaMode, Material, Texture, Volume};
@@ -32,7 +33,7 @@ use crate::scene::{AlphaMode, Material, Texture, Volume};
 pub(super) struct Materials {
     pub list: Vec<Material>,
     pub textures: Vec<Texture>,
-    /// By index into [`Mesh::materials`].
+    /// By index into [`Checked::materials`].
     index_of: Vec<u32>,
     /// Of faces without a material, and of those whose material no library has.
     matte: u32,
@@ -40,50 +41,45 @@ pub(super) struct Materials {
 
 impl Materials {
     /// Index of the material of a face.
-    pub(super) fn of(&self, face: u32) -> u32 {
-        if face == NONE {
-            self.matte
-        } else {
-            self.index_of.get(face as usize).copied().unwrap_or(self.matte)
-        }
+    pub(super) fn of(&self, face: Option<u32>) -> u32 {
+        face.and_then(|face| self.index_of.get(face as usize).copied()).unwrap_or(self.matte)
     }
 }
 
-/// Reads the libraries of `mesh`, and makes of their entries what its faces ask for.
+/// Reads the libraries of the file, and makes of their entries what its faces ask for.
 pub(super) fn load(
     path: &Path,
-    mesh: &Mesh,
+    checked: &Checked,
     hash: &mut ContentHash,
     warnings: &mut Warnings,
 ) -> Result<Materials> {
-    let mut entries: HashMap<String, Entry> = HashMap::new();
-    for file in libraries(path, &mesh.libraries)? {
+    let mut entries: HashMap<String, tobj::Material> = HashMap::new();
+    for file in libraries(path, &checked.libraries)? {
         let bytes = source::read(path, "mtllib", &file)?;
         hash.add(&bytes);
-        for entry in mtl::parse(&file, &String::from_utf8_lossy(&bytes), warnings)? {
+        for entry in mtl::read(&file, &String::from_utf8_lossy(&bytes), warnings)? {
             entries.insert(entry.name.clone(), entry);
         }
     }
     let mut maps = Maps::new(path);
     let mut list = Vec::new();
-    let mut index_of = Vec::new();
-    for name in &mesh.materials {
-        let Some(entry) = entries.get(name) else {
-            warnings.add(format!("material `{name}` is in no library; its faces are matte"));
-            index_of.push(NONE);
-            continue;
-        };
-        index_of.push(list.len() as u32);
-        list.push(convert(entry, &mut maps, hash)?);
+    let mut found = Vec::new();
+    for name in &checked.materials {
+        let entry = entries.get(name);
+        found.push(entry.map(|_| list.len() as u32));
+        match entry {
+            Some(entry) => list.push(convert(entry, &mut maps, hash)?),
+            None => warnings.add(format!("material `{name}` is in no library; its faces are matte")),
+        }
     }
     let matte = list.len() as u32;
-    index_of.iter_mut().filter(|index| **index == NONE).for_each(|index| *index = matte);
     list.push(Material { name: "matte".into(), base_color: Vec3::splat(0.8), ..Material::default() });
+    let index_of = found.into_iter().map(|index| index.unwrap_or(matte)).collect();
     Ok(Materials { list, textures: maps.textures, index_of, matte })
 }
 
 /// The library files. A name may have spaces, and a line several names.
-fn libraries(path: &Path, lines: &[String]) -> Result<Vec<PathBuf>> {
+fn libraries(path: &Path, lines: &IndexSet<String>) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for line in lines {
         let resolve = |name: &str| {
@@ -109,58 +105,66 @@ fn libraries(path: &Path, lines: &[String]) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn convert(entry: &Entry, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result<Material> {
-    let clamped = |color: Option<Vec3>| color.map(|color| color.min(Vec3::ONE));
+fn convert(entry: &tobj::Material, maps: &mut Maps<'_>, hash: &mut ContentHash) -> Result<Material> {
+    let clamped = |color: Option<[f32; 3]>| color.map(|color| Vec3::from(color).min(Vec3::ONE));
+    let extension = |keyword: &str| entry.unknown_param.get(keyword).map(String::as_str);
+    let number = |keyword: &str| extension(keyword).and_then(|text| text.parse::<f32>().ok());
+    let (roughness, metallic) = (number("Pr"), number("Pm"));
+    let filter = extension("Tf").and_then(|text| {
+        let numbers: Vec<f32> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        numbers.try_into().ok()
+    });
+    let model = entry.illumination_model;
     let diffuse = clamped(entry.diffuse).unwrap_or(Vec3::splat(0.8));
-    let shiny = entry.model.is_none_or(|model| model >= 2);
+    let shiny = model.is_none_or(|model| model >= 2);
     let specular = clamped(entry.specular).filter(|_| shiny).unwrap_or(Vec3::ZERO);
     let opacity = entry.dissolve.unwrap_or(1.0);
-    let glass = matches!(entry.model, Some(4 | 6 | 7 | 9))
-        && (entry.filter.is_some() || (opacity == 1.0 && entry.dissolve_map.is_none()));
+    let glass = matches!(model, Some(4 | 6 | 7 | 9))
+        && (filter.is_some() || (opacity == 1.0 && entry.dissolve_texture.is_none()));
     let metal = !glass
-        && entry.metallic.is_none()
+        && metallic.is_none()
         && diffuse.max_element() < 0.01
         && specular.max_element() > 0.1
-        && entry.diffuse_map.is_none();
-    let roughness = match (entry.roughness, entry.exponent) {
+        && entry.diffuse_texture.is_none();
+    let roughness = match (roughness, entry.shininess) {
         (Some(roughness), _) => roughness,
         _ if glass => 0.0,
         // The square root of the microfacet width.
         (None, Some(exponent)) => (2.0 / (exponent + 2.0)).sqrt().sqrt(),
         // Models from 3 on trace reflections.
-        (None, None) => f32::from(u8::from(entry.model.is_none_or(|model| model < 3))),
+        (None, None) => f32::from(u8::from(model.is_none_or(|model| model < 3))),
     };
     let mut material = Material {
         name: entry.name.clone(),
         base_color: diffuse,
         roughness,
-        metallic: entry.metallic.unwrap_or(0.0),
+        metallic: metallic.unwrap_or(0.0),
         // An index of 1 is what exporters write when they know none.
-        ior: entry.ior.filter(|ior| *ior > 1.0).unwrap_or(1.5),
-        emission: entry.emission.unwrap_or(Vec3::ZERO),
+        ior: entry.optical_density.filter(|ior| *ior > 1.0).unwrap_or(1.5),
+        emission: entry.emissive.map_or(Vec3::ZERO, Vec3::from),
         ..Material::default()
     };
     if glass {
-        material.base_color = clamped(entry.filter).unwrap_or(Vec3::ONE);
+        material.base_color = clamped(filter).unwrap_or(Vec3::ONE);
         material.specular = 1.0;
         material.transmission = 1.0;
-        material.ior = entry.ior.filter(|ior| *ior >= 1.0).unwrap_or(1.5);
+        material.ior = entry.optical_density.filter(|ior| *ior >= 1.0).unwrap_or(1.5);
         material.volume = Some(Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY });
     } else if metal {
         material.base_color = specular;
         material.metallic = 1.0;
-    } else if specular != Vec3::ZERO || entry.metallic.is_some() {
+    } else if specular != Vec3::ZERO || metallic.is_some() {
         material.specular = 1.0;
-        material.specular_color = if entry.metallic.is_some() { Vec3::ONE } else { 2.0 * specular };
+        material.specular_color = if metallic.is_some() { Vec3::ONE } else { 2.0 * specular };
     }
-    if !glass && (opacity < 1.0 || entry.dissolve_map.is_some()) {
+    if !glass && (opacity < 1.0 || entry.dissolve_texture.is_some()) {
         material.opacity = opacity;
         material.alpha_mode = AlphaMode::Blend;
     }
-    let dissolve = entry.dissolve_map.as_deref().filter(|_| !glass);
-    let base = entry.diffuse_map.as_deref().filter(|_| !glass);
+    let dissolve = entry.dissolve_texture.as_deref().filter(|_| !glass);
+    let base = entry.diffuse_texture.as_deref().filter(|_| !glass);
     material.base_color_texture = maps.base(&entry.name, base, dissolve, hash)?;
-    material.emission_texture = maps.single(&entry.name, entry.emission_map.as_deref(), hash)?;
-    material.normal_texture = maps.single(&entry.name, entry.normal_map.as_deref(), hash)?;
+    material.emission_texture = maps.single(&entry.name, extension("map_Ke"), hash)?;
+    material.normal_texture = maps.single(&entry.name, extension("norm"), hash)?;
     Ok(material)
 }

@@ -1,4 +1,4 @@
-//! Loading Wavefront `.obj` with its `.mtl` libraries.
+//! Loading Wavefront `.obj` with its `.mtl` libraries, by `tobj` behind checks of its own (see [`check`]).
 //!
 //! | statement | here |
 //! |---|---|
@@ -9,9 +9,10 @@
 //! | `s` | no effect: normals come from `vn` alone |
 //! | `l`, `p`, free-form surfaces, all else | ignored with a warning |
 //!
-//! The format knows no camera: it comes from a rig file. Lengths are metres, surfaces have two sides. Whatever the bytes,
+//! The format knows no camera: it comes from a camera file. Lengths are metres, surfaces have two sides. Whatever the bytes,
 //! loading ends with a scene or an [`enum@Error`].
 
+mod check;
 mod line;
 mod maps;
 mod materials;
@@ -20,11 +21,14 @@ mod mtl;
 
 use std::path::Path;
 
+use glam::{Vec2, Vec3};
+
 use super::source::{ContentHash, Warnings, fault};
 use super::triangle::{MAX_COORDINATE, Triangle};
-use super::{LoadOptions, Scene, rig};
+use super::{LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
-use mesh::{Face, Mesh, NONE};
+use check::Checked;
+use mesh::{Corner, Face};
 
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
 ///
@@ -36,10 +40,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     hash.add(&bytes);
     let rig = find_rig(path, options, &mut hash)?;
     let mut warnings = Warnings::default();
-    let mesh = Mesh::parse(path, &String::from_utf8_lossy(&bytes), &mut warnings)?;
+    let mut checked = Checked::default();
+    line::statements(path, &String::from_utf8_lossy(&bytes), |line| checked.statement(line, &mut warnings))?;
     drop(bytes);
-    let materials = materials::load(path, &mesh, &mut hash, &mut warnings)?;
-    let triangles = triangles(path, &mesh, &materials, &mut warnings)?;
+    let materials = materials::load(path, &checked, &mut hash, &mut warnings)?;
+    let triangles = triangles(path, &checked, &materials, &mut warnings)?;
     Ok(Scene {
         path: path.to_path_buf(),
         triangles,
@@ -48,27 +53,31 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
         camera: rig.camera,
         projector: rig.projector,
         projector_resolution: rig.projector_resolution,
-        regions: mesh.groups,
+        regions: checked.groups.into_iter().collect(),
         regions_are_labels: false,
         hash: hash.finish(),
         warnings: warnings.list,
     })
 }
 
-fn find_rig(path: &Path, options: &LoadOptions<'_>, hash: &mut ContentHash) -> Result<rig::Rig> {
+fn find_rig(
+    path: &Path,
+    options: &LoadOptions<'_>,
+    hash: &mut ContentHash,
+) -> Result<camera_file::CameraPair> {
     if let Some(name) = options.camera {
         return Err(fault(
             path,
             format!("an .obj file has no cameras, and none called `{name}`"),
-            "leave out --camera, and give a rig file by --camera-file",
+            "leave out --camera, and give a camera file by --camera-file",
         ));
     }
-    let given = rig::find(path, options)?;
+    let given = camera_file::find(path, options)?;
     let missing = || {
         let sidecar = path.with_extension("rig.toml");
         fault(
             path,
-            "an .obj file has no camera, and no rig file gives one",
+            "an .obj file has no camera, and no camera file gives one",
             format!(
                 "write {} with [camera] position, look_at and vertical_fov_degrees, or name such a file by --camera-file",
                 sidecar.display()
@@ -78,23 +87,25 @@ fn find_rig(path: &Path, options: &LoadOptions<'_>, hash: &mut ContentHash) -> R
     let given = given.ok_or_else(missing)?;
     hash.add(&given.bytes);
     let camera = given.camera.ok_or_else(missing)?;
-    Ok(rig::Rig::of(camera, given.projector, given.projector_resolution))
+    Ok(camera_file::CameraPair::new(camera, given.projector, given.projector_resolution))
 }
 
 fn triangles(
     path: &Path,
-    mesh: &Mesh,
+    checked: &Checked,
     materials: &materials::Materials,
     warnings: &mut Warnings,
 ) -> Result<Vec<Triangle>> {
-    let mut triangles = Vec::with_capacity(mesh.faces.len());
+    let mut triangles = Vec::new();
     let mut degenerate = 0_usize;
-    for face in &mesh.faces {
-        let triangle = triangle(path, mesh, face, materials)?;
-        if triangle.has_area() {
-            triangles.push(triangle.with_normals_in_front());
-        } else {
-            degenerate += 1;
+    for face in mesh::faces(path, checked)? {
+        for corners in mesh::triangulate(&face.corners) {
+            let triangle = triangle(path, &corners, &face, materials)?;
+            if triangle.has_area() {
+                triangles.push(triangle.with_normals_in_front());
+            } else {
+                degenerate += 1;
+            }
         }
     }
     if degenerate > 0 {
@@ -106,8 +117,13 @@ fn triangles(
     Ok(triangles)
 }
 
-fn triangle(path: &Path, mesh: &Mesh, face: &Face, materials: &materials::Materials) -> Result<Triangle> {
-    let positions = face.corners.map(|corner| mesh.positions[corner.position as usize]);
+fn triangle(
+    path: &Path,
+    corners: &[Corner; 3],
+    face: &Face,
+    materials: &materials::Materials,
+) -> Result<Triangle> {
+    let positions = corners.map(|corner| corner.position);
     let mut triangle = Triangle::flat(positions, materials.of(face.material), face.group);
     if let Some(position) = positions.iter().find(|position| position.abs().max_element() > MAX_COORDINATE) {
         return Err(fault(
@@ -116,26 +132,19 @@ fn triangle(path: &Path, mesh: &Mesh, face: &Face, materials: &materials::Materi
             "lengths are metres: scale the scene",
         ));
     }
-    let textured = materials.list[triangle.material as usize].textures().next().is_some();
-    for (slot, corner) in face.corners.into_iter().enumerate() {
-        if corner.texcoord != NONE {
-            triangle.texcoords[slot][0] = mesh.texcoords[corner.texcoord as usize];
-        } else if textured {
-            return Err(fault(
-                path,
-                format!(
-                    "a face of material `{}` has no texture coordinates, but the material has a texture",
-                    materials.list[triangle.material as usize].name
-                ),
-                "unwrap the mesh, or remove the texture from the material",
-            ));
-        }
-        if corner.normal != NONE {
-            triangle.normals[slot] = mesh.normals[corner.normal as usize];
-        }
-        if let Some(color) = mesh.colors.get(corner.position as usize) {
-            triangle.colors[slot] = *color;
-        }
+    let material = &materials.list[triangle.material as usize];
+    if material.textures().next().is_some() && corners.iter().any(|corner| corner.texcoord.is_none()) {
+        return Err(fault(
+            path,
+            format!(
+                "a face of material `{}` has no texture coordinates, but the material has a texture",
+                material.name
+            ),
+            "unwrap the mesh, or remove the texture from the material",
+        ));
     }
+    triangle.texcoords = corners.map(|corner| [corner.texcoord.unwrap_or(Vec2::ZERO), Vec2::ZERO]);
+    triangle.normals = corners.map(|corner| corner.normal.unwrap_or(Vec3::ZERO));
+    triangle.colors = corners.map(|corner| corner.color);
     Ok(triangle)
 }

@@ -1,0 +1,135 @@
+//! The capture of every channel, with direct light kept apart, and how good the model is.
+
+use super::{ErrorRow, LowRank, LowRankCapture, capture, error_curve, optimal_errors};
+use crate::error::{Error, Result};
+use crate::krylov::{LowRankOptions, Start, randomized_svd};
+use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::sparse::Csr;
+
+/// Products for the best approximation of each rank, beyond four times the rank: it is then converged to well below a per cent.
+const EXTRA_PRODUCTS: usize = 40;
+
+/// The direct light of a channel of `n` pixels.
+#[derive(Clone, Debug)]
+pub enum DirectPart {
+    /// A diagonal of `n` values: that of a coaxial pinhole rig, whose light comes back to the pixel that it was projected from.
+    Diagonal(Vec<f64>),
+    /// A matrix of `n × n`.
+    Matrix(Csr),
+}
+
+/// The model's error after so many photos, in the Frobenius norm of the global part of the matrix.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct RankRow {
+    /// Photos.
+    pub photos: usize,
+    /// Of the model; with symmetry, where the rig has it.
+    pub error: f64,
+    /// Of `W Qᵀ` alone.
+    pub one_sided: f64,
+    /// The least that any matrix of this rank has.
+    pub optimal: Option<f64>,
+}
+
+/// Captures every channel: `global` are operators of the light of two bounces and more (`n × n`), `direct` the direct light of each.
+///
+/// # Errors
+/// As [`capture()`].
+pub fn capture_channels<O: Adjoint>(
+    global: &mut [O],
+    direct: Vec<DirectPart>,
+    options: &LowRankCapture,
+) -> Result<Vec<LowRank>> {
+    let mut found = Vec::new();
+    for (operator, direct) in global.iter_mut().zip(direct) {
+        found.push(match direct {
+            DirectPart::Diagonal(diagonal) => capture(operator, &diagonal, options)?,
+            DirectPart::Matrix(matrix) => capture(operator, &[], options)?.with_direct_matrix(matrix)?,
+        });
+    }
+    Ok(found)
+}
+
+/// The direct light of one channel by two products, of white and of random signs, which tell a diagonal from anything else.
+///
+/// # Errors
+/// [`Error::Option`] where it is not a diagonal; those of the products.
+pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
+    let n = direct.cols();
+    let mut product = |x: &[f64]| -> Result<Vec<f64>> {
+        let mut y = vec![0.0; n];
+        direct.apply(x, &mut y)?;
+        Ok(y)
+    };
+    let diagonal = product(&vec![1.0; n])?;
+    let signs = Start::Rademacher { seed: 0 }.vector(n);
+    let signed = product(&signs)?;
+    let most = diagonal.iter().copied().fold(0.0, f64::max);
+    let is_diagonal = (0..n).all(|i| (signed[i] - signs[i] * diagonal[i]).abs() <= 1e-6 * most);
+    if is_diagonal {
+        return Ok(DirectPart::Diagonal(diagonal));
+    }
+    Err(Error::Option {
+        option: "--operator".into(),
+        fault: "the direct light of this rig is not a diagonal, and without a matrix it cannot be kept apart"
+            .into(),
+        help: "use --operator replay, or pinholes behind one beam splitter".into(),
+    })
+}
+
+/// The model's error for each number of photos, of all channels together, against the true matrix. `matrices` are the global part of the
+/// true matrix, one for each channel, and `global` the operators of the same.
+///
+/// # Errors
+/// Those of the products.
+pub fn rank_curve<O: Adjoint>(
+    models: &[LowRank],
+    matrices: &[Csr],
+    global: &mut [O],
+) -> Result<Vec<RankRow>> {
+    let total = |matrix: &Csr| matrix.weights().iter().map(|weight| weight * weight).sum::<f64>().sqrt();
+    let totals: Vec<f64> = matrices.iter().map(total).collect();
+    let whole = totals.iter().map(|total| total * total).sum::<f64>();
+    let ranks = models.iter().map(LowRank::rank).max().unwrap_or(0);
+    // Where nothing bounces twice, there is nothing to be missed.
+    if whole == 0.0 || ranks == 0 {
+        return Ok(Vec::new());
+    }
+    let curves: Vec<Vec<ErrorRow>> =
+        models.iter().zip(&totals).map(|(model, &total)| error_curve(model, total)).collect();
+    let mut best = Vec::new();
+    for (operator, &total) in global.iter_mut().zip(&totals) {
+        best.push(best_errors(operator, total, ranks)?);
+    }
+    // Squares of errors add up; a channel that ended early keeps its last error.
+    let together = |of: &dyn Fn(usize) -> f64| -> f64 {
+        let square: f64 = totals.iter().enumerate().map(|(c, total)| (of(c) * total).powi(2)).sum();
+        (square / whole).sqrt()
+    };
+    let row = |k: usize| -> Option<RankRow> {
+        let at = |c: usize| curves[c].get(k.min(curves[c].len().saturating_sub(1)));
+        let has_all = best.iter().all(|best: &Vec<f64>| best.len() > k);
+        (0..curves.len()).all(|c| at(c).is_some()).then(|| RankRow {
+            photos: k + 1,
+            error: together(&|c| at(c).map_or(0.0, |row| row.error)),
+            one_sided: together(&|c| at(c).map_or(0.0, |row| row.one_sided)),
+            optimal: has_all.then(|| together(&|c| best[c][k])).filter(|&optimal| optimal > 0.0),
+        })
+    };
+    Ok((0..ranks).filter_map(row).collect())
+}
+
+/// The error of the best approximation of each rank.
+fn best_errors<O: Adjoint>(operator: &mut O, total: f64, ranks: usize) -> Result<Vec<f64>> {
+    if operator.symmetry() == Symmetry::Symmetric {
+        return optimal_errors(operator, total, ranks, 4 * ranks + EXTRA_PRODUCTS);
+    }
+    let options = LowRankOptions { rank: ranks, oversampling: 20, power: 2, ..LowRankOptions::default() };
+    let mut rest = total * total;
+    let values = randomized_svd(operator, &options)?.values;
+    let after = |value: &f64| {
+        rest -= value * value;
+        (rest.max(0.0)).sqrt() / total
+    };
+    Ok(values.iter().map(after).collect())
+}

@@ -1,0 +1,165 @@
+//! What a captured model answers without a photo: relit patterns, dual photographs, photos without interreflections.
+
+use super::{SavedModel, cancel_interreflections};
+use crate::analysis::planes::{Planes, relative_error};
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::operator::Adjoint;
+
+/// Products with the model, or with the true matrix, for one photo without interreflections.
+const PRODUCTS: usize = 200;
+
+/// A pattern relit.
+#[derive(Clone, Debug)]
+pub struct Relit {
+    /// The pattern's name.
+    pub name: String,
+    /// What is projected.
+    pub pattern: Image,
+    /// The photo by the model, ambient light included.
+    pub relit: Image,
+    /// The true photo, where the scene is simulated.
+    pub truth: Option<Image>,
+    /// `‖relit − true‖ / ‖true‖` of the projector's light, for each number of photos from 1; empty without the true photo.
+    pub errors: Vec<f64>,
+}
+
+/// A dual photograph: the scene lit from the camera and seen from the projector.
+#[derive(Clone, Debug)]
+pub struct Dual {
+    /// The name of the pattern on the camera's side.
+    pub name: String,
+    /// `Aᵀ y`.
+    pub image: Image,
+    /// The relative error, where the scene is simulated.
+    pub error: Option<f64>,
+}
+
+/// A photo without its interreflections.
+#[derive(Clone, Debug)]
+pub struct Reduced {
+    /// The photo's name.
+    pub name: String,
+    /// The photo, without ambient light.
+    pub photo: Image,
+    /// `D A⁻¹ y` by the model.
+    pub direct: Image,
+    /// The same by the true matrix, where the scene is simulated.
+    pub truth: Option<Image>,
+    /// `‖direct − true‖ / ‖true‖`.
+    pub error: Option<f64>,
+    /// The share of the photo that the model left unexplained.
+    pub residual: f64,
+}
+
+/// A pattern's plane for a channel: a gray pattern lights all channels.
+fn plane(pattern: &Image, channel: usize) -> Vec<f64> {
+    pattern.plane(channel.min(pattern.channels() - 1))
+}
+
+impl SavedModel {
+    /// The photo of a pattern by the model; `full` are operators of all of the light, one for each channel, where the truth is known.
+    ///
+    /// # Errors
+    /// Those of `full`'s products.
+    pub fn relight<O: Adjoint>(&self, name: &str, pattern: Image, full: Option<&mut [O]>) -> Result<Relit> {
+        let by_rank = |rank: usize| -> Planes {
+            let each = self.channels.iter().enumerate();
+            each.map(|(channel, of)| of.truncated(rank).relight(&plane(&pattern, channel))).collect()
+        };
+        let ranks = self.rank();
+        let found = by_rank(ranks);
+        let truth = products(full, |operator, channel| {
+            let mut photo = vec![0.0; operator.rows()];
+            operator.apply(&plane(&pattern, channel), &mut photo)?;
+            Ok(photo)
+        })?;
+        let errors = match &truth {
+            Some(truth) => (1..=ranks).map(|rank| relative_error(&by_rank(rank), truth)).collect(),
+            None => Vec::new(),
+        };
+        Ok(Relit {
+            name: name.to_owned(),
+            relit: self.with_ambient(&found)?,
+            truth: truth.as_ref().map(|truth| self.with_ambient(truth)).transpose()?,
+            pattern,
+            errors,
+        })
+    }
+
+    /// The photo of the dual rig under a pattern of the camera's pixels; `full` as for [`SavedModel::relight`].
+    ///
+    /// # Errors
+    /// Those of `full`'s products.
+    pub fn dual<O: Adjoint>(&self, name: String, pattern: &Image, full: Option<&mut [O]>) -> Result<Dual> {
+        let each = self.channels.iter().enumerate();
+        let found: Planes = each.map(|(channel, of)| of.dual(&plane(pattern, channel))).collect();
+        let truth = products(full, |operator, channel| {
+            let mut photo = vec![0.0; operator.cols()];
+            operator.apply_adjoint(&plane(pattern, channel), &mut photo)?;
+            Ok(photo)
+        })?;
+        Ok(Dual {
+            name,
+            image: Image::from_planes(self.projector, &found)?,
+            error: truth.map(|truth| relative_error(&found, &truth)),
+        })
+    }
+
+    /// A photo without its interreflections; `photo` is without ambient light, `global` are operators of the light of two bounces and
+    /// more, one for each channel, where the truth is known.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming `--inverse` where the direct light of a channel is not a diagonal; as [`cancel_interreflections`].
+    pub fn reduce<O: Adjoint>(
+        &self,
+        name: String,
+        photo: &Planes,
+        global: Option<&mut [O]>,
+    ) -> Result<Reduced> {
+        if self.channels.iter().any(|of| of.direct().is_empty()) {
+            return Err(Error::Option {
+                option: "--inverse".into(),
+                fault:
+                    "the direct light of this rig is not a diagonal, so a photo cannot be reduced to it pixel by pixel"
+                        .into(),
+                help: "leave it out, or use pinholes behind one beam splitter".into(),
+            });
+        }
+        let (mut found, mut residual) = (Planes::new(), 0.0_f64);
+        for (of, photo) in self.channels.iter().zip(photo) {
+            let cancelled = cancel_interreflections(&mut of.global(), of.direct(), photo, PRODUCTS)?;
+            residual = residual.max(cancelled.residual);
+            found.push(cancelled.direct);
+        }
+        let truth = products(global, |operator, channel| {
+            let direct = self.channels[channel].direct();
+            Ok(cancel_interreflections(operator, direct, &photo[channel], PRODUCTS)?.direct)
+        })?;
+        let image = |planes: &Planes| Image::from_planes(self.resolution, planes);
+        Ok(Reduced {
+            name,
+            photo: image(photo)?,
+            direct: image(&found)?,
+            error: truth.as_ref().map(|truth| relative_error(&found, truth)),
+            truth: truth.as_ref().map(image).transpose()?,
+            residual,
+        })
+    }
+
+    /// A photo as the camera sees it: with ambient light.
+    fn with_ambient(&self, light: &Planes) -> Result<Image> {
+        let planes = crate::analysis::planes::sum(light, &self.ambient.planes());
+        Image::from_planes(self.resolution, &planes)
+    }
+}
+
+/// What `product` makes of each channel's operator, where there are any.
+fn products<O: Adjoint>(
+    operators: Option<&mut [O]>,
+    product: impl Fn(&mut O, usize) -> Result<Vec<f64>>,
+) -> Result<Option<Planes>> {
+    let Some(operators) = operators else { return Ok(None) };
+    let each = operators.iter_mut().enumerate();
+    Ok(Some(each.map(|(channel, operator)| product(operator, channel)).collect::<Result<Planes>>()?))
+}

@@ -1,0 +1,147 @@
+//! A segmentation with everything that can be asked beside it: measured direct light, blur, features and evidence.
+
+use super::{Capture, Evidence, FeatureView, SegmentOptions, Segmentation, evidence, feature_view};
+use crate::analysis::{Blurred, DirectMethod, Separation, WithoutDirect, measure_direct};
+use crate::error::{Error, Result};
+use crate::image::{Blur, Resolution};
+use crate::operator::Operator;
+use crate::transport::Part;
+
+/// What is asked of a segmentation.
+#[derive(Clone, Debug, Default)]
+pub struct SegmentRequest {
+    /// The method, its groups and its photos.
+    pub options: SegmentOptions,
+    /// How direct light, which says nothing about groups, is kept apart.
+    pub direct: DirectLight,
+    /// The standard deviation in pixels of the Gaussian that blurs patterns and photos; 0 is none.
+    pub blur: f64,
+    /// Pixels, by column and row, whose coordinates in the space of eigenvectors are wanted.
+    pub features: Vec<(usize, usize)>,
+    /// Whether each group is lit alone afterwards, one more photo for each, to measure how much of its light stays within it.
+    pub evidence: bool,
+}
+
+/// How direct light is kept apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DirectLight {
+    /// The source leaves it out: a simulator exactly, a rig as its file says.
+    #[default]
+    Source,
+    /// It is kept, as by a rig that cannot tell it apart.
+    Keep,
+    /// It is measured from photos, and subtracted.
+    Measured(DirectMethod),
+}
+
+/// A segmentation with what was asked beside it.
+#[derive(Clone, Debug)]
+pub struct Segmented {
+    /// The groups.
+    pub segmentation: Segmentation,
+    /// Direct light, where it was measured.
+    pub direct: Option<Separation>,
+    /// Light that stays within each group, for each number of groups.
+    pub evidence: Vec<Evidence>,
+    /// Where the chosen pixels lie in the space of eigenvectors.
+    pub features: Option<FeatureView>,
+}
+
+impl Segmented {
+    /// Photos in all: of direct light, of the graph and of the evidence.
+    pub fn photos(&self) -> usize {
+        let direct = self.direct.as_ref().map_or(0, |direct| direct.photos);
+        let evidence: usize = self.evidence.iter().map(|evidence| evidence.photos.len()).sum();
+        self.segmentation.photos + direct + evidence
+    }
+}
+
+impl From<Segmentation> for Segmented {
+    fn from(segmentation: Segmentation) -> Self {
+        Self { segmentation, direct: None, evidence: Vec::new(), features: None }
+    }
+}
+
+impl SegmentRequest {
+    /// Refuses what cannot be, before any photo is taken of so many pixels.
+    ///
+    /// # Errors
+    /// As [`Capture::new`]; [`Error::Option`] naming `--blur`, `--features` or `--direct-photos`.
+    pub fn check(&self, resolution: Resolution) -> Result<()> {
+        Capture::new(self.options.clone())?;
+        let refuse = |option: &str, fault: String, help: String| {
+            Err(Error::Option { option: option.into(), fault, help })
+        };
+        if !(self.blur >= 0.0 && self.blur < 1000.0) {
+            let help = "give a standard deviation from 0 on";
+            return refuse("--blur", format!("{} pixels", self.blur), help.into());
+        }
+        let outside = |&&(x, y): &&(usize, usize)| x >= resolution.width || y >= resolution.height;
+        if let Some((x, y)) = self.features.iter().find(outside) {
+            let help = format!("it has {resolution} pixels; columns and rows are counted from 0");
+            return refuse("--features", format!("pixel {x},{y} is outside of the picture"), help);
+        }
+        if let DirectLight::Measured(DirectMethod::Checkerboards { shifts: 0 | 1, .. }) = self.direct {
+            let help = "give a square number from 4 on: 4, 9, 16, 25";
+            return refuse("--direct-photos", "too few photos of shifted squares".into(), help.into());
+        }
+        Ok(())
+    }
+
+    /// The part of the light that photos are to be of.
+    pub fn part(&self) -> Part {
+        if self.direct == DirectLight::Source { Part::Global } else { Part::Full }
+    }
+
+    /// Photos in all, at most.
+    pub fn photos(&self) -> usize {
+        let evidence: usize = if self.evidence { self.options.groups.iter().sum() } else { 0 };
+        let direct = match self.direct {
+            DirectLight::Source | DirectLight::Keep => 0,
+            DirectLight::Measured(DirectMethod::Checkerboards { shifts, .. }) => shifts * shifts,
+            DirectLight::Measured(DirectMethod::Estimator { photos }) => photos,
+        };
+        self.options.photos + evidence + direct
+    }
+
+    /// Takes all photos with `operator` (`n × n`), of [`SegmentRequest::part`].
+    ///
+    /// # Errors
+    /// As [`SegmentRequest::check`], [`measure_direct`], [`Capture::run`] and [`evidence()`].
+    pub fn run(&self, operator: &mut dyn Operator, resolution: Resolution) -> Result<Segmented> {
+        self.check(resolution)?;
+        let direct = match self.direct {
+            DirectLight::Source | DirectLight::Keep => None,
+            DirectLight::Measured(by) => Some(measure_direct(operator, resolution, by, self.options.seed)?),
+        };
+        let (segmentation, evidence) = match &direct {
+            Some(direct) => self.blurred(&mut WithoutDirect::new(operator, &direct.direct)?, resolution)?,
+            None => self.blurred(operator, resolution)?,
+        };
+        let features = match self.features.as_slice() {
+            [] => None,
+            chosen => Some(feature_view(&segmentation, resolution, chosen)?),
+        };
+        Ok(Segmented { segmentation, direct, evidence, features })
+    }
+
+    fn blurred(
+        &self,
+        operator: &mut dyn Operator,
+        resolution: Resolution,
+    ) -> Result<(Segmentation, Vec<Evidence>)> {
+        match Blur::new(resolution, self.blur) {
+            Some(blur) => self.groups(&mut Blurred::new(operator, blur)?),
+            None => self.groups(operator),
+        }
+    }
+
+    fn groups(&self, operator: &mut dyn Operator) -> Result<(Segmentation, Vec<Evidence>)> {
+        let mut capture = Capture::new(self.options.clone())?;
+        capture.run(operator)?;
+        let segmentation = capture.segmentation()?;
+        let counts = segmentation.labels.iter().filter(|_| self.evidence);
+        let evidence = counts.map(|(_, labels)| evidence(operator, labels)).collect::<Result<_>>()?;
+        Ok((segmentation, evidence))
+    }
+}

@@ -1,0 +1,25 @@
+//! The light of each bounce, where the matrix is known.
+
+use crate::analysis::planes::Planes;
+use crate::error::Result;
+use crate::transport::{Bounces, TransportMatrix};
+
+/// The light of two bounces, and of three and more, under white: of a matrix that keeps them in layers of their own.
+///
+/// # Errors
+/// None that a well-formed matrix can cause.
+pub fn second_and_rest(matrix: &TransportMatrix) -> Result<[Planes; 2]> {
+    let (rows, count) = (matrix.resolution().pixels(), matrix.channels().count());
+    let mut found = [Bounces::Two, Bounces::Rest].map(|_| vec![vec![0.0; rows]; count]);
+    for layer in matrix.layers() {
+        let planes = match layer.bounces() {
+            Bounces::Two => &mut found[0],
+            Bounces::Rest => &mut found[1],
+            Bounces::One | Bounces::Global => continue,
+        };
+        for (channel, plane) in planes.iter_mut().enumerate() {
+            layer.to_csr(channel)?.entries().for_each(|(row, _, weight)| plane[row] += weight);
+        }
+    }
+    Ok(found)
+}

@@ -1,0 +1,73 @@
+//! Every method of separation at several photo counts, against the exact bounces.
+
+use super::{SeparateBy, Separation, from_capture, separate};
+use crate::analysis::low_rank::{LowRankCapture, capture};
+use crate::analysis::planes::{Planes, relative_error, sum};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::krylov::Start;
+use crate::operator::Operator;
+
+/// A method with its setting, against the exact first bounce.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct ComparisonRow {
+    /// Its name.
+    pub method: &'static str,
+    /// Its setting, in words.
+    pub setting: String,
+    /// Photos.
+    pub photos: usize,
+    /// `‖direct − exact‖ / ‖exact‖`.
+    pub error: f64,
+    /// The same of the global light.
+    pub global_error: f64,
+}
+
+/// Compares every method. `full` are operators of all of the light (`n × n`), one for each channel; `exact` is the light of one bounce and
+/// that of two bounces and more, under white; `period` is that of the sinusoids in pixels.
+///
+/// # Errors
+/// As [`separate`] and [`capture`].
+pub fn compare_separations<O: Operator>(
+    full: &mut [O],
+    resolution: Resolution,
+    exact: &[Planes; 2],
+    period: f64,
+    seed: u64,
+) -> Result<Vec<ComparisonRow>> {
+    const COUNTS: [usize; 6] = [4, 8, 16, 32, 64, 128];
+    let boards =
+        [(1, 2), (2, 4), (3, 6), (4, 8)].map(|(square, shifts)| SeparateBy::Checkerboards { square, shifts });
+    let waves = [3, 6, 12].map(|phases| SeparateBy::Sinusoids { period, phases });
+    let random = COUNTS.map(|photos| SeparateBy::Random { photos });
+    let mut rows = Vec::new();
+    let mut row = |by: SeparateBy, found: &[Separation]| {
+        let of = |part: fn(&Separation) -> &Vec<f64>| -> Planes {
+            found.iter().map(|f| part(f).clone()).collect()
+        };
+        rows.push(ComparisonRow {
+            method: by.name(),
+            setting: by.in_words(),
+            photos: by.photos(),
+            error: relative_error(&of(|found| &found.direct), &exact[0]),
+            global_error: relative_error(&of(|found| &found.global), &exact[1]),
+        });
+    };
+    for by in boards.into_iter().chain(waves).chain(random) {
+        let one = |operator: &mut O| separate(operator, resolution, by, seed);
+        row(by, &full.iter_mut().map(one).collect::<Result<Vec<_>>>()?);
+    }
+    // One capture answers for all counts: its first photos are those of a shorter one.
+    let white = sum(&exact[0], &exact[1]);
+    let most = COUNTS[COUNTS.len() - 1];
+    let start = Some(Start::Rademacher { seed });
+    let options = LowRankCapture { photos: most, start, ..LowRankCapture::default() };
+    let one = |operator: &mut O| capture(operator, &[], &options);
+    let captured = full.iter_mut().map(one).collect::<Result<Vec<_>>>()?;
+    for photos in COUNTS {
+        let models = captured.iter().zip(&white);
+        let found = models.map(|(model, white)| from_capture(&model.truncated(photos), white));
+        row(SeparateBy::Capture { photos }, &found.collect::<Result<Vec<_>>>()?);
+    }
+    Ok(rows)
+}

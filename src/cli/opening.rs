@@ -1,0 +1,187 @@
+//! From the options of a verb to an open laboratory, and from its answer to the end of the run.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::Outcome;
+use super::console::Console;
+use super::operator::OperatorArgs;
+use super::options::{RunArgs, SourceArgs, ViewArgs};
+use super::tev::LiveArgs;
+use super::trace::TraceArgs;
+use super::{opener, options::KeepArgs};
+use crate::error::{Error, Result};
+use crate::lab::{
+    Answer, ChannelChoice, Lab, LabBuilder, RunOptions, Saved, Settings, SharedObserver, SourceKind,
+};
+use crate::transport::Channels;
+
+/// The options that open a source.
+pub(super) struct Opening<'a> {
+    pub(super) source: &'a Path,
+    pub(super) view: &'a ViewArgs,
+    pub(super) trace: &'a TraceArgs,
+    pub(super) operator: Option<&'a OperatorArgs>,
+    pub(super) channels: ChannelChoice,
+    pub(super) split_bounces: bool,
+}
+
+impl<'a> Opening<'a> {
+    /// A source in one gray channel.
+    pub(super) fn new(source: &'a SourceArgs, trace: &'a TraceArgs) -> Self {
+        Self {
+            source: &source.source,
+            view: &source.view,
+            trace,
+            operator: None,
+            channels: ChannelChoice::Luma,
+            split_bounces: false,
+        }
+    }
+
+    /// How the photos of a scene are computed.
+    pub(super) fn operator(self, operator: &'a OperatorArgs) -> Self {
+        Self { operator: Some(operator), ..self }
+    }
+
+    /// Gray or coloured photos.
+    pub(super) fn channels(self, channels: impl Into<ChannelChoice>) -> Self {
+        Self { channels: channels.into(), ..self }
+    }
+
+    /// The settings of the laboratory.
+    pub(super) fn settings(&self) -> Settings {
+        let mut settings = Settings {
+            camera: self.view.camera.clone(),
+            camera_file: self.view.camera_file.clone(),
+            trace: self.trace.overrides(),
+            adapter: self.trace.adapter.clone(),
+            cache: self.trace.cache.choice(),
+            channels: self.channels,
+            split_bounces: self.split_bounces,
+            ..Settings::default()
+        };
+        if let Some(operator) = self.operator {
+            operator.put_into(&mut settings);
+        }
+        settings
+    }
+
+    /// The builder, watched by the console.
+    pub(super) fn builder(&self, console: &Console) -> LabBuilder {
+        let observer = SharedObserver(std::sync::Arc::new(console.clone()));
+        Lab::builder(self.source).settings(self.settings()).observer(observer)
+    }
+
+    /// Opens the source.
+    pub(super) fn open(&self, console: &Console) -> Result<Lab> {
+        self.builder(console).open()
+    }
+
+    /// Opens the source, whose photos are shown where the user wants to see them.
+    pub(super) fn open_shown(&self, live: &LiveArgs, console: &Console) -> Result<Lab> {
+        let lab = self.open(console)?;
+        live.show(&lab, console);
+        Ok(lab)
+    }
+}
+
+impl From<&RunArgs> for RunOptions {
+    fn from(args: &RunArgs) -> Self {
+        Self { folder: args.folder.clone(), overwrite: args.overwrite, resume: args.resume }
+    }
+}
+
+/// Runs `work` in a run of its own: the folder is there before the first photo, and its record says how the run ended.
+pub(super) fn in_run<T>(
+    lab: &mut Lab,
+    run: &RunArgs,
+    verb: &str,
+    work: impl FnOnce(&mut Lab) -> Result<T>,
+) -> Result<T> {
+    lab.begin_run(verb, &run.into())?;
+    ended(lab, work)
+}
+
+/// Runs `work` in the open run, if there is one; an error ends the run and stands in its record.
+fn ended<T>(lab: &mut Lab, work: impl FnOnce(&mut Lab) -> Result<T>) -> Result<T> {
+    let outcome = work(lab);
+    if let Err(error) = &outcome {
+        lab.abort(error);
+    }
+    outcome
+}
+
+/// As [`in_run`], for verbs that leave single files: with a run only where `--journal` names its folder, which only a rig has a use for.
+pub(super) fn in_journal<T>(
+    lab: &mut Lab,
+    keep: &KeepArgs,
+    verb: &str,
+    work: impl FnOnce(&mut Lab) -> Result<T>,
+) -> Result<T> {
+    match keep.run() {
+        None => work(lab),
+        Some(_) if lab.kind() != SourceKind::Rig => Err(Error::Option {
+            option: "--journal".into(),
+            fault: "only photos of a rig are kept: those of a scene are computed from it, and those of a run are there"
+                .into(),
+            help: "leave it out".into(),
+        }),
+        Some(run) => in_run(lab, &run, verb, work),
+    }
+}
+
+/// How an answer is reported in the end.
+pub(super) struct Ending<'a> {
+    pub(super) run: &'a RunArgs,
+    /// Whether the answer is as good as was asked for.
+    pub(super) is_good: bool,
+    /// What the machine-readable summary has beside what all verbs have in common.
+    pub(super) summary: Value,
+}
+
+/// Writes an answer into the folder of the open run, says where, and prints the summary.
+pub(super) fn finish(
+    lab: &mut Lab,
+    console: &Console,
+    answer: &impl Answer,
+    ending: Ending<'_>,
+) -> Result<(Saved, Outcome)> {
+    console.go_on()?;
+    let (noise, rig) = match lab.run() {
+        Some(run) => (json!(run.manifest.noise), json!(run.manifest.rig)),
+        None => (Value::Null, Value::Null),
+    };
+    let saved = lab.finish(answer)?;
+    console.say(format_args!("report    {}", saved.report.display()))?;
+    let mut summary = json!({
+        "verb": answer.verb(),
+        "folder": saved.folder,
+        "report": saved.report,
+        "noise": noise,
+        "rig": rig,
+        "seconds": saved.seconds,
+    });
+    merge(&mut summary, ending.summary);
+    console.summary(&summary)?;
+    if ending.run.open {
+        opener::open(&saved.report, console);
+    }
+    Ok((saved, if ending.is_good { Outcome::Done } else { Outcome::NotGoodEnough }))
+}
+
+/// Adds the fields of `more`, which replace those of the same name.
+pub(super) fn merge(summary: &mut Value, more: Value) {
+    if let (Some(fields), Value::Object(more)) = (summary.as_object_mut(), more) {
+        fields.extend(more);
+    }
+}
+
+/// The names of the files of each channel beside the matrix's or image's own.
+pub(super) fn channel_suffixes(channels: Channels) -> &'static [&'static str] {
+    match channels {
+        Channels::Luma => &[""],
+        Channels::Rgb => &[".r", ".g", ".b"],
+    }
+}

@@ -1,0 +1,169 @@
+//! Opening a laboratory with settings.
+
+use std::path::{Path, PathBuf};
+
+use super::folder::RunOptions;
+use super::scene::SceneSource;
+use super::settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings};
+use super::source::{Source, not_a_rig};
+use super::{Lab, RigSource, SharedObserver};
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::scene::Scene;
+use crate::transport::{Backend, Channels};
+
+/// Settings of a laboratory that is about to be opened: see [`Lab::builder`].
+#[derive(Clone)]
+pub struct LabBuilder {
+    origin: Origin,
+    settings: Settings,
+    observer: SharedObserver,
+    run: Option<RunOptions>,
+}
+
+/// Where a source comes from.
+#[derive(Clone)]
+enum Origin {
+    File(PathBuf),
+    Scene(Box<Scene>),
+}
+
+impl LabBuilder {
+    pub(super) fn new(path: &Path) -> Self {
+        let (settings, observer) = Default::default();
+        Self { origin: Origin::File(path.to_path_buf()), settings, observer, run: None }
+    }
+
+    pub(super) fn of_scene(scene: Scene) -> Self {
+        let (settings, observer) = Default::default();
+        Self { origin: Origin::Scene(Box::new(scene)), settings, observer, run: None }
+    }
+
+    /// All settings at once.
+    #[must_use]
+    pub fn settings(mut self, settings: Settings) -> Self {
+        self.settings = settings;
+        self
+    }
+
+    /// Pixels of camera and projector of a scene or of the scene of a virtual rig; 128×128 by default.
+    #[must_use]
+    pub fn size(mut self, width: usize, height: usize) -> Self {
+        self.settings.trace.resolution = Some(Resolution::new(width, height));
+        self
+    }
+
+    /// Light paths per camera pixel; 64 by default.
+    #[must_use]
+    pub fn samples(mut self, samples: u32) -> Self {
+        self.settings.trace.samples = Some(samples);
+        self
+    }
+
+    /// Surfaces that a light path meets at most; 6 by default, 1 is direct light only.
+    #[must_use]
+    pub fn max_bounces(mut self, bounces: u32) -> Self {
+        self.settings.trace.max_bounces = Some(bounces);
+        self
+    }
+
+    /// Selects the random numbers of the tracer and of starting vectors; 0 by default.
+    #[must_use]
+    pub fn seed(mut self, seed: u32) -> Self {
+        self.settings.trace.seed = Some(seed);
+        self
+    }
+
+    /// Gray (the default) or coloured photos.
+    #[must_use]
+    pub fn channels(mut self, channels: impl Into<ChannelChoice>) -> Self {
+        self.settings.channels = channels.into();
+        self
+    }
+
+    /// Part of the name of the graphics adapter to use.
+    #[must_use]
+    pub fn adapter(mut self, name: impl Into<String>) -> Self {
+        self.settings.adapter = Some(name.into());
+        self
+    }
+
+    /// Where matrices are kept for later runs.
+    #[must_use]
+    pub fn cache(mut self, cache: CacheChoice) -> Self {
+        self.settings.cache = cache;
+        self
+    }
+
+    /// How the photos of a scene are computed.
+    #[must_use]
+    pub fn operator(mut self, operator: OperatorChoice) -> Self {
+        self.settings.operator = operator;
+        self
+    }
+
+    /// Where products with a scene's matrix are computed.
+    #[must_use]
+    pub fn backend(mut self, backend: Backend) -> Self {
+        self.settings.backend = backend;
+        self
+    }
+
+    /// A folder for the run: its journal keeps every photo before it is used, and [`Lab::save`] writes there.
+    #[must_use]
+    pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.run.get_or_insert_default().folder = Some(folder.into());
+        self
+    }
+
+    /// Goes on with the run in the folder: no photo that is in its journal is taken again.
+    #[must_use]
+    pub fn resume(mut self) -> Self {
+        self.run.get_or_insert_default().resume = true;
+        self
+    }
+
+    /// Who is told of progress, messages and photos, and can stop everything.
+    #[must_use]
+    pub fn observer(mut self, observer: impl Into<SharedObserver>) -> Self {
+        self.observer = observer.into();
+        self
+    }
+
+    /// Opens the source.
+    ///
+    /// # Errors
+    /// As [`Lab::open`], and [`crate::Error::Option`] for a setting that the source has no use for.
+    pub fn open(self) -> Result<Lab> {
+        let source = match self.origin {
+            Origin::File(path) => Source::open(&path, &self.settings, &self.observer)?,
+            Origin::Scene(scene) => {
+                Source::Scene(SceneSource::in_memory(*scene, &self.settings, &self.observer)?)
+            }
+        };
+        let mut lab = Lab::new(source, self.settings, self.observer);
+        if let Some(run) = &self.run {
+            lab.begin_run("run", run)?;
+        }
+        Ok(lab)
+    }
+
+    /// Opens a rig file without its calibration, with devices taken as ideal: before the devices are calibrated.
+    ///
+    /// # Errors
+    /// As [`Lab::open`].
+    pub fn open_uncalibrated_rig(&self) -> Result<RigSource> {
+        match &self.origin {
+            Origin::File(path) => RigSource::uncalibrated(path, &self.settings, &self.observer),
+            Origin::Scene(scene) => Err(not_a_rig(&scene.path)),
+        }
+    }
+}
+
+impl LabBuilder {
+    /// One gray channel, or three.
+    #[must_use]
+    pub fn rgb(self) -> Self {
+        self.channels(Channels::Rgb)
+    }
+}

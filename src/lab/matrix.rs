@@ -1,0 +1,91 @@
+//! A matrix as a source: from a file, or handed over by a program.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+use crate::io::{manifest, sparse};
+use crate::measure::RunManifest;
+use crate::operator::Operator;
+use crate::sparse::{Csr, SparseOperator};
+use crate::transport::{ExplicitMatrix, Part};
+
+/// A matrix of any shape. Of a square one the diagonal is the direct light, as for a coaxial rig.
+pub(super) struct MatrixSource {
+    pub(super) matrix: Csr,
+    pub(super) name: String,
+    /// The file, with the BLAKE3 hash of its bytes.
+    file: Option<(PathBuf, String)>,
+}
+
+impl MatrixSource {
+    /// Reads `.npz` (SciPy), `.mtx` (Matrix Market) or a dense `.npy`.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let matrix = sparse::read(path)?;
+        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        let hash = blake3::hash(&bytes).to_hex().to_string();
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self { matrix, name, file: Some((path.to_path_buf(), hash)) })
+    }
+
+    /// A matrix that a program made.
+    pub(super) fn new(matrix: Csr, name: String) -> Self {
+        Self { matrix, name, file: None }
+    }
+
+    /// Notes what a run depends on.
+    pub(super) fn describe(&self, manifest: &mut RunManifest) {
+        manifest.scene = self
+            .file
+            .as_ref()
+            .map(|(path, hash)| manifest::Scene { path: path.display().to_string(), hash: hash.clone() });
+    }
+}
+
+/// An explicit matrix with its parts, each made when it is first asked for.
+pub(super) struct ExplicitParts {
+    pub(super) full: SparseOperator,
+    parts: [Option<SparseOperator>; 2],
+}
+
+impl ExplicitParts {
+    pub(super) fn new(matrix: Csr) -> Self {
+        Self { full: SparseOperator::new(matrix), parts: [None, None] }
+    }
+
+    pub(super) fn operator(&mut self, part: Part) -> Result<&mut SparseOperator> {
+        let slot = match part {
+            Part::Full => return Ok(&mut self.full),
+            Part::Direct => 0,
+            Part::Global => 1,
+        };
+        let matrix = self.full.matrix();
+        if matrix.rows() != matrix.cols() {
+            return Err(Error::Option {
+                option: "--part".into(),
+                fault: "the direct light of a matrix is its diagonal, but this matrix is not square".into(),
+                help: "use the full matrix".into(),
+            });
+        }
+        let made = match self.parts[slot].take() {
+            Some(made) => made,
+            None => SparseOperator::new(ExplicitMatrix::part_of(matrix, part)?),
+        };
+        Ok(self.parts[slot].insert(made))
+    }
+
+    pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        let resolution = Resolution::new(self.full.rows(), 1);
+        let x = pattern.plane(0);
+        if x.len() != self.full.cols() {
+            return Err(Error::Dimension {
+                what: "pixels of the pattern",
+                expected: self.full.cols().to_string(),
+                found: x.len().to_string(),
+            });
+        }
+        let mut y = vec![0.0; self.full.rows()];
+        self.full.apply(&x, &mut y)?;
+        Image::from_planes(resolution, &[y])
+    }
+}

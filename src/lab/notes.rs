@@ -1,0 +1,63 @@
+//! What a run's journal says of its photos, beside them.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::image::Resolution;
+use crate::operator::Symmetry;
+
+/// The names of a journal's notes.
+pub(super) const SOURCE: &str = "source";
+pub(super) const RIG_FILE: &str = "rig file";
+pub(super) const TRUTH: &str = "truth";
+pub(super) const DIRECT: &str = "direct light";
+
+/// What a journal's photos are of.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct SourceNote {
+    pub(super) kind: Kind,
+    pub(super) name: String,
+    pub(super) path: PathBuf,
+    pub(super) hash: String,
+    /// Pixels of photos and of patterns.
+    pub(super) photos: Resolution,
+    pub(super) patterns: Resolution,
+    pub(super) symmetric: bool,
+    pub(super) channels: usize,
+}
+
+impl SourceNote {
+    /// Whether the matrix is symmetric.
+    pub(super) fn symmetry(&self) -> Symmetry {
+        if self.symmetric { Symmetry::Symmetric } else { Symmetry::General }
+    }
+}
+
+/// What took the photos.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Kind {
+    Scene,
+    Rig,
+}
+
+impl Kind {
+    /// The unit of photos' values.
+    pub(super) fn unit(self) -> &'static str {
+        match self {
+            Self::Scene => "W/(m² sr)",
+            Self::Rig => "DN/s",
+        }
+    }
+}
+
+/// Where a run keeps its journal.
+pub(super) fn journal_folder(run: &Path) -> PathBuf {
+    run.join("journal")
+}
+
+/// Where a run keeps the calibration of its rig.
+pub(super) fn calibration_folder(run: &Path) -> PathBuf {
+    journal_folder(run).join("calibration")
+}

@@ -1,0 +1,118 @@
+//! One part and channel of a laboratory's light transport, as the Krylov methods see it.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::SharedObserver;
+use super::transport::{Direction, LightTransport, Shape};
+use crate::error::{Error, Result};
+use crate::observer::{Observer, PhotoTaken};
+use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::report::contact_sheet::ContactSheet;
+use crate::transport::Part;
+
+/// `y = P x` for one part `P` and one channel of the light transport matrix of a source. Each product is one photo: computed, traced,
+/// or taken.
+///
+/// The operator owns its share of the laboratory, so that it can outlive it and move to another thread; operators of one laboratory
+/// take turns. Where the laboratory has a folder, each product is in the folder's journal before it is handed out, and none is taken twice.
+pub struct LabOperator {
+    transport: Arc<Mutex<LightTransport>>,
+    shape: Shape,
+    part: Part,
+    channel: usize,
+    observer: SharedObserver,
+    /// Where photos are recorded for the report; `None` for products that are no photos of the run.
+    sheet: Option<Arc<Mutex<ContactSheet>>>,
+    photos: usize,
+}
+
+impl LabOperator {
+    pub(super) fn new(
+        transport: &Arc<Mutex<LightTransport>>,
+        part: Part,
+        channel: usize,
+        observer: &SharedObserver,
+        sheet: Option<&Arc<Mutex<ContactSheet>>>,
+    ) -> Self {
+        let (transport, sheet) = (Arc::clone(transport), sheet.map(Arc::clone));
+        let shape = lock(&transport).shape();
+        Self { transport, shape, part, channel, observer: observer.clone(), sheet, photos: 0 }
+    }
+
+    /// The part of the light.
+    pub fn part(&self) -> Part {
+        self.part
+    }
+
+    /// The channel, below the laboratory's number of channels.
+    pub fn channel(&self) -> usize {
+        self.channel
+    }
+
+    /// Products with this operator so far, those with the transpose among them.
+    pub fn photos(&self) -> usize {
+        self.photos
+    }
+
+    fn products(&mut self, direction: Direction, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        lock(&self.transport).products((self.part, self.channel), direction, xs, ys)?;
+        self.photos += xs.len();
+        let Some(sheet) = &self.sheet else { return Ok(()) };
+        let is_dual = direction == Direction::Adjoint;
+        let mut goes_on = true;
+        for (pattern, photo) in xs.iter().zip(ys) {
+            lock(sheet).push(self.channel, pattern, photo, is_dual)?;
+            let taken = PhotoTaken { channel: self.channel, pattern, photo, is_dual };
+            goes_on &= self.observer.0.photo(&taken).is_continue();
+        }
+        if goes_on { Ok(()) } else { Err(Error::Interrupted) }
+    }
+}
+
+/// What a thread that panicked left behind is still whole: every change is one assignment.
+pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Operator for LabOperator {
+    fn rows(&self) -> usize {
+        self.shape.photos.pixels()
+    }
+
+    fn cols(&self) -> usize {
+        self.shape.patterns.pixels()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        self.shape.symmetry
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.products(Direction::Forward, &[x], &mut [y])
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.products(Direction::Forward, xs, ys)
+    }
+
+    fn block_size(&self) -> usize {
+        self.shape.block_size
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        match self.sheet {
+            Some(_) => &*self.observer.0,
+            None => &(),
+        }
+    }
+}
+
+impl Adjoint for LabOperator {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.products(Direction::Adjoint, &[y], &mut [x])
+    }
+
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.products(Direction::Adjoint, ys, xs)
+    }
+}

@@ -1,0 +1,228 @@
+//! A rig file as a source: its devices, real or virtual, and what is known of them.
+
+use std::path::Path;
+
+use super::measured::{MeasuredRig, measured};
+use super::notes::{self, Kind, SourceNote, calibration_folder};
+use super::scene::SceneSource;
+use super::settings::Settings;
+use super::source::short_name;
+use super::virtual_scene::{no_scene, not_virtual, refuse_tracing, scene_of, twin};
+use super::{Log, SharedObserver, Truth, journal};
+use crate::analysis::plan::Twin;
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::io::manifest;
+use crate::journal::{Identity, Journal};
+use crate::measure::{
+    Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind, RunManifest,
+};
+use crate::operator::Symmetry;
+use crate::rig::{Helper, VirtualRig, VirtualScene};
+use crate::transport::Channels;
+
+/// A rig that can be opened.
+#[derive(Clone)]
+pub struct RigSource {
+    /// The file.
+    pub file: RigFile,
+    /// What is known of the devices; ideal devices where the file names no calibration.
+    pub calibration: Calibration,
+    /// The devices, with the settings of the tracer in place of what the file says of a virtual scene.
+    devices: RigKind,
+    /// The virtual rig's scene, where it is to be traced.
+    scene: Option<SceneSource>,
+    /// Symmetric where projector and camera have the same pose and lens. An explicit matrix is taken for that of such a rig.
+    symmetry: Symmetry,
+    observer: SharedObserver,
+}
+
+impl RigSource {
+    /// Reads the file, what it names, and the calibration. Settings of the tracer replace what the file of a virtual rig says of its scene;
+    /// where nothing is traced they are refused.
+    ///
+    /// # Errors
+    /// As [`RigFile::load`], [`Calibration::load`], and those of loading a scene.
+    pub(super) fn open(path: &Path, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
+        let mut source = Self::uncalibrated(path, settings, observer)?;
+        match &source.file.calibration {
+            Some(folder) => {
+                source.calibration = Calibration::load(folder)?;
+                let devices = &source.devices;
+                source.calibration.check(&devices.projector_info(), &devices.camera_info())?;
+            }
+            None => observer.note(format_args!(
+                "note: {} names no calibration, so its devices are taken as ideal; `krylux rig calibrate` measures them",
+                path.display()
+            )),
+        }
+        Ok(source)
+    }
+
+    /// As [`Self::open`], but with devices taken as ideal whatever the file says of a calibration: there may be none yet.
+    ///
+    /// # Errors
+    /// As [`RigFile::load`], and those of loading a scene.
+    pub(super) fn uncalibrated(path: &Path, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
+        let file = RigFile::load(path)?;
+        let mut devices = file.kind.clone();
+        let scene = match &mut devices {
+            RigKind::Virtual(rig) => scene_of(&mut rig.scene, path, settings, observer)?,
+            RigKind::Hardware(_) => refuse_tracing(path, settings).map(|()| None)?,
+        };
+        let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
+        let symmetric = scene.as_ref().is_none_or(SceneSource::is_symmetric);
+        let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
+        Ok(Self { file, calibration, devices, scene, symmetry, observer: observer.clone() })
+    }
+
+    /// Who watches.
+    pub(super) fn observer(&self) -> &SharedObserver {
+        &self.observer
+    }
+
+    /// Pixels of patterns and of photos, which are resampled to them.
+    pub fn resolution(&self) -> Resolution {
+        self.devices.projector_info().resolution
+    }
+
+    /// The channels that the devices see and show: coloured as soon as one of them is.
+    pub fn channels(&self) -> Channels {
+        self.devices.channels()
+    }
+
+    /// The rig file's name.
+    pub fn name(&self) -> String {
+        short_name(&self.file.path)
+    }
+
+    /// The scene that a virtual rig looks at, where it has one to be traced.
+    pub(super) fn scene(&self) -> Result<&SceneSource> {
+        self.scene.as_ref().ok_or_else(|| no_scene(&self.file.path))
+    }
+
+    /// Whether the devices are virtual, and a scene has to be traced first.
+    pub(super) fn is_traced(&self) -> bool {
+        self.scene.is_some()
+    }
+
+    /// The labels of a virtual scene's author.
+    pub(super) fn truth(&self) -> Result<Option<Truth>> {
+        Ok(self.scene.as_ref().map(|scene| scene.truth(self.resolution())).transpose()?.flatten())
+    }
+
+    /// The virtual devices.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where they are real.
+    pub fn devices(&self) -> Result<&VirtualRig> {
+        match &self.devices {
+            RigKind::Virtual(rig) => Ok(rig),
+            RigKind::Hardware(_) => Err(not_virtual(&self.file.path)),
+        }
+    }
+
+    /// What the virtual devices look at; traced now where it has to be.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where the devices are real, and those of tracing.
+    pub fn twin(&self) -> Result<Twin> {
+        twin(self.scene.as_ref(), self.devices()?, &self.file.path)
+    }
+
+    /// All that the photos of this rig depend on.
+    pub(super) fn identity(&self) -> Result<Identity> {
+        let identity = Identity::new()
+            .with("rig file", blake3::Hash::from_bytes(self.file.hash).to_string())
+            .with("calibration", blake3::Hash::from_bytes(self.calibration.identity()).to_string());
+        // Nothing more is known of real devices; what they are is noted in the journal when they are opened.
+        let RigKind::Virtual(rig) = &self.devices else { return Ok(identity) };
+        Ok(match (&self.scene, &rig.scene) {
+            (Some(scene), _) => scene.identity(identity, rig.channels()),
+            (None, VirtualScene::Matrix { path, .. }) => {
+                let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+                identity.with("matrix file", blake3::hash(&bytes).to_hex())
+            }
+            (None, VirtualScene::File { .. }) => return Err(no_scene(&self.file.path)),
+        })
+    }
+
+    /// Opens the rig whenever raw frames are wanted of it; a scene is traced the first time, and the matrix is kept.
+    pub fn opener(&self) -> Opener<'static> {
+        let options = &self.file.measurement;
+        let settle = options.settle.unwrap_or(self.calibration.stability.settle);
+        let tries = options.tries;
+        let rig = match self.devices.clone() {
+            RigKind::Virtual(rig) => rig,
+            RigKind::Hardware(rig) => {
+                return Box::new(move |after| {
+                    let devices = rig.open(&Helper::find()?, after)?;
+                    Ok(Box::new(LiveFrames::new(devices, settle, tries)))
+                });
+            }
+        };
+        let (scene, path) = (self.scene.clone(), self.file.path.clone());
+        let mut known: Option<Twin> = None;
+        Box::new(move |after| {
+            let light = match &known {
+                Some(known) => known.transport(),
+                None => known.insert(twin(scene.as_ref(), &rig, &path)?).transport(),
+            };
+            Ok(Box::new(LiveFrames::new(rig.open(light, after)?, settle, tries)))
+        })
+    }
+
+    /// Opens the rig and the stages behind it; with a journal, only once a photo is not in it.
+    pub(super) fn measured(
+        &self,
+        channels: Option<Channels>,
+        journal: Option<Journal>,
+    ) -> Result<MeasuredRig> {
+        let mut opener = self.opener();
+        let frames: Box<dyn FrameSource> = match journal {
+            Some(journal) => {
+                let warn = journal::warning(&journal, &self.observer);
+                Box::new(JournaledFrames::new(journal, opener)?.reporting(warn))
+            }
+            None => opener(None)?,
+        };
+        measured(frames, &self.calibration, &self.file, (channels, self.symmetry))
+    }
+
+    /// Keeps beside the journal of the run in `folder` what a replay needs of the rig: its note, its file and its calibration.
+    pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
+        let path = &self.file.path;
+        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        journal.note(notes::RIG_FILE, &bytes)?;
+        let calibration = calibration_folder(folder);
+        let is_kept =
+            Calibration::load(&calibration).is_ok_and(|kept| kept.identity() == self.calibration.identity());
+        if !is_kept {
+            self.calibration.save(&calibration)?;
+        }
+        Ok(())
+    }
+
+    /// The note by which a run can be replayed.
+    pub(super) fn note(&self, channels: Channels) -> SourceNote {
+        SourceNote {
+            kind: Kind::Rig,
+            name: self.name(),
+            path: self.file.path.clone(),
+            hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
+            photos: self.resolution(),
+            patterns: self.resolution(),
+            symmetric: self.symmetry == Symmetry::Symmetric,
+            channels: channels.count(),
+        }
+    }
+
+    /// Notes what a run depends on.
+    pub(super) fn describe(&self, manifest: &mut RunManifest) {
+        let hash = blake3::Hash::from_bytes(self.file.hash).to_string();
+        if let Some(scene) = &self.scene {
+            scene.describe(manifest);
+        }
+        manifest.scene = Some(manifest::Scene { path: self.file.path.display().to_string(), hash });
+    }
+}

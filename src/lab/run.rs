@@ -1,0 +1,179 @@
+//! The folder of a run as a source: its photos answer further questions with nothing attached.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::measured::{MeasuredRig, measured};
+use super::notes::{self, Kind, SourceNote, calibration_folder, journal_folder};
+use super::transport::product_name;
+use super::{SharedObserver, Truth, folder, journal};
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io::manifest::{self, Status};
+use crate::journal::Journal;
+use crate::measure::{Calibration, JournaledFrames, RigFile, RunManifest};
+use crate::operator::Product;
+use crate::rig::Frame;
+use crate::transport::{Channels, JournaledOperator, Part};
+
+/// A run whose photos answer further questions.
+pub(super) struct RunSource {
+    pub(super) folder: PathBuf,
+    pub(super) note: SourceNote,
+    /// The labels of the scene's author, where the run knew them.
+    pub(super) truth: Option<Truth>,
+    /// Photos that the run was allowed to take, if it came to its end.
+    pub(super) photos: Option<usize>,
+}
+
+/// The photos of a run: patterns with their photos, for each channel, without ambient light.
+pub(super) struct RunPhotos {
+    /// Those without direct light.
+    pub(super) global: Vec<Vec<Product>>,
+    /// Those with direct light.
+    pub(super) full: Vec<Vec<Product>>,
+    /// The direct light, where it is a diagonal and the run knew it.
+    pub(super) direct: Option<Vec<Vec<f64>>>,
+    pub(super) ambient: Image,
+}
+
+impl RunSource {
+    /// Reads the notes of a run's journal.
+    pub(super) fn open(run: &Path) -> Result<Self> {
+        let folder = journal_folder(run);
+        if !Journal::is_in(&folder) {
+            return Err(Error::Data {
+                path: run.to_path_buf(),
+                fault: "it holds no run whose photos were kept".into(),
+                help: "give a scene, a rig file, or the folder of a run that has a journal".into(),
+            });
+        }
+        let mut journal = Journal::read_only(&folder)?;
+        let note = read(&mut journal, notes::SOURCE)?
+            .ok_or_else(|| incomplete(&journal, "what they are photos of"))?;
+        let truth = read(&mut journal, notes::TRUTH)?;
+        let record = RunManifest::read(&run.join(folder::RECORD));
+        let record = record.ok().filter(|record| record.status == Status::Done);
+        let photos = record.and_then(|record| record.photos_allowed);
+        Ok(Self { folder: run.to_path_buf(), note, truth, photos })
+    }
+
+    /// The journal, to be read.
+    pub(super) fn journal(&self, observer: &SharedObserver) -> Result<Journal> {
+        let journal = Journal::read_only(&journal_folder(&self.folder))?;
+        journal::report_damages(&journal, observer);
+        Ok(journal)
+    }
+
+    /// The rig of the run, whose photos come from the journal.
+    ///
+    /// # Errors
+    /// [`Error::Journal`] where the run did not get as far as to note its rig.
+    pub(super) fn measured(
+        &self,
+        channels: Option<Channels>,
+        observer: &SharedObserver,
+    ) -> Result<MeasuredRig> {
+        let mut journal = self.journal(observer)?;
+        let bytes =
+            journal.read_note(notes::RIG_FILE)?.ok_or_else(|| incomplete(&journal, "their rig file"))?;
+        let file = RigFile::from_bytes(&self.note.path, &bytes)?;
+        let calibration = Calibration::load(&calibration_folder(&self.folder))?;
+        let warn = journal::warning(&journal, observer);
+        let frames = Box::new(JournaledFrames::replay(journal)?.reporting(warn));
+        measured(frames, &calibration, &file, (channels, self.note.symmetry()))
+    }
+
+    /// All the photos that the run took.
+    pub(super) fn taken(&self, observer: &SharedObserver) -> Result<RunPhotos> {
+        match self.note.kind {
+            Kind::Scene => self.taken_of_scene(&mut self.journal(observer)?),
+            Kind::Rig => self.taken_of_rig(observer),
+        }
+    }
+
+    fn taken_of_scene(&self, journal: &mut Journal) -> Result<RunPhotos> {
+        let SourceNote { photos, channels, .. } = self.note;
+        let mut of = |part| -> Result<Vec<Vec<Product>>> {
+            (0..channels)
+                .map(|channel| JournaledOperator::kept(journal, &product_name(part, channel)))
+                .collect()
+        };
+        let (global, full) = (of(Part::Global)?, of(Part::Full)?);
+        let direct = journal.read_note(notes::DIRECT)?.map(|bytes| {
+            let values: Vec<f64> =
+                bytes.as_chunks::<8>().0.iter().map(|value| f64::from_le_bytes(*value)).collect();
+            values.chunks(photos.pixels().max(1)).map(<[f64]>::to_vec).collect()
+        });
+        let ambient = match journal.read_note("ambient")? {
+            Some(bytes) => {
+                let samples =
+                    bytes.as_chunks::<4>().0.iter().map(|sample| f32::from_le_bytes(*sample)).collect();
+                Image::new(photos, channels, samples)?
+            }
+            None => Image::filled(photos, channels, 0.0),
+        };
+        Ok(RunPhotos { global, full, direct, ambient })
+    }
+
+    fn taken_of_rig(&self, observer: &SharedObserver) -> Result<RunPhotos> {
+        let channels = Channels::of(self.note.channels);
+        let mut seen: HashSet<Arc<Frame>> = HashSet::new();
+        let mut frames = Vec::new();
+        for pair in JournaledFrames::replay(self.journal(observer)?)?.pairs() {
+            let frame = pair?.shot.frame;
+            if frame.levels().iter().any(|level| *level > 0) && seen.insert(Arc::clone(&frame)) {
+                frames.push(frame);
+            }
+        }
+        let mut measurement = self.measured(Some(channels), observer)?.measurement;
+        let mut full = vec![Vec::new(); measurement.channels()];
+        for frame in &frames {
+            let (patterns, photo) = measurement.photograph_frame(frame)?;
+            for ((products, pattern), plane) in full.iter_mut().zip(patterns).zip(photo.planes) {
+                products.push(Product { from: pattern, to: plane.values });
+            }
+        }
+        // A run that did not measure the direct light has no photos of it.
+        let direct = measurement.direct().ok();
+        Ok(RunPhotos {
+            global: vec![Vec::new(); full.len()],
+            full,
+            direct: direct.map(|photo| photo.planes.into_iter().map(|plane| plane.values).collect()),
+            ambient: measurement.ambient()?.to_image()?,
+        })
+    }
+
+    /// Notes what the run depends on.
+    pub(super) fn describe(&self, manifest: &mut RunManifest) {
+        let SourceNote { path, hash, .. } = &self.note;
+        manifest.scene = Some(manifest::Scene { path: path.display().to_string(), hash: hash.clone() });
+    }
+}
+
+fn read<T: serde::de::DeserializeOwned>(journal: &mut Journal, name: &str) -> Result<Option<T>> {
+    let Some(note) = journal.read_note(name)? else { return Ok(None) };
+    serde_json::from_slice(&note).map(Some).map_err(|fault| Error::Journal {
+        path: journal.path().into(),
+        fault: format!("its note `{name}` cannot be read: {fault}"),
+        help: "open it with the version of krylux that wrote it".into(),
+    })
+}
+
+fn incomplete(journal: &Journal, what: &str) -> Error {
+    Error::Journal {
+        path: journal.path().into(),
+        fault: format!("it holds {} photos, but not {what}", journal.photos()),
+        help: "go on with that run by the same command and --resume".into(),
+    }
+}
+
+/// What the photos of a run do not tell.
+pub(super) fn not_for_runs(run: &Path) -> Error {
+    Error::Data {
+        path: run.to_path_buf(),
+        fault: "its photos do not answer this verb".into(),
+        help: "give the scene or the rig".into(),
+    }
+}

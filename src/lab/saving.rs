@@ -1,0 +1,124 @@
+//! The run of a laboratory: its folder from the first photo to the report.
+
+use std::path::Path;
+use std::time::Instant;
+
+use super::answers::{Answer, Saved};
+use super::folder::{RunFolder, RunOptions};
+use super::operator::lock;
+use super::{Lab, Log};
+use crate::error::{Error, Result};
+
+impl Lab {
+    /// Begins a run: makes the folder, whose journal keeps every photo from now on. Where the options name no folder it is
+    /// `out/NAME-VERB`. Call it before the first photo.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when the folder holds an earlier run that is not to be overwritten; [`Error::Write`].
+    pub fn begin_run(&mut self, verb: &str, options: &RunOptions) -> Result<&mut RunFolder> {
+        let name = format!("{}-{verb}", self.name());
+        let mut run = RunFolder::create(options, &name, &self.observer)?;
+        self.source.describe(&mut run.manifest, self.channels);
+        Ok(self.run.insert(run))
+    }
+
+    /// The open run.
+    pub fn run(&mut self) -> Option<&mut RunFolder> {
+        self.run.as_mut()
+    }
+
+    /// Runs `work` and records in the open run how long it took.
+    pub fn timed<T>(&mut self, name: &str, work: impl FnOnce(&mut Self) -> T) -> T {
+        let start = Instant::now();
+        let result = work(self);
+        if let Some(run) = &mut self.run {
+            run.manifest.record(name, start.elapsed());
+        }
+        result
+    }
+
+    /// Writes an answer into a folder: arrays, pictures, `run.json` and `report.html`. The folder may be that of the open run; otherwise
+    /// it must not hold a run.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where the folder holds another run; [`Error::Write`]; those of the photos that the report shows.
+    pub fn save(&mut self, folder: impl AsRef<Path>, answer: &impl Answer) -> Result<Saved> {
+        let folder = folder.as_ref();
+        if self.run.as_ref().is_none_or(|run| run.path != folder) {
+            let options = RunOptions { folder: Some(folder.to_path_buf()), ..RunOptions::default() };
+            self.begin_run(answer.verb(), &options)?;
+        }
+        self.finish(answer)
+    }
+
+    /// Writes an answer into the folder of the open run, and ends the run.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where no run is open; otherwise as [`Lab::save`].
+    pub fn finish(&mut self, answer: &impl Answer) -> Result<Saved> {
+        let Some(mut run) = self.run.take() else {
+            return Err(Error::Option {
+                option: "-o".into(),
+                fault: "no run is open".into(),
+                help: "name the folder: lab.save(folder, &answer)".into(),
+            });
+        };
+        let written = self.write(answer, &mut run);
+        match &written {
+            Ok(saved) => run.close(Ok(&saved.message))?,
+            Err(error) => self.closed_by(error, &mut run),
+        }
+        written
+    }
+
+    fn write(&mut self, answer: &impl Answer, run: &mut RunFolder) -> Result<Saved> {
+        run.manifest.photos = answer.photos() as u64;
+        if run.manifest.rig.is_none() {
+            run.manifest.rig = match &self.transport {
+                Some(transport) => lock(transport).record(answer.has_white())?,
+                None => None,
+            };
+        }
+        let seconds = run.seconds();
+        let start = Instant::now();
+        let files = answer.write(self, run, seconds)?;
+        run.manifest.record("files", start.elapsed());
+        run.manifest.outputs = files;
+        Ok(Saved {
+            report: run.path.join("report.html"),
+            folder: run.path.clone(),
+            message: answer.sentence(self),
+            seconds: run.seconds(),
+        })
+    }
+
+    /// Ends the open run of a verb that leaves no report, if there is one; `photos` is how many it took.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn end_run(&mut self, photos: usize, message: &str) -> Result<()> {
+        let Some(mut run) = self.run.take() else { return Ok(()) };
+        run.manifest.photos = photos as u64;
+        if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
+            run.manifest.rig = lock(transport).record(true)?;
+        }
+        run.close(Ok(message))
+    }
+
+    /// Ends the open run because of an error, which its record then tells, with what the run has cost so far.
+    pub fn abort(&mut self, error: &Error) {
+        if let Some(mut run) = self.run.take() {
+            self.closed_by(error, &mut run);
+        }
+    }
+
+    fn closed_by(&mut self, error: &Error, run: &mut RunFolder) {
+        if let (Some(transport), None) = (&self.transport, &run.manifest.rig) {
+            run.manifest.rig = lock(transport).record(false).unwrap_or(None);
+        }
+        // The error itself matters more than that it cannot be recorded.
+        if let Err(why) = run.close(Err(error)) {
+            self.observer.note(format_args!("note: the record of the run is not written: {why}"));
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! A scene as a source: loaded, with the device that traces it and the cache of matrices.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use super::settings::Settings;
+use super::text::{grouped, percent};
+use super::{Log, SharedObserver, Truth};
+use crate::cache::{Cache, Found, Key};
+use crate::error::{Error, Result};
+use crate::gpu::AdapterSummary;
+use crate::image::Resolution;
+use crate::io::manifest;
+use crate::journal::Identity;
+use crate::measure::RunManifest;
+use crate::observer::Level;
+use crate::render::{TraceSettings, TraceSummary, Tracer};
+use crate::scene::{self, LoadOptions, Scene};
+use crate::transport::{self, Assembled, Backend, Channels, Noise};
+
+/// The label of a pixel that sees no region, as in all label images.
+const NO_REGION: u8 = 255;
+
+/// A scene, with the device that traces it and the matrices of earlier runs.
+#[derive(Clone)]
+pub(super) struct SceneSource {
+    pub(super) scene: Arc<Scene>,
+    tracer: Arc<Mutex<Tracer>>,
+    adapter: AdapterSummary,
+    pub(super) settings: TraceSettings,
+    cache: Option<Arc<Cache>>,
+    observer: SharedObserver,
+}
+
+impl SceneSource {
+    /// Loads the scene, reports what was ignored in it, and opens the adapter for it.
+    pub(super) fn open(
+        path: &Path,
+        camera: Option<&str>,
+        camera_file: Option<&Path>,
+        trace: TraceSettings,
+        settings: &Settings,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        let options = LoadOptions { camera, rig: camera_file };
+        let load = || load(path, &options, observer);
+        let (scene, tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
+        Ok(Self::new(scene, tracer, trace, settings, observer))
+    }
+
+    /// A scene that a program made.
+    pub(super) fn in_memory(scene: Scene, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
+        let tracer = Tracer::new(&scene, settings.adapter.as_deref())?;
+        Ok(Self::new(scene, tracer, settings.trace.for_scene(), settings, observer))
+    }
+
+    fn new(
+        scene: Scene,
+        mut tracer: Tracer,
+        trace: TraceSettings,
+        settings: &Settings,
+        observer: &SharedObserver,
+    ) -> Self {
+        tracer.observe(Arc::clone(&observer.0));
+        let adapter = tracer.adapter().clone();
+        let AdapterSummary { name, kind, driver_version, .. } = &adapter;
+        observer.detail(format_args!("adapter   {name} ({kind}), {driver_version}"));
+        // The scene's rig may say how many pixels its projector has.
+        let trace = TraceSettings { projector: trace.projector.or(scene.projector_resolution), ..trace };
+        Self {
+            scene: Arc::new(scene),
+            tracer: Arc::new(Mutex::new(tracer)),
+            adapter,
+            settings: trace,
+            cache: settings.cache.open().map(Arc::new),
+            observer: observer.clone(),
+        }
+    }
+
+    /// The device, which takes one job at a time.
+    pub(super) fn tracer(&self) -> MutexGuard<'_, Tracer> {
+        self.tracer.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.
+    pub(super) fn is_symmetric(&self) -> bool {
+        self.tracer().symmetric(&self.settings)
+    }
+
+    /// Names the matrix that tracing would make.
+    fn key(&self, channels: Channels, split: bool) -> Key {
+        Key::new(&self.scene, &self.adapter, &self.settings, channels, split)
+    }
+
+    /// `identity` with all that a trace depends on.
+    pub(super) fn identity(&self, identity: Identity, channels: Channels) -> Identity {
+        let (settings, adapter) = (&self.settings, &self.adapter);
+        identity
+            .with("scene", blake3::Hash::from_bytes(self.scene.hash).to_string())
+            .with("size", settings.resolution)
+            .with("samples per pixel", settings.samples)
+            .with("bounces", settings.max_bounces)
+            .with("seed", settings.seed)
+            .with("channels", channels.count())
+            .with("adapter", format!("{} {} {}", adapter.name, adapter.driver, adapter.driver_version))
+            .with("all that is traced", self.key(channels, false).hex())
+    }
+
+    /// Notes what a trace depends on.
+    pub(super) fn describe(&self, manifest: &mut RunManifest) {
+        let (scene, settings, adapter) = (&self.scene, &self.settings, &self.adapter);
+        manifest.seed = Some(u64::from(settings.seed));
+        manifest.adapter = Some(manifest::Adapter {
+            name: adapter.name.clone(),
+            driver: format!("{} {}", adapter.driver, adapter.driver_version),
+            backend: "vulkan".into(),
+        });
+        manifest.scene = Some(manifest::Scene {
+            path: scene.path.display().to_string(),
+            hash: blake3::Hash::from_bytes(scene.hash).to_string(),
+        });
+        manifest.samples_per_pixel = Some(settings.samples);
+        manifest.max_bounces = Some(settings.max_bounces);
+    }
+
+    /// The matrix from the cache, if it is there and whole.
+    pub(super) fn cached(&self, channels: Channels) -> Option<Assembled> {
+        self.look_up(&self.key(channels, false))
+    }
+
+    fn look_up(&self, key: &Key) -> Option<Assembled> {
+        match self.cache.as_ref()?.load(key) {
+            Found::Whole(traced) => Some(*traced),
+            Found::Missing => None,
+            Found::Damaged(why) => {
+                self.observer
+                    .note(format_args!("note: the cached matrix is damaged and assembled anew: {why}"));
+                None
+            }
+        }
+    }
+
+    /// Finds the light transport matrix in the cache or traces it, and reports what that took. If `split`, the second bounce is a layer
+    /// apart from the third and later ones.
+    pub(super) fn assemble(&self, channels: Channels, split: bool) -> Result<Assembled> {
+        let start = Instant::now();
+        let key = self.key(channels, split);
+        let cached = self.look_up(&key);
+        let is_new = cached.is_none();
+        let traced = match cached {
+            Some(cached) => cached,
+            None => transport::assemble_layers(&mut self.tracer(), &self.settings, channels, split)?,
+        };
+        let observer = &self.observer;
+        if is_new {
+            report_trace(&traced.summary, observer);
+        } else {
+            let paths = grouped(traced.summary.paths);
+            observer.info(format_args!("traced    {paths} light paths, from the cache"));
+        }
+        observer.info(format_args!(
+            "matrix    {} entries, {:.1} MiB, {:.2} s in all",
+            grouped(traced.matrix.nonzeros() as u64),
+            traced.matrix.bytes() as f64 / f64::from(1 << 20),
+            start.elapsed().as_secs_f64()
+        ));
+        report_noise(traced.noise.as_ref(), observer);
+        if let Some(cache) = self.cache.as_ref().filter(|_| is_new) {
+            store(cache, &key, &traced, observer);
+        }
+        Ok(traced)
+    }
+
+    /// Moves the matrix to where products are to be computed, and reports where that is.
+    pub(super) fn place(&self, traced: &mut Assembled, backend: Backend) -> Result<()> {
+        if let Some(why) = traced.place(&self.tracer(), backend)? {
+            self.observer.note(format_args!("note: products are computed on the processor: {why}"));
+        }
+        let device = if traced.is_on_gpu() { &self.adapter.name } else { "the processor" };
+        self.observer.detail(format_args!("products  on {device}"));
+        Ok(())
+    }
+
+    /// The region that the centre of each of so many pixels sees; 255 is a pixel that sees none.
+    pub(super) fn labels(&self, resolution: Resolution) -> Result<Vec<u8>> {
+        let scene = &self.scene;
+        if scene.regions.len() > usize::from(NO_REGION) {
+            return Err(Error::Scene {
+                path: scene.path.clone(),
+                fault: format!("its {} regions do not fit a label image", scene.regions.len()),
+                help: format!(
+                    "give at most {NO_REGION} regions by `region` in the extras of nodes or meshes"
+                ),
+            });
+        }
+        let regions = self.tracer().regions(resolution)?;
+        Ok(regions.into_iter().map(|region| region.map_or(NO_REGION, |region| region as u8)).collect())
+    }
+
+    /// The true labels of the scene's author, where there are any.
+    pub(super) fn truth(&self, resolution: Resolution) -> Result<Option<Truth>> {
+        if !self.scene.regions_are_labels {
+            return Ok(None);
+        }
+        let regions = self.scene.regions.clone();
+        Ok(Some(Truth { labels: self.labels(resolution)?, regions }))
+    }
+}
+
+/// Loads the scene and reports what was ignored in it.
+fn load(path: &Path, options: &LoadOptions<'_>, observer: &SharedObserver) -> Result<Scene> {
+    let scene = scene::load_with(path, options)?;
+    for warning in &scene.warnings {
+        observer.log(Level::Warning, &format!("warning: {}: {warning}", scene.path.display()));
+    }
+    observer.detail(format_args!(
+        "scene     {} triangles, {} materials, camera `{}`",
+        scene.triangles.len(),
+        scene.materials.len(),
+        scene.camera.name
+    ));
+    Ok(scene)
+}
+
+/// A matrix that cannot be kept is no reason to fail: the next run traces again.
+fn store(cache: &Cache, key: &Key, traced: &Assembled, observer: &SharedObserver) {
+    match cache.store(key, traced) {
+        Ok(true) => {
+            observer.detail(format_args!("cache     {} in {}", key.hex(), cache.folder().display()));
+        }
+        Ok(false) => observer.detail(format_args!("cache     not kept: larger than the cache")),
+        Err(error) => {
+            observer.note(format_args!("note: the matrix is not kept for later runs: {error}"));
+        }
+    }
+}
+
+/// The lines about a finished trace.
+fn report_trace(summary: &TraceSummary, observer: &SharedObserver) {
+    let seconds = summary.tracing.as_secs_f64();
+    observer.detail(format_args!(
+        "dispatch  {} of them, the longest {:.0} ms",
+        summary.dispatches,
+        summary.longest.as_secs_f64() * 1e3
+    ));
+    observer.info(format_args!(
+        "traced    {} light paths, {} rays in {seconds:.2} s ({:.2} M rays/s)",
+        grouped(summary.paths),
+        grouped(summary.rays),
+        summary.rays as f64 / seconds.max(1e-9) / 1e6
+    ));
+}
+
+/// The line about a matrix's noise.
+fn report_noise(noise: Option<&Noise>, observer: &SharedObserver) {
+    let Some(noise) = noise else { return };
+    observer.info(format_args!(
+        "noise     {} % of the white photo, {} % of the matrix, {} % without direct light",
+        percent(noise.white_relative),
+        percent(noise.operator),
+        percent(noise.global)
+    ));
+}

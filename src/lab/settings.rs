@@ -1,0 +1,218 @@
+//! How a source is opened: every setting, with its default.
+
+use std::path::PathBuf;
+
+use crate::cache::{self, Cache};
+use crate::image::Resolution;
+use crate::render::{Gather, Sampler, TraceSettings};
+use crate::transport::{Backend, Channels};
+
+/// How a source is opened. The default suits every source.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// The camera of the scene to use, by name, where the scene has several.
+    pub camera: Option<String>,
+    /// A camera file: where camera and projector stand, instead of the scene's own poses.
+    pub camera_file: Option<PathBuf>,
+    /// How light is traced.
+    pub trace: TraceOverrides,
+    /// Part of the name of the graphics adapter to use; any suitable one where none is named.
+    pub adapter: Option<String>,
+    /// Where matrices are kept for later runs.
+    pub cache: CacheChoice,
+    /// How the photos of a scene are computed.
+    pub operator: OperatorChoice,
+    /// Where products with a scene's matrix are computed.
+    pub backend: Backend,
+    /// Bytes of memory that a matrix may take while it is assembled; half of the machine's where none is given.
+    pub memory: Option<u64>,
+    /// Gray or coloured photos.
+    pub channels: ChannelChoice,
+    /// Whether a scene's matrix keeps the second bounce in a layer apart from the third and later ones.
+    pub split_bounces: bool,
+}
+
+impl Settings {
+    /// The first setting that says what is traced, or how, by the name of its option: a source that traces nothing refuses it.
+    pub fn first_of_trace(&self) -> Option<&'static str> {
+        let view = [(self.camera.is_some(), "--camera"), (self.camera_file.is_some(), "--camera-file")];
+        let trace = self.trace.given();
+        let adapter = self.adapter.is_some().then_some("--adapter");
+        trace.or(adapter).or(view.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name))
+    }
+
+    /// The first setting that says how the photos of a scene are computed, by the name of its option: other sources refuse it.
+    pub fn first_of_operator(&self) -> Option<&'static str> {
+        let given = [
+            (self.operator != OperatorChoice::Auto, "--operator"),
+            (self.backend != Backend::Auto, "--products"),
+            (self.memory.is_some(), "--memory"),
+        ];
+        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+    }
+
+    /// The limit of memory for a matrix, in bytes.
+    pub(super) fn memory_limit(&self) -> u64 {
+        self.memory.unwrap_or_else(half_of_the_memory)
+    }
+}
+
+/// How the photos of a scene are computed: the same photos, to rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OperatorChoice {
+    /// As products with a matrix, unless the matrix would exceed the memory.
+    #[default]
+    Auto,
+    /// As products with a matrix that is traced once.
+    Replay,
+    /// By tracing each photo anew.
+    Retrace,
+}
+
+/// Gray or coloured photos.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ChannelChoice {
+    /// One gray pattern, one photo weighted by luminance.
+    #[default]
+    Luma,
+    /// Red, green and blue: three independent systems.
+    Rgb,
+    /// What the source sees: colours of a scene, the channels of a rig's devices, those of a run's photos.
+    Native,
+}
+
+impl From<Channels> for ChannelChoice {
+    fn from(channels: Channels) -> Self {
+        match channels {
+            Channels::Luma => Self::Luma,
+            Channels::Rgb => Self::Rgb,
+        }
+    }
+}
+
+/// Where matrices are kept for later runs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum CacheChoice {
+    /// In the folder that the environment variable `KRYLUX_CACHE` names (nowhere if it is empty), or else in `krylux` in the user's
+    /// cache folder.
+    #[default]
+    Default,
+    /// Nowhere.
+    Off,
+    /// In this folder.
+    Folder(PathBuf),
+}
+
+impl CacheChoice {
+    /// The cache to use, if any.
+    pub fn open(&self) -> Option<Cache> {
+        let folder = match self {
+            Self::Off => None,
+            Self::Folder(folder) => Some(folder.clone()),
+            Self::Default => match std::env::var_os("KRYLUX_CACHE") {
+                Some(folder) => Some(PathBuf::from(folder)).filter(|folder| !folder.as_os_str().is_empty()),
+                None => cache::default_folder(),
+            },
+        };
+        folder.map(|folder| Cache::new(folder, cache::LIMIT))
+    }
+}
+
+/// Settings of the tracer. What is `None` is 64 paths of at most six surfaces from each of 128×128 pixels, or what the file of a virtual
+/// rig says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TraceOverrides {
+    /// Pixels of the camera, and of the projector where `projector` is `None`.
+    pub resolution: Option<Resolution>,
+    /// Pixels of a projector that stands apart from the camera.
+    pub projector: Option<Resolution>,
+    /// Light paths per camera pixel.
+    pub samples: Option<u32>,
+    /// Surfaces that a light path meets at most; 1 is direct light only.
+    pub max_bounces: Option<u32>,
+    /// Selects the random numbers of the tracer and of starting vectors. On a rig it selects those of starting vectors only: the file
+    /// of a virtual rig says which its devices use.
+    pub seed: Option<u32>,
+    /// How random numbers are distributed.
+    pub sampler: Option<Sampler>,
+    /// End dim light paths by chance.
+    pub russian_roulette: bool,
+    /// Specular chains traced from each pixel ([`Gather::photons`]).
+    pub photons: Option<u32>,
+    /// How far around a point such chains count ([`Gather::radius`]).
+    pub radius: Option<f32>,
+}
+
+impl TraceOverrides {
+    /// `settings` with what is given here in their place; not the seed.
+    fn over(&self, settings: TraceSettings) -> TraceSettings {
+        TraceSettings {
+            resolution: self.resolution.unwrap_or(settings.resolution),
+            projector: self.projector.or(settings.projector),
+            samples: self.samples.unwrap_or(settings.samples),
+            max_bounces: self.max_bounces.unwrap_or(settings.max_bounces),
+            sampler: self.sampler.unwrap_or(settings.sampler),
+            russian_roulette: self.russian_roulette || settings.russian_roulette,
+            gather: Gather {
+                photons: self.photons.unwrap_or(settings.gather.photons),
+                radius: self.radius.unwrap_or(settings.gather.radius),
+            },
+            ..settings
+        }
+    }
+
+    /// The settings for a scene.
+    pub fn for_scene(&self) -> TraceSettings {
+        let seed = self.seed.unwrap_or(0);
+        TraceSettings { seed, ..self.over(TraceSettings::new(Resolution::new(128, 128), 64)) }
+    }
+
+    /// The settings for the scene of a virtual rig, whose file says `settings`. The seed is the file's: equal devices see equal
+    /// scenes.
+    pub fn for_rig(&self, settings: TraceSettings) -> TraceSettings {
+        self.over(settings)
+    }
+
+    /// Seeds starting vectors and every other choice by chance outside of the tracer.
+    pub fn vector_seed(&self) -> u64 {
+        self.seed.unwrap_or(0).into()
+    }
+
+    /// The first setting that says what is traced, or how, by the name of its option. The seed is not among them.
+    fn given(&self) -> Option<&'static str> {
+        let given = [
+            (self.resolution.is_some(), "--size"),
+            (self.samples.is_some(), "--spp"),
+            (self.max_bounces.is_some(), "--max-bounces"),
+            (self.russian_roulette, "--russian-roulette"),
+            (self.sampler.is_some(), "--sampler"),
+            (self.photons.is_some(), "--gather-photons"),
+            (self.radius.is_some(), "--gather-radius"),
+            (self.projector.is_some(), "--projector-size"),
+        ];
+        given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
+    }
+}
+
+/// Half of the machine's memory in bytes; a machine that does not tell is taken to have 8 GiB.
+fn half_of_the_memory() -> u64 {
+    let about = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let total = about.lines().find_map(|line| line.strip_prefix("MemTotal:"));
+    let kibibytes = total.and_then(|line| line.trim().trim_end_matches(" kB").parse::<u64>().ok());
+    kibibytes.map_or(4 << 30, |kibibytes| kibibytes * 512)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overrides_replace_what_a_rig_file_says_except_the_seed() {
+        let file = TraceSettings { seed: 7, ..TraceSettings::new(Resolution::new(64, 48), 256) };
+        let none = TraceOverrides::default();
+        assert_eq!((none.for_rig(file), none.given()), (file, None));
+        let some = TraceOverrides { samples: Some(32), seed: Some(3), ..none };
+        assert_eq!(some.for_rig(file), TraceSettings { samples: 32, ..file });
+        assert_eq!((some.for_scene().seed, some.vector_seed(), some.given()), (3, 3, Some("--spp")));
+    }
+}

@@ -1,0 +1,239 @@
+//! A source, of whatever kind: where photos come from, and what is known beside them.
+
+use std::path::Path;
+
+use super::matrix::MatrixSource;
+use super::model::ModelSource;
+use super::notes::{Kind, SourceNote, journal_folder};
+use super::rig::RigSource;
+use super::run::RunSource;
+use super::scene::SceneSource;
+use super::settings::{ChannelChoice, Settings};
+use super::{SharedObserver, Truth};
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+use crate::io::model;
+use crate::journal::Journal;
+use crate::measure::RunManifest;
+use crate::transport::Channels;
+
+/// An open source. Nothing is traced and no photo is taken before its light transport is asked for.
+pub(super) enum Source {
+    /// A scene file, seen by the rig that stands in it.
+    Scene(SceneSource),
+    /// A rig file.
+    Rig(Box<RigSource>),
+    /// The folder of a run with a journal.
+    Run(Box<RunSource>),
+    /// The folder of a run that left a model, and no journal.
+    Model(Box<ModelSource>),
+    /// A matrix.
+    Matrix(MatrixSource),
+}
+
+/// The kind of source that a path names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SourceKind {
+    /// A scene: `.glb`, `.gltf` or `.obj`.
+    Scene,
+    /// A rig file: `.toml`.
+    Rig,
+    /// The folder of an earlier run.
+    Run,
+    /// A matrix: `.npz`, `.mtx` or `.npy`.
+    Matrix,
+}
+
+impl SourceKind {
+    /// The kind, by the path's extension; a folder is a run. An unknown extension counts as a scene, whose loader says what it expects.
+    pub fn of(path: &Path) -> Self {
+        if path.is_dir() {
+            return Self::Run;
+        }
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+        match extension.as_deref() {
+            Some("toml") => Self::Rig,
+            Some("npz" | "mtx" | "npy") => Self::Matrix,
+            _ => Self::Scene,
+        }
+    }
+}
+
+impl Source {
+    pub(super) fn open(path: &Path, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
+        let kind = SourceKind::of(path);
+        if let (SourceKind::Run | SourceKind::Matrix, Some(option)) = (kind, settings.first_of_trace()) {
+            let what = if kind == SourceKind::Run {
+                "a run, whose photos are taken already"
+            } else {
+                "a matrix, for which nothing is traced"
+            };
+            return Err(Error::Option {
+                option: option.into(),
+                fault: format!("{} is {what}", path.display()),
+                help: "leave it out, or give the scene or the rig".into(),
+            });
+        }
+        if let (false, Some(option)) = (kind == SourceKind::Scene, settings.first_of_operator()) {
+            return Err(scenes_only(option));
+        }
+        Ok(match kind {
+            SourceKind::Scene => Self::Scene(SceneSource::open(
+                path,
+                settings.camera.as_deref(),
+                settings.camera_file.as_deref(),
+                settings.trace.for_scene(),
+                settings,
+                observer,
+            )?),
+            SourceKind::Rig => Self::Rig(Box::new(RigSource::open(path, settings, observer)?)),
+            SourceKind::Run if model::is_in(path) && !Journal::is_in(&journal_folder(path)) => {
+                Self::Model(Box::new(ModelSource::open(path)?))
+            }
+            SourceKind::Run => Self::Run(Box::new(RunSource::open(path)?)),
+            SourceKind::Matrix => Self::Matrix(MatrixSource::open(path)?),
+        })
+    }
+
+    /// A short name, for folders and titles.
+    pub(super) fn name(&self) -> String {
+        match self {
+            Self::Scene(scene) => short_name(&scene.scene.path),
+            Self::Rig(rig) => rig.name(),
+            Self::Run(run) => run.note.name.clone(),
+            Self::Model(model) => model.model.source.clone(),
+            Self::Matrix(matrix) => matrix.name.clone(),
+        }
+    }
+
+    /// Pixels of photos.
+    pub(super) fn resolution(&self) -> Resolution {
+        match self {
+            Self::Scene(scene) => scene.settings.resolution,
+            Self::Rig(rig) => rig.resolution(),
+            Self::Run(run) => run.note.photos,
+            Self::Model(model) => model.model.resolution,
+            Self::Matrix(matrix) => Resolution::new(matrix.matrix.rows(), 1),
+        }
+    }
+
+    /// Pixels of patterns.
+    pub(super) fn projector_resolution(&self) -> Resolution {
+        match self {
+            Self::Scene(scene) => scene.settings.projector.unwrap_or(scene.settings.resolution),
+            Self::Rig(rig) => rig.resolution(),
+            Self::Run(run) => run.note.patterns,
+            Self::Model(model) => model.model.projector,
+            Self::Matrix(matrix) => Resolution::new(matrix.matrix.cols(), 1),
+        }
+    }
+
+    /// The channels of photos.
+    pub(super) fn channels(&self, choice: ChannelChoice) -> Channels {
+        match (choice, self) {
+            (_, Self::Matrix(_)) | (ChannelChoice::Luma, _) => Channels::Luma,
+            (ChannelChoice::Rgb, _) | (ChannelChoice::Native, Self::Scene(_)) => Channels::Rgb,
+            (ChannelChoice::Native, Self::Rig(rig)) => rig.channels(),
+            (ChannelChoice::Native, Self::Run(run)) => Channels::of(run.note.channels),
+            (ChannelChoice::Native, Self::Model(model)) => Channels::of(model.model.channels.len()),
+        }
+    }
+
+    /// What the preparation of light transport consists of, for the record of a run's timings.
+    pub(super) fn preparation(&self) -> &'static str {
+        match self {
+            Self::Scene(_) => "tracing and matrix",
+            Self::Rig(rig) if rig.is_traced() => "tracing, matrix and first photos",
+            Self::Rig(_) => "first photos",
+            Self::Run(_) => "journal",
+            Self::Model(_) => "model",
+            Self::Matrix(_) => "matrix",
+        }
+    }
+
+    /// The unit of photos' values.
+    pub(super) fn unit(&self) -> &str {
+        match self {
+            Self::Scene(_) => "W/(m² sr)",
+            Self::Rig(_) => "DN/s",
+            Self::Run(run) => run.note.kind.unit(),
+            Self::Model(model) => &model.model.unit,
+            Self::Matrix(_) => "",
+        }
+    }
+
+    /// The true labels of the scene's author, where there are any.
+    pub(super) fn truth(&self) -> Result<Option<Truth>> {
+        match self {
+            Self::Scene(scene) => scene.truth(scene.settings.resolution),
+            Self::Rig(rig) => rig.truth(),
+            Self::Run(run) => Ok(run.truth.clone()),
+            Self::Matrix(_) | Self::Model(_) => Ok(None),
+        }
+    }
+
+    /// The note by which a run of this source can be replayed from its journal.
+    pub(super) fn note(&self, channels: Channels) -> Option<SourceNote> {
+        match self {
+            Self::Scene(scene) => Some(SourceNote {
+                kind: Kind::Scene,
+                name: self.name(),
+                path: scene.scene.path.clone(),
+                hash: blake3::Hash::from_bytes(scene.scene.hash).to_string(),
+                photos: self.resolution(),
+                patterns: self.projector_resolution(),
+                symmetric: scene.is_symmetric(),
+                channels: channels.count(),
+            }),
+            Self::Rig(rig) => Some(rig.note(channels)),
+            Self::Run(run) => Some(run.note.clone()),
+            Self::Matrix(_) | Self::Model(_) => None,
+        }
+    }
+
+    /// Notes what a run depends on.
+    pub(super) fn describe(&self, manifest: &mut RunManifest, channels: Channels) {
+        match self {
+            Self::Scene(scene) => scene.describe(manifest),
+            Self::Rig(rig) => rig.describe(manifest),
+            Self::Run(run) => run.describe(manifest),
+            Self::Matrix(matrix) => return matrix.describe(manifest),
+            Self::Model(model) => return model.describe(manifest),
+        }
+        manifest.resolution = Some(self.resolution());
+        manifest.channels = Some(match channels {
+            Channels::Luma => "luma".into(),
+            Channels::Rgb => "rgb".into(),
+        });
+    }
+}
+
+/// An option that only a scene has a use for.
+pub(super) fn scenes_only(option: &str) -> Error {
+    Error::Option {
+        option: option.into(),
+        fault: "the photos of this source are neither replayed from a traced matrix nor traced".into(),
+        help: "leave it out, or give a scene".into(),
+    }
+}
+
+/// What only a rig can answer.
+pub(super) fn not_a_rig(path: &Path) -> Error {
+    Error::Option {
+        option: "SOURCE".into(),
+        fault: format!("{} is no rig", path.display()),
+        help: "give a rig file (.toml)".into(),
+    }
+}
+
+/// A short name for a file: its own, or its folder's where the file is just called `scene`.
+pub(super) fn short_name(path: &Path) -> String {
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let folder =
+        path.parent().and_then(|folder| folder.file_name()).map(|f| f.to_string_lossy().into_owned());
+    match (stem, folder) {
+        (Some(stem), Some(folder)) if stem == "scene" => folder,
+        (Some(stem), _) => stem,
+        (None, _) => "scene".into(),
+    }
+}

@@ -1,0 +1,56 @@
+//! Numbers as text.
+
+/// A share as a percentage of three digits.
+pub fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    let decimals = if percent >= 100.0 {
+        0
+    } else if percent >= 10.0 {
+        1
+    } else {
+        2
+    };
+    format!("{percent:.decimals$}")
+}
+
+/// `1048576` as `1,048,576`.
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Bytes in the largest unit that they fill: `2.5 GiB`.
+pub fn bytes(bytes: u64) -> String {
+    let bytes = bytes as f64;
+    let units = ["bytes", "KiB", "MiB", "GiB"];
+    let power = ((bytes.max(1.0).log2() / 10.0) as usize).min(units.len() - 1);
+    match power {
+        0 => format!("{bytes} bytes"),
+        _ => format!("{:.1} {}", bytes / 1024_f64.powi(power as i32), units[power]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn percentages_have_three_digits() {
+        assert_eq!([1.5, 0.25, 0.0123].map(super::percent), ["150", "25.0", "1.23"]);
+    }
+
+    #[test]
+    fn numbers_are_grouped_by_thousands() {
+        assert_eq!([0, 999, 1000, 1048576].map(super::grouped), ["0", "999", "1,000", "1,048,576"]);
+    }
+
+    #[test]
+    fn bytes_have_the_largest_unit_that_they_fill() {
+        assert_eq!([512, 2048, 5 << 29].map(super::bytes), ["512 bytes", "2.0 KiB", "2.5 GiB"]);
+    }
+}

@@ -1,0 +1,73 @@
+//! Calibration of a rig's devices.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::Result;
+use crate::lab::{Log, RigSource, RunFolder, RunOptions, journal};
+use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, calibrate};
+use crate::measure::{Calibration, Effort, FrameSource, JournaledFrames};
+use crate::observer::{Estimate, Step};
+use crate::report::calibration;
+
+/// A calibration with the report about it.
+#[derive(Clone, Debug)]
+pub struct Calibrated {
+    /// What is known of the devices.
+    pub calibration: Calibration,
+    /// How well it is known.
+    pub report: CalibrationReport,
+    /// Photos and time that it took.
+    pub effort: Effort,
+    /// The folder that it was saved in.
+    pub folder: PathBuf,
+}
+
+impl RigSource {
+    /// The folder of the calibration that the rig file names, or else `NAME-calibration` beside the rig file.
+    pub fn calibration_folder(&self) -> PathBuf {
+        let beside = || self.file.path.with_file_name(format!("{}-calibration", self.name()));
+        self.file.calibration.clone().unwrap_or_else(beside)
+    }
+
+    /// Calibrates the devices from captures alone, and writes the calibration and a report into a folder. Every photo is in the folder's journal
+    /// before it is used.
+    ///
+    /// # Errors
+    /// As [`calibrate`]; [`crate::Error::Write`]; [`crate::Error::Option`] for a folder that holds a run.
+    pub fn calibrate(&self, options: &CalibrateOptions, run: &RunOptions) -> Result<Calibrated> {
+        let mut run = RunFolder::create(run, "calibration", self.observer())?;
+        self.describe(&mut run.manifest);
+        let outcome = self.calibrated(options, &mut run);
+        let closed = match &outcome {
+            Ok(_) => run.close(Ok("calibrated")),
+            Err(error) => run.close(Err(error)),
+        };
+        let calibrated = outcome?;
+        closed.map(|()| calibrated)
+    }
+
+    fn calibrated(&self, options: &CalibrateOptions, run: &mut RunFolder) -> Result<Calibrated> {
+        let observer = self.observer();
+        let journal = journal::open(&run.path, &self.identity()?, run.resumes, observer)?;
+        let warn = journal::warning(&journal, observer);
+        let mut frames = JournaledFrames::new(journal, self.opener())?.reporting(warn);
+        let (found, report) = calibrate(&mut frames, options, &mut |step| {
+            observer.detail(format_args!("measuring {step}"));
+            let step = Step { stage: "calibration", done: 1, total: 1, estimate: Estimate::None };
+            observer.0.step(&step)
+        })?;
+        found.save(&run.path)?;
+        calibration::write(&run.path, &found, &report)?;
+        let effort = frames.effort();
+        run.manifest.photos = effort.taken + effort.replayed;
+        let (title, lines) = (format!("{} · calibration", self.name()), report.lines());
+        let seconds = run.seconds();
+        calibration::write_page(&run.path, (title, &lines), (&found, &report), &run.manifest, seconds)?;
+        Ok(Calibrated { calibration: found, report, effort, folder: run.path.clone() })
+    }
+
+    /// Whether the rig file names this folder as its calibration.
+    pub fn names_calibration(&self, folder: &Path) -> bool {
+        self.file.calibration.as_deref() == Some(folder)
+    }
+}

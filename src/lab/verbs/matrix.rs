@@ -1,0 +1,80 @@
+//! The light transport matrix itself.
+
+use crate::analysis::brute_force;
+use crate::error::{Error, Result};
+use crate::lab::{Lab, LabOperator, SourceKind};
+use crate::sparse::Csr;
+use crate::transport::{Bounces, Part};
+
+/// Which matrices are wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct MatrixRequest {
+    /// Which light.
+    pub part: Part,
+    /// The first bounce, the second one and the rest as three matrices instead; the laboratory must have been opened with
+    /// [`split_bounces`](crate::lab::Settings::split_bounces).
+    pub split_bounces: bool,
+    /// Photos that a rig may take; 4096 where no limit is given.
+    pub photos: Option<usize>,
+}
+
+impl Lab {
+    /// The light transport matrix of every channel, `[channel]`, each with a name for its file: that of a scene is traced, a rig's is
+    /// photographed column by column.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for what a source cannot do; those of [`Lab::operator`].
+    pub fn matrices(&mut self, request: &MatrixRequest) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+        if matches!(self.kind(), SourceKind::Scene | SourceKind::Matrix) {
+            return self.matrices_in_memory(request);
+        }
+        if request.split_bounces {
+            return Err(Error::Option {
+                option: "--split-bounces".into(),
+                fault: "a photo does not tell how often its light has bounced".into(),
+                help: "give --part direct or --part global, which are told apart by shifted patterns".into(),
+            });
+        }
+        let resolution = self.projector_resolution();
+        brute_force::check_photos(resolution, self.channels(), request.photos)?;
+        let operators = self.operators(request.part)?;
+        self.expect(resolution.pixels());
+        let columns = |mut operator: LabOperator| Ok(vec![("", brute_force::columns(&mut operator)?)]);
+        self.photos(|_| operators.into_iter().map(columns).collect())
+    }
+
+    fn matrices_in_memory(&mut self, request: &MatrixRequest) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+        if request.photos.is_some() {
+            return Err(Error::Option {
+                option: "--photos".into(),
+                fault: "a scene's matrix is traced, not photographed".into(),
+                help: "leave it out; --spp says how many light paths are traced".into(),
+            });
+        }
+        let count = self.channels().count();
+        if !request.split_bounces {
+            let matrix = |channel| Ok(vec![("", self.matrix(request.part, channel)?)]);
+            return (0..count).map(matrix).collect();
+        }
+        let split = self.with_matrix(|matrix| {
+            let channel = |channel| {
+                let mut matrices = vec![("_direct", matrix.to_csr(Part::Direct, channel)?)];
+                for layer in matrix.layers() {
+                    match layer.bounces() {
+                        // It is in the direct part already.
+                        Bounces::One => {}
+                        Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
+                        Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),
+                    }
+                }
+                Ok(matrices)
+            };
+            (0..count).map(channel).collect()
+        })?;
+        split.ok_or_else(|| Error::Option {
+            option: "--split-bounces".into(),
+            fault: "the bounces of this matrix are not known".into(),
+            help: "leave it out, or give a scene".into(),
+        })
+    }
+}

@@ -1,0 +1,20 @@
+//! What the verbs of the command line ask, as methods of a laboratory: each takes a request, and returns an answer with arrays in it.
+
+mod audit;
+mod calibrate;
+mod compensate;
+mod eigs;
+mod matrix;
+mod photo;
+mod probe;
+mod relight;
+mod segment;
+mod separate;
+mod solve;
+
+pub use calibrate::Calibrated;
+pub use compensate::{ColorMixing, CompensateAnswer, CompensateRequest};
+pub use matrix::MatrixRequest;
+pub use photo::SinglePhoto;
+pub use relight::{BLOCK, Questions, RelightRequest};
+pub use separate::SeparateRequest;

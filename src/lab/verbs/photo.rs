@@ -1,0 +1,69 @@
+//! A single photo, taken in the cheapest way.
+
+use crate::error::Result;
+use crate::image::Image;
+use crate::lab::Lab;
+use crate::lab::settings::OperatorChoice;
+use crate::lab::source::{Source, scenes_only};
+use crate::lab::transport::LightTransport;
+use crate::measure::RigRecord;
+use crate::transport::Noise;
+
+use std::sync::{Arc, Mutex};
+
+/// A photo, and how far it is from the truth.
+#[derive(Clone, Debug)]
+pub struct SinglePhoto {
+    /// The photo.
+    pub photo: Image,
+    /// The relative error, where it is known.
+    pub noise: Option<f64>,
+    /// Whether `noise` is that of the white photo by the same matrix, rather than of this photo.
+    pub is_of_white: bool,
+    /// What it has cost on a rig.
+    pub rig: Option<RigRecord>,
+}
+
+impl Lab {
+    /// Takes one photo: that of a scene is traced for itself unless the matrix is in the cache, since a single photo is never worth a matrix.
+    /// A rig's photo is of the light of the pattern alone, unless the rig file says otherwise.
+    ///
+    /// # Errors
+    /// As [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for anything but a scene.
+    pub fn single_photo(&mut self, pattern: &Image) -> Result<SinglePhoto> {
+        if let Source::Scene(scene) = &self.source {
+            if self.transport.is_none() && self.settings.operator == OperatorChoice::Auto {
+                let transport = match scene.cached(self.channels) {
+                    Some(traced) => {
+                        LightTransport::of_assembled(scene, traced, &self.settings, &self.observer)?
+                    }
+                    None => LightTransport::of_retraced(scene, self.channels, &self.observer),
+                };
+                self.transport = Some(Arc::new(Mutex::new(transport)));
+            }
+        } else if self.settings.operator != OperatorChoice::Auto {
+            return Err(scenes_only("--operator"));
+        }
+        let white: Option<Noise> = self.noise()?;
+        let (photo, error) = self.photo_with_error(pattern)?;
+        let of_photo = error.map(|error| norm(&error) / norm(&photo)).filter(|noise| noise.is_finite());
+        let rig = match self.kind() {
+            crate::lab::SourceKind::Scene => None,
+            _ => self.costs()?,
+        };
+        if let (Some(rig), Some(run)) = (&rig, &mut self.run) {
+            run.manifest.rig = Some(rig.clone());
+        }
+        Ok(SinglePhoto {
+            noise: white.as_ref().map(|noise| noise.white_relative).or(of_photo),
+            is_of_white: white.is_some(),
+            photo,
+            rig,
+        })
+    }
+}
+
+/// The root of the sum of squares of all samples.
+fn norm(image: &Image) -> f64 {
+    image.samples().iter().map(|&sample| f64::from(sample).powi(2)).sum::<f64>().sqrt()
+}

@@ -1,0 +1,28 @@
+//! Photos of which only some light paths are let through.
+
+use crate::analysis::Probing;
+use crate::analysis::probe::probe;
+use crate::error::Result;
+use crate::lab::answers::ProbedLight;
+use crate::lab::{Lab, LabOperator};
+use crate::transport::Part;
+
+impl Lab {
+    /// Probes every channel by `photos` random patterns.
+    ///
+    /// # Errors
+    /// As [`probe`] and [`Lab::operators`].
+    pub fn probe(&mut self, probing: Probing, photos: usize) -> Result<ProbedLight> {
+        probing.check()?;
+        let (resolution, seed) = (self.resolution(), self.seed());
+        let mut operators = self.operators(Part::Full)?;
+        self.expect(probing.photos(photos));
+        let one = |operator: &mut LabOperator| probe(operator, resolution, probing, photos, seed);
+        let found = self.photos(|_| operators.iter_mut().map(one).collect::<Result<Vec<_>>>())?;
+        let truth = self.with_matrix(|matrix| {
+            let channels = 0..matrix.channels().count();
+            channels.map(|c| Ok(probing.exact(&matrix.to_csr(Part::Full, c)?, resolution))).collect()
+        })?;
+        Ok(ProbedLight::new(probing, found, truth))
+    }
+}

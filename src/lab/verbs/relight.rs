@@ -1,0 +1,159 @@
+//! Low-rank relighting.
+
+use crate::analysis::low_rank::{
+    DirectPart, LowRankCapture, SavedModel, capture_channels, diagonal_of, rank_curve, smooth_starts,
+};
+use crate::analysis::planes::{Planes, difference};
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::lab::answers::Relighting;
+use crate::lab::{Lab, LabOperator, SourceKind};
+use crate::transport::Part;
+
+/// Patterns of a capture that are chosen before any photo is projected back: enough to tell the twelve cups of a carton apart.
+pub const BLOCK: usize = 12;
+
+/// What is asked of a capture.
+#[derive(Clone, Debug)]
+pub struct RelightRequest {
+    /// Photos of the capture.
+    pub photos: usize,
+    /// Patterns that are chosen before any photo is projected back: white, and smooth random ones. 1 is white alone.
+    pub block: usize,
+    /// What the model is asked.
+    pub questions: Questions,
+    /// The largest error of a relit photo that is good enough.
+    pub max_error: Option<f64>,
+}
+
+/// What a model is asked, each by name.
+#[derive(Clone, Debug, Default)]
+pub struct Questions {
+    /// Patterns of the projector's pixels to relight with.
+    pub patterns: Vec<(String, Image)>,
+    /// Patterns of the camera's pixels, for dual photographs.
+    pub duals: Vec<(String, Image)>,
+    /// Photos to take the interreflections out of, with the ambient light.
+    pub photographs: Vec<(String, Planes)>,
+}
+
+impl Lab {
+    /// Captures the light transport in a few dozen photos and asks the model. The model is written into the folder of the open run as soon as
+    /// it is there. The photos of a scene are not kept in a journal: a simulator is also asked for the truth.
+    ///
+    /// # Errors
+    /// As [`capture_channels`] and [`Lab::operators`].
+    pub fn relight(&mut self, request: &RelightRequest) -> Result<Relighting> {
+        if self.kind() == SourceKind::Scene {
+            self.without_journal()?;
+        }
+        let model = self.capture(request)?;
+        let mut answer = Relighting::new(model, 0);
+        answer.photos = answer.model.rank();
+        answer.max_error = request.max_error;
+        if let Some(run) = self.run() {
+            answer.files = answer.model.write(&run.path)?;
+        }
+        answer.curve = self.timed("error curve", |lab| lab.rank_curve(&answer.model))?;
+        self.timed("relighting", |lab| lab.ask(&mut answer, &request.questions))?;
+        Ok(answer)
+    }
+
+    /// Asks the model of the run that is the source; no photo is taken.
+    ///
+    /// # Errors
+    /// As [`Lab::model`].
+    pub fn relight_run(&mut self, questions: &Questions) -> Result<Relighting> {
+        let mut answer = Relighting::new(self.model()?, 0);
+        if let (Some(run), false) = (&self.run, self.has_saved_model()) {
+            answer.files = answer.model.write(&run.path)?;
+        }
+        self.timed("relighting", |_| {
+            let none: [Option<Vec<LabOperator>>; 2] = [None, None];
+            answer_questions(&mut answer, questions, none)
+        })?;
+        Ok(answer)
+    }
+
+    fn capture(&mut self, request: &RelightRequest) -> Result<SavedModel> {
+        let (resolution, projector) = (self.resolution(), self.projector_resolution());
+        if resolution.pixels() != projector.pixels() {
+            return Err(Error::Option {
+                option: "--projector-size".into(),
+                fault: format!(
+                    "the camera has {resolution} pixels and the projector {projector}, but a Krylov process projects its photos"
+                ),
+                help: "give both as many pixels".into(),
+            });
+        }
+        self.transport()?;
+        let (name, unit) = (self.name(), self.unit().to_owned());
+        let seed = self.seed();
+        let channels = self.photos(|lab| {
+            let ambient = lab.ambient()?;
+            let direct = lab.direct_parts()?;
+            let beside = smooth_starts(projector, request.block.max(1) - 1, seed);
+            let options = LowRankCapture { photos: request.photos, start: None, beside };
+            lab.expect(request.photos);
+            let mut operators = lab.operators(Part::Global)?;
+            Ok((ambient, capture_channels(&mut operators, direct, &options)?))
+        });
+        let (ambient, channels) = channels?;
+        Ok(SavedModel { channels, ambient, resolution, projector, unit, source: name })
+    }
+
+    /// The direct light of each channel: a diagonal where it is one.
+    fn direct_parts(&mut self) -> Result<Vec<DirectPart>> {
+        if let Some(diagonals) = self.direct_diagonal()? {
+            return Ok(diagonals.into_iter().map(DirectPart::Diagonal).collect());
+        }
+        let matrices = self.with_matrix(|matrix| {
+            let channel = |channel| Ok(DirectPart::Matrix(matrix.to_csr(Part::Direct, channel)?));
+            (0..matrix.channels().count()).map(channel).collect()
+        })?;
+        match matrices {
+            Some(matrices) => Ok(matrices),
+            None => self.reference_operators(Part::Direct)?.iter_mut().map(|of| diagonal_of(of)).collect(),
+        }
+    }
+
+    fn rank_curve(&mut self, model: &SavedModel) -> Result<Vec<crate::analysis::low_rank::RankRow>> {
+        let matrices = self.with_matrix(|matrix| {
+            (0..matrix.channels().count())
+                .map(|channel| matrix.to_csr(Part::Global, channel))
+                .collect::<Result<Vec<_>>>()
+        })?;
+        let Some(matrices) = matrices else { return Ok(Vec::new()) };
+        rank_curve(&model.channels, &matrices, &mut self.reference_operators(Part::Global)?)
+    }
+
+    /// Asks the model, and the true matrix where there is one.
+    fn ask(&mut self, answer: &mut Relighting, questions: &Questions) -> Result<()> {
+        let operators = match self.with_matrix(|_| Ok(()))? {
+            Some(()) => [Part::Full, Part::Global].map(|part| self.reference_operators(part)),
+            None => return answer_questions(answer, questions, [None, None]),
+        };
+        let [full, global] = operators;
+        answer_questions(answer, questions, [Some(full?), Some(global?)])
+    }
+}
+
+/// `[full, global]` are operators of the truth, where it is known.
+fn answer_questions(
+    answer: &mut Relighting,
+    questions: &Questions,
+    [mut full, mut global]: [Option<Vec<LabOperator>>; 2],
+) -> Result<()> {
+    let model = &answer.model;
+    for (name, pattern) in &questions.patterns {
+        answer.relit.push(model.relight(name, pattern.clone(), full.as_deref_mut())?);
+    }
+    for (name, pattern) in &questions.duals {
+        answer.duals.push(model.dual(name.clone(), pattern, full.as_deref_mut())?);
+    }
+    for (name, photo) in &questions.photographs {
+        let photo = difference(photo, &model.ambient.planes());
+        answer.reduced.push(model.reduce(name.clone(), &photo, global.as_deref_mut())?);
+    }
+    Ok(())
+}

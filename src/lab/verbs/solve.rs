@@ -1,0 +1,26 @@
+//! Linear systems.
+
+use crate::error::{Error, Result};
+use crate::krylov::{Method, Solution, SolveOptions, solve_adjoint};
+use crate::lab::Lab;
+use crate::transport::Part;
+
+impl Lab {
+    /// Solves `A x = b` with the matrix of the first channel; `b` has an entry for each of its rows.
+    ///
+    /// # Errors
+    /// As [`solve_adjoint`] and [`Lab::operator`].
+    pub fn solve(&mut self, method: Method, rhs: &[f64], options: &SolveOptions) -> Result<Solution> {
+        let rows = self.resolution().pixels();
+        if rhs.len() != rows {
+            return Err(Error::Dimension {
+                what: "entries of the right-hand side",
+                expected: rows.to_string(),
+                found: rhs.len().to_string(),
+            });
+        }
+        let mut operator = self.operator(Part::Full)?;
+        self.expect(options.products);
+        self.photos(|_| solve_adjoint(method, &mut operator, rhs, options))
+    }
+}

@@ -1,0 +1,87 @@
+//! The scene or matrix that the devices of a virtual rig look at.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::SharedObserver;
+use super::scene::SceneSource;
+use super::settings::Settings;
+use crate::analysis::plan::Twin;
+use crate::error::{Error, Result};
+use crate::io::sparse;
+use crate::render::TraceSettings;
+use crate::rig::{VirtualRig, VirtualScene};
+use crate::transport::{Backend, ExplicitMatrix};
+
+/// Opens the scene of a virtual rig, with settings in place of what its file says; none where its matrix is in a file.
+pub(super) fn scene_of(
+    scene: &mut VirtualScene,
+    rig: &Path,
+    settings: &Settings,
+    observer: &SharedObserver,
+) -> Result<Option<SceneSource>> {
+    match scene {
+        VirtualScene::File { path, camera, camera_file, size, samples, max_bounces, seed } => {
+            let camera = settings.camera.clone().or(camera.take());
+            let camera_file = settings.camera_file.clone().or(camera_file.take());
+            let of_file = TraceSettings {
+                max_bounces: *max_bounces,
+                seed: *seed,
+                ..TraceSettings::new(*size, *samples)
+            };
+            let trace = settings.trace.for_rig(of_file);
+            if trace.projector.is_some() {
+                return Err(Error::Option {
+                    option: "--projector-size".into(),
+                    fault: format!("{} has as many projector pixels as its scene has", rig.display()),
+                    help: "leave it out, or give --size".into(),
+                });
+            }
+            (*size, *samples, *max_bounces) = (trace.resolution, trace.samples, trace.max_bounces);
+            SceneSource::open(path, camera.as_deref(), camera_file.as_deref(), trace, settings, observer)
+                .map(Some)
+        }
+        VirtualScene::Matrix { .. } => refuse_tracing(rig, settings).map(|()| None),
+    }
+}
+
+/// Refuses settings of the tracer where nothing is traced.
+pub(super) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {
+    let Some(option) = settings.first_of_trace() else { return Ok(()) };
+    Err(Error::Option {
+        option: option.into(),
+        fault: format!("nothing is traced for {}", rig.display()),
+        help: "leave it out: the rig file says what is seen".into(),
+    })
+}
+
+/// What the devices look at: the scene, traced now, or the matrix in a file.
+pub(super) fn twin(scene: Option<&SceneSource>, devices: &VirtualRig, rig: &Path) -> Result<Twin> {
+    Ok(match (scene, &devices.scene) {
+        (Some(scene), _) => {
+            let mut traced = scene.assemble(devices.channels(), false)?;
+            scene.place(&mut traced, Backend::Auto)?;
+            Twin::Traced(Arc::new(traced))
+        }
+        (None, VirtualScene::Matrix { path, size }) => {
+            Twin::Explicit(ExplicitMatrix::new(sparse::read(path)?, *size)?)
+        }
+        (None, VirtualScene::File { .. }) => return Err(no_scene(rig)),
+    })
+}
+
+pub(super) fn no_scene(path: &Path) -> Error {
+    Error::Data {
+        path: path.to_path_buf(),
+        fault: "there is no scene in it that could be traced".into(),
+        help: "give a rig whose [scene] names a scene's `file`".into(),
+    }
+}
+
+pub(super) fn not_virtual(path: &Path) -> Error {
+    Error::Data {
+        path: path.to_path_buf(),
+        fault: "its devices are real: there is no virtual twin to predict by".into(),
+        help: "describe scene and devices in a rig file of kind = \"virtual\"".into(),
+    }
+}

@@ -1,0 +1,20 @@
+//! The camera's response and noise, as far as they are known in the course of a calibration.
+
+use super::linear::Linear;
+
+/// How photos are taken and converted to light: exposure, takes, response and noise.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CameraModel<'a> {
+    /// The response: linear DN of a count.
+    pub(super) linear: &'a Linear,
+    /// Electrons per linear DN.
+    pub(super) gain: f64,
+    /// The read noise, in DN.
+    pub(super) read_noise: f64,
+    /// Counts from here on may be saturated.
+    pub(super) limit: f64,
+    /// The exposure at which white fills the range, in seconds.
+    pub(super) exposure: f64,
+    /// Frames averaged for each photo.
+    pub(super) takes: u32,
+}

@@ -1,0 +1,47 @@
+//! A measured number with its standard error.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// A measured number with its standard error, in the same unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredValue {
+    /// The number.
+    pub value: f64,
+    /// Its standard error, as the noise of the frames predicts it.
+    pub error: f64,
+}
+
+impl MeasuredValue {
+    /// `value ± error`.
+    pub fn new(value: f64, error: f64) -> Self {
+        Self { value, error }
+    }
+
+    /// Both times a factor.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { value: self.value * factor, error: self.error * factor.abs() }
+    }
+}
+
+impl fmt::Display for MeasuredValue {
+    /// As many digits as the error leaves two of: `2.2013 ± 0.0012`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = if self.error > 0.0 { self.error } else { self.value.abs() * 1e-4 };
+        let decimals = if size > 0.0 { (1.0 - size.log10().floor()).clamp(0.0, 9.0) as usize } else { 0 };
+        write!(f, "{:.decimals$} ± {:.decimals$}", self.value, self.error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::MeasuredValue;
+
+    #[test]
+    fn a_figure_shows_the_digits_that_its_error_leaves() {
+        assert_eq!(MeasuredValue::new(2.201_34, 0.001_21).to_string(), "2.2013 ± 0.0012");
+        assert_eq!(MeasuredValue::new(64.03, 1.5).to_string(), "64.0 ± 1.5");
+        assert_eq!(MeasuredValue::new(0.0, 0.0).to_string(), "0 ± 0");
+    }
+}

@@ -1,0 +1,149 @@
+//! A rig looked at without a whole calibration: exposure, codes, and single photos, again and again while
+//! somebody moves it.
+
+use super::camera_model::CameraModel;
+use super::exposure::{WhiteExposure, fill, search};
+use super::footprint::by_overlap;
+use super::gray_code::{Decoded, gray_code, photo};
+use super::lens_map::{Match, centre};
+use super::linear::Linear;
+use super::map_fit::{Fit, fit};
+use super::pixel_map::coarse;
+use super::session::{CalibrationSession, percentile};
+use super::transfer::transfer;
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::measure::{CameraResponse, FrameSource, Registration};
+use crate::rig::RawFrame;
+
+/// Pairs of equal frames that tell the noise where no calibration does, at each of three brightnesses.
+const PAIRS: usize = 2;
+
+/// Share of the range from which on counts are taken for saturated where no calibration says.
+const LIMIT: f64 = 0.98;
+
+/// Looks at a rig. All photos are of one exposure, in linear DN summed over the camera's channels.
+pub struct Observer<'a> {
+    session: CalibrationSession<'a>,
+    linear: Linear,
+    limit: f64,
+    gain: f64,
+    read_noise: f64,
+    exposure: f64,
+}
+
+impl<'a> Observer<'a> {
+    /// Looks through `frames` at this exposure, or at the one that white fills the range in. What is not
+    /// known of the camera is told from a few photos: its black level and its noise, and its response is
+    /// taken for a line.
+    ///
+    /// # Errors
+    /// As calibration: when the rig fails, or white cannot be exposed.
+    pub fn new(
+        frames: &'a mut dyn FrameSource,
+        known: Option<&CameraResponse>,
+        exposure: Option<f64>,
+    ) -> Result<Self> {
+        let mut session = CalibrationSession::new(frames);
+        let white = session.filled(session.top());
+        let exposure = match exposure {
+            Some(exposure) => exposure,
+            None => fill(&mut session, &white)?,
+        };
+        if let Some(known) = known {
+            let linear = Linear { black: known.black, curve: known.curve.clone() };
+            let CameraResponse { saturation, gain, read_noise, .. } = *known;
+            return Ok(Self { session, linear, limit: saturation, gain, read_noise, exposure });
+        }
+        let shortest = session.camera().exposures[0];
+        let black = session.filled(0);
+        let limit = LIMIT * session.full();
+        let mut pairs: Vec<[RawFrame; 2]> = Vec::new();
+        for (frame, exposure) in [(&black, shortest), (&white, 0.25 * exposure), (&white, exposure)] {
+            for _ in 0..PAIRS {
+                let exposure = session.allowed(exposure);
+                pairs.push([session.capture(frame, exposure)?, session.capture(frame, exposure)?]);
+            }
+        }
+        let dark = percentile(pairs[0][0].counts.iter().map(|&count| count.into()), 0.5);
+        let linear = Linear { black: dark, curve: None };
+        let noise = transfer(&pairs, &linear, limit)?;
+        let (gain, read_noise) = (noise.gain.value, noise.read_noise.value);
+        Ok(Self { session, linear, limit, gain, read_noise, exposure })
+    }
+
+    /// The exposure at which white fills the range as far as can be, in seconds, and how far that is.
+    ///
+    /// # Errors
+    /// Whatever keeps frames from being taken.
+    pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
+        let mut session = CalibrationSession::new(frames);
+        let white = session.filled(session.top());
+        search(&mut session, &white)
+    }
+
+    /// Seconds of each exposure.
+    pub fn exposure(&self) -> f64 {
+        self.exposure
+    }
+
+    /// The camera's pixels.
+    pub fn camera(&self) -> Resolution {
+        self.session.camera().resolution
+    }
+
+    /// The projector's pixels.
+    pub fn projector(&self) -> Resolution {
+        self.session.projector().resolution
+    }
+
+    /// Shows Gray codes, and decodes which projector pixel each camera pixel looks at.
+    ///
+    /// # Errors
+    /// Whatever keeps frames from being taken.
+    pub fn codes(&mut self) -> Result<Decoded> {
+        let coarse = coarse(self.camera(), self.projector());
+        let Self { session, linear, limit, gain, read_noise, exposure } = self;
+        gray_code(session, &model(linear, *limit, [*gain, *read_noise, *exposure]), coarse)
+    }
+
+    /// The map that most of the decoded pixels agree on.
+    ///
+    /// # Errors
+    /// [`crate::Error::Rig`] when there is none.
+    pub fn fit(&self, decoded: &Decoded) -> Result<Fit> {
+        let camera = self.camera();
+        let matches: Vec<Match> = decoded
+            .all()
+            .map(|seen| Match { camera: centre(seen.pixel, camera), projector: seen.fine })
+            .collect();
+        fit(&matches, camera, self.projector(), 0.41 * decoded.step as f64)
+    }
+
+    /// The photo of a pattern that is lit where `lit` says so, by column and row: an entry for each camera
+    /// pixel.
+    ///
+    /// # Errors
+    /// Whatever keeps frames from being taken.
+    pub fn photograph(&mut self, lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
+        let Self { session, linear, limit, gain, read_noise, exposure } = self;
+        Ok(photo(session, &model(linear, *limit, [*gain, *read_noise, *exposure]), lit)?.0)
+    }
+
+    /// The variance of one photo's entry of so much light.
+    pub fn variance(&self, light: f64) -> f64 {
+        let channels = self.session.camera().channels as f64;
+        light.max(0.0) / self.gain + channels * (self.read_noise.powi(2) + 1.0 / 12.0)
+    }
+}
+
+impl Fit {
+    /// Which camera pixels see each projector pixel by this map; those that are not `used` do not count.
+    pub fn footprints(&self, used: &[bool]) -> Registration {
+        by_overlap(&self.map, used)
+    }
+}
+
+fn model(linear: &Linear, limit: f64, [gain, read_noise, exposure]: [f64; 3]) -> CameraModel<'_> {
+    CameraModel { linear, gain, read_noise, limit, exposure, takes: 1 }
+}

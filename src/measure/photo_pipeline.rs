@@ -1,0 +1,168 @@
+//! From a frame to its photo on the camera's pixels: averaging, HDR, ambient light, camera response and
+//! drift, in this order.
+
+use std::collections::HashSet;
+use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
+use std::sync::Arc;
+
+use super::ambient::BlackPhotos;
+use super::averaging::{AveragedExposure, average};
+use super::drift::Drift;
+use super::exposure;
+use super::frame_source::FrameSource;
+use super::hdr::{RateFrame, merge};
+use super::options::{MOST_TAKES, MeasureOptions};
+use super::response::CameraCurve;
+use crate::error::Result;
+use crate::rig::Frame;
+
+/// Takes photos with drift correction. Which frames it captures depends only on the options, on the frames
+/// that it is asked for, and on what earlier frames showed, so that a journal can replay it.
+pub(super) struct PhotoPipeline {
+    pub(super) camera: HdrCamera,
+    references: Option<ReferencePhotos>,
+    /// Patterns since the last photo of white.
+    since_white: u32,
+}
+
+/// The exposures and the photos of black and white, which all other photos need. They are taken before the
+/// first photo.
+pub(super) struct ReferencePhotos {
+    /// The exposures in seconds, the shortest first.
+    pub(super) exposures: Vec<f64>,
+    /// The black photo at each exposure.
+    pub(super) blacks: BlackPhotos,
+    /// The white photo.
+    pub(super) white: Arc<RateFrame>,
+    /// The share of the used samples that are saturated in at least one exposure of white.
+    pub(super) saturated: f64,
+    /// The drift of the lamp since the white photo.
+    pub(super) drift: Drift,
+    /// White at the shortest exposure, with which sentinels are compared.
+    reference: AveragedExposure,
+}
+
+/// Captures frames at several exposures, and merges them.
+pub(super) struct HdrCamera {
+    pub(super) frames: Box<dyn FrameSource>,
+    pub(super) curve: CameraCurve,
+    /// Which camera pixels some projector pixel uses.
+    pub(super) used: Vec<bool>,
+    /// The frame that lights every pixel that is not masked.
+    pub(super) white: Arc<Frame>,
+    /// The frame of level 0.
+    pub(super) black: Arc<Frame>,
+    pub(super) options: MeasureOptions,
+    /// The hashes of the frames shown so far.
+    pub(super) shown: HashSet<u64>,
+}
+
+impl PhotoPipeline {
+    pub(super) fn new(camera: HdrCamera) -> Self {
+        Self { camera, references: None, since_white: 0 }
+    }
+
+    /// The reference photos, which are taken now unless they have been taken before.
+    pub(super) fn references(&mut self) -> Result<&mut ReferencePhotos> {
+        Ok(self.parts()?.0)
+    }
+
+    /// The reference photos, and the camera.
+    pub(super) fn parts(&mut self) -> Result<(&mut ReferencePhotos, &mut HdrCamera)> {
+        let references = match &mut self.references {
+            Some(references) => references,
+            missing => missing.insert(self.camera.references()?),
+        };
+        Ok((references, &mut self.camera))
+    }
+
+    /// The photo of `frame`, corrected for drift. The photo of white is the reference.
+    pub(super) fn photograph(&mut self, frame: &Arc<Frame>) -> Result<Arc<RateFrame>> {
+        let due = self.camera.options.sentinel_every;
+        let sentinel_is_due = due > 0 && self.since_white >= due;
+        let (references, camera) = self.parts()?;
+        if *frame == camera.white {
+            return Ok(Arc::clone(&references.white));
+        }
+        if sentinel_is_due {
+            camera.take_sentinel(references)?;
+        }
+        let mut seen = camera.see(frame, &references.exposures, &references.blacks)?.0;
+        seen.scale(1.0 / references.drift.light(seen.started));
+        self.since_white = if sentinel_is_due { 1 } else { self.since_white + 1 };
+        Ok(Arc::new(seen))
+    }
+}
+
+impl HdrCamera {
+    /// Chooses the exposures, and takes black and white.
+    fn references(&mut self) -> Result<ReferencePhotos> {
+        let (white, black) = (Arc::clone(&self.white), Arc::clone(&self.black));
+        let exposures = if self.options.exposures.is_empty() {
+            exposure::choose(&mut *self.frames, &self.curve, &white, &self.used, self.options.brackets)?
+        } else {
+            self.options.exposures.clone()
+        };
+        let mut blacks = BlackPhotos::default();
+        if self.options.ambient {
+            self.note(&black);
+            let takes = self.options.black_takes;
+            blacks = BlackPhotos::take(&mut *self.frames, &self.curve, &black, &exposures, takes)?;
+        }
+        let (seen, mut exposed) = self.see(&white, &exposures, &blacks)?;
+        let saturated = self.saturated(&exposed);
+        let drift = Drift::new(seen.started);
+        let reference = exposed.swap_remove(0);
+        Ok(ReferencePhotos { exposures, blacks, white: Arc::new(seen), saturated, drift, reference })
+    }
+
+    /// The share of the used samples that are saturated in at least one exposure.
+    fn saturated(&self, exposed: &[AveragedExposure]) -> f64 {
+        let channels = self.frames.camera().channels;
+        let used = || (0..self.used.len() * channels).filter(|sample| self.used[sample / channels]);
+        let lost = used().filter(|&sample| exposed.iter().any(|exposed| exposed.saturated[sample])).count();
+        lost as f64 / used().count().max(1) as f64
+    }
+
+    /// Captures a frame at all exposures. Returns the merged photo and the single exposures.
+    fn see(
+        &mut self,
+        frame: &Arc<Frame>,
+        exposures: &[f64],
+        blacks: &BlackPhotos,
+    ) -> Result<(RateFrame, Vec<AveragedExposure>)> {
+        self.note(frame);
+        let takes = 0..self.options.takes;
+        let exposed: Vec<AveragedExposure> = exposures
+            .iter()
+            .map(|&exposure| average(&mut *self.frames, &self.curve, frame, exposure, takes.clone()))
+            .collect::<Result<_>>()?;
+        let merged =
+            merge(&exposed, &blacks.exposed, &self.curve, &self.used, self.frames.camera().resolution)?;
+        Ok((merged, exposed))
+    }
+
+    /// Takes a sentinel, a photo of white, and adds the brightness of the lamp to the drift.
+    fn take_sentinel(&mut self, references: &mut ReferencePhotos) -> Result<()> {
+        let take = MOST_TAKES + references.drift.count() as u32;
+        let white = Arc::clone(&self.white);
+        let now = average(&mut *self.frames, &self.curve, &white, references.exposures[0], take..take + 1)?;
+        let black = references.blacks.exposed.first();
+        let channels = self.frames.camera().channels;
+        let (mut sum, mut reference) = (0.0, 0.0);
+        for sample in (0..now.mean.len()).filter(|sample| self.used[sample / channels]) {
+            if !now.saturated[sample] {
+                let black = black.map_or(self.curve.zero, |black| black.mean[sample]);
+                sum += now.mean[sample] - black;
+                reference += references.reference.mean[sample] - black;
+            }
+        }
+        references.drift.add(now.started, if reference > 0.0 { sum / reference } else { 1.0 });
+        Ok(())
+    }
+
+    /// Counts a frame among those shown.
+    fn note(&mut self, frame: &Arc<Frame>) {
+        self.shown.insert(BuildHasherDefault::<DefaultHasher>::default().hash_one(frame));
+    }
+}

@@ -1,0 +1,120 @@
+//! The check of a rig before a session: rig file, disk space, devices, light, frames and calibration, in
+//! under a minute.
+//!
+//! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is
+//! known. A finding says what was found, what was expected, and what to do; its [`Grade`] follows from the
+//! bounds in [`thresholds`]. `krylux rig check` prints these findings.
+
+mod calibration;
+mod devices;
+mod disk;
+mod finding;
+mod light;
+mod photos;
+pub mod thresholds;
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+pub use finding::{Finding, Findings, Grade};
+
+use super::{FrameSource, RigFile};
+use crate::error::{Error, Result};
+use crate::rig::Helper;
+use photos::Setup;
+
+/// The rig to be checked, and how to open it.
+pub struct RigToCheck<'a> {
+    /// The rig file.
+    pub file: &'a RigFile,
+    /// Where the runs of the session will be written. It need not exist yet.
+    pub folder: &'a Path,
+    /// Finds the program that draws on the screen of an X11 projector. It is called for a rig of real devices
+    /// only.
+    pub helper: &'a dyn Fn() -> Result<Helper>,
+    /// Opens projector and camera together. It is called after each device was opened and closed by itself.
+    pub open: &'a mut dyn FnMut() -> Result<Box<dyn FrameSource>>,
+}
+
+/// Receives each finding. [`ControlFlow::Break`] ends the check with [`Error::Interrupted`].
+pub type Report<'a> = dyn FnMut(&Finding) -> ControlFlow<()> + 'a;
+
+/// Checks a rig. What is wrong with it is a finding, and so is an error of its devices.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `report` or the devices say so.
+pub fn check(rig: RigToCheck<'_>, report: &mut Report<'_>) -> Result<Findings> {
+    let mut recorder = Recorder::new(report);
+    recorder.findings.complete = examine(rig, &mut recorder)?;
+    Ok(recorder.findings)
+}
+
+/// The findings of a rig whose file could not be read because of `error`: that alone.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `report` says so, or when it is the `error`.
+pub fn unreadable(error: Error, report: &mut Report<'_>) -> Result<Findings> {
+    let mut recorder = Recorder::new(report);
+    recorder.failure("file", error)?;
+    Ok(recorder.findings)
+}
+
+/// Examines everything in order. Returns whether all of it could be examined.
+fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
+    let file = rig.file;
+    recorder.add(devices::file(file))?;
+    recorder.add(disk::space(rig.folder, &file.kind.camera_info()))?;
+    if !devices::devices(&file.kind, rig.helper, recorder)? {
+        return Ok(false);
+    }
+    let known = calibration::calibration(file, recorder)?;
+    let mut frames = match (rig.open)() {
+        Ok(frames) => frames,
+        Err(error) => return recorder.failure("session", error),
+    };
+    let setup = Setup {
+        settle: file.settle(known.as_ref()),
+        exposure: file.longest_exposure(),
+        known: known.as_ref(),
+    };
+    frames.set_settle(setup.settle);
+    let examined = photos::photos(&setup, frames.as_mut(), recorder).and_then(|exposure| match exposure {
+        Some(exposure) => {
+            calibration::pixel_map(setup.known, frames.as_mut(), exposure, recorder).map(|()| true)
+        }
+        None => Ok(false),
+    });
+    // The devices are free again before anything else is reported.
+    drop(frames);
+    examined.or_else(|error| recorder.failure("frames", error))
+}
+
+/// Keeps the findings, and reports each.
+struct Recorder<'a, 'b> {
+    findings: Findings,
+    report: &'a mut Report<'b>,
+}
+
+impl<'a, 'b> Recorder<'a, 'b> {
+    fn new(report: &'a mut Report<'b>) -> Self {
+        Self { findings: Findings { all: Vec::new(), complete: false }, report }
+    }
+
+    fn add(&mut self, finding: Finding) -> Result<()> {
+        let flow = (self.report)(&finding);
+        self.findings.all.push(finding);
+        match flow {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Error::Interrupted),
+        }
+    }
+
+    /// Adds the error that prevents the rest of the check. The check is then not complete: `false`.
+    fn failure(&mut self, name: &'static str, error: Error) -> Result<bool> {
+        if matches!(error, Error::Interrupted) {
+            return Err(error);
+        }
+        self.add(Finding::error(name, &error))?;
+        Ok(false)
+    }
+}

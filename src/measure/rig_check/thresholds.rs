@@ -1,0 +1,55 @@
+//! The bounds of the check: where a finding becomes a warning, and where it fails.
+
+/// An exposure may differ from a whole number of the projector's refreshes by this share of one refresh.
+pub const REFRESH_FRACTION: f64 = 0.02;
+
+/// Photos of a long session: a capture with several exposures and takes, its calibration, and a second try.
+/// Less disk space than that is a warning.
+pub const SESSION_PHOTOS: u64 = 5000;
+
+/// With disk space for fewer photos than this the check fails: not even one capture fits.
+pub const MIN_PHOTOS: u64 = 200;
+
+/// White's 98th percentile, as a share of the camera's range, below which most of the range is unused: a
+/// warning.
+pub const DIM_WHITE: f64 = 0.2;
+
+/// White's 98th percentile, as a share of the camera's range, below which the camera does not see the
+/// projector: a failure.
+pub const INVISIBLE_WHITE: f64 = 0.01;
+
+/// A warning when more than this share of white's samples is saturated.
+pub const SATURATED_WARNING: f64 = 0.01;
+
+/// A failure when more than this share of white's samples is saturated.
+pub const SATURATED_FAILURE: f64 = 0.1;
+
+/// A warning when the light without a pattern is more than this share of white's light. At this share it adds
+/// a tenth to the noise of white.
+pub const AMBIENT: f64 = 0.2;
+
+/// A warning when drift and flicker change the light of white by more than this share from photo to photo.
+/// `krylux audit` has the same bound.
+pub const REPEATABILITY: f64 = 0.01;
+
+/// A failure when white right after black has less light than a repeated white by more than this share. The
+/// latency measurement of the calibration has the same tolerance.
+pub const SETTLING: f64 = 2e-3;
+
+/// A warning when the noise of a photo, as a multiple of what the calibration predicts, lies outside of this
+/// interval.
+pub const NOISE_RATIO: [f64; 2] = [0.8, 1.25];
+
+/// A warning when the pixel map is off by more than this, in projector pixels. The calibration promises as
+/// much.
+pub const MAP_OFFSET_WARNING: f64 = 0.1;
+
+/// A failure when the pixel map is off by more than this, in projector pixels: a third of the direct light is
+/// then assigned to a neighbouring pixel.
+pub const MAP_OFFSET_FAILURE: f64 = 0.3;
+
+/// A failure when the photo of a random pattern correlates less than this with the pattern that was shown.
+pub const MIN_CORRELATION: f64 = 0.5;
+
+/// A measured value counts as outside of its bound when it lies this many standard errors beyond it.
+pub const SIGMAS: f64 = 3.0;

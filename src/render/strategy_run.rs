@@ -1,0 +1,182 @@
+//! The execution of one strategy: dispatches are launched, awaited in their order, and handed on as batches.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use super::batch::Batch;
+use super::dispatch::{DispatchSizer, Dispatches, Work};
+use super::geometry::GpuScene;
+use super::output::{Output, StagingBuffers};
+use super::parameters::Parameters;
+use super::pipeline::Pipeline;
+use super::strategy::Strategy;
+use super::summary::TraceSummary;
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::gpu::readback::Readback;
+
+/// A compiled kernel, and the sizer of its dispatches.
+pub(super) struct Kernel {
+    pub(super) pipeline: Pipeline,
+    pub(super) sizer: DispatchSizer,
+}
+
+/// A dispatch in flight: the device has it, and its results have not been read yet.
+struct InFlight {
+    /// Index of its output.
+    output: usize,
+    readback: Readback,
+    start: Instant,
+    first_path: u64,
+    parameters: Parameters,
+}
+
+/// One strategy while its paths are traced.
+pub(super) struct StrategyRun<'a> {
+    gpu: &'a Gpu,
+    strategy: &'a Strategy,
+    kernel: &'a mut Kernel,
+    dispatches: &'a mut Dispatches,
+    /// One for each dispatch that may be in flight.
+    outputs: Vec<Output>,
+    staging: Vec<StagingBuffers>,
+    /// The most paths of one dispatch.
+    capacity: u32,
+    /// The oldest first.
+    in_flight: VecDeque<InFlight>,
+    /// Paths launched so far.
+    launched: u64,
+    /// When the dispatch before the oldest one was done.
+    idle_since: Instant,
+}
+
+impl<'a> StrategyRun<'a> {
+    /// Prepares buffers and bindings. Those of `staging` that are large enough are used again.
+    pub(super) fn new(
+        gpu: &'a Gpu,
+        scene: &GpuScene,
+        strategy: &'a Strategy,
+        kernel: &'a mut Kernel,
+        dispatches: &'a mut Dispatches,
+        mut staging: Vec<StagingBuffers>,
+    ) -> Result<Self> {
+        let stride = u64::from(strategy.parameters.stride);
+        let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, strategy.paths());
+        let bytes = record_bytes(&strategy.parameters, capacity);
+        kernel.sizer.begin(Work::of(&strategy.parameters));
+        // While the host reads the records of one dispatch, the device writes those of the next one to a second buffer. Where the device
+        // is the processor itself, one buffer is faster: the host then has all cores while it reads. A dispatch in flight would keep them
+        // busy: the driver gives each core an equal part of it, and all would wait for the core that the host uses, too.
+        let wanted = if gpu.shares_memory { 1 } else { 2 };
+        staging.retain(|buffers| buffers.bytes() >= bytes);
+        staging.truncate(wanted);
+        while staging.len() < wanted {
+            staging.push(StagingBuffers::new(gpu, bytes)?);
+        }
+        let output = |buffers: &StagingBuffers| {
+            let (chains, light_buffer) = (&strategy.chains.buffers, &strategy.light_buffer);
+            Output::new(gpu, &kernel.pipeline, scene, chains, light_buffer, buffers.clone())
+        };
+        let outputs = staging.iter().map(output).collect::<Result<_>>()?;
+        let in_flight = VecDeque::new();
+        let idle_since = Instant::now();
+        Ok(Self {
+            gpu,
+            strategy,
+            kernel,
+            dispatches,
+            outputs,
+            staging,
+            capacity,
+            in_flight,
+            launched: 0,
+            idle_since,
+        })
+    }
+
+    /// Whether paths are left to be launched, and the device should have one more dispatch.
+    pub(super) fn can_launch(&self) -> bool {
+        let most = self.kernel.sizer.max_in_flight().min(self.outputs.len());
+        self.launched < self.strategy.paths() && self.in_flight.len() < most
+    }
+
+    /// Launches the next dispatch.
+    pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
+        let Self { strategy, launched, kernel: Kernel { pipeline, sizer }, .. } = self;
+        let samples = u64::from(strategy.parameters.samples);
+        // Not more than the capacity, which has 32 bits.
+        let paths = u64::from(sizer.paths(self.capacity)).min(strategy.paths() - *launched) as u32;
+        let parameters = Parameters {
+            first_pixel: (*launched / samples) as u32,
+            first_sample: (*launched % samples) as u32,
+            paths,
+            mark: self.dispatches.mark(),
+            paths_per_invocation: sizer.paths_per_invocation(paths, strategy.max_paths_per_invocation),
+            ..strategy.parameters
+        };
+        let output = summary.dispatches as usize % self.outputs.len();
+        let start = Instant::now();
+        let bytes = record_bytes(&parameters, paths);
+        let readback = self.outputs[output].launch(self.gpu, pipeline, &parameters, bytes)?;
+        self.in_flight.push_back(InFlight { output, readback, start, first_path: *launched, parameters });
+        *launched += u64::from(paths);
+        summary.dispatches += 1;
+        Ok(())
+    }
+
+    /// Waits for the oldest dispatch in flight, shows its batch to `visit`, and adds its cost to `summary`. Returns `false` where no
+    /// dispatch is in flight.
+    ///
+    /// # Errors
+    /// [`Error::UnfinishedPaths`] where the driver dropped paths; [`Error::Device`] where it failed; and errors of `visit`.
+    pub(super) fn finish_oldest(
+        &mut self,
+        summary: &mut TraceSummary,
+        visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
+    ) -> Result<bool> {
+        let Some(oldest) = self.in_flight.pop_front() else { return Ok(false) };
+        let InFlight { output, readback, start, first_path, mut parameters } = oldest;
+        let output = &self.outputs[output];
+        let layout = self.strategy.layout;
+        let mut view = output.wait(self.gpu, readback)?;
+        let (mut unfinished, mut rays) =
+            Batch::new(first_path, layout, bytemuck::cast_slice(&view)).unfinished_and_rays(parameters.mark);
+        if unfinished > 0 && parameters.paths_per_invocation > 1 {
+            // The invocations looped more often than the driver allows: trace the paths again, one for each invocation.
+            self.kernel.sizer.one_path_each();
+            parameters = Parameters { paths_per_invocation: 1, mark: self.dispatches.mark(), ..parameters };
+            drop(view);
+            output.release();
+            let bytes = record_bytes(&parameters, parameters.paths);
+            view = output.run(self.gpu, &self.kernel.pipeline, &parameters, bytes)?;
+            (unfinished, rays) = Batch::new(first_path, layout, bytemuck::cast_slice(&view))
+                .unfinished_and_rays(parameters.mark);
+        }
+        // A dispatch that waited for the one before it began when that was done.
+        let elapsed = start.max(self.idle_since).elapsed();
+        self.idle_since = Instant::now();
+        let batch = Batch::new(first_path, layout, bytemuck::cast_slice(&view));
+        if unfinished > 0 {
+            return Err(Error::UnfinishedPaths { unfinished, total: batch.len() as u64 });
+        }
+        visit(&batch)?;
+        summary.rays += rays;
+        summary.paths += batch.len() as u64;
+        summary.longest = summary.longest.max(elapsed);
+        summary.tracing += elapsed;
+        drop(view);
+        output.release();
+        self.kernel.sizer.adapt(parameters.paths, elapsed);
+        Ok(true)
+    }
+
+    /// The staging buffers, for the next trace.
+    pub(super) fn into_staging(self) -> Vec<StagingBuffers> {
+        self.staging
+    }
+}
+
+/// Bytes of the records that so many paths leave.
+fn record_bytes(parameters: &Parameters, paths: u32) -> u64 {
+    u64::from(paths) * u64::from(parameters.stride) * 16
+}

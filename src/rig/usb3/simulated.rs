@@ -1,0 +1,292 @@
+//! Tests on a simulated USB3 Vision camera. It replaces the USB transfer: it has the camera's registers and sends a frame for each
+//! trigger.
+//!
+//! The layouts are those of GenCP (1.2, tables 4 to 12 and 15) and of `viva_u3v::registers`.
+#![allow(clippy::panic, reason = "a failed test panics")]
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+use viva_genicam::u3v::registers::{abrm, capability, sbrm, sirm, u3vcp_capability};
+use viva_genicam::u3v::{U3vDevice, U3vError, UsbTransfer};
+use viva_genicam::{Camera as Described, U3vRegisterIo, open_u3v_device};
+
+use super::Usb3Spec;
+use super::link::OnUsb;
+use super::port::Port;
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::rig::genicam::{Abilities, Triggered};
+use crate::rig::{Camera, Colour, PixelFormat, WallClock};
+
+const XML: &[u8] = include_bytes!("simulated.xml");
+
+/// The addresses of the registers.
+const SBRM: u64 = 0x800;
+const SIRM: u64 = 0x900;
+const MANIFEST: u64 = 0x1000;
+const WIDTH: u64 = 0x4000;
+const HEIGHT: u64 = 0x4004;
+const FORMAT: u64 = 0x4008;
+const EXPOSURE: u64 = 0x4010;
+const TRIGGER: u64 = 0x4038;
+const LATCH: u64 = 0x403C;
+const LATCHED: u64 = 0x4040;
+const XML_AT: u64 = 0x1_0000;
+
+/// The USB endpoints.
+const CONTROL_OUT: u8 = 0x01;
+const CONTROL_IN: u8 = 0x81;
+const STREAM_IN: u8 = 0x82;
+
+/// The simulated camera.
+struct SimulatedCamera {
+    began: Instant,
+    state: Mutex<State>,
+}
+
+struct State {
+    memory: Vec<u8>,
+    answers: VecDeque<Vec<u8>>,
+    /// Leaders, payloads and trailers that are not yet read.
+    stream: VecDeque<Vec<u8>>,
+    frames: u64,
+}
+
+/// The 12-bit count of a photosite.
+fn count(site: usize) -> u16 {
+    (site * 37 % 4096) as u16
+}
+
+impl State {
+    fn put(&mut self, at: u64, bytes: &[u8]) {
+        self.memory[at as usize..][..bytes.len()].copy_from_slice(bytes);
+    }
+
+    fn word(&self, at: u64) -> u32 {
+        let bytes = self.memory[at as usize..].first_chunk().expect("it lies within");
+        u32::from_le_bytes(*bytes)
+    }
+
+    /// The bytes of a frame in the format that is set: Mono12p with two counts in three bytes, or the upper 8 bits of each count.
+    fn pixels(&self) -> Vec<u8> {
+        let counts = (0..(self.word(WIDTH) * self.word(HEIGHT)) as usize).map(count);
+        if self.word(FORMAT) == 0x0108_0009 {
+            return counts.map(|count| (count >> 4) as u8).collect();
+        }
+        let counts: Vec<u16> = counts.collect();
+        counts
+            .as_chunks::<2>()
+            .0
+            .iter()
+            .flat_map(|[a, b]| [*a as u8, (a >> 8 | (b & 0xF) << 4) as u8, (b >> 4) as u8])
+            .collect()
+    }
+
+    /// Carries out what a write to the address `at` causes.
+    fn follow(&mut self, at: u64, ticks: u64) {
+        let payload = self.pixels();
+        self.put(SIRM + sirm::REQUIRED_PAYLOAD_SIZE, &(payload.len() as u64).to_le_bytes());
+        match at {
+            LATCH => self.put(LATCHED, &ticks.to_le_bytes()),
+            TRIGGER if self.word(SIRM + sirm::CONTROL) == 1 => {
+                let id = self.frames.to_le_bytes();
+                let mut leader = [&b"U3VL\0\0\x32\0"[..], &id, &[0, 0, 1, 0], &ticks.to_le_bytes()].concat();
+                for word in [self.word(FORMAT), self.word(WIDTH), self.word(HEIGHT), 0, 0] {
+                    leader.extend(word.to_le_bytes());
+                }
+                leader.extend([0, 0]);
+                let size = (payload.len() as u64).to_le_bytes();
+                let trailer = [&b"U3VT\0\0\x1C\0"[..], &id, &[0; 4], &size].concat();
+                self.stream.extend([leader, payload, trailer]);
+                self.frames += 1;
+            }
+            _ => {}
+        }
+    }
+}
+
+impl SimulatedCamera {
+    fn new() -> Arc<Self> {
+        let state = State {
+            memory: vec![0; XML_AT as usize + XML.len()],
+            answers: VecDeque::new(),
+            stream: VecDeque::new(),
+            frames: 0,
+        };
+        let simulated = Arc::new(Self { began: Instant::now(), state: Mutex::new(state) });
+        let mut state = simulated.state();
+        let (word, wide) =
+            (|value: u32| value.to_le_bytes().to_vec(), |value: u64| value.to_le_bytes().to_vec());
+        for (at, bytes) in [
+            (abrm::GENCP_VERSION, word(0x0001_0002)),
+            (abrm::SERIAL_NUMBER, b"A1".to_vec()),
+            (abrm::DEVICE_CAPABILITY, wide(capability::SBRM)),
+            (abrm::MAX_DEVICE_RESPONSE_TIME, word(100)),
+            (abrm::MANIFEST_TABLE_ADDRESS, wide(MANIFEST)),
+            (abrm::SBRM_ADDRESS, wide(SBRM)),
+            (SBRM + sbrm::U3VCP_CAPABILITY, wide(u3vcp_capability::SIRM_AVAILABLE)),
+            (SBRM + sbrm::MAX_CMD_TRANSFER, word(1024)),
+            (SBRM + sbrm::MAX_ACK_TRANSFER, word(1024)),
+            (SBRM + sbrm::NUM_STREAM_CHANNELS, word(1)),
+            (SBRM + sbrm::SIRM_ADDRESS, wide(SIRM)),
+            (SBRM + sbrm::CURRENT_SPEED, word(8)),
+            (SIRM + sirm::REQUIRED_LEADER_SIZE, word(52)),
+            (SIRM + sirm::REQUIRED_TRAILER_SIZE, word(32)),
+            (MANIFEST, wide(1)),
+            (MANIFEST + 16, wide(XML_AT)),
+            (MANIFEST + 24, wide(XML.len() as u64)),
+            (XML_AT, XML.to_vec()),
+            (WIDTH, word(64)),
+            (HEIGHT, word(48)),
+            (FORMAT, word(0x010C_0047)),
+            (EXPOSURE, 10_000_f64.to_le_bytes().to_vec()),
+        ] {
+            state.put(at, &bytes);
+        }
+        drop(state);
+        simulated
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().expect("no thread panics while it holds the state")
+    }
+
+    fn is_streaming(&self) -> bool {
+        self.state().word(SIRM + sirm::CONTROL) == 1
+    }
+}
+
+impl UsbTransfer for SimulatedCamera {
+    fn bulk_write(&self, endpoint: u8, data: &[u8], _: Duration) -> std::result::Result<usize, U3vError> {
+        assert_eq!((endpoint, &data[..4]), (CONTROL_OUT, &b"U3VC"[..]));
+        let half = |at: usize| u16::from_le_bytes([data[at], data[at + 1]]);
+        let (command, number, body) = (half(6), half(10), &data[12..]);
+        let at = u64::from_le_bytes(*body.first_chunk().expect("both commands begin with an address"));
+        let mut state = self.state();
+        let answer = match command {
+            0x0800 => state.memory[at as usize..][..usize::from(half(22))].to_vec(),
+            0x0802 => {
+                state.put(at, &body[8..]);
+                state.follow(at, self.began.elapsed().as_nanos() as u64);
+                Vec::new()
+            }
+            other => panic!("command {other:#x} is not simulated"),
+        };
+        let head = [0_u16, command + 1, answer.len() as u16, number].map(u16::to_le_bytes);
+        state.answers.push_back([&b"U3VC"[..], &head.concat(), &answer].concat());
+        Ok(data.len())
+    }
+
+    fn bulk_read(
+        &self,
+        endpoint: u8,
+        buffer: &mut [u8],
+        timeout: Duration,
+    ) -> std::result::Result<usize, U3vError> {
+        let began = Instant::now();
+        loop {
+            let mut state = self.state();
+            let queue = match endpoint {
+                CONTROL_IN => &mut state.answers,
+                STREAM_IN => &mut state.stream,
+                other => panic!("there is no endpoint {other:#x}"),
+            };
+            if let Some(mut bytes) = queue.pop_front() {
+                // Bytes that do not fit the buffer are left for the next transfer.
+                let rest = bytes.split_off(bytes.len().min(buffer.len()));
+                if !rest.is_empty() {
+                    queue.push_front(rest);
+                }
+                buffer[..bytes.len()].copy_from_slice(&bytes);
+                return Ok(bytes.len());
+            }
+            drop(state);
+            if began.elapsed() >= timeout {
+                return Err(U3vError::Timeout);
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+impl Port for Arc<SimulatedCamera> {
+    type Wire = SimulatedCamera;
+
+    fn place(&self) -> String {
+        "on a simulated bus".into()
+    }
+
+    fn open(&self) -> Result<Described<U3vRegisterIo<SimulatedCamera>>> {
+        let device = U3vDevice::open(Arc::clone(self), CONTROL_IN, CONTROL_OUT, Some(STREAM_IN), None);
+        Ok(open_u3v_device(device.expect("its registers are whole")).expect("its description is whole").0)
+    }
+}
+
+fn spec(pixel_format: PixelFormat) -> Usb3Spec {
+    Usb3Spec { pixel_format, colour: Colour::Luma, timeout: 60.0, ..Usb3Spec::new(64, 48) }
+}
+
+fn open(
+    simulated: &Arc<SimulatedCamera>,
+    spec: &Usb3Spec,
+    clock: WallClock,
+) -> Result<Triggered<OnUsb<Arc<SimulatedCamera>>>> {
+    Triggered::open(OnUsb(Arc::clone(simulated)), spec.settings(), spec.info(), clock, 41)
+}
+
+#[test]
+fn frames_come_by_triggers_with_their_counts_numbers_and_times() {
+    let (simulated, clock) = (SimulatedCamera::new(), WallClock::starting_at(100.0));
+    let mut gray = spec(PixelFormat::Mono12p);
+    gray.colour = Colour::default();
+    let mut camera = open(&simulated, &gray, clock).expect("it can do that");
+    assert_eq!(camera.configure(0.02).expect("within range"), 0.02);
+    let expected: Vec<u16> = (0..64 * 48).map(count).collect();
+    for number in 42..46 {
+        let before = clock.seconds();
+        let found = camera.capture().expect("it is there").expect("it comes");
+        assert_eq!((found.resolution, found.channels, found.id), (Resolution::new(64, 48), 1, number));
+        assert_eq!(found.counts, expected);
+        assert_eq!(found.exposure, 0.02);
+        assert!(found.started >= before && found.started <= clock.seconds(), "{}", found.started);
+    }
+    // A camera that is opened again starts its own numbers anew; those of the rig continue.
+    camera.restart().expect("it is there");
+    assert!(camera.capture().expect("it is there").expect("it comes").id > 45);
+    assert!(simulated.is_streaming());
+    drop(camera);
+    assert!(!simulated.is_streaming(), "the camera is released");
+}
+
+#[test]
+fn a_colour_cameras_cells_become_pixels() {
+    let simulated = SimulatedCamera::new();
+    let spec = Usb3Spec { size: [8, 4], ..spec(PixelFormat::BayerRG8) };
+    let mut camera = open(&simulated, &spec, WallClock::starting_at(0.0)).expect("it can do that");
+    let found = camera.capture().expect("it is there").expect("it comes");
+    let site = |x: usize, y: usize| count(y * 8 + x) >> 4;
+    let cell = |x: usize, y: usize| site(x, y) + site(x + 1, y) + site(x, y + 1) + site(x + 1, y + 1);
+    let expected: Vec<u16> = (0..8).map(|pixel| cell(pixel % 4 * 2, pixel / 4 * 2)).collect();
+    assert_eq!(found.counts, expected);
+}
+
+#[test]
+fn abilities_are_read_and_errors_name_limits() {
+    let simulated = SimulatedCamera::new();
+    let abilities = Abilities::of(&simulated.open().expect("it is there"));
+    // The camera describes neither the size of its sensor nor a gain.
+    assert_eq!(abilities.to_string(), "Mono12p, BayerRG8; exposures 0.00002 to 2 s");
+    let refused = |spec: &Usb3Spec| match open(&simulated, spec, WallClock::starting_at(0.0)) {
+        Ok(_) => panic!("it is refused"),
+        Err(error) => error.to_string(),
+    };
+    let message = refused(&spec(PixelFormat::BayerGB12));
+    assert!(
+        message.contains("on a simulated bus has no pixel format BayerGB12")
+            && message.contains("Mono12p, BayerRG8")
+    );
+    let message = refused(&Usb3Spec { size: [66, 48], ..spec(PixelFormat::BayerRG8) });
+    assert!(message.contains("Width of the camera on a simulated bus is 2 to 64 in steps of 2"), "{message}");
+}

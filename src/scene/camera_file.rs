@@ -1,0 +1,203 @@
+//! Camera files: the poses and lenses of camera and projector, in TOML.
+//!
+//! ```toml
+//! [camera]
+//! position = [0.0, 0.2, 1.5]      # metres
+//! look_at = [0.0, 0.0, 0.0]       # or `forward = [0.0, -0.1, -1.0]`
+//! up = [0.0, 1.0, 0.0]            # the default
+//! vertical_fov_degrees = 40.0
+//! aperture_radius = 0.01          # metres; a pinhole by default
+//! focus_distance = 1.5            # metres along the axis
+//!
+//! [projector]                     # by default the rig is coaxial: the projector is at the camera
+//! position = [0.3, 0.2, 1.5]
+//! look_at = [0.0, 0.0, 0.0]
+//! vertical_fov_degrees = 30.0
+//! resolution = [128, 96]          # the camera's by default
+//! ```
+//!
+//! If `NAME.rig.toml` is next to the scene `NAME.EXT`, its poses replace those of the scene.
+//!
+//! A camera file holds no devices. Those are described by a rig file, which [`crate::measure`] reads.
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use serde::Deserialize;
+
+use super::camera::tan_half;
+use super::source::fault;
+use super::triangle::MAX_COORDINATE;
+use super::{Camera, Lens, LoadOptions};
+use crate::error::{Error, Result};
+use crate::image::Resolution;
+
+/// The camera and the projector of a scene.
+pub(super) struct CameraPair {
+    pub camera: Camera,
+    /// `None` in a coaxial rig, where the projector's geometry is the camera's.
+    pub projector: Option<Camera>,
+    pub projector_resolution: Option<Resolution>,
+}
+
+impl CameraPair {
+    /// The pair of `camera` and `projector`. A projector that coincides with the camera is dropped: the rig
+    /// is coaxial.
+    pub(super) fn new(
+        camera: Camera,
+        projector: Option<Camera>,
+        projector_resolution: Option<Resolution>,
+    ) -> Self {
+        let projector = projector.filter(|projector| !projector.coincides(&camera));
+        Self { camera, projector, projector_resolution }
+    }
+}
+
+/// The content of a camera file.
+pub(super) struct CameraFile {
+    /// The file's bytes, which enter the scene's hash.
+    pub bytes: Vec<u8>,
+    pub camera: Option<Camera>,
+    pub projector: Option<Camera>,
+    pub projector_resolution: Option<Resolution>,
+}
+
+/// The tables of a camera file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tables {
+    camera: Option<View>,
+    projector: Option<View>,
+}
+
+/// One table of a camera file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct View {
+    position: [f64; 3],
+    look_at: Option<[f64; 3]>,
+    forward: Option<[f64; 3]>,
+    up: Option<[f64; 3]>,
+    vertical_fov_degrees: f64,
+    aperture_radius: Option<f64>,
+    focus_distance: Option<f64>,
+    resolution: Option<[usize; 2]>,
+}
+
+/// The camera file of a scene: the one that the options name, or the one next to the scene.
+pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<CameraFile>> {
+    if let Some(path) = options.rig {
+        let file = read(path)?;
+        if file.camera.is_some() && options.camera.is_some() {
+            return Err(fault(
+                path,
+                "the camera file has a [camera], but --camera names a camera of the scene",
+                "leave out --camera, or the [camera] of the camera file",
+            ));
+        }
+        return Ok(Some(file));
+    }
+    let neighbour = scene.with_extension("rig.toml");
+    // A user who names a camera of the scene does not want the poses of the neighbouring file.
+    if options.camera.is_some() || !neighbour.is_file() {
+        return Ok(None);
+    }
+    read(&neighbour).map(Some)
+}
+
+/// Reads a camera file.
+fn read(path: &Path) -> Result<CameraFile> {
+    let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
+    if !metadata.is_file() {
+        return Err(fault(path, "not a file", "give a camera file in TOML"));
+    }
+    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|_| fault(path, "not UTF-8 text", "give a camera file in TOML"))?;
+    let tables: Tables = toml::from_str(text).map_err(|error| {
+        fault(
+            path,
+            format!("not a valid camera file: {}", error.to_string().trim_end()),
+            "a camera file has [camera] and [projector], each with position, look_at (or forward), up, \
+             vertical_fov_degrees, aperture_radius and focus_distance; the projector also resolution",
+        )
+    })?;
+    let reader = Reader { path };
+    let (camera, resolution) = reader.view("camera", tables.camera)?;
+    if resolution.is_some() {
+        return Err(fault(path, "[camera] has a resolution", "give the camera's resolution by --size"));
+    }
+    let (projector, projector_resolution) = reader.view("projector", tables.projector)?;
+    Ok(CameraFile { bytes, camera, projector, projector_resolution })
+}
+
+/// Converts tables to cameras; its errors name the file and the table.
+struct Reader<'a> {
+    path: &'a Path,
+}
+
+impl Reader<'_> {
+    fn fault(&self, table: &str, what: &str, help: &str) -> Error {
+        fault(self.path, format!("[{table}] {what}"), help)
+    }
+
+    /// The camera that a table describes, and the resolution that it states.
+    fn view(&self, table: &str, view: Option<View>) -> Result<(Option<Camera>, Option<Resolution>)> {
+        let Some(view) = view else { return Ok((None, None)) };
+        let [right, up, forward] = self.axes(table, &view)?;
+        let position = DVec3::from_array(view.position);
+        if position.abs().max_element() > f64::from(MAX_COORDINATE) || !position.is_finite() {
+            let what = format!("stands more than {MAX_COORDINATE:e} m from the origin");
+            return Err(self.fault(table, &what, "lengths are metres"));
+        }
+        let field = view.vertical_fov_degrees;
+        let Some(tan_half_fov) = tan_half(field.to_radians()) else {
+            return Err(self.fault(
+                table,
+                &format!("has a vertical_fov_degrees of {field}"),
+                "it must lie between 0 and 180",
+            ));
+        };
+        let lens = Lens::checked(view.aperture_radius, view.focus_distance)
+            .map_err(|what| self.fault(table, &what, Lens::HELP))?;
+        let resolution = match view.resolution {
+            None => None,
+            Some([width @ 1..=16384, height @ 1..=16384]) => Some(Resolution::new(width, height)),
+            Some([width, height]) => {
+                let what = format!("has a resolution of {width}x{height}");
+                return Err(self.fault(table, &what, "give 1 to 16384 pixels a side"));
+            }
+        };
+        let position = position.as_vec3();
+        let camera =
+            Camera { name: table.into(), position, right, up, forward, tan_half_fov, aspect: None, lens };
+        Ok((Some(camera), resolution))
+    }
+
+    /// Right, up and forward as an orthonormal frame.
+    fn axes(&self, table: &str, view: &View) -> Result<[Vec3; 3]> {
+        let forward = match (view.look_at, view.forward) {
+            (Some(point), None) => DVec3::from_array(point) - DVec3::from_array(view.position),
+            (None, Some(forward)) => DVec3::from_array(forward),
+            _ => {
+                let help = "give either the point that it looks at, or the direction";
+                return Err(self.fault(table, "needs either look_at or forward", help));
+            }
+        };
+        let up = view.up.map_or(DVec3::Y, DVec3::from_array);
+        let axes = forward.try_normalize().and_then(|forward| {
+            let right = forward.cross(up.try_normalize()?);
+            // If the two are closer to parallel than this, rounding decides the result.
+            (right.length() > 1e-6).then(|| (right.normalize(), forward))
+        });
+        let Some((right, forward)) = axes else {
+            return Err(self.fault(
+                table,
+                "has no direction of view, or one that is parallel to up",
+                "give a direction that is not zero, and an up that is not parallel to it",
+            ));
+        };
+        // Adding zero turns −0 into 0.
+        Ok([right, right.cross(forward), forward].map(|axis| axis.as_vec3() + Vec3::ZERO))
+    }
+}

@@ -1,0 +1,168 @@
+//! Checks of an `.obj` file, statement by statement, before `tobj` reads its geometry.
+//!
+//! `tobj` names no lines in its errors, takes numbers that are not finite and indices that do not exist, makes up texture coordinates and
+//! normals for corners without any, and mixes up colours where only some vertices have one. What passes the check is handed to it as
+//! plain text that leaves nothing of this open: `v x y z r g b`, `vt u v`, `vn x y z` and `f`. Groups and materials are noted here,
+//! because `tobj` knows no material that is in no library.
+
+use std::fmt::Write;
+
+use indexmap::IndexSet;
+
+use super::line::{Line, shortened};
+use crate::error::Result;
+use crate::scene::source::{Warnings, fault};
+use crate::scene::triangle::MAX_TRIANGLES;
+
+/// Kinds of statements that are named in warnings, at most.
+const MAX_UNKNOWN: usize = 16;
+
+/// What a corner refers to, in the order of its indices.
+const ELEMENTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+
+/// Faces one after the other in the same group and of the same material.
+#[derive(Clone, Copy)]
+pub(super) struct Run {
+    pub faces: usize,
+    /// Index into [`Checked::groups`].
+    pub group: u32,
+    /// Index into [`Checked::materials`], if a `usemtl` precedes the faces.
+    pub material: Option<u32>,
+}
+
+/// What the statements so far say.
+#[derive(Default)]
+pub(super) struct Checked {
+    /// The geometry, for `tobj`.
+    pub plain: String,
+    /// Whether each corner refers to a texture coordinate and to a normal.
+    pub given: Vec<[bool; 2]>,
+    pub runs: Vec<Run>,
+    /// Names of the groups that have faces.
+    pub groups: IndexSet<String>,
+    /// Names of the materials that are asked for.
+    pub materials: IndexSet<String>,
+    /// What follows each `mtllib`.
+    pub libraries: IndexSet<String>,
+    group: String,
+    material: Option<u32>,
+    /// Elements of each kind so far.
+    counts: [usize; 3],
+    triangles: usize,
+    unknown: usize,
+}
+
+impl Checked {
+    pub(super) fn statement(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
+        match line.keyword {
+            "v" => self.vertex(line)?,
+            "vt" => match *line.numbers()? {
+                [u] => self.element(1, line.keyword, &[u, 0.0]),
+                [u, v] | [u, v, _] => self.element(1, line.keyword, &[u, v]),
+                _ => return Err(line.fault("`vt` takes one to three numbers")),
+            },
+            "vn" => match *line.numbers()? {
+                [x, y, z] => self.element(2, line.keyword, &[x, y, z]),
+                _ => return Err(line.fault("`vn` takes three numbers")),
+            },
+            "f" => self.face(line)?,
+            "o" | "g" => self.group = line.rest.into(),
+            "usemtl" => self.material = Some(index_of(&mut self.materials, line.rest)),
+            "mtllib" => {
+                index_of(&mut self.libraries, line.rest);
+            }
+            "s" => {}
+            "l" | "p" => warnings.add("points and lines have no area: ignored"),
+            other => {
+                if self.unknown < MAX_UNKNOWN {
+                    warnings.add(format!("`{}` is not supported and ignored", shortened(other)));
+                }
+                self.unknown += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn vertex(&mut self, line: &Line<'_>) -> Result<()> {
+        let (position, color) = match *line.numbers()? {
+            [x, y, z] | [x, y, z, 1.0] => ([x, y, z], [1.0; 3]),
+            [_, _, _, _] => {
+                return Err(line.fault("a vertex has a weight, which only free-form surfaces have"));
+            }
+            [x, y, z, red, green, blue] | [x, y, z, red, green, blue, _] => ([x, y, z], [red, green, blue]),
+            [] | [_] | [_, _] => return Err(line.fault("`v` takes at least three numbers")),
+            _ => return Err(line.fault("`v` takes three numbers, or six with a colour")),
+        };
+        self.element(0, line.keyword, &[position, color].concat());
+        Ok(())
+    }
+
+    fn element(&mut self, kind: usize, keyword: &str, numbers: &[f32]) {
+        self.counts[kind] += 1;
+        self.plain.push_str(keyword);
+        for number in numbers {
+            // Writing to a string cannot fail, and a number is written with all its digits.
+            let _ = write!(self.plain, " {number}");
+        }
+        self.plain.push('\n');
+    }
+
+    fn face(&mut self, line: &Line<'_>) -> Result<()> {
+        self.plain.push('f');
+        let mut corners = 0_usize;
+        for word in line.words() {
+            let given = self.corner(line, word)?;
+            self.given.push(given);
+            self.plain.push(' ');
+            self.plain.push_str(word);
+            corners += 1;
+        }
+        self.plain.push('\n');
+        if corners < 3 {
+            return Err(line.fault("a face has fewer than three corners"));
+        }
+        self.triangles += corners - 2;
+        if self.triangles > MAX_TRIANGLES {
+            return Err(fault(
+                line.path,
+                format!("more than {MAX_TRIANGLES} triangles"),
+                "simplify the meshes",
+            ));
+        }
+        let group = if self.group.is_empty() { "unnamed" } else { &self.group };
+        let group = index_of(&mut self.groups, group);
+        match self.runs.last_mut() {
+            Some(run) if (run.group, run.material) == (group, self.material) => run.faces += 1,
+            _ => self.runs.push(Run { faces: 1, group, material: self.material }),
+        }
+        Ok(())
+    }
+
+    /// Checks `v`, `v/vt`, `v//vn` or `v/vt/vn`: whether there is a texture coordinate, and a normal.
+    fn corner(&self, line: &Line<'_>, word: &str) -> Result<[bool; 2]> {
+        let mut given = [false; 3];
+        let mut indices = word.split('/');
+        for ((given, count), element) in given.iter_mut().zip(self.counts).zip(ELEMENTS) {
+            let index = indices.next().unwrap_or("");
+            *given = !index.is_empty();
+            if *given && !exists(index, count) {
+                let word = shortened(word);
+                return Err(line.fault(&format!("`{word}`: there is no such {element}; there are {count}")));
+            }
+        }
+        match (given, indices.next()) {
+            ([true, texcoord, normal], None) => Ok([texcoord, normal]),
+            _ => Err(line.fault(&format!("`{}` is no corner of a face", shortened(word)))),
+        }
+    }
+}
+
+/// Whether an index, which counts from 1 or backwards from −1, is one of `count` elements.
+fn exists(index: &str, count: usize) -> bool {
+    index.parse::<i64>().is_ok_and(|index| (1..=count as u64).contains(&index.unsigned_abs()))
+}
+
+/// The index of a name among those met, which it joins.
+fn index_of(names: &mut IndexSet<String>, name: &str) -> u32 {
+    names.get_index_of(name).unwrap_or_else(|| names.insert_full(name.into()).0) as u32
+}

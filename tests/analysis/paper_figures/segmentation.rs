@@ -1,0 +1,267 @@
+//! Figures 4, 6 and 8: which pixels share a group.
+
+use std::sync::OnceLock;
+
+use krylux::analysis::segment::{evidence, feature_view, segment};
+use krylux::analysis::{
+    Blurred, DirectMethod, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
+    measure_direct,
+};
+use krylux::image::{Blur, Resolution};
+use krylux::render::Tracer;
+use krylux::scene::{Scene, builtin};
+use krylux::transport::{Assembled, Channels, MatrixOperator, Part};
+
+use crate::common::{load, settings, trace, tracer};
+
+/// A scene traced, with its author's regions.
+struct Traced {
+    traced: Assembled,
+    truth: Vec<u8>,
+}
+
+/// The two folds at this size, traced once for all tests.
+fn folds(side: usize) -> &'static Traced {
+    static FOLDS: [OnceLock<Traced>; 2] = [const { OnceLock::new() }; 2];
+    let cell = match side {
+        48 => &FOLDS[0],
+        64 => &FOLDS[1],
+        _ => unreachable!("the figures have one of these sizes"),
+    };
+    cell.get_or_init(|| Traced::new(&load("zigzag"), side, 256))
+}
+
+impl Traced {
+    fn new(scene: &Scene, side: usize, samples: u32) -> Self {
+        let mut tracer: Tracer = tracer(scene);
+        let regions = tracer.regions(Resolution::new(side, side)).unwrap();
+        let truth = regions.iter().map(|region| region.map_or(MASKED, |region| region as u8)).collect();
+        Self { traced: trace(&mut tracer, settings(side, samples, 6, 0), Channels::Luma), truth }
+    }
+
+    fn part(&self, part: Part) -> MatrixOperator<'_> {
+        MatrixOperator::new(&self.traced.matrix, part, 0)
+    }
+
+    fn segmentation(&self, photos: usize, eigenvectors: usize, groups: &[usize]) -> Segmentation {
+        let options =
+            SegmentOptions { photos, eigenvectors, groups: groups.into(), ..SegmentOptions::default() };
+        segment(&mut self.part(Part::Global), &options).unwrap()
+    }
+
+    fn agreement(&self, labels: &[u8]) -> f64 {
+        adjusted_rand_index(labels, &self.truth).unwrap()
+    }
+}
+
+fn labels(found: &Segmentation, groups: usize) -> &[u8] {
+    &found.labels.iter().find(|(of, _)| *of == groups).unwrap().1
+}
+
+/// The share of pixels that are in their group's most frequent region.
+fn purity(labels: &[u8], truth: &[u8]) -> f64 {
+    let pairs = || labels.iter().zip(truth).filter(|(label, _)| **label != MASKED);
+    let best = |group: u8| {
+        let count = |region: u8| pairs().filter(|pair| *pair == (&group, &region)).count();
+        (0..=MASKED).map(count).max().unwrap()
+    };
+    (0..MASKED).map(best).sum::<usize>() as f64 / pairs().count() as f64
+}
+
+/// How much of what there is to know about a pixel's group its row tells, within the regions, and how much its column tells: mutual
+/// information over entropy. Cuts across a region are told by the row.
+fn told_by_row_and_column(labels: &[u8], truth: &[u8], side: usize) -> [f64; 2] {
+    let entropy = |of: &[u8]| -> f64 {
+        let share = |label: u8| of.iter().filter(|&&other| other == label).count() as f64 / of.len() as f64;
+        (0..MASKED).map(share).filter(|share| *share > 0.0).map(|share| -share * share.ln()).sum()
+    };
+    let within = |wanted: &dyn Fn(usize) -> bool| -> Vec<u8> {
+        (0..labels.len()).filter(|&at| labels[at] != MASKED && wanted(at)).map(|at| labels[at]).collect()
+    };
+    let lines: [&dyn Fn(usize) -> usize; 2] = [&|at| at / side, &|at| at % side];
+    lines.map(|line| {
+        let (mut all, mut left) = (0.0, 0.0);
+        for region in 0..=1 {
+            let of_region = within(&|at| truth[at] == region);
+            all += of_region.len() as f64 * entropy(&of_region);
+            for index in 0..side {
+                let of_line = within(&|at| truth[at] == region && line(at) == index);
+                left += of_line.len() as f64 * entropy(&of_line);
+            }
+        }
+        1.0 - left / all
+    })
+}
+
+#[test]
+fn figure_4_two_folds_are_told_apart_by_few_photos_and_then_cut_across() {
+    let folds = folds(64);
+    let found = folds.segmentation(50, 10, &[2, 6, 10]);
+    let two = purity(labels(&found, 2), &folds.truth);
+    let fewest = (4..=50).find(|&photos| {
+        let found = folds.segmentation(photos, 10, &[2]);
+        purity(labels(&found, 2), &folds.truth) >= 0.99
+    });
+    let told = [6, 10].map(|groups| told_by_row_and_column(labels(&found, groups), &folds.truth, 64));
+    let pure = [6, 10].map(|groups| purity(labels(&found, groups), &folds.truth));
+    println!(
+        "fig4: purity {two:.4} at 50 photos, fewest {fewest:?}; told by row and column {told:.3?}, purity {pure:.4?}"
+    );
+    println!("fig4: {}", found.regions.sentence());
+    assert!(two >= 0.99, "{two}");
+    assert!(fewest.is_some_and(|photos| photos <= 12), "{fewest:?}");
+    // More groups part the folds across, and never join them: a group of both folds would have half of its pixels in each.
+    assert!(pure.iter().all(|pure| *pure >= 0.99), "{pure:?}");
+    assert!(told.iter().all(|[row, column]| *row > 0.5 && *row > 2.0 * column), "{told:?}");
+    assert_eq!((found.regions.count, found.regions.clear), (2, true), "{:?}", found.regions);
+}
+
+/// The cut's value, and that of as many straight bands of equally many rows.
+fn cut_and_straight_cut(scene: &Traced, labels: &[u8], groups: usize, side: usize) -> [f64; 2] {
+    let bands = groups / 2;
+    let straight: Vec<u8> = (0..side * side)
+        .map(|at| match (labels[at], scene.truth[at]) {
+            (MASKED, _) | (_, MASKED) => MASKED,
+            (_, region) => region * bands as u8 + (at / side * bands / side) as u8,
+        })
+        .collect();
+    [labels, &straight].map(|labels| evidence(&mut scene.part(Part::Global), labels).unwrap().cut())
+}
+
+#[test]
+fn figure_4_bent_sheets_are_cut_into_horizontal_bands_and_sharp_folds_at_their_creases_which_is_cheaper() {
+    let side = 64;
+    let bent = Traced::new(&load("two-sheets"), side, 256);
+    let found = bent.segmentation(50, 10, &[6, 10]);
+    for groups in [6, 10] {
+        let labels = labels(&found, groups);
+        let [row, column] = told_by_row_and_column(labels, &bent.truth, side);
+        let [cut, straight] = cut_and_straight_cut(&bent, labels, groups, side);
+        println!(
+            "fig4: bent sheets, {groups} groups told by row {row:.3} and column {column:.3}; cut {cut:.3}, of straight bands {straight:.3}"
+        );
+        assert!(row > 0.8 && column < 0.1, "{row} {column}");
+        assert!(cut <= straight, "{cut} {straight}");
+    }
+    // The zigzag's halves have eigenvalues above the continuous part of an infinite fold's spectrum, 0.79, and finer bands have none.
+    let folds = folds(side);
+    let found = folds.segmentation(50, 10, &[4, 10]);
+    let [row, column] = told_by_row_and_column(labels(&found, 4), &folds.truth, side);
+    let [cut, straight] = cut_and_straight_cut(folds, labels(&found, 10), 10, side);
+    println!(
+        "fig4: folds, 4 groups told by row {row:.3} and column {column:.3}; cut of 10 {cut:.3}, of straight bands {straight:.3}"
+    );
+    println!("fig4: folds, eigenvalues {:.4?}", found.eigenvalues);
+    assert!(row > 0.8 && column < 0.1, "{row} {column}");
+    assert!(cut < 0.9 * straight, "{cut} {straight}");
+    assert!(found.eigenvalues[3] > 0.79 && found.eigenvalues[4] < 0.79, "{:?}", found.eigenvalues);
+}
+
+#[test]
+fn figure_5_pixels_of_one_fold_lie_together_and_those_of_the_other_far_away() {
+    let folds = folds(48);
+    let found = folds.segmentation(30, 10, &[2]);
+    // Two pixels of the left fold, near the top, on either side of its valley; and the mirror image of the first.
+    let view = feature_view(&found, Resolution::new(48, 48), &[(6, 10), (18, 10), (41, 10)]).unwrap();
+    let [same, other] = [view.distances[0][1], view.distances[0][2]];
+    println!("fig5: distance in one fold {same:.3}, to the other {other:.3}");
+    assert!(other > 3.0 * same, "{same} {other}");
+    assert!(feature_view(&found, Resolution::new(48, 48), &[(48, 0)]).is_err());
+}
+
+#[test]
+fn figure_6_two_patches_that_do_not_touch_share_a_group() {
+    let sheets = Traced::new(&builtin::two_sheets_post().to_scene(), 64, 256);
+    let found = sheets.segmentation(50, 10, &[2]);
+    let two = labels(&found, 2);
+    // What is left and right of the post, of the left sheet; no path of its pixels leads from one to the other.
+    let post =
+        |row: usize| sheets.truth[row * 64..row * 64 + 64].iter().filter(|&&region| region == 2).count();
+    assert!((0..64).all(|row| post(row) >= 2), "the post parts every row");
+    let first = sheets.truth[32 * 64..33 * 64].iter().position(|&region| region == 2).unwrap();
+    let group = |wanted: &dyn Fn(usize) -> bool| -> Vec<u8> {
+        let seen = |&pixel: &usize| sheets.truth[pixel] == 0 && two[pixel] != MASKED && wanted(pixel % 64);
+        (0..64 * 64).filter(seen).map(|pixel| two[pixel]).collect()
+    };
+    let (left, right) = (group(&|column| column < first), group(&|column| column > first));
+    let ones = |patch: &[u8]| patch.iter().filter(|&&label| label == 1).count() as f64 / patch.len() as f64;
+    let [left_ones, right_ones] = [ones(&left), ones(&right)];
+    let sheet_ones = [0, 1].map(|region| {
+        let of: Vec<u8> = (0..64 * 64)
+            .filter(|&pixel| sheets.truth[pixel] == region && two[pixel] != MASKED)
+            .map(|pixel| two[pixel])
+            .collect();
+        ones(&of)
+    });
+    println!(
+        "fig6: patches of {} and {} pixels, share in group 2: {left_ones:.4} {right_ones:.4}; sheets {sheet_ones:.4?}; {}",
+        left.len(),
+        right.len(),
+        found.regions.sentence()
+    );
+    assert!(left.len() > 300 && right.len() > 300);
+    assert!((left_ones - right_ones).abs() < 0.01, "both patches are in one group");
+    assert!((sheet_ones[0] - sheet_ones[1]).abs() > 0.98, "and the other sheet in the other: {sheet_ones:?}");
+}
+
+#[test]
+fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
+    let empty = Traced::new(&builtin::nine_cells(false).to_scene(), 64, 256);
+    let found = empty.segmentation(100, 20, &[9]);
+    let nine = labels(&found, 9);
+    let agreement = empty.agreement(nine);
+    let lit = evidence(&mut empty.part(Part::Global), nine).unwrap();
+    println!(
+        "fig8: without eggs adjusted Rand index {agreement:.4}; cut {:.4}; {}",
+        lit.cut(),
+        found.regions.sentence()
+    );
+    assert!(agreement >= 0.95, "{agreement}");
+    assert_eq!(found.regions.count, 9, "{:?}", found.regions);
+    assert_eq!((lit.groups, lit.photos.len()), (9, 9));
+    // What stays in a cell: pixels on the rims see two of them.
+    assert!(lit.kept().iter().all(|kept| *kept > 0.97), "{:?}", lit.kept());
+    assert!(lit.exchange[0].iter().skip(1).all(|share| *share < 0.02), "{:?}", lit.exchange[0]);
+
+    let eggs = Traced::new(&builtin::nine_cells(true).to_scene(), 64, 256);
+    let with_eggs = eggs.segmentation(100, 20, &[9]);
+    let cells = eggs.agreement(labels(&with_eggs, 9));
+    let change = adjusted_rand_index(nine, labels(&with_eggs, 9)).unwrap();
+    println!(
+        "fig8: with eggs {cells:.4} against the cells, {change:.4} against the groups before; {}",
+        with_eggs.regions.sentence()
+    );
+    // What an egg's upper half sees is not its own cell but the other eggs and the rims: the groups are others.
+    assert!(change < 0.7 && cells < 0.7, "{change} {cells}");
+}
+
+#[test]
+fn direct_light_may_be_measured_in_place_of_being_known_and_both_sides_be_blurred() {
+    let folds = folds(48);
+    let resolution = Resolution::new(48, 48);
+    let mut white = vec![0.0; 48 * 48];
+    krylux::operator::Operator::apply(&mut folds.part(Part::Direct), &vec![1.0; 48 * 48], &mut white)
+        .unwrap();
+    let options = SegmentOptions { photos: 20, groups: vec![2], ..SegmentOptions::default() };
+    let methods = [
+        (DirectMethod::Checkerboards { square: 4, shifts: 4 }, 16),
+        (DirectMethod::Estimator { photos: 16 }, 17),
+    ];
+    for (method, photos) in methods {
+        let direct = measure_direct(&mut folds.part(Part::Full), resolution, method, 3).unwrap();
+        assert_eq!(direct.photos, photos, "{method:?}");
+        let missed: f64 = direct.direct.iter().zip(&white).map(|(a, b)| (a - b).powi(2)).sum();
+        let relative = (missed / white.iter().map(|d| d * d).sum::<f64>()).sqrt();
+        let mut full = folds.part(Part::Full);
+        let mut global = WithoutDirect::new(&mut full, &direct.direct).unwrap();
+        let sharp = folds.agreement(labels(&segment(&mut global, &options).unwrap(), 2));
+        let mut blurred = Blurred::new(&mut global, Blur::new(resolution, 1.0).unwrap()).unwrap();
+        let soft = folds.agreement(labels(&segment(&mut blurred, &options).unwrap(), 2));
+        println!(
+            "direct by {method:?}: off by {relative:.4}; adjusted Rand index {sharp:.4}, blurred {soft:.4}"
+        );
+        // Some of the indirect light returns to its own pixel or nearly so, and counts as direct.
+        assert!(relative < 0.15, "{method:?}: {relative}");
+        assert!(sharp >= 0.97 && soft >= 0.97, "{method:?}: {sharp} {soft}");
+    }
+}

@@ -1,0 +1,15 @@
+//! The program as a user meets it.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../program/mod.rs"]
+mod program;
+
+mod bench;
+mod light;
+mod live;
+mod operator;
+mod products;
+mod reproduce;
+mod rig;
+mod verbs;

@@ -1,0 +1,230 @@
+//! The program on rig files: the same verbs, other sources of photos.
+
+use std::path::{Path, PathBuf};
+
+use crate::common::{root, scene_path};
+use crate::program::{self, folder, inside, krylux, labels_of_rooms, summary, text};
+use krylux::io::{npy, sparse};
+use krylux::sparse::Csr;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Pixels on a side of the little rig.
+const SIDE: usize = 6;
+
+fn rig(folder: &TempDir, more: &str) -> String {
+    program::rig(folder, SIDE, more)
+}
+
+/// Asserts an error of exit status 2 whose message holds all of `parts`.
+#[track_caller]
+fn assert_error(arguments: &[&str], parts: &[&str]) {
+    program::assert_error(&krylux(arguments), parts);
+}
+
+#[test]
+fn segmentation_of_a_rig_needs_no_graphics_device_and_records_what_it_cost() {
+    let folder = folder();
+    let (rig, out) = (rig(&folder, ""), inside(&folder, "run"));
+    let arguments = ["segment", &rig, "--photos", "12", "--groups", "2", "--eigenvectors", "3", "-o", &out];
+    let output = krylux(&arguments);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    // Without a calibration it works, and says so.
+    assert!(text(&output.stderr).contains("names no calibration"), "{}", text(&output.stderr));
+    let out = PathBuf::from(out);
+    let labels = npy::read_npy(&out.join("labels-2.npy")).expect("it is written").values;
+    assert_eq!(labels, labels_of_rooms(SIDE));
+    let record = std::fs::read(out.join("run.json")).expect("a run has a record");
+    let record: Value = serde_json::from_slice(&record).expect("it is JSON");
+    let cost = &record["rig"];
+    let [patterns, shown, taken] = [&cost["patterns"], &cost["effort"]["shown"], &cost["effort"]["taken"]]
+        .map(|n| n.as_u64().unwrap_or(0));
+    assert!(patterns > 12 && shown >= patterns && taken >= shown, "{cost}");
+    assert!(cost["noise"].as_f64().is_some_and(|noise| noise > 0.0 && noise < 0.01), "{cost}");
+    assert!(record["scene"]["path"].as_str().is_some_and(|path| path.ends_with("rig.toml")));
+    let page = std::fs::read_to_string(out.join("report.html")).expect("a run has a report");
+    assert!(page.contains("Patterns") && page.contains("devices taken as ideal"));
+}
+
+#[test]
+fn a_rigs_matrix_is_photographed_column_by_column() {
+    let folder = folder();
+    let (rig, file) = (rig(&folder, ""), inside(&folder, "found.npz"));
+    let said = summary(&["matrix", &rig, "-o", &file]);
+    assert_eq!(said["columns"], SIDE * SIDE);
+    assert!(said["rig"]["patterns"].as_u64().is_some_and(|patterns| patterns as usize >= SIDE * SIDE));
+    let (found, expected) =
+        (sparse::read(Path::new(&file)).expect("it is written"), program::rooms(SIDE, 10.0));
+    let dense = |csr: &Csr| {
+        let mut dense = vec![0.0; (SIDE * SIDE).pow(2)];
+        csr.entries().for_each(|(row, column, weight)| dense[row * SIDE * SIDE + column] = weight);
+        dense
+    };
+    let (found, expected) = (dense(&found), dense(&expected));
+    // The units are those of the camera.
+    let scale = found[0] / expected[0];
+    // A bright pixel alone is a tenth of white, which fills half of 65535 counts: one count's rounding is 3e-4 of it, and of the
+    // black photo that is subtracted as much.
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found / scale - expected).abs() < 0.02, "{found} {expected}");
+    }
+    assert_error(&["matrix", &rig, "--photos", "35"], &["--photos", "36 photos", "35"]);
+    assert_error(&["matrix", &rig, "--split-bounces"], &["--split-bounces"]);
+}
+
+#[test]
+fn eigenvalues_and_photos_of_a_rig_are_those_of_its_matrix() {
+    let folder = folder();
+    let (rig, out) = (rig(&folder, ""), inside(&folder, "run"));
+    let arguments = ["eigs", &rig, "--count", "3", "--photos", "20", "--tolerance", "1e-2", "-o", &out];
+    let found = summary(&arguments);
+    let matrix = inside(&folder, "rooms.npz");
+    let out = inside(&folder, "exact");
+    let exact =
+        summary(&["eigs", &matrix, "--count", "3", "--photos", "30", "--tolerance", "1e-6", "-o", &out]);
+    let values = |summary: &Value| -> Vec<f64> {
+        let values = summary["eigenvalues"].as_array().expect("there are some");
+        values.iter().map(|value| value.as_f64().expect("a number")).collect()
+    };
+    let (found, exact) = (values(&found), values(&exact));
+    // Ratios are free of the camera's units.
+    for index in 1..3 {
+        assert!((found[index] / found[0] - exact[index] / exact[0]).abs() < 1e-2, "{found:?} {exact:?}");
+    }
+    let file = inside(&folder, "photo.npy");
+    let photo = summary(&["photo", &rig, "--pattern", "left", "-o", &file]);
+    assert_eq!(photo["unit"], "DN/s");
+    let photo = npy::read_npy(Path::new(&file)).expect("it is written").values;
+    // The right room is dark but for noise.
+    let rooms = |left: bool| -> f64 {
+        let of = |pixel: &usize| (pixel % SIDE < SIDE / 2) == left;
+        (0..photo.len()).filter(of).map(|pixel| photo[pixel]).sum()
+    };
+    assert!(rooms(false).abs() < 1e-3 * rooms(true), "{photo:?}");
+}
+
+#[test]
+fn compensation_on_a_rig_takes_no_photos_for_comparison() {
+    let folder = folder();
+    let (rig, target, out) = (rig(&folder, ""), folder.path().join("target.npy"), inside(&folder, "run"));
+    let wish: Vec<f64> =
+        (0..SIDE * SIDE).map(|pixel| 0.8 + 0.2 * f64::from(u8::from(pixel % 2 == 0))).collect();
+    npy::write_npy(&target, &[SIDE, SIDE], &wish).expect("the folder can be written");
+    let target = target.display().to_string();
+    let said =
+        summary(&["compensate", &rig, "--target", &target, "--photos", "8", "--rtol", "0.02", "-o", &out]);
+    assert!(said["relative_residual"].as_f64().is_some_and(|residual| residual <= 0.02), "{said}");
+    assert!(said["relative_residual_jacobi"].is_null(), "{said}");
+    // Its photos, those that show target and result, black and white.
+    let [patterns, photos] = [&said["rig"]["patterns"], &said["photos"]].map(|n| n.as_u64().unwrap_or(0));
+    assert!(patterns <= 2 * photos + 4, "{said}");
+}
+
+#[test]
+fn options_of_the_tracer_are_refused_where_nothing_is_traced() {
+    let folder = folder();
+    let rig = rig(&folder, "");
+    for (option, value) in [("--spp", "8"), ("--size", "8"), ("--adapter", "gpu"), ("--camera", "left")] {
+        assert_error(&["photo", &rig, option, value], &[option, "rig.toml"]);
+    }
+    assert_error(&["photo", &rig, "--operator", "retrace"], &["--operator", "rig"]);
+    assert_error(&["segment", &rig, "--memory", "1GiB"], &["--memory", "rig"]);
+    assert_error(&["photo", &rig, "--channels", "rgb"], &["--channels", "rig.toml", "luma"]);
+    assert_error(&["labels", &rig], &["rig.toml", "scene"]);
+}
+
+#[test]
+fn a_rig_file_with_a_fault_is_named() {
+    let folder = folder();
+    assert_error(&["segment", "missing.toml"], &["missing.toml"]);
+    let misspelt = rig(&folder, "sede = 1");
+    assert_error(&["segment", &misspelt], &["rig.toml", "sede", "seed"]);
+    let uncalibrated = rig(&folder, "calibration = \"nowhere\"");
+    assert_error(&["segment", &uncalibrated], &["nowhere"]);
+    let path = scene_path("zigzag").display().to_string();
+    assert_error(&["plan", &path, "segment"], &["SOURCE", ".toml"]);
+}
+
+#[test]
+fn info_describes_a_rig_file_without_opening_it() {
+    let path = root().join("assets/rigs/realistic.toml").display().to_string();
+    let said = summary(&["info", &path]);
+    assert_eq!(said["rig"]["projector"]["bits"], 8);
+    assert_eq!(said["rig"]["camera"]["resolution"]["width"], 160);
+    assert!(said["rig"]["scene"].as_str().is_some_and(|scene| scene.contains("zigzag")));
+}
+
+#[test]
+fn a_plan_predicts_cost_and_error_from_the_twin() {
+    let folder = folder();
+    let rig = rig(&folder, "");
+    let question = ["--trials", "2", "segment", "--photos", "12", "--groups", "2", "--eigenvectors", "3"];
+    let said = summary(&[&["plan", rig.as_str()], &question[..]].concat()[..]);
+    assert_eq!(said["trials"].as_array().map(Vec::len), Some(2));
+    // What is predicted is what a run then takes: the noise is another, but shows through in no choice here.
+    let out = inside(&folder, "run");
+    let run =
+        summary(&["segment", &rig, "--photos", "12", "--groups", "2", "--eigenvectors", "3", "-o", &out]);
+    let predicted = said["patterns"]["mean"].as_f64().expect("it is predicted");
+    let taken = run["rig"]["patterns"].as_f64().expect("it is recorded");
+    assert!((predicted - taken).abs() <= 0.1 * taken, "{predicted} predicted, {taken} taken");
+    assert_eq!(said["figures"]["2 groups against those without noise"]["mean"], 1.0);
+    let target = folder.path().join("target.npy");
+    npy::write_npy(&target, &[SIDE, SIDE], &[0.9; SIDE * SIDE]).expect("the folder can be written");
+    let target = target.display().to_string();
+    let said = summary(&["plan", &rig, "compensate", "--target", &target]);
+    assert!(said["figures"]["residual"]["mean"].as_f64().is_some_and(|residual| residual < 0.05), "{said}");
+}
+
+#[test]
+fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
+    const SIDE: usize = 16;
+    let folder = folder();
+    let pixels = SIDE * SIDE;
+    // Direct light everywhere, and a little from each pixel to its neighbour.
+    let (mut row_start, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
+    for row in 0..pixels {
+        for column in [row.saturating_sub(1), row] {
+            columns.push(column as u32);
+            weights.push(if row == column { 10.0 } else { 0.5 });
+        }
+        if row == 0 {
+            columns.pop();
+            weights.pop();
+        }
+        row_start.push(columns.len());
+    }
+    let matrix = Csr::new(pixels, row_start, columns, weights).expect("well formed");
+    sparse::write(&folder.path().join("wall.npz"), &matrix).expect("the folder can be written");
+    let rig = inside(&folder, "rig.toml");
+    let file = format!(
+        "kind = \"virtual\"\n[scene]\nmatrix = \"wall.npz\"\nsize = [{SIDE}, {SIDE}]\n\
+         [projector]\nbits = 6\ngamma = 2.2\nlatency = 0.02\n[camera]\nsize = [40, 40]\nbits = 14\n"
+    );
+    std::fs::write(&rig, file).expect("the folder can be written");
+    let [whole, cut] = ["whole", "cut"].map(|name| inside(&folder, name));
+    let calibrate = |output: &str, more: &[&str]| {
+        let mut arguments = vec!["rig", "calibrate", "--json", &rig, "-o", output];
+        arguments.extend(more);
+        let output = krylux(&arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let said: Value = serde_json::from_slice(&output.stdout).expect("--json prints nothing but JSON");
+        ["taken", "replayed"].map(|kind| said["effort"][kind].as_u64().expect("a number"))
+    };
+    let [taken, replayed] = calibrate(&whole, &[]);
+    assert!(taken > 100 && replayed == 0, "{taken} {replayed}");
+    assert_error(&["rig", "calibrate", &rig, "-o", &whole], &["already holds a run", "--resume"]);
+
+    // As a killed program leaves it: the journal ends in the middle of a photo.
+    std::fs::create_dir_all(Path::new(&cut).join("journal")).expect("the folder can be written");
+    let journal = |of: &str| Path::new(of).join("journal/photos.journal");
+    let bytes = std::fs::read(journal(&whole)).expect("it was written");
+    std::fs::write(journal(&cut), &bytes[..bytes.len() * 2 / 3]).expect("the folder can be written");
+    let [again, kept] = calibrate(&cut, &["--resume"]);
+    assert!(again > 0 && kept > 0 && again + kept == taken, "{again} {kept} of {taken}");
+    for name in ["calibration.toml", "projector-curve.npy", "registration-weights.npy"] {
+        let [one, other] =
+            [&whole, &cut].map(|of| std::fs::read(Path::new(of).join(name)).expect("it is there"));
+        assert_eq!(one, other, "{name}");
+    }
+}

@@ -1,0 +1,340 @@
+//! Every eigenvalue method on the gallery, against the dense eigensolver: values, residuals, bounds, statuses, products.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
+
+use crate::krylov_support::{Dense, Noisy, spread, symmetric_gallery};
+use krylux::Error;
+use krylux::krylov::{
+    Eigs, EigsMethod, EigsOptions, Factorization, Lanczos, PairStatus, Relaxation, Start, Status, Which,
+    eigs, eigs_from,
+};
+
+fn solve(matrix: &mut Dense, options: &EigsOptions) -> Eigs {
+    let before = matrix.products;
+    let found = eigs(matrix, options).unwrap();
+    assert_eq!(found.stats.products, matrix.products - before, "the products reported are those taken");
+    assert!(found.stats.products <= options.products, "the budget holds");
+    found
+}
+
+/// The distance to the nearest of `values`.
+fn distance(value: f64, values: &[f64]) -> f64 {
+    values.iter().map(|other| (other - value).abs()).fold(f64::INFINITY, f64::min)
+}
+
+const SYMMETRIC: [EigsMethod; 3] =
+    [EigsMethod::Lanczos, EigsMethod::BlockLanczos { block: 3 }, EigsMethod::Arnoldi];
+
+#[test]
+fn residuals_and_bounds_are_true_on_the_whole_gallery_however_early_it_stops() {
+    for (name, mut matrix) in symmetric_gallery() {
+        let truth = matrix.eigenvalues();
+        let size = truth.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+        // Dense eigensolver and product, n terms each.
+        let rounding = 1e-14 * matrix.n as f64 * size;
+        for method in SYMMETRIC {
+            for which in [Which::LargestAlgebraic, Which::SmallestAlgebraic, Which::BothEnds] {
+                for products in [1, 4, 9, 25] {
+                    let options = EigsOptions { count: 4, which, products, method, ..EigsOptions::default() };
+                    let found = solve(&mut matrix, &options);
+                    let case = format!("{name}, {method:?}, {which:?}, {products} products");
+                    assert!(!found.values.is_empty(), "{case}");
+                    for (k, &value) in found.values.iter().enumerate() {
+                        let pair = (value, found.imaginary_values[k]);
+                        let residual = matrix.residual(pair, &found.vectors[k], &found.imaginary_vectors[k]);
+                        assert!(
+                            (residual - found.residuals[k]).abs() <= rounding,
+                            "{case}: {residual:e} is the residual of {k}, {:e} reported",
+                            found.residuals[k]
+                        );
+                        let error = distance(value, &truth);
+                        assert!(
+                            error <= found.bounds[k] + rounding,
+                            "{case}: {error:e} > {:e}",
+                            found.bounds[k]
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_method_finds_both_ends_of_the_gallery() {
+    for (name, mut matrix) in symmetric_gallery() {
+        let truth = matrix.eigenvalues();
+        let size = truth.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+        for method in SYMMETRIC {
+            for (which, wanted) in
+                [(Which::LargestAlgebraic, truth[0]), (Which::SmallestAlgebraic, truth[truth.len() - 1])]
+            {
+                // Signs may be an eigenvector of a small matrix; normal numbers are none.
+                let start = Start::Gaussian { seed: 0 };
+                let options =
+                    EigsOptions { count: 1, which, products: 200, method, start, ..EigsOptions::default() };
+                let found = solve(&mut matrix, &options);
+                assert_eq!(found.statuses[0], PairStatus::Converged, "{name}, {method:?}, {which:?}");
+                // By Weyl an eigenvalue is within the residual; that it is the right one is what is tested.
+                assert!(
+                    (found.values[0] - wanted).abs() <= 2e-8 * size,
+                    "{name}, {method:?}, {which:?}: {} is not {wanted}",
+                    found.values[0]
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn temple_kato_bounds_hold_where_nothing_was_missed_and_are_sharper() {
+    let mut matrix = Dense::turned(&(0..80).map(|k| 0.8_f64.powi(k)).collect::<Vec<_>>());
+    let truth = matrix.eigenvalues();
+    let mut sharper = 0;
+    for products in [12, 16, 20] {
+        let options = EigsOptions { count: 3, products, tolerance: 0.0, ..EigsOptions::default() };
+        let found = solve(&mut matrix, &options);
+        for (k, truth) in truth.iter().enumerate().take(3) {
+            let error = (found.values[k] - truth).abs();
+            assert!(error <= found.gap_bounds[k] + 1e-13, "{error:e} {:e}", found.gap_bounds[k]);
+            sharper += usize::from(found.gap_bounds[k] < 0.1 * found.bounds[k]);
+        }
+    }
+    assert!(sharper >= 5, "{sharper} of 9");
+}
+
+#[test]
+fn both_ends_come_in_turns_and_the_smallest_magnitudes_at_last() {
+    let values: Vec<f64> = (0..40).map(|k| f64::from(k) - 10.25).collect();
+    let mut matrix = Dense::turned(&values);
+    for method in SYMMETRIC {
+        for (which, wanted) in [
+            (Which::BothEnds, [28.75, -10.25, 27.75, -9.25]),
+            (Which::SmallestMagnitude, [-0.25, 0.75, -1.25, 1.75]),
+            (Which::LargestMagnitude, [28.75, 27.75, 26.75, 25.75]),
+        ] {
+            let options = EigsOptions {
+                count: 4,
+                which,
+                products: 40,
+                tolerance: 1e-10,
+                method,
+                ..EigsOptions::default()
+            };
+            let found = solve(&mut matrix, &options);
+            for (value, wanted) in found.values.iter().zip(wanted) {
+                assert!((value - wanted).abs() < 1e-9 * 29.0, "{method:?}, {which:?}: {value}, not {wanted}");
+            }
+        }
+    }
+}
+
+#[test]
+fn power_iteration_takes_its_rayleigh_quotient_from_the_next_product() {
+    let mut matrix = Dense::turned(&(0..50).map(|k| 0.7_f64.powi(k)).collect::<Vec<_>>());
+    let options = EigsOptions {
+        count: 1,
+        which: Which::LargestMagnitude,
+        products: 200,
+        method: EigsMethod::Power,
+        tolerance: 1e-6,
+        ..EigsOptions::default()
+    };
+    let found = solve(&mut matrix, &options);
+    assert_eq!(found.stats.status, Status::ReachedTolerance);
+    assert!((found.values[0] - 1.0).abs() < 1e-11, "the square of the residual: {}", found.values[0]);
+    let residual = matrix.residual((found.values[0], 0.0), &found.vectors[0], &[]);
+    assert!((residual - found.residuals[0]).abs() < 1e-13, "{residual:e} {:e}", found.residuals[0]);
+    // The error falls by 0.7 a product: 1e-6 needs ln 1e-6/ln 0.7 = 39 and a few for the random start's share.
+    assert!((35..48).contains(&found.stats.products), "{}", found.stats.products);
+    assert_eq!(found.history.len(), found.stats.products);
+    let lanczos = solve(&mut matrix, &EigsOptions { method: EigsMethod::Lanczos, ..options });
+    assert!(lanczos.stats.products < found.stats.products / 2, "{}", lanczos.stats.products);
+}
+
+#[test]
+fn power_iteration_with_the_first_vector_deflated_finds_the_second() {
+    let mut matrix = Dense::diagonal(&[-4.0, 3.0, 1.0, 0.5]);
+    let options = EigsOptions {
+        count: 1,
+        which: Which::LargestMagnitude,
+        products: 60,
+        method: EigsMethod::Power,
+        ..EigsOptions::default()
+    };
+    let first = solve(&mut matrix, &options);
+    assert!((first.values[0] + 4.0).abs() < 1e-12);
+    let deflate = vec![vec![1.0, 0.0, 0.0, 0.0]];
+    let second = solve(&mut matrix, &EigsOptions { deflate, ..options });
+    assert!((second.values[0] - 3.0).abs() < 1e-12);
+    assert!(second.vectors[0][1] > 0.999_999, "and its vector points upwards");
+}
+
+#[test]
+fn thick_restart_keeps_the_memory_and_reaches_the_same_eigenvalues() {
+    // Both ends stand apart.
+    let values: Vec<f64> = (0..300).map(|k| (f64::from(k) / 149.5 - 1.0).powi(3)).collect();
+    let mut matrix = Dense::turned(&values);
+    let truth = matrix.eigenvalues();
+    for (method, max_basis) in [(EigsMethod::Lanczos, 20), (EigsMethod::BlockLanczos { block: 3 }, 30)] {
+        for which in [Which::LargestAlgebraic, Which::BothEnds] {
+            let options = EigsOptions {
+                count: 4,
+                which,
+                products: 400,
+                method,
+                max_basis: Some(max_basis),
+                ..EigsOptions::default()
+            };
+            let found = solve(&mut matrix, &options);
+            assert_eq!(found.stats.status, Status::ReachedTolerance, "{method:?} {which:?}");
+            assert!(found.stats.products > max_basis, "it did restart");
+            let wanted = match which {
+                Which::BothEnds => [truth[0], truth[299], truth[1], truth[298]],
+                _ => [truth[0], truth[1], truth[2], truth[3]],
+            };
+            for (k, wanted) in wanted.iter().enumerate() {
+                assert!(
+                    (found.values[k] - wanted).abs() < 1e-8,
+                    "{method:?} {which:?}: {} {wanted}",
+                    found.values[k]
+                );
+                let residual = matrix.residual((found.values[k], 0.0), &found.vectors[k], &[]);
+                assert!(
+                    (residual - found.residuals[k]).abs() < 1e-12,
+                    "{residual:e} {:e}",
+                    found.residuals[k]
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn restarts_never_hold_more_vectors_than_allowed_and_stay_orthonormal() {
+    let mut matrix = Dense::turned(&spread(200));
+    let mut lanczos = Lanczos::new(&Start::default().vector(200), &[]).unwrap();
+    for products in 1..60 {
+        let options =
+            EigsOptions { count: 3, products, tolerance: 0.0, max_basis: Some(12), ..EigsOptions::default() };
+        eigs_from(&mut lanczos, &mut matrix, &options).unwrap();
+        assert!(lanczos.steps() + lanczos.expansion().pending() <= 12, "{}", lanczos.steps());
+        assert_eq!(lanczos.products(), products);
+    }
+    let columns: Vec<&Vec<f64>> = lanczos.basis().iter().chain(lanczos.expansion().waiting()).collect();
+    for (i, a) in columns.iter().enumerate() {
+        for (j, b) in columns.iter().enumerate() {
+            let expected = f64::from(u8::from(i == j));
+            // Six rotations by matrices orthogonal to a few ε each.
+            assert!((krylux::krylov::dot(a, b) - expected).abs() < 1e-13);
+        }
+    }
+}
+
+#[test]
+fn hundreds_of_restarts_leave_residuals_as_true_as_before() {
+    let mut matrix = Dense::turned(&spread(200));
+    let options =
+        EigsOptions { count: 2, products: 900, tolerance: 0.0, max_basis: Some(8), ..EigsOptions::default() };
+    let found = solve(&mut matrix, &options);
+    assert_eq!(found.stats.products, 900);
+    for k in 0..2 {
+        let residual = matrix.residual((found.values[k], 0.0), &found.vectors[k], &[]);
+        // Rounding adds up over 300 restarts of a few ε each; it must not multiply.
+        assert!((residual - found.residuals[k]).abs() < 1e-12, "{residual:e} {:e}", found.residuals[k]);
+        assert!(found.residuals[k] < 1e-12, "{:e}", found.residuals[k]);
+    }
+}
+
+#[test]
+fn noise_ends_the_search_at_its_floor_with_bounds_that_hold() {
+    let noise = 1e-4;
+    let mut matrix = Dense::turned(&(0..150).map(|k| 0.85_f64.powi(k)).collect::<Vec<_>>());
+    let truth = matrix.eigenvalues();
+    for method in [EigsMethod::Lanczos, EigsMethod::BlockLanczos { block: 2 }] {
+        let options = EigsOptions { count: 3, products: 100, noise, method, ..EigsOptions::default() };
+        let mut noisy = Noisy::new(&mut matrix, |_| noise);
+        let found = eigs(&mut noisy, &options).unwrap();
+        assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
+        assert!(found.stats.products < 60, "no photo is spent below the noise: {}", found.stats.products);
+        assert!(found.statuses.iter().all(|&status| status == PairStatus::LimitedByNoise));
+        // ‖E − Eᵀ‖_F ≤ 2 ‖E‖_F ≤ 2 √m noise, and ‖H‖_F ≥ 1; of E only what lies in the subspace shows.
+        let most = 2.0 * (found.stats.products as f64).sqrt() * noise;
+        assert!((0.01 * noise..most).contains(&found.asymmetry), "{:e}", found.asymmetry);
+        for (k, value) in found.values.iter().enumerate() {
+            let residual = matrix.residual((*value, 0.0), &found.vectors[k], &[]);
+            assert!(
+                (residual - found.residuals[k]).abs() <= found.bounds[k] - found.residuals[k],
+                "the gap is noise · ‖s‖₁ at most"
+            );
+            assert!(
+                residual > found.residuals[k],
+                "the true residual holds the noise, the computed one does not"
+            );
+            assert!((value - truth[k]).abs() <= found.bounds[k]);
+        }
+        // Ignoring the noise spends the budget and gains nothing.
+        let blind = EigsOptions { noise: 0.0, ..options };
+        let found = eigs(&mut Noisy::new(&mut matrix, |_| noise), &blind).unwrap();
+        assert_ne!(found.stats.status, Status::NoiseFloor);
+        let residual = matrix.residual((found.values[0], 0.0), &found.vectors[0], &[]);
+        assert!(residual > 0.1 * noise, "{residual:e}");
+    }
+}
+
+#[test]
+fn relaxed_products_reach_the_target_with_late_ones_much_noisier() {
+    let mut matrix = Dense::turned(&(0..150).map(|k| 0.85_f64.powi(k)).collect::<Vec<_>>());
+    let relaxation = Relaxation { target: 1e-6, steps: 30, gap: 0.15, most: 0.1 };
+    let mut lanczos = Lanczos::new(&Start::default().vector(150), &[]).unwrap();
+    let mut residual = f64::INFINITY;
+    let mut allowed = Vec::new();
+    for step in 0..30_usize {
+        let error = relaxation.allowed_error(residual);
+        allowed.push(error);
+        let mut noisy = Noisy::new(&mut matrix, |_| error);
+        noisy.taken = step;
+        lanczos.expand(&mut noisy).unwrap();
+        residual = lanczos.ritz(Which::LargestAlgebraic, 1).unwrap()[0].residual;
+        if residual < relaxation.target {
+            break;
+        }
+    }
+    assert!(residual < relaxation.target, "{residual:e}");
+    let (first, last) = (allowed[0], allowed[allowed.len() - 1]);
+    assert!(last > 1e3 * first, "the last product may be a thousand times noisier: {first:e} {last:e}");
+    let pair = &lanczos.ritz(Which::LargestAlgebraic, 1).unwrap()[0];
+    let truth = matrix.residual((pair.value, 0.0), &lanczos.ritz_vector(pair), &[]);
+    assert!(
+        truth <= 2.0 * relaxation.target,
+        "{truth:e}: the computed residual and the gap are a target each at most"
+    );
+    // The same noise from the beginning does not.
+    let options = EigsOptions { count: 1, products: 30, tolerance: 0.0, ..EigsOptions::default() };
+    let found = eigs(&mut Noisy::new(&mut matrix, |_| last), &options).unwrap();
+    assert!(matrix.residual((found.values[0], 0.0), &found.vectors[0], &[]) > 10.0 * relaxation.target);
+}
+
+#[test]
+fn options_that_cannot_be_used_are_refused_by_name_and_without_a_product() {
+    let mut matrix = Dense::turned(&spread(30));
+    let base = EigsOptions::default;
+    let cases = [
+        (EigsOptions { count: 0, ..base() }, "--count"),
+        (EigsOptions { products: 0, ..base() }, "--photos"),
+        (EigsOptions { method: EigsMethod::BlockLanczos { block: 0 }, ..base() }, "--block"),
+        (EigsOptions { max_basis: Some(8), ..base() }, "--max-basis"),
+        (EigsOptions { max_basis: Some(20), method: EigsMethod::Arnoldi, ..base() }, "--max-basis"),
+        (EigsOptions { noise: f64::NAN, ..base() }, "--noise"),
+        (EigsOptions { method: EigsMethod::Power, ..base() }, "--count"),
+        (EigsOptions { method: EigsMethod::Power, count: 1, which: Which::BothEnds, ..base() }, "--which"),
+    ];
+    for (options, name) in cases {
+        match eigs(&mut matrix, &options).unwrap_err() {
+            Error::Option { option, .. } => assert_eq!(option, name),
+            other => panic!("{other}"),
+        }
+    }
+    assert_eq!(matrix.products, 0);
+    let options = EigsOptions { which: Which::LargestImaginary, ..base() };
+    assert!(matches!(eigs(&mut matrix, &options), Err(Error::Option { option, .. }) if option == "--which"));
+}

@@ -1,0 +1,13 @@
+//! Light as it is traced, against closed forms and against another renderer.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod analytic;
+mod furnace;
+mod glass;
+mod lenses;
+mod peers;
+mod reference_photos;
+mod reference_spectrum;
+mod specular;

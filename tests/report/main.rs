@@ -1,0 +1,8 @@
+//! Files that are written and read, and the page that shows a run.
+
+mod arrays;
+mod page;
+mod pictures;
+mod sparse;
+mod strip;
+mod viewer;

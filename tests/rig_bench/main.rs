@@ -1,9 +1,0 @@
-//! The verbs at the bench, on virtual devices: `rig preview`, `rig align`, `rig check`, through the program.
-
-#[path = "../program/mod.rs"]
-mod program;
-
-mod align;
-mod check;
-mod preview;
-mod support;

@@ -1,0 +1,261 @@
+//! Tests that `.obj` files and their material libraries are loaded into the scene or refused.
+
+#![allow(clippy::panic, reason = "a failed test panics")]
+
+use crate::scene_support::{Written, png, write_files};
+use glam::{Vec3, vec2, vec3};
+use krylux::error::Error;
+use krylux::scene::{self, AlphaMode, Material, Scene, Volume, Wrap};
+
+const RIG: &[u8] = b"[camera]
+position = [0, 0, 2]
+look_at = [0, 0, 0]
+vertical_fov_degrees = 40
+";
+
+/// A unit square in z = 0, with texture coordinates.
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+
+fn written(obj: &str, library: &str) -> Written {
+    let picture = png(2, 1, &[[10, 20, 30, 255], [40, 50, 60, 255]]);
+    let mask = png(1, 2, &[[255, 255, 255, 255], [0, 0, 51, 255]]);
+    write_files(&[
+        ("scene.obj", obj.as_bytes()),
+        ("scene.rig.toml", RIG),
+        ("paint.mtl", library.as_bytes()),
+        ("leaf one.png", &picture),
+        ("mask.png", &mask),
+    ])
+}
+
+#[track_caller]
+fn load(obj: &str, library: &str) -> Scene {
+    let written = written(obj, library);
+    scene::load(&written.path, None).unwrap_or_else(|error| panic!("the scene should load: {error}"))
+}
+
+/// The name of the file at fault and the fault.
+#[track_caller]
+fn fault(obj: &str, library: &str) -> (String, String) {
+    match scene::load(&written(obj, library).path, None) {
+        Err(Error::Scene { path, fault, .. }) => {
+            (path.file_name().expect("a file").to_string_lossy().into_owned(), fault)
+        }
+        other => panic!("not an error about the scene: {other:?}"),
+    }
+}
+
+/// The material that a library with this entry defines.
+#[track_caller]
+fn material(entry: &str) -> Material {
+    let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3 4/4\n");
+    load(&obj, &format!("newmtl m\n{entry}\n")).materials[0].clone()
+}
+
+#[test]
+fn faces_are_fans_of_triangles() {
+    let scene = load(&format!("{SQUARE}f 1 2 3 4\nf -4/-4 -3/-3 \\\n -1/-1\n"), "");
+    let [a, b, c, d] = [vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(1.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0)];
+    let corners: Vec<_> = scene.triangles.iter().map(|triangle| triangle.positions).collect();
+    assert_eq!(corners, [[a, b, c], [a, c, d], [a, b, d]]);
+    // In the format v runs upwards; in pictures it runs downwards.
+    let last = scene.triangles[2].texcoords.map(|[first, _]| first);
+    assert_eq!(last, [vec2(0.0, 1.0), vec2(1.0, 1.0), vec2(0.0, 0.0)]);
+    assert_eq!(scene.materials[scene.triangles[0].material as usize].base_color, Vec3::splat(0.8));
+    assert_eq!(scene.camera.position, vec3(0.0, 0.0, 2.0));
+}
+
+#[test]
+fn normals_and_colours_are_loaded() {
+    let scene = load("v 0 0 0 1 0 0.5\nv 1 0 0\nv 0 1 0 0 0 0\nvn 0 3 4\nvn 0 0 0\nf 1//1 2//2 3\n", "");
+    let triangle = &scene.triangles[0];
+    assert_eq!(triangle.normals, [vec3(0.0, 0.6, 0.8), Vec3::ZERO, Vec3::ZERO]);
+    assert_eq!(triangle.colors, [[65535, 0, 32768, 65535], [65535; 4], [0, 0, 0, 65535]]);
+}
+
+#[test]
+fn objects_and_groups_are_regions() {
+    let face = "f 1 2 3\n";
+    let scene = load(&format!("{SQUARE}{face}o lid\n{face}g box lower\n{face}o empty\no lid\n{face}"), "");
+    assert_eq!(scene.regions, ["unnamed", "lid", "box lower"]);
+    assert_eq!(scene.triangles.iter().map(|triangle| triangle.region).collect::<Vec<_>>(), [0, 1, 2, 1]);
+    assert!(!scene.regions_are_labels);
+}
+
+#[test]
+fn matte_plastic_and_metal_are_recognized() {
+    let matte = material("Kd 0.5 0.25 1\nKs 0 0 0\nNs 10\nillum 2");
+    assert_eq!((matte.base_color, matte.specular, matte.metallic), (vec3(0.5, 0.25, 1.0), 0.0, 0.0));
+    // Ks is ignored if the illumination model has no highlights.
+    assert_eq!(material("Kd 0.5\nKs 1 1 1\nillum 1").specular, 0.0);
+    let plastic = material("Kd 0.5\nKs 0.5 0.5 0.25\nNs 30\nNi 1.45\nillum 2");
+    assert_eq!((plastic.specular, plastic.specular_color), (1.0, vec3(1.0, 1.0, 0.5)));
+    assert_eq!((plastic.ior, plastic.base_color, plastic.metallic), (1.45, Vec3::splat(0.5), 0.0));
+    // α = √(2/32) = 1/4 is the square of the roughness.
+    assert_eq!(plastic.roughness, 0.5);
+    let metal = material("Kd 0 0 0\nKs 0.9 0.6 0.3\nNs 30\nillum 3");
+    assert_eq!((metal.base_color, metal.metallic, metal.roughness), (vec3(0.9, 0.6, 0.3), 1.0, 0.5));
+    let modern = material("Kd 0.5\nKs 0.5 0.5 0.5\nPm 0.25\nPr 0.75\nKe 1 2 3");
+    assert_eq!((modern.metallic, modern.roughness, modern.base_color), (0.25, 0.75, Vec3::splat(0.5)));
+    assert_eq!(modern.emission, vec3(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn glass_is_a_solid_and_partly_opaque_materials_are_not_glass() {
+    let glass = material("Kd 0 0 0\nTf 0.9 0.8 1\nNi 1.33\nillum 7\nd 0.1");
+    assert_eq!((glass.transmission, glass.roughness, glass.ior), (1.0, 0.0, 1.33));
+    assert_eq!((glass.base_color, glass.alpha_mode), (vec3(0.9, 0.8, 1.0), AlphaMode::Opaque));
+    let clear = Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY };
+    assert_eq!(glass.volume, Some(clear));
+    assert_eq!(material("Ni 1.5\nillum 4").transmission, 1.0);
+    // Exporters use the illumination model of glass for all materials that are not fully opaque.
+    for entry in ["d 0.25\nillum 9", "Tr 0.75\nillum 4"] {
+        let sheet = material(entry);
+        assert_eq!((sheet.transmission, sheet.opacity, sheet.alpha_mode), (0.0, 0.25, AlphaMode::Blend));
+    }
+}
+
+#[test]
+fn pictures_are_loaded_with_their_options() {
+    let entry = "newmtl m\nmap_Kd -s 2 4 -o 0.5 0.25 -clamp on leaf one.png\nmap_Ke leaf one.png\n";
+    let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3\n");
+    let scene = load(&obj, entry);
+    let base = scene.materials[0].base_color_texture.expect("it has a picture");
+    // The texture coordinate (0.25, 0.5) reads the picture at (0.5 + 0.5, 2 + 0.25). Counted from the top, v
+    // is −1.25.
+    assert_eq!(base.transform.transform_point2(vec2(0.25, 0.5)), vec2(1.0, -1.25));
+    let texture = &scene.textures[base.texture as usize];
+    assert_eq!((texture.wrap, texture.linear), ([Wrap::ClampToEdge; 2], true));
+    assert_eq!(texture.texels, [[10, 20, 30, 255], [40, 50, 60, 255]]);
+    let emission = scene.materials[0].emission_texture.expect("it has a picture");
+    assert_eq!(scene.textures[emission.texture as usize].wrap, [Wrap::Repeat; 2]);
+}
+
+#[test]
+fn opacity_maps_become_the_alpha_of_the_base_colour() {
+    let texels = |entry: &str| {
+        let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3\n");
+        let scene = load(&obj, &format!("newmtl m\n{entry}"));
+        let material = &scene.materials[0];
+        assert_eq!((material.alpha_mode, material.opacity), (AlphaMode::Blend, 1.0));
+        let texture = material.base_color_texture.expect("it has a picture");
+        scene.textures[texture.texture as usize].texels.clone()
+    };
+    // The mean of (0, 0, 51) is 17.
+    assert_eq!(texels("map_d mask.png\n"), [[255; 4], [255, 255, 255, 17]]);
+    // One picture has two columns and one row, the other one column and two rows. The centre of a texel of
+    // the first is in the second row of the other.
+    assert_eq!(texels("map_Kd leaf one.png\nmap_d mask.png\n"), [[10, 20, 30, 17], [40, 50, 60, 17]]);
+    assert_eq!(texels("map_Kd leaf one.png\nmap_d leaf one.png\n"), [[10, 20, 30, 255], [40, 50, 60, 255]]);
+}
+
+#[test]
+fn ignored_statements_give_warnings() {
+    let scene = load(
+        &format!("{SQUARE}mtllib paint.mtl\nusemtl gone\nf 1 2 3\nl 1 2\nl 2 3\ncurv 0 1 1 2\nf 1 1 2\n"),
+        "newmtl m\nmap_Bump bump.png\nrefl cube.png\n",
+    );
+    assert_eq!(
+        scene.warnings,
+        [
+            "points and lines have no area: ignored",
+            "`curv` is not supported and ignored",
+            "material `m`: `map_Bump` is not supported and ignored",
+            "material `m`: `refl` is not supported and ignored",
+            "material `gone` is in no library; its faces are matte",
+            "1 triangles without area were dropped",
+        ]
+    );
+}
+
+#[test]
+fn the_hash_covers_every_file() {
+    let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3\n");
+    let entry = "newmtl m\nmap_Kd mask.png\n";
+    let hash = |obj: &str, entry: &str, change: Option<(&str, &[u8])>| {
+        let written = written(obj, entry);
+        if let Some((name, bytes)) = change {
+            std::fs::write(written.folder.path().join(name), bytes).expect("the folder is ours");
+        }
+        scene::load(&written.path, None).expect("it loads").hash
+    };
+    let first = hash(&obj, entry, None);
+    assert_eq!(first, hash(&obj, entry, None));
+    let picture = png(1, 1, &[[1; 4]]);
+    let rig = [RIG, b"# moved"].concat();
+    for other in [
+        hash(&format!("{obj}#"), entry, None),
+        hash(&obj, &format!("{entry}Kd 1"), None),
+        hash(&obj, entry, Some(("mask.png", &picture))),
+        hash(&obj, entry, Some(("scene.rig.toml", &rig))),
+    ] {
+        assert_ne!(first, other);
+    }
+}
+
+#[test]
+fn errors_about_lines_name_the_line_number() {
+    for (lines, expected) in [
+        ("v 0 0", "line 9: `v` takes at least three numbers"),
+        ("v 0 0 nan", "line 9: `nan` is not a finite number"),
+        ("v 0 0 0 2", "line 9: a vertex has a weight, which only free-form surfaces have"),
+        ("v 0 0 0 1 1", "line 9: `v` takes three numbers, or six with a colour"),
+        ("vt", "line 9: `vt` takes one to three numbers"),
+        ("vn 1 2", "line 9: `vn` takes three numbers"),
+        ("f 1 2", "line 9: a face has fewer than three corners"),
+        ("f 1 2 5", "line 9: `5`: there is no such vertex; there are 4"),
+        ("f 1 2 -5", "line 9: `-5`: there is no such vertex; there are 4"),
+        ("f 1 2 0", "line 9: `0`: there is no such vertex; there are 4"),
+        ("f 1 2 3/5", "line 9: `3/5`: there is no such texture coordinate; there are 4"),
+        ("f 1 2 3//1", "line 9: `3//1`: there is no such normal; there are 0"),
+        ("f 1 2 3/1/1/1", "line 9: `3/1/1/1`: there is no such normal; there are 0"),
+        ("f 1 2 /1", "line 9: `/1` is no corner of a face"),
+        ("", "no triangles in the scene"),
+        ("v 2e9 0 0\nf 1 2 5", "a vertex at [2000000000, 0, 0] lies more than 1e9 m from the origin"),
+        (
+            "mtllib /paint.mtl",
+            "mtllib: `/paint.mtl` is an absolute path; only files next to the scene are read",
+        ),
+    ] {
+        let (file, found) = fault(&format!("{SQUARE}{lines}\n"), "");
+        assert_eq!((file.as_str(), found.as_str()), ("scene.obj", expected));
+    }
+}
+
+#[test]
+fn invalid_libraries_are_refused() {
+    let obj = format!("mtllib paint.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3\n");
+    for (entry, file, expected) in [
+        ("Kd 1", "paint.mtl", "line 1: no `newmtl` comes before it"),
+        ("newmtl m\nKd 1 1", "paint.mtl", "line 2: a colour is one or three numbers"),
+        ("newmtl m\nKd -1 0 0", "paint.mtl", "line 2: a colour is negative"),
+        ("newmtl m\nKd spectral a.rfl", "paint.mtl", "line 2: only RGB colours are supported"),
+        ("newmtl m\nd 1.5", "paint.mtl", "line 2: `d` lies outside 0 to 1"),
+        ("newmtl m\nNs -1", "paint.mtl", "line 2: `Ns` is negative"),
+        ("newmtl m\nNs 1 2", "paint.mtl", "line 2: `Ns` takes one number"),
+        ("newmtl m\nillum 11", "paint.mtl", "line 2: `illum` takes an integer from 0 to 10"),
+        ("newmtl m\nmap_Kd", "paint.mtl", "line 2: `map_Kd` names no picture"),
+        (
+            "newmtl m\nmap_Kd -t 1 1 1 mask.png",
+            "scene.obj",
+            "material `m`: `-t 1 1 1 mask.png` has an option that is not supported",
+        ),
+        (
+            "newmtl m\nmap_Kd -s 2 2 mask.png\nmap_d mask.png",
+            "scene.obj",
+            "material `m`: map_Kd and map_d have different options",
+        ),
+        ("newmtl m\nmap_Kd paint.mtl", "paint.mtl", "the picture is neither PNG nor JPEG"),
+        (
+            "newmtl m\nmap_Kd mask.png",
+            "scene.obj",
+            "a face of material `m` has no texture coordinates, but the material has a texture",
+        ),
+    ] {
+        assert_eq!(fault(&obj, entry), (file.to_string(), expected.to_string()));
+    }
+    match scene::load(&written(&obj, "newmtl m\nmap_Kd gone.png").path, None) {
+        Err(Error::Read { path, .. }) => assert!(path.ends_with("gone.png")),
+        other => panic!("not an error about reading: {other:?}"),
+    }
+}

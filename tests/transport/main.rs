@@ -1,0 +1,9 @@
+//! The transport matrix: as an operator, its noise, and as it is kept on disk.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod cache;
+mod matrix;
+mod noise;
+mod operators;
