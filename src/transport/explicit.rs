@@ -95,4 +95,12 @@ mod tests {
         assert_eq!(explicit.photograph(&pattern).expect("it fits").samples(), [4.0, 0.5]);
         assert!(ExplicitMatrix::new(explicit.matrix.clone(), Resolution::new(2, 2)).is_err());
     }
+
+    #[test]
+    fn direct_and_global_light_of_an_explicit_matrix_add_up_to_it() {
+        let matrix =
+            Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![4.0, 1.0, 2.0, 8.0]).expect("well formed");
+        let weights = |part| ExplicitMatrix::part_of(&matrix, part).expect("well formed").weights().to_vec();
+        assert_eq!([weights(Part::Direct), weights(Part::Global)], [vec![4.0, 8.0], vec![1.0, 2.0]]);
+    }
 }

@@ -158,12 +158,4 @@ mod tests {
             assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
         }
     }
-
-    #[test]
-    fn direct_and_global_light_of_a_given_matrix_add_up_to_it() {
-        let matrix =
-            Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![4.0, 1.0, 2.0, 8.0]).expect("well formed");
-        let weights = |part| part_of(&matrix, part).expect("well formed").weights().to_vec();
-        assert_eq!([weights(Part::Direct), weights(Part::Global)], [vec![4.0, 8.0], vec![1.0, 2.0]]);
-    }
 }
