@@ -167,7 +167,6 @@ mod tests {
         });
         let step = |done| Step { stage: "photos", done, total: 3, estimate: Estimate::None };
         assert!(observer.step(&step(1)).is_continue() && observer.step(&step(2)).is_break());
-        drop(observer);
         assert_eq!(seen, [1, 2]);
     }
 }
