@@ -16,8 +16,8 @@ pub enum Start {
         /// Seed of the generator.
         seed: u64,
     },
-    /// Standard normal entries, so that no direction is preferred. (They depend on `ln`, whose last bit
-    /// differs between machines.)
+    /// Standard normal entries, so that no direction is preferred. (Rare values in the tails depend on `ln`, whose last
+    /// bit differs between machines.)
     Gaussian {
         /// Seed of the generator.
         seed: u64,

@@ -29,7 +29,13 @@ pub(super) fn update2(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64, 
 // The loops over entries are compiled for every `f`, the distribution over threads only once: it is by far the larger
 // part of the code, and one indirect call a block costs nothing.
 
-fn in_blocks(w: &mut [f64], a: &[f64], block: &(dyn Fn(&mut [f64], &[f64]) + Sync)) {
+/// An update of one chunk: `w`, `a`.
+type Update<'a> = dyn Fn(&mut [f64], &[f64]) + Sync + 'a;
+
+/// An update of one chunk: `w`, `a`, `b`.
+type Update2<'a> = dyn Fn(&mut [f64], &[f64], &[f64]) + Sync + 'a;
+
+fn in_blocks(w: &mut [f64], a: &[f64], block: &Update<'_>) {
     if w.len() < PARALLEL {
         block(w, a);
     } else {
@@ -37,7 +43,7 @@ fn in_blocks(w: &mut [f64], a: &[f64], block: &(dyn Fn(&mut [f64], &[f64]) + Syn
     }
 }
 
-fn in_blocks2(w: &mut [f64], a: &[f64], b: &[f64], block: &(dyn Fn(&mut [f64], &[f64], &[f64]) + Sync)) {
+fn in_blocks2(w: &mut [f64], a: &[f64], b: &[f64], block: &Update2<'_>) {
     if w.len() < PARALLEL {
         block(w, a, b);
     } else {

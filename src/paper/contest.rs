@@ -116,7 +116,6 @@ pub(super) fn enter(
     });
     let wanted: Vec<f64> = wish.light.iter().map(|light| wish.unit * light).collect();
     let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
-    drop(observer);
     entry.pattern = found.x;
     entry.shots = recorded.products.into_iter().map(Shot::from).collect();
     Ok(entry)

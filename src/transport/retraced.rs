@@ -86,8 +86,8 @@ impl Retraced<'_> {
         // Of the batch before: read, but not yet added up.
         let mut last: Option<Contributions<C>> = None;
         self.tracer.trace(&self.settings, &mut |batch| {
-            // What meets is added up in path order, by one core; meanwhile the others read on, which takes
-            // longer.
+            // One core adds up the contributions, in path order; meanwhile the others read the next batch, which
+            // takes longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
                 || last.iter().for_each(|last| last.add_to(&mut seen, lit)),

@@ -371,7 +371,6 @@ fn the_observer_counts_photos_and_can_stop() {
         if step.done == 6 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let found = segment(&mut Observed::new(&mut scene, &observer), &options(2, 40)).unwrap();
-    drop(observer);
     assert_eq!(seen, [2, 3, 4, 5, 6], "the first photo is the degree's");
     assert_eq!((found.photos, scene.photos), (6, 6));
     assert!(found.status.contains("stopped"), "{}", found.status);

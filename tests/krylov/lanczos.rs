@@ -236,7 +236,6 @@ fn the_observer_sees_every_product_and_can_stop() {
         if step.done == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let found = eigs(&mut Observed::new(&mut matrix, &stop_at_five), &options).unwrap();
-    drop(stop_at_five);
     assert_eq!(seen, [1, 2, 3, 4, 5]);
     assert_eq!(found.stats.status, Status::Stopped);
     assert_eq!((matrix.products, found.values.len(), found.history.len()), (5, 3, 5));

@@ -389,7 +389,6 @@ fn relaxed_products_are_ever_noisier_and_reach_the_target_all_the_same() {
         });
         let mut observed = Observed::new(&mut noisy, &observer);
         let found = solve(Method::Gmres, &mut observed, &system.b, &options).unwrap();
-        drop(observer);
         (misfit(&system.matrix, &found.x, &system.b) / norm(&system.b), loudest)
     };
     let (truth, loudest) = relaxed(true);
@@ -623,7 +622,6 @@ fn the_observer_sees_every_product_with_its_iterate_and_can_stop() {
         });
         let mut observed = Observed::new(&mut matrix, &observer);
         let found = solve_adjoint(method, &mut observed, &system.b, &accurate()).unwrap();
-        drop(observer);
         assert_eq!(seen, [1, 2, 3, 4, 5], "{method:?}");
         assert_eq!((found.stats.status, matrix.products()), (Status::Stopped, 5), "{method:?}");
     }
