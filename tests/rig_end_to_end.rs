@@ -1,7 +1,8 @@
-//! From photons to answers with every imperfection on, and what each stage earns: without it, the answer is worse.
+//! Answers of a rig with every imperfection switched on, and the benefit of each stage: without it, the
+//! answer is worse.
 //!
-//! The rig is that of `assets/rigs/realistic.toml`, with a calibration that is exactly known; the scenes are zigzag and the 90° corner, at
-//! 64x64 pixels.
+//! The rig is that of `assets/rigs/realistic.toml`, with a calibration that is exactly known; the scenes are
+//! zigzag and the 90° corner, at 64x64 pixels.
 
 mod common;
 mod rig_support;
@@ -17,15 +18,15 @@ use krylux::sparse::Csr;
 use krylux::transport::{ExplicitMatrix, Part};
 use rig_support::{Stage, known, labels, realistic, target};
 
-/// Noise of other seeds than that of calibration.
+/// Seeds of the noise. They differ from that of the calibration.
 const SEEDS: [u64; 3] = [101, 102, 103];
 
-/// The question of the tests on zigzag.
+/// The segmentation of the zigzag scene.
 fn two_groups() -> SegmentOptions {
     SegmentOptions { photos: 40, groups: vec![2], eigenvectors: 4, ..SegmentOptions::default() }
 }
 
-/// The adjusted Rand index against the true labels, and the patterns shown.
+/// The adjusted Rand index relative to the true labels, and the number of patterns shown.
 fn segmented(
     stage: &Stage,
     rig: &VirtualRig,
@@ -41,7 +42,7 @@ fn segmented(
     (trial.truth[0].1, trial.cost.patterns)
 }
 
-/// By which share the residual of the pattern shown is above that of the best one.
+/// The relative excess of the residual of the shown pattern over that of the optimum.
 fn compensated(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, seed: u64) -> f64 {
     let options = CompensateOptions { photos: 20, ..CompensateOptions::default() };
     let planner = stage.planner(rig, measurement);
@@ -70,7 +71,7 @@ fn the_corner_is_compensated_within_a_tenth_of_the_optimum_with_every_imperfecti
     }
 }
 
-/// `A x` of a part as the rig has it, for a smooth signed `x`.
+/// The measured product `A x` of a part, for a smooth signed `x`.
 fn product(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, part: Part, seed: u64) -> Vec<f64> {
     let calibration = known(rig);
     let planner = Planner { calibration: &calibration, ..stage.planner(rig, measurement) };
@@ -80,7 +81,7 @@ fn product(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, part: 
     y
 }
 
-/// Three waves along x, two along y: signed, and smooth as the eigenvectors of scenes are.
+/// Three waves along x and two along y: signed, and smooth like the eigenvectors of scenes.
 fn waves() -> Vec<f64> {
     let side = rig_support::SIDE;
     let turn = |at: usize, waves: f64| std::f64::consts::TAU * waves * at as f64 / side as f64;
@@ -89,7 +90,7 @@ fn waves() -> Vec<f64> {
         .collect()
 }
 
-/// `min_s ‖y − s t‖ / ‖y‖`: how far it is from the truth, whatever the units.
+/// `min_s ‖y − s t‖ / ‖y‖`: the relative error, independent of units.
 fn error(y: &[f64], truth: &[f64]) -> f64 {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     (1.0 - dot(y, truth).powi(2) / (dot(y, y) * dot(truth, truth))).max(0.0).sqrt()
@@ -106,7 +107,7 @@ fn truth(stage: &Stage, part: Part) -> Vec<f64> {
 type Switch = fn(&mut MeasureOptions);
 
 #[test]
-fn each_stage_that_answers_need_makes_them_worse_when_it_is_off() {
+fn answers_are_worse_without_a_stage_that_they_need() {
     let off: [(&str, Switch); 3] = [
         ("ambient", |options| options.ambient = false),
         ("response", |options| options.response = false),
@@ -125,9 +126,9 @@ fn each_stage_that_answers_need_makes_them_worse_when_it_is_off() {
         switch(&mut other);
         let [score, excess] = [score(&one), excess(&other)];
         println!("{name:<24} {score:>18.4} {:>21.1}%", 100.0 * excess);
-        // Each of them at least doubles what devices cost a compensation, which is below a tenth of the optimum.
+        // Each stage at least doubles the excess due to the devices, which is below a tenth of the optimum.
         assert!(excess >= all_excess + 0.1, "{name}: {excess} without, {all_excess} with");
-        // The segmentation forgives ambient light, which it never sees in differences of photos.
+        // The segmentation tolerates ambient light, because it cancels in differences of photos.
         assert!(name == "ambient" || score <= all_score - 0.03, "{name}: {score} without, {all_score} with");
     }
 }
@@ -135,7 +136,7 @@ fn each_stage_that_answers_need_makes_them_worse_when_it_is_off() {
 #[test]
 fn each_stage_lowers_the_error_of_a_product_where_its_imperfection_is() {
     let stage = realistic("zigzag");
-    // Vignetting has no stage: it would hide all others.
+    // No stage corrects vignetting, which would hide the effect of all others.
     let mut plain = stage.rig.clone();
     (plain.projector.vignetting, plain.camera.vignetting) = (0.0, 0.0);
     let with = |change: fn(&mut VirtualRig)| {
@@ -206,14 +207,14 @@ fn late(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, truth: &[
     let mut operator = stage.twin.operator(Part::Full, 0).expect("well formed");
     operator.apply(&vec![1.0; y.len()], &mut full).expect("it cannot fail");
     let norm = |a: &[f64]| a.iter().map(|a| a * a).sum::<f64>().sqrt();
-    // The units are those of the first white photo: a lamp that got dimmer shows.
+    // The units are those of the first white photo, so that a dimmer lamp is an error.
     let scale = norm(&white) / norm(&full);
     let difference: Vec<f64> = y.iter().zip(truth).map(|(y, truth)| y - scale * truth).collect();
     norm(&difference) / norm(&y)
 }
 
 #[test]
-fn bracketed_exposures_see_dark_pixels_of_a_scene_of_high_range() {
+fn bracketed_exposures_measure_dark_pixels_of_a_high_range_scene() {
     const PIXELS: usize = 256;
     let light = |pixel: usize| 10_f64.powf(-4.0 * pixel as f64 / PIXELS as f64);
     let matrix = Csr::new(

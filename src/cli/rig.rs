@@ -1,4 +1,4 @@
-//! `krylux rig`: what concerns devices rather than scenes.
+//! `krylux rig`: verbs for the devices of a rig.
 
 mod align;
 mod bench;
@@ -55,13 +55,13 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
 }
 
-/// `--exposure`.
+/// Parses the value of `--exposure`.
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && seconds.is_finite());
     seconds.ok_or_else(|| "give seconds, more than 0".into())
 }
 
-/// `-o` of a picture.
+/// Parses the value of `-o` of a picture.
 fn png(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));

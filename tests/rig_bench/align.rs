@@ -1,4 +1,4 @@
-//! Aligning: the way that the camera must go is told, and nothing where it stands right.
+//! `rig align`: a camera beside the projector gets a direction, and an aligned camera gets none.
 
 use std::io::Read;
 use std::net::TcpListener;
@@ -14,7 +14,7 @@ fn figure(of: &Value) -> f64 {
 }
 
 #[test]
-fn a_camera_beside_the_projector_is_told_where_to_go() {
+fn the_direction_in_which_to_move_the_camera_is_reported() {
     for (aside, place, remedy) in [
         ([2, 0], "to the right of the projector", "left"),
         ([-2, 0], "to the left of the projector", "right"),
@@ -31,24 +31,25 @@ fn a_camera_beside_the_projector_is_told_where_to_go() {
         assert_eq!((last["place"].as_str(), last["remedy"].as_str()), (Some(place), Some(remedy)));
         let size = f64::from(aside[0]).hypot(f64::from(aside[1]));
         let [found, error] = [&last["stand"]["size"], &last["stand"]["error"]].map(figure);
-        // Cells at the thing's border see the wall, too: the median of those that stand out is a little less.
+        // Cells at the border of the plate see the wall, too, so the median of the displaced cells is a
+        // little less.
         assert!((found - size).abs() < 0.15 * size + 4.0 * error, "{found} ± {error} for {size}");
         let shadow = 11.0 * 11.0 - (11.0 - f64::from(aside[0]).abs()) * (11.0 - f64::from(aside[1]).abs());
         let share = shadow / 1024.0;
-        // Pixels at its border are lit by half.
+        // Pixels at the border of the shadow are half lit.
         assert!((figure(&last["shadow"]) - share).abs() < 0.4 * share, "{} for {share}", last["shadow"]);
         assert!(figure(&last["symmetry"]["figure"]) > 0.1, "{}", last["symmetry"]);
         let (_, picture) = pixels(&file);
         let count = |color: [u8; 3]| picture.iter().filter(|&&pixel| pixel == color).count() as f64;
         assert!((count(SHADOW) / picture.len() as f64 - share).abs() < 0.5 * share);
-        assert!(count(ARROW) > 100.0, "what is displaced has arrows");
+        assert!(count(ARROW) > 100.0, "displaced parts have arrows");
     }
 }
 
 #[test]
-fn a_camera_at_the_projectors_point_is_aligned_within_the_stated_error() {
+fn a_camera_at_the_projectors_centre_is_aligned_within_the_stated_error() {
     let folder = folder();
-    // Where it looks does not matter, nor how it is turned: the map undoes that.
+    // The direction of the camera and its rotation do not matter: the map corrects them.
     let turned =
         [("camera", "shift = [1.3, -0.4]"), ("camera", "rotation = 1.5"), ("camera", "distortion = 0.01")];
     for more in [&[][..], &turned] {
@@ -68,7 +69,7 @@ fn a_camera_at_the_projectors_point_is_aligned_within_the_stated_error() {
 }
 
 #[test]
-fn light_from_wall_to_wall_and_every_imperfection_of_devices_are_not_taken_for_a_camera_aside() {
+fn global_light_and_device_imperfections_do_not_look_like_a_camera_offset() {
     let folder = folder();
     let rig = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/rigs/realistic.toml");
     let (said, status) =
@@ -78,7 +79,7 @@ fn light_from_wall_to_wall_and_every_imperfection_of_devices_are_not_taken_for_a
 }
 
 #[test]
-fn what_is_told_on_the_console_names_the_way_and_the_picture() {
+fn the_console_names_the_direction_and_the_picture() {
     let folder = folder();
     let (rig, file) = (rig(&folder, [2, 0], &[]), inside(&folder, "align.png"));
     let output = krylux(&["rig", "align", &rig, "--rounds", "1", "--patterns", "0", "-o", &file]);
@@ -91,9 +92,9 @@ fn what_is_told_on_the_console_names_the_way_and_the_picture() {
 }
 
 #[test]
-fn a_scene_that_shows_no_pattern_is_a_round_that_tells_nothing() {
+fn a_round_without_visible_patterns_reports_the_fault() {
     let folder = folder();
-    // A projector so much out of focus that no stripe is left.
+    // The projector is so far out of focus that no stripe is left.
     let (rig, file) = (rig(&folder, [0, 0], &[("projector", "blur = 40.0")]), inside(&folder, "align.png"));
     let (said, status) = summary(&["rig", "align", &rig, "--rounds", "1", "-o", &file]);
     assert_eq!(status, 1);
@@ -113,7 +114,7 @@ fn the_picture_is_shown_in_a_viewer_that_listens() {
     let viewer = std::thread::spawn(move || {
         let mut sent = Vec::new();
         let (mut stream, _) = listener.accept().expect("the program connects");
-        // It may end in the middle of what is sent.
+        // The program may end while it is sending.
         let _ = stream.read_to_end(&mut sent);
         sent
     });
@@ -124,12 +125,13 @@ fn the_picture_is_shown_in_a_viewer_that_listens() {
     assert!(text(&sent).contains("rig align"), "{} bytes", sent.len());
 }
 
-/// A wall and a plate before it, in metres, by rays: right is +x, up is +y, the camera looks along −z.
+/// A wall and a plate in front of it, in metres, as rays see them: right is +x, up is +y, and the camera
+/// looks along −z.
 const SCENE: &str = "v -2 -2 -1.5\nv 2 -2 -1.5\nv 2 2 -1.5\nv -2 2 -1.5\nf 1 2 3 4\n\
     v -0.15 -0.15 -1.0\nv 0.15 -0.15 -1.0\nv 0.15 0.15 -1.0\nv -0.15 0.15 -1.0\nf 5 6 7 8\n";
 
 #[test]
-fn the_way_is_that_of_the_scenes_own_geometry() {
+fn the_direction_follows_from_the_scenes_geometry() {
     for (camera, remedy) in
         [([0.08, 0.0], "left"), ([-0.08, 0.0], "right"), ([0.0, 0.08], "down"), ([0.0, -0.08], "up")]
     {
@@ -141,10 +143,10 @@ fn the_way_is_that_of_the_scenes_own_geometry() {
         let view = |name: &str, [x, y]: [f64; 2]| {
             format!("[{name}]\nposition = [{x}, {y}, 0]\nforward = [0, 0, -1]\nvertical_fov_degrees = 40\n")
         };
-        write("stand.toml", &(view("camera", camera) + &view("projector", [0.0, 0.0])));
+        write("poses.toml", &(view("camera", camera) + &view("projector", [0.0, 0.0])));
         write(
             "rig.toml",
-            "kind = \"virtual\"\n[scene]\nfile = \"scene.obj\"\ncamera_file = \"stand.toml\"\nsize = [48, 48]\n\
+            "kind = \"virtual\"\n[scene]\nfile = \"scene.obj\"\ncamera_file = \"poses.toml\"\nsize = [48, 48]\n\
              samples = 64\nmax_bounces = 2\n[camera]\nbits = 14\nshot_noise = true\n",
         );
         let (rig, file) = (inside(&folder, "rig.toml"), inside(&folder, "align.png"));
@@ -153,7 +155,7 @@ fn the_way_is_that_of_the_scenes_own_geometry() {
         let last = &said["last"];
         println!("{camera:?}: {last}");
         assert_eq!(last["remedy"].as_str(), Some(remedy), "{last}");
-        // Displaced against the wall by f c (1/z − 1/z'), with f = 24 / tan 20°.
+        // The displacement relative to the wall is f c (1/z − 1/z'), with f = 24 / tan 20°.
         let expected = 24.0 / 20.0_f64.to_radians().tan() * 0.08 * (1.0 - 1.0 / 1.5);
         let found = figure(&last["stand"]["size"]);
         assert!((found - expected).abs() < 0.25 * expected, "{found} for {expected}");

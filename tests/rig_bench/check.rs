@@ -1,4 +1,4 @@
-//! The check before a session: each thing that is wrong is named, and nothing else.
+//! `rig check`: each fault is named, and nothing else.
 
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ fn calibrated(folder: &TempDir) -> String {
     rig(folder, [0, 0], &[("", "calibration = \"known\"")])
 }
 
-/// What a check found, by name, and whether the program says that all is well.
+/// The findings of a check (name, grade, text), and whether it passed.
 #[track_caller]
 fn check(rig: &str, folder: &TempDir) -> (Vec<(String, String, String)>, bool) {
     let (said, status) = summary(&["rig", "check", rig, "-o", &inside(folder, "out")]);
@@ -38,14 +38,14 @@ fn check(rig: &str, folder: &TempDir) -> (Vec<(String, String, String)>, bool) {
     (findings, status == 0)
 }
 
-/// Those that are not ok.
+/// The findings that are not ok.
 fn named(findings: &[(String, String, String)]) -> Vec<(&str, &str)> {
     let wrong = findings.iter().filter(|(_, grade, _)| grade != "ok");
     wrong.map(|(name, grade, _)| (name.as_str(), grade.as_str())).collect()
 }
 
 #[test]
-fn a_bench_in_order_passes_line_by_line_and_a_moved_camera_does_not() {
+fn a_good_bench_passes_every_check_and_a_moved_camera_does_not() {
     let folder = folder();
     let rig = calibrated(&folder);
     let began = Instant::now();
@@ -87,11 +87,11 @@ fn a_bench_in_order_passes_line_by_line_and_a_moved_camera_does_not() {
 }
 
 #[test]
-fn more_noise_than_calibration_knows_is_named() {
+fn more_noise_than_the_calibration_predicts_is_a_warning() {
     let folder = folder();
     let rig = calibrated(&folder);
     let text = std::fs::read_to_string(&rig).expect("it was written");
-    // Electrons: 60 instead of 6, beside white's 150 of shot noise.
+    // The unit is electrons. The shot noise of white is 150.
     std::fs::write(&rig, text.replace("read_noise = 6", "read_noise = 150"))
         .expect("the folder can be written");
     let (findings, passed) = check(&rig, &folder);
@@ -100,12 +100,12 @@ fn more_noise_than_calibration_knows_is_named() {
 }
 
 #[test]
-fn each_fault_of_light_and_time_is_named_with_what_to_do() {
+fn each_fault_of_light_and_timing_is_named_with_what_to_do() {
     let folder = folder();
     let uncalibrated = ("calibration", "warning");
     for (more, expected, part) in [
         (vec![], vec![uncalibrated], "rig calibrate"),
-        // The light is there 50 ms after its frame, but photos are taken after 10.
+        // The light appears 50 ms after its frame, but photos are taken after 10 ms.
         (
             vec![("projector", "latency = 0.05"), ("measurement", "settle = 0.01")],
             vec![uncalibrated, ("settling", "fails")],
@@ -143,7 +143,7 @@ fn each_fault_of_light_and_time_is_named_with_what_to_do() {
 }
 
 #[test]
-fn a_camera_that_gives_no_frame_and_a_file_with_a_fault_are_findings_not_errors() {
+fn a_camera_without_frames_and_a_faulty_file_are_findings_and_not_errors() {
     let folder = folder();
     let rig = rig(&folder, [0, 0], &[("faults", "dropped = 1.0")]);
     let (findings, passed) = check(&rig, &folder);
@@ -160,7 +160,7 @@ fn a_camera_that_gives_no_frame_and_a_file_with_a_fault_are_findings_not_errors(
 }
 
 #[test]
-fn the_list_tells_what_virtual_devices_can_do() {
+fn the_list_describes_virtual_devices() {
     let folder = folder();
     let rig = rig(&folder, [0, 0], &[]);
     let (said, _) = summary(&["rig", "list", &rig]);

@@ -1,4 +1,4 @@
-//! The verbs at the bench, on virtual devices: `rig preview`, `rig align`, `rig check`, through the program.
+//! The bench verbs on virtual devices, through the program: `rig preview`, `rig align`, `rig check`.
 
 #[path = "../program/mod.rs"]
 mod program;

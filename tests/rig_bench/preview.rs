@@ -1,4 +1,4 @@
-//! The live picture: figures, focus, overlay, and an end by Ctrl-C.
+//! `rig preview`: figures, focus score, picture, and the end by Ctrl-C.
 
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -26,7 +26,7 @@ fn an_exposure_is_chosen_that_fills_the_range_without_saturating() {
     let figures = preview(&rig, &file, &[]);
     println!("{figures}");
     assert_eq!((&figures["frame"], &figures["saturated"]), (&4.into(), &0.0.into()));
-    // The 98th percentile of white is at 70 % within a tenth of the range.
+    // The 98th percentile of white is at 70 % of the range, to within a tenth of it.
     let brightest = figure(&figures["brightest"]);
     assert!((0.55 * 4095.0..0.95 * 4095.0).contains(&brightest), "{figures}");
     let mean = figure(&figures["mean"]);
@@ -37,7 +37,7 @@ fn an_exposure_is_chosen_that_fills_the_range_without_saturating() {
 }
 
 #[test]
-fn what_is_too_long_is_red_and_what_counts_nothing_blue() {
+fn saturated_pixels_are_red_and_black_ones_blue() {
     let folder = folder();
     let file = inside(&folder, "preview.png");
     let rig = rig(&folder, [0, 0], &[]);
@@ -68,12 +68,12 @@ fn the_focus_score_is_higher_the_sharper_the_projector() {
         figure(&figures["focus"])
     });
     println!("{scores:?}");
-    // Far more than the few per cent that noise makes of it.
+    // The noise changes the scores by only a few per cent.
     assert!(scores[0] > 1.2 * scores[1] && scores[1] > 1.5 * scores[2], "{scores:?}");
 }
 
 #[test]
-fn lines_are_said_without_a_terminal_and_what_is_wrong_is_named() {
+fn lines_are_printed_without_a_terminal_and_wrong_arguments_are_named() {
     let folder = folder();
     let (rig, file) = (rig(&folder, [0, 0], &[]), inside(&folder, "preview.png"));
     let output = krylux(&["rig", "preview", &rig, "--frames", "2", "-o", &file]);
@@ -97,7 +97,7 @@ fn lines_are_said_without_a_terminal_and_what_is_wrong_is_named() {
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_ends_it_well_and_leaves_a_whole_picture() {
+fn ctrl_c_ends_the_preview_and_leaves_a_complete_picture() {
     let folder = folder();
     let (rig, file) = (rig(&folder, [0, 0], &[]), inside(&folder, "preview.png"));
     let mut program = command(&["rig", "preview", &rig, "-o", &file])

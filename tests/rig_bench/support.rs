@@ -1,4 +1,4 @@
-//! A wall and a thing before it, seen by a camera that may stand beside the projector.
+//! A wall and a plate in front of it, seen by a camera that may be beside the projector.
 
 use std::path::Path;
 
@@ -11,26 +11,28 @@ pub use crate::program::{command, folder, inside, krylux, text, verdict as summa
 /// Pixels of the projector on a side.
 pub const SIDE: usize = 32;
 
-/// Columns and rows of the thing, from the first to the one past the last: a good tenth of the field.
-const THING: [[usize; 2]; 2] = [[11, 22], [10, 21]];
+/// The columns and rows of the plate, from the first to the one past the last: more than a tenth of the
+/// field.
+const PLATE: [[usize; 2]; 2] = [[11, 22], [10, 21]];
 
-/// Of all light that falls into the scene, each pixel gets so much by way of the others.
+/// Each pixel receives this share of all light of the scene by way of the other pixels.
 const INDIRECT: f64 = 0.15;
 
-/// What the camera sees when it stands so many pixels of parallax to the right of the projector, and below it: the thing is seen that
-/// much further left and up. What lies behind it for the projector is in its shadow.
+/// The transport matrix for a camera with this parallax in pixels, to the right of the projector and below
+/// it. The camera sees the plate displaced by as much to the left and up. What the plate hides from the
+/// projector is in shadow.
 pub fn wall(aside: [i32; 2]) -> Csr {
     let within = |x: i32, y: i32| {
-        [x, y].iter().zip(THING).all(|(&at, [from, to])| at >= from as i32 && at < to as i32)
+        [x, y].iter().zip(PLATE).all(|(&at, [from, to])| at >= from as i32 && at < to as i32)
     };
     let albedo = |pixel: usize| 0.6 + 0.3 * ((pixel % SIDE) as f64 * 0.9 + (pixel / SIDE) as f64 * 0.4).sin();
     let pixels = SIDE * SIDE;
     let (mut starts, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
     for pixel in 0..pixels {
         let [x, y] = [(pixel % SIDE) as i32, (pixel / SIDE) as i32];
-        let thing = [x + aside[0], y + aside[1]];
-        let direct = if within(thing[0], thing[1]) {
-            Some(thing[1] as usize * SIDE + thing[0] as usize)
+        let plate = [x + aside[0], y + aside[1]];
+        let direct = if within(plate[0], plate[1]) {
+            Some(plate[1] as usize * SIDE + plate[0] as usize)
         } else {
             (!within(x, y)).then_some(pixel)
         };
@@ -44,7 +46,8 @@ pub fn wall(aside: [i32; 2]) -> Csr {
     Csr::new(pixels, starts, columns, weights).expect("well formed")
 }
 
-/// A rig before it, with noise, and a camera of twice as many pixels; `more` stands in its file's tables by name.
+/// A virtual rig in front of it, with noise, and a camera with twice as many pixels on a side. `more` are
+/// additional lines of its file, by table.
 pub fn rig(folder: &TempDir, aside: [i32; 2], more: &[(&str, &str)]) -> String {
     sparse::write(&folder.path().join("wall.npz"), &wall(aside)).expect("the folder can be written");
     let of = |table: &str| -> String {
@@ -65,7 +68,7 @@ pub fn rig(folder: &TempDir, aside: [i32; 2], more: &[(&str, &str)]) -> String {
     path.display().to_string()
 }
 
-/// Red, green and blue of a picture that was written.
+/// The width of a picture, and its pixels as red, green and blue.
 pub fn pixels(path: &str) -> (usize, Vec<[u8; 3]>) {
     let picture = image::open(Path::new(path)).expect("it is a whole picture").to_rgb8();
     (picture.width() as usize, picture.pixels().map(|pixel| pixel.0).collect())

@@ -1,4 +1,5 @@
-//! `krylux rig align`: are projector and camera at one point, and which way must the camera go?
+//! `krylux rig align`: shows whether projector and camera have the same centre of projection, and which way
+//! the camera must move.
 
 use std::path::PathBuf;
 
@@ -19,12 +20,12 @@ use crate::measure::calibrate::{MeasuredValue, Observer};
 use crate::report::alignment;
 use crate::report::viewer::{Plane, Viewer};
 
-/// Bring camera and projector to one point: shadows, disparity, symmetry, and which way the camera must go;
-/// round by round, until Ctrl-C
+/// Bring camera and projector to the same centre of projection: shadows, disparity, symmetry, and which way
+/// to move the camera; round by round, until Ctrl-C
 ///
-/// Hang a small thing before a flat background: what stands out from the map that the larger part of the
-/// scene agrees on is taken for nearer. Directions are those of the photo. A flat scene tells nothing. Exit
-/// status 1: the last round is not aligned.
+/// Hang a small object in front of a flat background: what differs from the map that most of the scene agrees
+/// on is assumed to be nearer. Directions are those of the photo. A flat scene shows nothing. Exit status 1:
+/// the last round is not aligned.
 #[derive(clap::Args)]
 pub(in super::super) struct Args {
     #[command(flatten)]
@@ -32,18 +33,19 @@ pub(in super::super) struct Args {
     /// Rounds of structured light; 0: until Ctrl-C
     #[arg(long, value_name = "N", default_value_t = 0)]
     rounds: u64,
-    /// Random patterns of each round, by whose pairs symmetry is judged; 0: not at all, which is quicker
+    /// Random patterns of each round, whose pairs measure the symmetry; 0: no such measurement, which is
+    /// faster
     #[arg(long, value_name = "N", default_value_t = 6)]
     patterns: usize,
-    /// Asymmetry |A − Aᵀ|/|A| that passes
+    /// The largest asymmetry |A − Aᵀ|/|A| that passes
     #[arg(long, value_name = "X", default_value_t = 0.1)]
     asymmetry: f64,
-    /// Seconds of each exposure [default: the longest of the rig file's, or what white fills 70 % of the
-    /// camera's range in]
+    /// Seconds of each exposure [default: the longest exposure in the rig file, else the one at which white
+    /// fills 70 % of the camera's range]
     #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
     exposure: Option<f64>,
-    /// Where the picture goes: shadows red, what is dark for whatever reason violet, arrows where something
-    /// is displaced to; it is there as a whole at any moment
+    /// The file of the picture: shadows red, other dark pixels violet, arrows where something is displaced;
+    /// it is complete at any moment
     #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value = "align.png", value_parser = super::png)]
     file: PathBuf,
     #[command(flatten)]
@@ -52,7 +54,7 @@ pub(in super::super) struct Args {
     pub(in super::super) output: OutputArgs,
 }
 
-/// What the last whole round said.
+/// The last complete round.
 #[derive(Default)]
 struct Last {
     rounds: u64,
@@ -64,12 +66,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let options =
         AlignOptions { patterns: args.patterns, asymmetry: args.asymmetry, ..AlignOptions::default() };
     let mut bench = args.rig.read(console)?;
-    let mut shots = bench.open(console)?;
+    let mut frames = bench.open(console)?;
     let mut last = Last::default();
-    let ended = rounds(args, &options, (&bench, shots.as_mut()), console, &mut last);
-    drop(shots);
+    let ended = rounds(args, &options, (&bench, frames.as_mut()), console, &mut last);
+    drop(frames);
     match ended {
-        // Ctrl-C is how one stops aligning.
+        // Ctrl-C is the normal end of an alignment.
         Err(error) if !matches!(error.downcast_ref(), Some(Error::Interrupted)) => return Err(error),
         _ => {}
     }
@@ -91,15 +93,15 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn rounds(
     args: &Args,
     options: &AlignOptions,
-    (bench, shots): (&Bench, &mut dyn FrameSource),
+    (bench, frames): (&Bench, &mut dyn FrameSource),
     console: &Console,
     last: &mut Last,
 ) -> Result<()> {
     let viewer = args.live.viewer(console);
     let known = bench.known.as_ref().map(|known| &known.camera);
-    let mut observer = Observer::new(shots, known, bench.exposure(args.exposure))?;
+    let mut observer = Observer::new(frames, known, bench.exposure(args.exposure))?;
     console.detail(format_args!(
-        "exposures of {:.4} s, {:.3} s after each frame",
+        "exposures of {:.4} s, {:.3} s after each frame is confirmed",
         observer.exposure(),
         bench.settle()
     ));
@@ -131,10 +133,10 @@ fn say(number: u64, round: &Round, options: &AlignOptions, console: &Console) ->
         .symmetry
         .as_ref()
         .map_or_else(String::new, |check| format!(", asymmetry {:.3} ± {:.3}", check.figure, check.error));
-    // Something black, or a shadow that no light falls into.
+    // Black surfaces, or shadows that receive no light at all.
     let dark = match found.dark {
         dark if dark < 5e-4 => String::new(),
-        dark => format!(", nothing seen in {:.1} %", 100.0 * dark),
+        dark => format!(", dark {:.1} %", 100.0 * dark),
     };
     console.say(format_args!(
         "round     {number}: disparity median {:.3}, 95 % {:.3} pixels (each ± {:.3}), shadow {:.1} %{dark}{symmetry}",
@@ -146,28 +148,28 @@ fn say(number: u64, round: &Round, options: &AlignOptions, console: &Console) ->
     console.say(format_args!("          {}", sentence(found, options)))
 }
 
-/// What to do.
+/// The result of a round as a sentence that says what to do.
 fn sentence(found: &Alignment, options: &AlignOptions) -> String {
     match &found.stand {
         Some(stand) if stand.is_certain => format!(
-            "the camera stands {}, by what is displaced by {} pixels in {:.0} % of the field: move it {}",
+            "the camera is {}: {:.0} % of the field is displaced by {} pixels; move it {}",
             stand.place(),
-            MeasuredValue::new(stand.size, stand.error),
             100.0 * stand.share,
+            MeasuredValue::new(stand.size, stand.error),
             stand.remedy()
         ),
         Some(stand) => format!(
-            "the camera stands {}, or on the other side: {:.0} % of the field is displaced by {} pixels, but as much one \
-             way as the other; hang a small thing before a flat background",
+            "the camera is {}, or on the opposite side: {:.0} % of the field is displaced by {} pixels, but equally in both \
+             directions; hang a small object in front of a flat background",
             stand.place(),
             100.0 * stand.share,
             MeasuredValue::new(stand.size, stand.error)
         ),
         None if found.is_aligned(options) => {
-            "aligned, as far as the scene has depth: nothing stands out from one map, and nothing is in shadow".into()
+            "aligned, as far as the scene has depth: one map fits the whole field, and there are no shadows".into()
         }
-        None => "one map fits all that is seen; what is in shadow or not symmetric is not told by codes: look at the picture, and \
-                 ask `krylux audit`"
+        None => "one map fits the whole field, but there are shadows, or the light transport is not symmetric: look at the \
+                 picture, and run `krylux audit`"
             .into(),
     }
 }
@@ -189,7 +191,7 @@ fn describe(round: &Round) -> Value {
     })
 }
 
-/// The picture as it is in the file.
+/// Shows the picture in the viewer, as it is in the file.
 fn show(viewer: &Viewer, name: &str, picture: &Raster) {
     for channel in 0..3 {
         let bytes = picture.bytes().iter().skip(channel).step_by(3);

@@ -1,4 +1,4 @@
-//! An open rig at the bench, of which little may be known yet.
+//! The rig of a bench verb, which may not be calibrated yet.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use crate::error::Error;
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, ProjectorInfo, RawFrame};
 
-/// Which rig.
+/// The arguments that select a rig.
 #[derive(clap::Args)]
 pub(super) struct RigArgs {
     /// A rig file (.toml), of real or virtual devices
@@ -24,20 +24,20 @@ pub(super) struct RigArgs {
     adapter: Option<String>,
 }
 
-/// A rig, and what is known of it.
+/// A rig and its calibration.
 pub(super) struct Bench {
     pub(super) source: RigSource,
-    /// What calibration found, where there is one that can be used.
+    /// The calibration, where there is a usable one.
     pub(super) known: Option<Calibration>,
 }
 
 impl RigArgs {
-    /// Reads the file and the calibration that it names. One that cannot be used is named, and left aside.
+    /// Reads the file and its calibration. A calibration that cannot be used is noted and ignored.
     pub(super) fn read(&self, console: &Console) -> Result<Bench> {
         let source = self.source(console)?;
         let known = source.file.load_calibration().transpose();
         if let Err(why) = &known {
-            console.note(format_args!("note: the calibration is left aside: {why}"));
+            console.note(format_args!("note: the calibration is ignored: {why}"));
         }
         Ok(Bench { source, known: known.ok().flatten() })
     }
@@ -52,19 +52,19 @@ impl RigArgs {
 }
 
 impl Bench {
-    /// Opens the devices. Frames come until the user asks to stop: then as [`Error::Interrupted`].
+    /// Opens the devices. When the user asks to stop, the next frame is [`Error::Interrupted`].
     pub(super) fn open(&mut self, console: &Console) -> crate::Result<Box<dyn FrameSource>> {
-        let mut shots = self.source.opener(console)(None)?;
-        shots.set_settle(self.settle());
-        Ok(Box::new(Interruptible { shots, console: console.clone() }))
+        let mut frames = self.source.opener(console)(None)?;
+        frames.set_settle(self.settle());
+        Ok(Box::new(Interruptible { frames, console: console.clone() }))
     }
 
-    /// Seconds between a frame's confirmation and its photo.
+    /// Seconds between the confirmation of a frame and its photo.
     pub(super) fn settle(&self) -> f64 {
         self.source.file.settle(self.known.as_ref())
     }
 
-    /// The exposure that is given, or the longest that the rig file gives.
+    /// The exposure that the user gives, or the longest one of the rig file.
     pub(super) fn exposure(&self, given: Option<f64>) -> Option<f64> {
         given.or(self.source.file.longest_exposure())
     }
@@ -75,7 +75,7 @@ impl Bench {
     }
 }
 
-/// That a source, given as this argument, is a rig.
+/// Checks that the source of this argument is a rig.
 ///
 /// # Errors
 /// [`Error::Option`].
@@ -86,38 +86,38 @@ pub(super) fn require_rig(path: &Path, argument: &str) -> Result<()> {
     Err(Error::Option {
         option: argument.into(),
         fault: format!("{} is no rig", path.display()),
-        help: "give a rig file (.toml): this verb asks devices".into(),
+        help: "give a rig file (.toml): this verb needs devices".into(),
     }
     .into())
 }
 
-/// Frames until the user asks to stop.
+/// A frame source that stops when the user asks for it.
 struct Interruptible {
-    shots: Box<dyn FrameSource>,
+    frames: Box<dyn FrameSource>,
     console: Console,
 }
 
 impl FrameSource for Interruptible {
     fn projector(&self) -> &ProjectorInfo {
-        self.shots.projector()
+        self.frames.projector()
     }
 
     fn camera(&self) -> &CameraInfo {
-        self.shots.camera()
+        self.frames.camera()
     }
 
-    fn capture(&mut self, shot: &CaptureRequest) -> crate::Result<RawFrame> {
+    fn capture(&mut self, request: &CaptureRequest) -> crate::Result<RawFrame> {
         if self.console.check().is_break() {
             return Err(Error::Interrupted);
         }
-        self.shots.capture(shot)
+        self.frames.capture(request)
     }
 
     fn set_settle(&mut self, seconds: f64) {
-        self.shots.set_settle(seconds);
+        self.frames.set_settle(seconds);
     }
 
     fn effort(&self) -> Effort {
-        self.shots.effort()
+        self.frames.effort()
     }
 }

@@ -1,4 +1,4 @@
-//! `krylux rig calibrate`: from captures to a calibration folder.
+//! `krylux rig calibrate`: measures a rig, and writes a calibration folder.
 
 use std::path::PathBuf;
 
@@ -28,18 +28,18 @@ pub(in super::super) struct Args {
     /// Frames averaged for each level and pattern
     #[arg(long, value_name = "N", default_value_t = 2)]
     takes: u32,
-    /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera is the
-    /// coarser one]
+    /// What the pixel map is made from [default: Gray codes, or a checkerboard when the camera is coarser
+    /// than the projector]
     #[arg(long, value_enum)]
     map: Option<MapArg>,
-    /// Where the calibration goes; name it as `calibration` in the rig file [default: what the rig file
-    /// names, or NAME-calibration beside it]
+    /// The folder of the calibration; name it as `calibration` in the rig file [default: the folder that the
+    /// rig file names, or NAME-calibration beside it]
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     folder: Option<PathBuf>,
-    /// Calibrate anew into a folder that holds a calibration's photos, and throw these away
+    /// Calibrate again into a folder that holds a calibration, and delete its photos
     #[arg(long)]
     overwrite: bool,
-    /// Go on with the calibration in the folder: no photo that is in its journal is taken again
+    /// Continue the calibration in the folder: no photo in its journal is taken again
     #[arg(long, conflicts_with = "overwrite")]
     resume: bool,
     #[command(flatten)]
@@ -79,7 +79,7 @@ fn measure(
 ) -> Result<(Outcome, String)> {
     let journal = folder.journal(&rig.identity()?, console)?;
     let warn = journal::warning(&journal, console);
-    let mut shots = JournaledFrames::new(journal, rig.opener(console))?.reporting(warn);
+    let mut frames = JournaledFrames::new(journal, rig.opener(console))?.reporting(warn);
     let options = CalibrateOptions {
         takes: args.takes,
         map: args.map.map(|map| match map {
@@ -87,13 +87,13 @@ fn measure(
             MapArg::Checkerboard => MapBy::Checkerboard,
         }),
     };
-    let (found, report) = calibrate(&mut shots, &options, &mut |step| {
+    let (found, report) = calibrate(&mut frames, &options, &mut |step| {
         console.detail(format_args!("measuring {step}"));
         console.check()
     })?;
     found.save(&folder.path)?;
     calibration::write(&folder.path, &found, &report)?;
-    let effort = shots.effort();
+    let effort = frames.effort();
     folder.manifest.photos = effort.taken + effort.replayed;
     let lines = report.lines();
     say(&lines, console)?;
