@@ -11,8 +11,8 @@
 #import pairs
 
 // Words, four to a texel of the texture. The first words belong to the raster's texels, one each. Without
-// LIST_CONTINUES such a word is the only pair in sight. With LIST_CONTINUES it is the index of the list's
-// first word, or 0 where nothing is in sight. The words of a list are pairs; all but the last one carry
+// LIST_CONTINUES such a word is the only pair in light_buffer. With LIST_CONTINUES it is the index of the list's
+// first word, or 0 where nothing is in light_buffer. The words of a list are pairs; all but the last one carry
 // LIST_CONTINUES.
 @group(1) @binding(3) var light_buffer: texture_storage_2d<rgba32uint, read>;
 
@@ -29,7 +29,7 @@ fn light_buffer_word(index: u32) -> u32 {
 // The closest hit before `limit`, or any hit if `any` is set, of a ray through the pinhole and the point
 // `image` of the image plane at distance 1. `own` is the pair that a ray towards the pinhole left, or NONE:
 // such a ray cannot meet it, since the pinhole sees both triangles of a pair from the same side. So it need
-// not be tested where nothing else is in sight.
+// not be tested where nothing else is in light_buffer.
 fn light_buffer_trace(image: vec2f, origin: vec3f, direction: vec3f, limit: f32, own: u32, any: bool) -> Hit {
     let raster = (image / parameters.start.tangent * 0.5 + 0.5) * f32(LIGHT_BUFFER_SIDE - 2u) + 1.0;
     let texel = vec2u(clamp(raster, vec2f(0.0), vec2f(f32(LIGHT_BUFFER_SIDE) - 0.5)));

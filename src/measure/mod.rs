@@ -51,6 +51,7 @@ mod operator;
 mod options;
 mod photo;
 mod photo_pipeline;
+mod photos;
 pub mod preview;
 mod product;
 mod record;

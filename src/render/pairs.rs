@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use super::materials::NONE;
 use crate::scene::Triangle;
 
-/// The sine of the angle between the line of sight and a triangle's plane below which the pinhole sees the
+/// The sine of the angle between the line of light_buffer and a triangle's plane below which the pinhole sees the
 /// triangle edge-on: then rounding decides which side it sees.
 const EDGE_ON: f64 = 1e-4;
 

@@ -1,10 +1,9 @@
-//! Raw frames through a journal: none is taken twice, none is lost, and what comes out never differs.
+//! Raw frames through a journal: no frame is taken twice or lost, and a replay gives the same frames.
 
-use std::cell::{Cell, RefCell};
 use std::fs;
 use std::path::Path;
-use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use krylux::Result;
 use krylux::image::Resolution;
@@ -18,25 +17,27 @@ use super::{file, identity};
 
 const SIZE: Resolution = Resolution { width: 4, height: 2 };
 
-/// A rig whose counts depend on all that they may: pattern, the pattern before (a slow screen), exposure, the frame's number,
-/// and the time. Every fifth frame is dropped.
+/// A rig whose counts depend on everything that they may depend on: the pattern, the pattern before (a slow
+/// screen), the exposure, the number of the frame, and the time. Every fifth frame is dropped.
 struct Rig {
     projector: ProjectorInfo,
     camera: CameraInfo,
-    stands: Stamp,
+    /// The stamp of the last frame.
+    last: Stamp,
     shown: Vec<u16>,
     effort: Effort,
-    shots: Rc<Cell<u64>>,
+    /// Frames taken, by all rigs of a test.
+    taken: Arc<AtomicU64>,
 }
 
 impl Rig {
-    fn open(after: Option<Stamp>, shots: &Rc<Cell<u64>>) -> Self {
+    fn open(after: Option<Stamp>, taken: &Arc<AtomicU64>) -> Self {
         let projector = ProjectorInfo {
             name: "test projector".into(),
             resolution: SIZE,
             channels: 1,
             bits: 8,
-            // No number of few digits: it must come back to the last bit.
+            // A number without a short decimal, which must be read back to the last bit.
             frame_time: 1.0 / 59.94,
         };
         let camera = CameraInfo {
@@ -46,9 +47,9 @@ impl Rig {
             bits: 16,
             exposures: [1e-5 / 3.0, 0.7],
         };
-        let stands = after.unwrap_or(Stamp { id: 0, time: 0.0 });
+        let last = after.unwrap_or(Stamp { id: 0, time: 0.0 });
         let shown = vec![0; 8];
-        Self { projector, camera, stands, shown, effort: Effort::default(), shots: Rc::clone(shots) }
+        Self { projector, camera, last, shown, effort: Effort::default(), taken: Arc::clone(taken) }
     }
 }
 
@@ -61,57 +62,67 @@ impl FrameSource for Rig {
         &self.camera
     }
 
-    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
-        self.shots.set(self.shots.get() + 1);
+    fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
+        self.taken.fetch_add(1, Ordering::Relaxed);
         self.effort.taken += 1;
-        self.stands.id += 1;
-        if self.stands.id.is_multiple_of(5) {
-            self.stands.id += 1;
+        self.last.id += 1;
+        if self.last.id.is_multiple_of(5) {
+            self.last.id += 1;
             self.effort.dropped += 1;
         }
-        let started = self.stands.time + 0.1;
-        let mut random = Pcg64::seed_from_u64(self.stands.id ^ started.to_bits());
-        let levels = shot.frame.levels().iter().zip(&self.shown);
+        let started = self.last.time + 0.1;
+        let mut random = Pcg64::seed_from_u64(self.last.id ^ started.to_bits());
+        let levels = request.frame.levels().iter().zip(&self.shown);
         let counts = levels.map(|(level, before)| level * 16 + before + random.random_range(0..16)).collect();
-        let exposure = shot.exposure * (1.0 + 1e-12);
-        let frame = RawFrame { resolution: SIZE, channels: 1, counts, exposure, id: self.stands.id, started };
-        self.stands = Stamp::of(&frame);
-        self.shown = shot.frame.levels().to_vec();
+        let exposure = request.exposure * (1.0 + 1e-12);
+        let frame = RawFrame { resolution: SIZE, channels: 1, counts, exposure, id: self.last.id, started };
+        self.last = Stamp::of(&frame);
+        self.shown = request.frame.levels().to_vec();
         Ok(frame)
     }
 
-    fn follow(&mut self, shot: &CaptureRequest, frame: &RawFrame) -> Result<()> {
-        assert_eq!(self.stands, Stamp::of(frame));
-        self.shown = shot.frame.levels().to_vec();
+    fn follow(&mut self, request: &CaptureRequest, frame: &RawFrame) -> Result<()> {
+        assert_eq!(self.last, Stamp::of(frame));
+        self.shown = request.frame.levels().to_vec();
         Ok(())
     }
 
     fn set_settle(&mut self, _: f64) {}
 
     fn effort(&self) -> Effort {
-        Effort { seconds: self.stands.time, ..self.effort }
+        Effort { seconds: self.last.time, ..self.effort }
     }
 }
 
-/// How often the rig was opened where, and how many shots it took.
+/// What happened to the rig.
 #[derive(Clone, Default)]
 struct Log {
-    opened: Rc<RefCell<Vec<Option<u64>>>>,
-    shots: Rc<Cell<u64>>,
+    /// For each time that it was opened, the number of the frame after which it continued.
+    opened: Arc<Mutex<Vec<Option<u64>>>>,
+    /// The frames that it took.
+    taken: Arc<AtomicU64>,
 }
 
 impl Log {
+    fn taken(&self) -> u64 {
+        self.taken.load(Ordering::Relaxed)
+    }
+
+    fn opened(&self) -> Vec<Option<u64>> {
+        self.opened.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
     fn opener(&self) -> Opener<'static> {
         let log = self.clone();
         Box::new(move |after| {
-            log.opened.borrow_mut().push(after.map(|stamp| stamp.id));
-            Ok(Box::new(Rig::open(after, &log.shots)))
+            log.opened.lock().unwrap_or_else(PoisonError::into_inner).push(after.map(|stamp| stamp.id));
+            Ok(Box::new(Rig::open(after, &log.taken)))
         })
     }
 }
 
-fn shot(index: u16) -> CaptureRequest {
-    // Two takes of each frame, and frames that come again.
+fn request(index: u16) -> CaptureRequest {
+    // Two takes of each frame, and repeated frames.
     let levels = (0..8).map(|pixel| (index / 2 % 5 * 8 + pixel) % 256).collect();
     let frame = Arc::new(Frame::new(SIZE, 1, levels).expect("eight levels"));
     CaptureRequest { frame, exposure: 0.1 / 3.0, take: u32::from(index % 2 + index / 10 * 2) }
@@ -122,44 +133,44 @@ fn resume(folder: &Path, log: &Log) -> JournaledFrames<'static> {
     JournaledFrames::new(journal, log.opener()).expect("it is of this rig")
 }
 
-/// The frames of the run, whatever it takes.
+/// The frames of a run of `count` requests.
 fn run(folder: &Path, log: &Log, count: u16) -> Vec<RawFrame> {
-    let mut shots = resume(folder, log);
-    (0..count).map(|index| shots.capture(&shot(index)).expect("the rig works")).collect()
+    let mut frames = resume(folder, log);
+    (0..count).map(|index| frames.capture(&request(index)).expect("the rig works")).collect()
 }
 
 const COUNT: u16 = 12;
 
 #[test]
-fn a_run_is_repeated_without_the_rig() {
+fn a_finished_run_is_repeated_without_the_rig() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let log = Log::default();
     let first = run(folder.path(), &log, COUNT);
-    assert_eq!((log.shots.get(), log.opened.borrow().as_slice()), (12, &[None][..]));
+    assert_eq!((log.taken(), log.opened()), (12, vec![None]));
 
     let journal = Journal::read_only(folder.path()).expect("it is whole");
     let mut replay = JournaledFrames::replay(journal).expect("it knows its devices");
-    let rig = Rig::open(None, &log.shots);
+    let rig = Rig::open(None, &log.taken);
     assert_eq!((replay.projector(), replay.camera()), (rig.projector(), rig.camera()));
     for (index, frame) in (0..COUNT).zip(&first) {
-        assert_eq!(&replay.capture(&shot(index)).expect("it is there"), frame);
+        assert_eq!(&replay.capture(&request(index)).expect("it is there"), frame);
     }
     assert_eq!(replay.effort(), Effort { replayed: 12, ..Effort::default() });
     assert_eq!((replay.past().taken, replay.past().dropped), (12, 2));
 
-    let error = replay.capture(&shot(COUNT)).expect_err("nobody took it").to_string();
+    let error = replay.capture(&request(COUNT)).expect_err("it was never taken").to_string();
     assert!(error.contains("take 2") && error.contains("krylux VERB rig.toml --resume -o"), "{error}");
-    let other = CaptureRequest { exposure: 0.2, ..shot(0) };
-    assert!(replay.capture(&other).expect_err("nobody took it").to_string().contains("at 0.2 s"));
+    let other = CaptureRequest { exposure: 0.2, ..request(0) };
+    assert!(replay.capture(&other).expect_err("it was never taken").to_string().contains("at 0.2 s"));
 
     let pairs: Vec<_> = replay.pairs().collect::<Result<_>>().expect("it can be read");
     let taken: Vec<_> = pairs.into_iter().map(|pair| (pair.shot, pair.seen)).collect();
-    let expected = (0..COUNT).map(shot).zip(first);
+    let expected = (0..COUNT).map(request).zip(first);
     assert_eq!(taken, expected.collect::<Vec<_>>());
 }
 
 #[test]
-fn a_run_cut_off_anywhere_goes_on_as_if_it_had_not_been() {
+fn a_run_that_was_cut_off_anywhere_continues_without_a_difference() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let first = run(folder.path(), &Log::default(), COUNT);
     let bytes = fs::read(file(folder.path())).expect("it is there");
@@ -169,7 +180,7 @@ fn a_run_cut_off_anywhere_goes_on_as_if_it_had_not_been() {
         let there = Journal::read_only(folder.path()).expect("its header is whole").photos() as u64;
         let log = Log::default();
         assert_eq!(run(folder.path(), &log, COUNT), first, "{length} bytes");
-        assert_eq!(log.shots.get(), 12 - there, "{length} bytes");
+        assert_eq!(log.taken(), 12 - there, "{length} bytes");
         let journal = Journal::read_only(folder.path()).expect("it is whole");
         let keys = journal.entries().iter().filter(|entry| entry.kind == Kind::Photo).count();
         assert_eq!((keys, journal.photos()), (12, 12));
@@ -177,7 +188,7 @@ fn a_run_cut_off_anywhere_goes_on_as_if_it_had_not_been() {
 }
 
 #[test]
-fn a_damaged_photo_is_taken_again_as_it_was_and_no_other() {
+fn only_a_damaged_photo_is_taken_again_and_it_is_the_same() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let first = run(folder.path(), &Log::default(), COUNT);
     let bytes = fs::read(file(folder.path())).expect("it is there");
@@ -189,17 +200,17 @@ fn a_damaged_photo_is_taken_again_as_it_was_and_no_other() {
         damaged[at] ^= 4;
         fs::write(file(folder.path()), &damaged).expect("there is room");
         let is_photo = photos[starts.iter().rposition(|&start| start <= at).expect("it is in a record")];
-        // Twice: what was repaired stays so.
+        // The second run finds the journal repaired.
         for again in [u64::from(is_photo), 0] {
             let log = Log::default();
             assert_eq!(run(folder.path(), &log, COUNT), first, "byte {at}");
-            assert_eq!(log.shots.get(), again, "byte {at}");
+            assert_eq!(log.taken(), again, "byte {at}");
         }
     }
 }
 
 #[test]
-fn neighbours_that_are_both_damaged_are_taken_again_in_their_order() {
+fn two_damaged_neighbours_are_taken_again_in_their_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let first = run(folder.path(), &Log::default(), COUNT);
     let bytes = fs::read(file(folder.path())).expect("it is there");
@@ -221,16 +232,16 @@ fn neighbours_that_are_both_damaged_are_taken_again_in_their_order() {
             fs::write(file(folder.path()), &damaged).expect("there is room");
             let log = Log::default();
             assert_eq!(run(folder.path(), &log, COUNT), first, "{first_at}, {second_at} of photo {index}");
-            assert!(log.shots.get() <= 2);
+            assert!(log.taken() <= 2);
         }
     }
 }
 
 #[test]
-fn another_question_takes_its_photos_after_all_others() {
+fn a_new_photo_is_taken_after_all_others() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     run(folder.path(), &Log::default(), COUNT);
-    // One record is lost for good: nobody asks for it again.
+    // One record is lost, and its photo is not requested again.
     let journal = Journal::read_only(folder.path()).expect("it is whole");
     let third =
         journal.entries().iter().filter(|entry| entry.kind == Kind::Photo).nth(2).expect("of twelve").offset;
@@ -240,11 +251,11 @@ fn another_question_takes_its_photos_after_all_others() {
     fs::write(file(folder.path()), &bytes).expect("there is room");
 
     let log = Log::default();
-    let mut shots = resume(folder.path(), &log);
-    shots.capture(&shot(7)).expect("it is there");
-    shots.capture(&shot(0)).expect("it is there");
-    let new = shots.capture(&shot(40)).expect("the rig works");
-    drop(shots);
+    let mut frames = resume(folder.path(), &log);
+    frames.capture(&request(7)).expect("it is there");
+    frames.capture(&request(0)).expect("it is there");
+    let new = frames.capture(&request(40)).expect("the rig works");
+    drop(frames);
     let journal = Journal::read_only(folder.path()).expect("it is whole");
     let mut replay = JournaledFrames::replay(journal).expect("it knows its devices");
     let ids: Vec<u64> = replay.pairs().map(|pair| pair.expect("it can be read").seen.id).collect();
@@ -256,15 +267,15 @@ fn another_question_takes_its_photos_after_all_others() {
 fn another_rig_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     run(folder.path(), &Log::default(), 2);
-    let shots = Rc::default();
+    let taken = Arc::default();
     let opener: Opener<'static> = Box::new(move |after| {
-        let mut rig = Rig::open(after, &shots);
+        let mut rig = Rig::open(after, &taken);
         rig.camera.name = "another camera".into();
         Ok(Box::new(rig))
     });
     let journal = Journal::resume(folder.path(), &identity()).expect("it can be opened");
-    let mut shots = JournaledFrames::new(journal, opener).expect("the rig is not needed yet");
-    shots.capture(&shot(0)).expect("it is there");
-    let error = shots.capture(&shot(2)).expect_err("another camera is attached").to_string();
+    let mut frames = JournaledFrames::new(journal, opener).expect("the rig is not needed yet");
+    frames.capture(&request(0)).expect("it is there");
+    let error = frames.capture(&request(2)).expect_err("another camera is attached").to_string();
     assert!(error.contains("another camera") && error.contains("test camera"), "{error}");
 }

@@ -208,7 +208,7 @@ fn late(stage: &Stage, rig: &VirtualRig, measurement: &MeasureOptions, truth: &[
 }
 
 #[test]
-fn bracketed_exposures_see_dark_pixels_of_a_scene_of_high_range() {
+fn bracketed_exposures_measure_dark_pixels_of_a_high_range_scene() {
     const PIXELS: usize = 256;
     let light = |pixel: usize| 10_f64.powf(-4.0 * pixel as f64 / PIXELS as f64);
     let matrix = Csr::new(

@@ -1,4 +1,4 @@
-//! Cameras of every kind that this krylux was built with, as `krylux rig list` names them.
+//! The cameras for `krylux rig list`, of every kind that this program was built with.
 
 use std::net::Ipv4Addr;
 
@@ -9,14 +9,14 @@ use super::super::console::Console;
 use crate::error::Result;
 use crate::rig::{self, CameraSpec};
 
-/// A camera: what is said of it, why more cannot be said, and the same for `--json`.
+/// A camera: its lines of text, why more is not known, and the same for `--json`.
 struct Found {
     lines: Vec<String>,
     note: Option<crate::Error>,
     described: Value,
 }
 
-/// Names all cameras, and asks that of a rig file, too; those found.
+/// Lists all cameras, and asks the camera of a rig file, too. Returns them for `--json`.
 pub(super) fn list(of_file: Option<&CameraSpec>, console: &Console) -> Result<Vec<Value>> {
     let address = match of_file {
         Some(CameraSpec::Gige(spec)) => Some(spec.address),
@@ -26,7 +26,7 @@ pub(super) fn list(of_file: Option<&CameraSpec>, console: &Console) -> Result<Ve
     for kind in [gige(address), usb3(), v4l(), gphoto2()] {
         match kind {
             Ok(cameras) => found.extend(cameras),
-            // One kind that cannot be looked for does not hide the others.
+            // A kind that cannot be searched for does not hide the others.
             Err(why) => console.note(format_args!("note: {why}")),
         }
     }
@@ -45,14 +45,14 @@ pub(super) fn list(of_file: Option<&CameraSpec>, console: &Console) -> Result<Ve
 }
 
 impl Found {
-    /// A camera of this kind, under which a rig file names it.
+    /// A camera of this kind, by the name of the kind in a rig file.
     fn new(kind: &str, camera: &impl Serialize, said: String) -> Self {
         let mut found = Self { lines: vec![said], note: None, described: json!(camera) };
         found.add("kind", kind.into());
         found
     }
 
-    /// The same with what it can do.
+    /// The same camera with its abilities.
     #[cfg(any(feature = "gige", feature = "usb3"))]
     fn able(mut self, abilities: Result<rig::Abilities>) -> Self {
         match abilities {
@@ -60,7 +60,7 @@ impl Found {
                 self.lines.push(abilities.to_string());
                 self.add("abilities", json!(abilities));
             }
-            // It is there all the same.
+            // The camera exists, but does not answer this question.
             Err(why) => self.note = Some(why),
         }
         self

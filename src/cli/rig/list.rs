@@ -1,4 +1,4 @@
-//! `krylux rig list`: the devices that could be a rig.
+//! `krylux rig list`: the monitors and cameras that a rig file may name.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use crate::rig::{self, MonitorInfo};
 /// List the monitors and cameras that a rig file may name, and what they can do
 #[derive(clap::Args)]
 pub(in super::super) struct Args {
-    /// A rig file, whose X server and camera are asked, too
+    /// A rig file; its X server and its camera are queried, too
     #[arg(value_name = "RIG")]
     file: Option<PathBuf>,
     /// The X server [default: that of the rig file, or of DISPLAY]

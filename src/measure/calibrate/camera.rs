@@ -1,4 +1,4 @@
-//! The camera's figures, from white and black frames at many exposures.
+//! The calibration of the camera, from frames of white and black at many exposures.
 
 use std::sync::Arc;
 
@@ -13,30 +13,31 @@ use super::transfer::transfer;
 use crate::error::{Error, Result};
 use crate::rig::{Frame, RawFrame};
 
-/// Exposures of the series: from white's, down by factors of √2.
+/// The number of exposures in the series. They descend from that of white by factors of √2.
 const SERIES: i32 = 15;
 
-/// Pairs of frames of a black projector at the shortest exposure.
+/// Pairs of frames of black at the shortest exposure.
 const DARK_PAIRS: usize = 4;
 
-/// Standard deviations of noise that saturation is kept away from.
+/// The limit of saturation lies this many standard deviations of noise below the plateau.
 const MARGIN: f64 = 4.0;
 
-/// What is known of a camera.
+/// A calibrated camera.
 #[derive(Clone, Debug)]
 pub(super) struct Camera {
     pub(super) linear: Linear,
     /// Counts from here on may be saturated.
     pub(super) limit: f64,
     pub(super) figures: CameraFigures,
-    /// Relative noise of one white photo at an average pixel.
+    /// The relative noise of one white photo at an average pixel.
     pub(super) white_noise: f64,
 }
 
-/// Measures the camera. `exposure` is the one at which `white` fills the range.
+/// Calibrates the camera. At `exposure` seconds, `white` fills the range.
 ///
 /// # Errors
-/// [`Error::Rig`] when frames cannot be taken; [`Error::Numerical`] when they do not tell.
+/// [`Error::Rig`] when frames cannot be taken; [`Error::Numerical`] when they do not determine the camera's
+/// values.
 pub(super) fn camera(
     session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
@@ -53,7 +54,8 @@ pub(super) fn camera(
     let (up, down) = series(session, white, exposure)?;
     let darks = dark_series(session, &black, exposure)?;
     let sorting = session.capture(white, exposure)?;
-    // Until the noise is known: far enough below for a camera of one electron per DN.
+    // Until the noise is known, that of a camera with one electron per DN is assumed, which is more than real
+    // cameras have.
     let careful = limit(&plateau, (plateau.count - floor).sqrt(), MARGIN);
     let whites: Vec<RawFrame> = up.iter().chain(&down).cloned().collect();
     let blacks: Vec<RawFrame> = dark.iter().flatten().chain(&darks).cloned().collect();
@@ -95,8 +97,8 @@ pub(super) fn camera(
     })
 }
 
-/// White at exposures from the shortest of the series up, and down again, so that a drift of the light
-/// cancels.
+/// Captures white at exposures from the shortest of the series up, and down again, so that a drift of the
+/// light cancels.
 fn series(
     session: &mut CalibrationSession<'_>,
     white: &Arc<Frame>,
@@ -119,7 +121,7 @@ fn series(
     Ok((up, down))
 }
 
-/// Black at white's exposure, and shorter.
+/// Captures black at white's exposure, and at shorter ones.
 fn dark_series(
     session: &mut CalibrationSession<'_>,
     black: &Arc<Frame>,
@@ -135,7 +137,7 @@ fn dark_series(
     Ok(frames)
 }
 
-/// Mean counts of black frames over the exposure: black level, and DN per second.
+/// Fits a line to the mean counts of black frames over the exposure: black level in DN, and DN per second.
 fn dark_line(
     dark: &[[RawFrame; 2]],
     darks: &[RawFrame],
@@ -146,7 +148,7 @@ fn dark_line(
     for frame in dark.iter().flatten().chain(darks) {
         let samples = frame.counts.len() as f64;
         let mean = frame.counts.iter().map(|&count| f64::from(count)).sum::<f64>() / samples;
-        // The shot noise of what is above the least is bounded by taking all of it for light.
+        // The shot noise is bounded from above by counting the black level as light, too.
         let variance = (read_noise.powi(2) + mean / gain) / samples;
         normal.add_full(&[1.0, frame.exposure], mean, 1.0 / variance.max(1e-9));
     }
@@ -154,6 +156,7 @@ fn dark_line(
     Ok([0, 1].map(|at| MeasuredValue::new(line.values[at], line.error(at))))
 }
 
+/// The mean light of black frames with a curved response, in linear DN per second.
 fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> MeasuredValue {
     let rates: Vec<f64> = darks
         .iter()
@@ -168,6 +171,7 @@ fn curved_dark_rate(darks: &[RawFrame], linear: &Linear) -> MeasuredValue {
     MeasuredValue::new(mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
 
+/// The noise of a white photo at an average pixel, relative to its light.
 fn white_noise(white: &RawFrame, linear: &Linear, gain: f64, read_noise: f64) -> f64 {
     let light = white.counts.iter().map(|&count| linear.of(count.into()).max(0.0)).sum::<f64>()
         / white.counts.len() as f64;

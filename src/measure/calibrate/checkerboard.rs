@@ -1,8 +1,9 @@
-//! Saddle points of a projected checkerboard, for cameras that do not resolve single projector pixels.
+//! The corners of a projected checkerboard, for cameras that do not resolve single projector pixels (O'Toole
+//! and Kutulakos, section 8.1).
 //!
-//! The contrast of a checkerboard and its inverse, `(p − q)/(p + q)`, is a saddle at each inner corner,
-//! whatever the scene's albedo; its centre is that of a quadric fitted to the pixels around it (Lucchese and
-//! Mitra 2002).
+//! The contrast `(p − q)/(p + q)` of the photos of a checkerboard and of its inverse does not depend on the
+//! scene's albedo. Each inner corner is a saddle point of it. Its centre is that of a quadratic polynomial
+//! fitted to the pixels around it (Lucchese and Mitra 2002).
 
 use super::camera_model::CameraModel;
 use super::gray_code::sum;
@@ -11,14 +12,14 @@ use super::lens_map::{LensMap, Match};
 use super::session::CalibrationSession;
 use crate::error::Result;
 
-/// Camera pixels that a square should have.
+/// The side of a square, in camera pixels.
 const SQUARE: f64 = 6.0;
 
-/// Shows a checkerboard, and finds its corners near where `map` has them. Camera pixels that are not `lit`
-/// are not used.
+/// Shows a checkerboard, and finds its corners near the places that `map` predicts. Camera pixels that are
+/// not `lit` are not used.
 ///
 /// # Errors
-/// Whatever keeps frames from being taken.
+/// Those of taking frames.
 pub(super) fn corners(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel<'_>,
@@ -45,8 +46,8 @@ pub(super) fn corners(
     Ok(matches)
 }
 
-/// The saddle point near `near`, in the camera's pixels from its corner; `None` where there is none, or too
-/// little to see.
+/// The saddle point near `near`, in the camera's pixels from its top left corner. `None` when there is none,
+/// or when too few pixels are lit.
 fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: f64) -> Option<[f64; 2]> {
     let mut at = near;
     for _ in 0..12 {
@@ -68,7 +69,7 @@ fn saddle(contrast: &[f64], lit: &[bool], map: &LensMap, near: [f64; 2], reach: 
                 let pixel = row * map.camera.width + column;
                 if lit[pixel] {
                     count += 1;
-                    // A window that ends softly lets no pixel jump in or out as the centre moves.
+                    // With a smooth window, no pixel enters or leaves it abruptly as the centre moves.
                     let weight = (1.0 - distance * distance).powi(2);
                     normal.add_full(&[1.0, x, y, x * x, x * y, y * y], contrast[pixel], weight);
                 }

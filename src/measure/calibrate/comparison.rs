@@ -1,16 +1,16 @@
-//! Pictures to be compared: freed of what does not count, read between pixels, correlated.
+//! Tools to compare pictures: a band-pass filter, interpolation between pixels, and correlation.
 
 use crate::image::{Blur, Resolution};
 
-/// Standard deviation of the blur, in pixels. Edges then are as wide as steps of the iteration must be able
-/// to see.
+/// The standard deviation of the narrow blur, in pixels. It makes edges so wide that the iteration sees them
+/// from a pixel away.
 pub(super) const BLUR: f64 = 1.2;
 
-/// Standard deviation of the blur that is taken off, in pixels: what varies more slowly is indirect light.
+/// The standard deviation of the wide blur, in pixels. Global light varies more slowly than that.
 const SLOW: f64 = 3.0;
 
-/// A picture without what is finer than can be followed, and without what is slower than direct light; by the
-/// pixels that are `used` alone.
+/// The band-pass of a picture: the difference of a narrow and a wide blur. Only the pixels that are `used`
+/// count. `None` when a blur has no width.
 pub(super) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<Vec<f64>> {
     let of_used = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
         (0..size.pixels()).map(|pixel| if used[pixel] { of(pixel) } else { 0.0 }).collect()
@@ -19,14 +19,14 @@ pub(super) fn band(size: Resolution, picture: &[f64], used: &[bool]) -> Option<V
     let [fine, slow] = [BLUR, SLOW].map(|deviation| {
         let blur = Blur::new(size, deviation)?;
         let pairs = blur.apply(&values).into_iter().zip(blur.apply(&weights));
-        // Far from all that is used there is nothing to be known.
+        // The weight is 0 far from all used pixels, where the value is of no interest.
         Some(pairs.map(|(sum, weight)| sum / weight.max(1e-6)).collect::<Vec<f64>>())
     });
     Some(fine?.iter().zip(slow?).map(|(fine, slow)| fine - slow).collect())
 }
 
-/// The picture's value at a point in pixels from the centre of the first, linear between pixels; none
-/// outside.
+/// The value of a picture at a point, bilinear between pixels. Coordinates are in pixels from the centre of
+/// the first pixel. `None` outside of the picture.
 pub(super) fn value(picture: &[f64], size: Resolution, [x, y]: [f64; 2]) -> Option<f64> {
     let inside = x >= 0.0 && y >= 0.0 && x <= size.width as f64 - 1.0 && y <= size.height as f64 - 1.0;
     if !inside {
@@ -43,7 +43,7 @@ pub(super) fn value(picture: &[f64], size: Resolution, [x, y]: [f64; 2]) -> Opti
     Some(upper + down * (lower - upper))
 }
 
-/// Pearson's; −∞ of what has no spread.
+/// Pearson's correlation; −∞ when one of the two is constant.
 pub(super) fn correlation(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (mut n, mut a, mut b, mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (x, y) in pairs {
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn between_pixels_a_picture_is_linear_and_outside_there_is_none() {
+    fn a_value_between_pixels_is_interpolated_and_there_is_none_outside() {
         let size = Resolution::new(2, 2);
         let picture = [0.0, 1.0, 2.0, 3.0];
         assert_eq!(value(&picture, size, [0.5, 0.5]), Some(1.5));
@@ -72,12 +72,13 @@ mod tests {
     }
 
     #[test]
-    fn what_varies_slowly_is_taken_off_also_beside_what_is_not_used() {
+    fn slow_variation_is_removed_even_beside_unused_pixels() {
         let size = Resolution::new(48, 32);
         let slow: Vec<f64> = (0..size.pixels()).map(|pixel| 5.0 + 0.1 * (pixel % 48) as f64).collect();
         let used: Vec<bool> = (0..size.pixels()).map(|pixel| pixel % 48 < 24).collect();
         let left = band(size, &slow, &used).expect("both blurs are wider than 0");
-        // A ramp that ends is bent by the wider blur, by no more than what it rises over its width.
+        // Where the used part of the ramp ends, the wide blur changes it by no more than its rise over the
+        // width of the blur.
         assert!((0..size.pixels()).filter(|&pixel| used[pixel]).all(|pixel| left[pixel].abs() < 0.3));
         assert!(left[16 * 48 + 12].abs() < 1e-3, "{}", left[16 * 48 + 12]);
         let pairs = [(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)];

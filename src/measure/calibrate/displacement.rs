@@ -1,38 +1,38 @@
-//! How far a picture of a known pattern is displaced, to parts of a pixel.
+//! The displacement of a photo relative to a known pattern, to fractions of a pixel.
 //!
-//! The picture shows the pattern at `x + d(x)`, with a `d` that is affine over the field. It is found by
-//! Gauss and Newton's method on both, blurred alike (Lucas and Kanade, *An iterative image registration
-//! technique*, 1981), from the best whole-pixel shift on.
+//! The photo at `x` shows the pattern at `x + d(x)`, where the displacement `d` is affine over the field. It
+//! is found by Gauss–Newton iteration on both, after the same blur (Lucas and Kanade, *An iterative image
+//! registration technique*, 1981). The best whole-pixel shift is the start.
 
 use super::comparison::{BLUR, band, correlation, value};
 use super::least_squares::Normal;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// Pixels that the rig may have moved by, to be found; of a small field a quarter at most.
+/// The largest whole-pixel shift that is searched; in a small field, a quarter of its side.
 const REACH: i32 = 8;
 
-/// With fewer pieces of evidence than so many for each unknown, only a shift is looked for.
+/// The least number of independent residuals per unknown. With fewer, only a shift is fitted.
 const EVIDENCE: f64 = 12.0;
 
-/// What is compared must be of so much of what is seen.
+/// The shifted pattern must overlap at least this share of the photo.
 const COMMON: f64 = 0.5;
 
-/// Pixels that the projector's own blur and the camera's see as one: residuals of so many are one piece of
-/// evidence, `4π σ²` of a Gaussian.
+/// The number of pixels whose residuals count as one independent residual: the blur correlates neighbours. It
+/// is `4π σ²` for a Gaussian blur.
 const CORRELATED: f64 = 4.0 * std::f64::consts::PI * BLUR * BLUR;
 
-/// Steps at most: a few suffice from the nearest whole pixel on.
+/// The largest number of iterations. A few suffice from the nearest whole pixel on.
 const STEPS: usize = 12;
 
-/// Unknowns: how much darker and lighter the pattern is seen, and `d`: two of a shift, four of a turn, scale
-/// and shear.
+/// The unknowns: offset and contrast of the photo, and six of `d`: two of a shift, and four of rotation,
+/// scale and shear.
 const UNKNOWNS: usize = 8;
 
-/// Those without the latter four.
+/// The unknowns without rotation, scale and shear.
 const SHIFT: usize = 4;
 
-/// How far a picture is displaced.
+/// The displacement of a photo.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Displacement {
     /// The largest displacement over the field's corners and centre, in projector pixels.
@@ -41,15 +41,15 @@ pub struct Displacement {
     pub error: f64,
     /// The displacement at the centre, to the right and down.
     pub shift: [f64; 2],
-    /// Correlation of pattern and photo with the displacement undone: 1 is the same picture.
+    /// The correlation of pattern and photo after the displacement is corrected. It is 1 for equal pictures.
     pub agreement: f64,
 }
 
-/// How far pictures are displaced from their patterns (pairs of pattern and what is seen), where they are
-/// `used`.
+/// The displacement of photos relative to their patterns. `pairs` are pairs of pattern and photo; only pixels
+/// that are `used` count.
 ///
 /// # Errors
-/// [`Error::Numerical`] where the patterns are not in them.
+/// [`Error::Numerical`] when the photos do not show the patterns.
 pub(super) fn displacement(
     size: Resolution,
     pairs: &[(Vec<f64>, Vec<f64>)],
@@ -82,14 +82,15 @@ pub(super) fn displacement(
     Ok(Displacement { off, error, shift: d.at(centre), agreement: pictures.agreement(|at| d.at(at)) })
 }
 
-/// `d(x)`: two unknowns of a shift, and for each axis two that grow from the centre to the corner.
+/// The affine displacement `d(x)`: two coefficients of a shift, and two per axis of the part that grows from
+/// the centre to the corners.
 struct Affine {
     size: Resolution,
     by: [f64; 6],
 }
 
 impl Affine {
-    /// 0 at the centre, about 1 at the corner.
+    /// Coordinates that are 0 at the centre and about 1 at the corner.
     fn relative(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [width, height] = [self.size.width as f64, self.size.height as f64];
         let unit = 0.5 * width.hypot(height);
@@ -101,7 +102,8 @@ impl Affine {
         [d[0] + d[2] * u + d[3] * v, d[1] + d[4] * u + d[5] * v]
     }
 
-    /// The standard error along the axis where it is the larger; `covariance` is that of all unknowns.
+    /// The standard error of the displacement along the axis where it is larger. `covariance` is that of all
+    /// unknowns.
     fn error(&self, at: [f64; 2], covariance: &[f64]) -> f64 {
         let [u, v] = self.relative(at);
         let variance = |first: usize| {
@@ -115,14 +117,14 @@ impl Affine {
     }
 }
 
-/// All pictures, within the band.
+/// All patterns and photos, after the band-pass.
 struct Pictures {
     size: Resolution,
     patterns: Vec<Vec<f64>>,
     points: Vec<Point>,
 }
 
-/// What is seen somewhere of a pattern.
+/// A pixel of a photo: the index of its pattern, its place, and its value.
 struct Point {
     pattern: usize,
     at: [f64; 2],
@@ -130,7 +132,7 @@ struct Point {
 }
 
 impl Pictures {
-    /// Correlation of what is seen with the pattern displaced.
+    /// The correlation of the photos with the displaced patterns; −∞ when they overlap too little.
     fn agreement(&self, d: impl Fn([f64; 2]) -> [f64; 2]) -> f64 {
         let pair = |point: &Point| {
             let [right, down] = d(point.at);
@@ -144,6 +146,7 @@ impl Pictures {
         correlation(pairs.into_iter())
     }
 
+    /// The whole-pixel shift with the largest correlation.
     fn best_shift(&self) -> [f64; 2] {
         let reach = REACH.min(self.size.width.min(self.size.height) as i32 / 4);
         let shifts = (-reach..=reach).flat_map(|down| (-reach..=reach).map(move |right| [right, down]));
@@ -153,7 +156,7 @@ impl Pictures {
         shifts.fold((f64::NEG_INFINITY, [0.0; 2]), better).1
     }
 
-    /// Moves `d` to where both agree best; the covariance of all unknowns in pixels².
+    /// Improves `d` by Gauss–Newton iteration. Returns the covariance of all unknowns in pixels².
     fn refine(&self, d: &mut Affine) -> Result<Vec<f64>> {
         let mut covariance = vec![0.0; UNKNOWNS * UNKNOWNS];
         let is_rich = self.points.len() as f64 > EVIDENCE * UNKNOWNS as f64 * CORRELATED;
@@ -176,7 +179,7 @@ impl Pictures {
             for (number, entry) in found.covariance.iter().enumerate() {
                 covariance[number / unknowns * UNKNOWNS + number % unknowns] = entry * scale;
             }
-            // Beyond a pixel the slopes say nothing.
+            // The gradients are not valid beyond one pixel.
             let step: Vec<f64> =
                 found.values[2..].iter().map(|value| (value / amplitude).clamp(-1.0, 1.0)).collect();
             d.by.iter_mut().zip(&step).for_each(|(d, step)| *d += step);
@@ -187,8 +190,8 @@ impl Pictures {
         Ok(covariance)
     }
 
-    /// The slopes of what should be seen at a point with respect to the unknowns; none where that lies
-    /// outside.
+    /// The derivatives of the expected value at a point with respect to the unknowns; `None` when the
+    /// displaced point lies outside.
     fn row(&self, d: &Affine, point: &Point) -> Option<[f64; UNKNOWNS]> {
         let [right, down] = d.at(point.at);
         let [x, y] = [point.at[0] + right, point.at[1] + down];
@@ -202,7 +205,7 @@ impl Pictures {
 
 fn unseen() -> Error {
     Error::Numerical(
-        "nothing is seen of a pattern where the calibration's map has it\n  help: calibrate the rig again: krylux rig calibrate"
+        "a pattern is not seen where the calibration's map expects it\n  help: calibrate the rig again: krylux rig calibrate"
             .into(),
     )
 }
@@ -213,14 +216,14 @@ mod tests {
 
     const SIZE: Resolution = Resolution { width: 64, height: 48 };
 
-    /// Squares of four pixels, light or dark as a hash of their place says.
+    /// Squares of four pixels, bright or dark by a hash of their place.
     fn squares() -> Vec<f64> {
         let bit = |x: usize, y: usize| ((x * 7919 + y * 104_729 + x * y * 31) / 7).is_multiple_of(2);
         let light = |pixel: usize| bit(pixel % SIZE.width / 4, pixel / SIZE.width / 4);
         (0..SIZE.pixels()).map(|pixel| if light(pixel) { 1.0 } else { -1.0 }).collect()
     }
 
-    /// The pattern moved by `d`, as a map that is off by that much has it.
+    /// The photo of the pattern, resampled by a map that is off by `d`.
     fn seen(d: impl Fn([f64; 2]) -> [f64; 2]) -> (Vec<f64>, Vec<bool>) {
         let pattern = squares();
         let looks = |pixel: usize| {
@@ -229,7 +232,7 @@ mod tests {
             value(&pattern, SIZE, [at[0] + right, at[1] + down])
         };
         let values: Vec<Option<f64>> = (0..SIZE.pixels()).map(looks).collect();
-        // Half as much contrast, as with indirect light; what lies outside is dark.
+        // Half of the contrast, as with global light. Pixels outside of the pattern are dark.
         (
             values.iter().map(|value| 0.1 + 0.5 * value.unwrap_or(0.0)).collect(),
             values.iter().map(Option::is_some).collect(),
@@ -242,16 +245,17 @@ mod tests {
     }
 
     #[test]
-    fn what_has_not_moved_is_where_it_was() {
+    fn a_photo_that_has_not_moved_has_no_displacement() {
         let found = found(|_| [0.0, 0.0]);
         assert!(found.off < 1e-3 && found.agreement > 0.999, "{found:?}");
     }
 
     #[test]
-    fn a_shift_is_found_to_a_twentieth_of_a_pixel_and_whole_pixels_too() {
+    fn a_shift_is_found_to_a_twentieth_of_a_pixel() {
         for shift in [[0.3, -0.2], [-5.6, 3.4], [0.05, 0.0]] {
             let found = found(|_| shift);
-            // Linear between pixels is another blur than the Gaussian, which is where the rest comes from.
+            // The remaining error comes from the interpolation between pixels, which blurs differently from a
+            // Gaussian.
             let off = (found.shift[0] - shift[0]).hypot(found.shift[1] - shift[1]);
             assert!(off < 0.05, "{shift:?}: {found:?}");
             assert!((found.off - shift[0].hypot(shift[1])).abs() < 0.1, "{found:?}");
@@ -259,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_shows_at_the_corners() {
+    fn a_rotation_displaces_the_corners() {
         let turn = 0.01;
         let found = found(|[x, y]| [-turn * (y - 23.5), turn * (x - 31.5)]);
         let corner = turn * 31.5_f64.hypot(23.5);
@@ -270,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn another_scene_does_not_agree() {
+    fn another_picture_does_not_correlate() {
         let pattern = squares();
         let other: Vec<f64> = pattern.iter().rev().copied().collect();
         let found = displacement(SIZE, &[(pattern, other)], &vec![true; SIZE.pixels()]);

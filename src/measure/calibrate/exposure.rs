@@ -1,4 +1,4 @@
-//! The exposure at which the white frame fills the camera's range.
+//! The exposure at which white fills the camera's range.
 
 use std::sync::Arc;
 
@@ -6,10 +6,10 @@ use super::session::{CalibrationSession, percentile};
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
-/// Share of the range that the bright pixels are to reach.
+/// The share of the range that the bright pixels should reach.
 const FILL: f64 = 0.7;
 
-/// Pixels counted as bright: all but highlights.
+/// The quantile of the pixels that counts as bright. The pixels above it are highlights.
 const BRIGHT: f64 = 0.98;
 
 /// How well the camera's exposures suit a white frame.
@@ -38,12 +38,12 @@ impl WhiteExposure {
     }
 }
 
-/// The exposure at which the 98th percentile of `frame`'s photo is about 70 % of the camera's range, or the
-/// longest there is.
+/// The exposure in seconds at which the 98th percentile of the photo of `frame` is about 70 % of the camera's
+/// range, or the longest exposure when that is too short.
 ///
 /// # Errors
-/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest shows
-/// nothing.
+/// [`Error::Saturated`] when even the shortest exposure saturates; [`Error::Rig`] when the longest exposure
+/// shows nothing.
 pub(super) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> Result<f64> {
     match search(session, frame)? {
         (exposure, WhiteExposure::Filled) => Ok(exposure),
@@ -52,10 +52,10 @@ pub(super) fn fill(session: &mut CalibrationSession<'_>, frame: &Arc<Frame>) -> 
     }
 }
 
-/// The exposure at which `frame` fills the range as far as can be, and how far that is.
+/// The exposure in seconds at which `frame` fills the range best, and whether it suits the frame.
 ///
 /// # Errors
-/// Whatever keeps frames from being taken.
+/// Those of taking frames.
 pub(super) fn search(
     session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
@@ -73,8 +73,8 @@ pub(super) fn search(
         if (bright - target).abs() < 0.1 * (full - floor) {
             return Ok((raw.exposure, WhiteExposure::Filled));
         }
-        // A saturated photo only tells that it was far too long; a full well may saturate below the largest
-        // count.
+        // A saturated photo only says that the exposure was much too long. A full well may saturate below the
+        // largest count.
         let factor = if bright > floor + 0.9 * (full - floor) {
             0.2
         } else {
@@ -92,7 +92,7 @@ pub(super) fn search(
         }
         exposure = next;
     }
-    // A well that is full below the target: bright pixels never come near it.
+    // The well is full below the target, which bright pixels therefore cannot reach.
     Ok((exposure, WhiteExposure::Filled))
 }
 
@@ -109,7 +109,7 @@ fn saturated(exposure: f64) -> Error {
 fn unseen(exposure: f64) -> Error {
     Error::Rig {
         device: "camera".into(),
-        fault: format!("it sees next to nothing of the white frame at {exposure} s, its longest exposure"),
+        fault: format!("it hardly sees the white frame at {exposure} s, its longest exposure"),
         help: "take off the lens cap, open the aperture, or let the projector light what the camera sees"
             .into(),
     }

@@ -1,15 +1,16 @@
-//! Footprints: which camera pixels see a projector pixel, by overlap.
+//! Footprints: the camera pixels that see each projector pixel, weighted by overlap.
 
 use super::gray_code::Decoded;
 use super::lens_map::LensMap;
 use crate::image::Resolution;
 use crate::measure::Registration;
 
-/// A projector pixel is taken to be seen when camera pixels that see light cover so much of it.
+/// A projector pixel counts as seen when lit camera pixels cover at least this share of its area.
 const COVERED: f64 = 0.25;
 
-/// Weighs each camera pixel by the area of its overlap with the projector pixel, in the projector's raster.
-/// Camera pixels for which `lit` is false do not count; rows that are covered too little stay empty.
+/// The pixel map by overlap: each camera pixel has the area of its overlap with the projector pixel as its
+/// weight, in the projector's raster. Camera pixels that are not `lit` do not count. The rows of projector
+/// pixels that are covered too little are empty.
 pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let Resolution { width, height } = map.projector;
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); map.projector.pixels()];
@@ -36,8 +37,9 @@ pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     from_rows(map.camera, map.projector, rows, COVERED)
 }
 
-/// Weighs all camera pixels alike that were decoded to a projector pixel: where no common map fits, as with a
-/// camera that does not look from where the projector does.
+/// The pixel map by decoding: all camera pixels that were decoded to a projector pixel have equal weights. It
+/// serves where no common map fits, for example when the camera is not at the projector's centre of
+/// projection.
 pub(super) fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> Registration {
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); projector.pixels()];
     for seen in &decoded.seen {
@@ -47,6 +49,7 @@ pub(super) fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Reso
     from_rows(camera, projector, rows, 0.0)
 }
 
+/// The pixel map of these rows, normalized. Rows with a total weight of `least` or less become empty.
 fn from_rows(
     camera: Resolution,
     projector: Resolution,
@@ -65,8 +68,8 @@ fn from_rows(
     Registration { camera, projector, starts, pixels, weights }
 }
 
-/// Area that a convex polygon has in common with the unit square whose top left corner is `at` (Sutherland
-/// and Hodgman).
+/// The area of the intersection of a convex polygon with the unit square whose top left corner is `at`
+/// (Sutherland and Hodgman).
 fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
     let mut points = polygon.to_vec();
     for (axis, bound, sign) in
@@ -100,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_camera_half_a_pixel_off_shares_each_of_its_pixels_between_two() {
+    fn a_camera_pixel_between_two_projector_pixels_has_half_weight_in_each() {
         let raster = Resolution::new(4, 1);
         let unit = 0.5 * 4.0_f64.hypot(1.0);
         let map = LensMap {
@@ -113,7 +116,7 @@ mod tests {
         assert_eq!(
             found.starts,
             [0, 1, 3, 4, 5],
-            "the outer ones are half seen, the third by one pixel and a dark one"
+            "the first and the last are covered by half, and the third by one lit and one dark camera pixel"
         );
         assert_eq!(found.pixels, [0, 0, 1, 1, 3]);
         let expected = [1.0, 0.5, 0.5, 1.0, 1.0];
@@ -123,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn the_overlap_of_a_turned_square_is_its_area_within() {
+    fn the_overlap_of_a_rotated_square_is_the_area_inside() {
         let diamond = [[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]];
         assert!((overlap(&diamond, [0.0, 0.0]) - 0.5).abs() < 1e-12);
         assert_eq!(overlap(&diamond, [1.0, 1.0]), 0.0);

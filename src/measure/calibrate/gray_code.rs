@@ -1,66 +1,66 @@
-//! Gray codes: which projector pixel each camera pixel looks at.
+//! Gray codes: which projector pixel each camera pixel sees (O'Toole and Kutulakos, section 8.1).
 //!
-//! Column and row numbers are shown bit by bit in Gray code, each bit with its inverse. A camera pixel reads
-//! a bit as the brighter of the two. Light that comes over other surfaces is nearly the same in both, for
-//! patterns finer than what bounces between surfaces can resolve; where direct light does not settle a bit,
-//! the pixel is left out (after Xu and Aliaga 2007: a bit counts only if the difference is a good part of the
-//! direct light, which the finest stripes tell).
+//! The numbers of columns and rows are projected bit by bit in Gray code, each bit with its inverse. A camera
+//! pixel reads a bit by comparing the two photos. Global light is nearly the same in both, because it does
+//! not resolve fine stripes. A pixel is left out when its direct light does not decide a bit: the difference
+//! of the two photos must be a sufficient part of the direct light, which the finest stripes measure (after
+//! Xu and Aliaga 2007).
 
 use super::camera_model::CameraModel;
 use super::session::{CalibrationSession, Mean};
 use crate::error::Result;
 use crate::image::Resolution;
 
-/// The difference of pattern and inverse must be so much of the direct light.
+/// A bit is decided when the difference of pattern and inverse is at least this share of the direct light ...
 const DECIDED: f64 = 0.25;
 
-/// ... and so many standard deviations of its noise.
+/// ... and at least this many standard deviations of its noise.
 const SIGMAS: f64 = 5.0;
 
-/// Camera pixels with less than this share of the median of all that are lit are not lit.
+/// A camera pixel is lit when it has at least this share of the median light of all pixels that stand out
+/// from the noise.
 const LIT: f64 = 0.02;
 
-/// A camera pixel and the projector coordinates that it looks at.
+/// A decoded camera pixel: the projector coordinates that it sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DecodedPixel {
-    /// Camera pixel, by its number.
+    /// The index of the camera pixel.
     pub pixel: usize,
-    /// Centre of the projector pixels that it may look at, in pixels from the top left corner of the raster.
+    /// The centre of the projector pixels that it may see, in pixels from the top left corner of the raster.
     pub at: [f64; 2],
-    /// The same to parts of a pixel: the centroid of what it sees, as far as the stripes tell whose edges it
-    /// looks at.
+    /// The same to fractions of a pixel: the centroid of the projector pixels that it sees, which follows
+    /// from the contrast of the stripes whose edges it sees.
     pub fine: [f64; 2],
 }
 
-/// The decoded camera pixels. Planes have an entry for each camera pixel, in linear DN summed over its
-/// channels.
+/// The result of decoding. Photos have one value per camera pixel, in linear DN summed over its channels.
 #[derive(Clone, Debug)]
 pub struct Decoded {
-    /// Where each of those looks that could be decoded.
+    /// The camera pixels that were decoded.
     pub seen: Vec<DecodedPixel>,
-    /// The same of those that look at an edge between two steps, so that it is not decided which of the two
-    /// they see more of: where parts of a pixel count they tell as much.
+    /// The camera pixels that see the edge between two steps, so that one bit is undecided. Their fractional
+    /// coordinates are as good as those of the others.
     pub between: Vec<DecodedPixel>,
     /// Which camera pixels the projector lights.
     pub lit: Vec<bool>,
-    /// Share of these that are not decoded.
+    /// The share of lit pixels that were not decoded.
     pub unreliable: f64,
-    /// Projector pixels that a step of the decoded coordinates stands for: 1, or more where fine bits were
+    /// The number of projector pixels per step of the decoded coordinates: 1, or more when fine bits were
     /// left out.
     pub step: usize,
-    /// Light of white less that of black.
+    /// The light of white less that of black.
     pub white: Vec<f64>,
-    /// Light of black.
+    /// The light of black.
     pub black: Vec<f64>,
-    /// The part of `white` that follows the finest stripes: direct light.
+    /// The direct light: the part of `white` that follows the finest stripes.
     pub direct: Vec<f64>,
-    /// Standard deviation of `white`, and of every other difference of two photos.
+    /// The standard deviation of `white`, and of every other difference of two photos.
     pub noise: Vec<f64>,
-    /// Where white is saturated.
+    /// Which camera pixels are saturated under white.
     pub saturated: Vec<bool>,
 }
 
-/// The bit of `index` that is `shift` places up in its Gray code.
+/// Bit `shift` of the Gray code of `index`.
 pub(super) fn gray_bit(index: usize, shift: u32) -> bool {
     ((index ^ (index >> 1)) >> shift) & 1 == 1
 }
@@ -76,16 +76,16 @@ pub(super) fn from_gray(code: usize) -> usize {
 }
 
 impl Decoded {
-    /// All that tell parts of a pixel.
+    /// All camera pixels with fractional coordinates.
     pub fn all(&self) -> impl Iterator<Item = &DecodedPixel> {
         self.seen.iter().chain(&self.between)
     }
 }
 
-/// Shows the codes and decodes them, without the `coarse` finest bits of each axis.
+/// Shows the codes and decodes them. The `coarse` finest bits of each axis are left out.
 ///
 /// # Errors
-/// Whatever keeps frames from being taken.
+/// Those of taking frames.
 pub(super) fn gray_code(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel<'_>,
@@ -124,7 +124,7 @@ pub(super) fn gray_code(
     let (mut seen, mut between) = (Vec::new(), Vec::new());
     for pixel in (0..difference.len()).filter(|&pixel| lit[pixel]) {
         let threshold = (DECIDED * direct[pixel]).max(SIGMAS * noise[pixel]);
-        // Centre and centroid along an axis, and whether every bit is decided.
+        // The centre and the centroid along an axis, and whether every bit is decided.
         let place = |axis: usize, size: usize| -> Option<(f64, f64, bool)> {
             let (mut code, mut undecided) = (0, 0);
             for (shift, plane) in &axes[axis] {
@@ -133,14 +133,14 @@ pub(super) fn gray_code(
                 undecided |= if plane[pixel].abs() < threshold { bit } else { 0 };
             }
             let index = from_gray(code);
-            // A pixel that looks at the edge between two steps does not decide the one bit that tells them
-            // apart, and need not.
+            // For a pixel that sees the edge between two steps, the one bit that distinguishes them may be
+            // undecided.
             if undecided != 0 && from_gray(code ^ undecided).abs_diff(index) != 1 {
                 return None;
             }
             let from = index * step;
             let centre = 0.5 * (from + (from + step).min(size)) as f64;
-            // Each edge between two steps is in the stripes of one bit, and in no others.
+            // Each edge between two steps appears in the stripes of exactly one bit.
             let beyond = |edge: usize| {
                 let plane = axes[axis].get(edge.trailing_zeros() as usize).filter(|_| edge > 0);
                 plane.map_or(0.0, |plane| 0.5 * (1.0 - (plane.1[pixel].abs() / direct[pixel]).min(1.0)))
@@ -158,7 +158,7 @@ pub(super) fn gray_code(
     Ok(Decoded { seen, between, lit, unreliable, step, white: difference, black, direct, noise, saturated })
 }
 
-/// Linear DN of each camera pixel under a pattern, summed over its channels.
+/// The photo of a pattern: linear DN of each camera pixel, summed over its channels.
 pub(super) fn sum(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel<'_>,
@@ -167,7 +167,7 @@ pub(super) fn sum(
     Ok(photo(session, model, lit)?.0)
 }
 
-/// The same, and where a channel is saturated.
+/// The photo of a pattern, and which camera pixels have a saturated channel.
 pub(super) fn photo(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel<'_>,
@@ -184,6 +184,7 @@ pub(super) fn photo(
     Ok((values, peaks.chunks_exact(channels).map(over).collect()))
 }
 
+/// Which camera pixels the projector lights: `difference` is white less black.
 fn lit(difference: &[f64], noise: impl Fn(usize) -> f64) -> Vec<bool> {
     let above: Vec<f64> = (0..difference.len())
         .filter(|&pixel| difference[pixel] > SIGMAS * noise(pixel))
@@ -198,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gray_codes_of_neighbours_differ_in_one_bit_and_decode_to_what_they_code() {
+    fn gray_codes_of_neighbours_differ_in_one_bit_and_decode_to_their_index() {
         let code = |index| (0..10).fold(0, |code, shift| code | usize::from(gray_bit(index, shift)) << shift);
         for index in 0..1000 {
             assert_eq!(from_gray(code(index)), index);

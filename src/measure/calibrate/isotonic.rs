@@ -1,6 +1,7 @@
-//! The ascending curve that is nearest to noisy data.
+//! Isotonic regression: the ascending curve that is nearest to noisy data.
 
-/// The ascending sequence nearest to `values` in the weighted mean square, by pooling adjacent violators.
+/// The ascending sequence that is nearest to `values` in the weighted mean square, by the
+/// pool-adjacent-violators algorithm.
 pub(super) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
     let mut pools: Vec<(f64, f64, usize)> = Vec::new();
     for (&value, &weight) in values.iter().zip(weights) {
@@ -21,7 +22,7 @@ pub(super) fn ascending(values: &[f64], weights: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn neighbours_out_of_order_share_their_weighted_mean() {
+    fn neighbours_out_of_order_are_replaced_by_their_weighted_mean() {
         assert_eq!(super::ascending(&[1.0, 3.0, 2.0, 4.0], &[1.0, 1.0, 3.0, 1.0]), [1.0, 2.25, 2.25, 4.0]);
         assert_eq!(super::ascending(&[3.0, 2.0, 1.0], &[1.0; 3]), [2.0; 3]);
     }

@@ -1,31 +1,33 @@
-//! Latency: how long after a frame is confirmed its light is all there, and the old one's gone.
+//! The latency of the projector: how long after the confirmation of a frame all of its light is there, and
+//! none of the frame before.
 //!
-//! White is shown after black, and photographed after ever longer waits: as long as black is still in the
-//! photo, the light is short of white's.
+//! White is shown after black, and photographed after waits of different lengths. While black is still part
+//! of the exposure, the photo has less light than white.
 
 use super::measured_value::MeasuredValue;
 use super::session::CalibrationSession;
 use crate::error::Result;
 
-/// Waits tried, in seconds, besides none.
+/// The shortest wait that is tried besides none, in seconds.
 const SHORTEST: f64 = 1e-3;
 
-/// The wait while everything else is not yet known.
+/// The wait in seconds before the latency is known, and the longest one that is tried.
 pub(super) const CAREFUL: f64 = 1.0;
 
-/// What the sweep tells.
+/// The result of the sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Latency {
-    /// Seconds until all light is there; the error is half the step that it was found in.
+    /// Seconds until all light is there. The error is half of the last interval of the search.
     pub(super) settle: MeasuredValue,
-    /// Wait and share of the light there, as they were tried.
+    /// The waits in seconds, and the share of white's light after each.
     pub(super) sweep: Vec<(f64, f64)>,
 }
 
-/// Sweeps the wait. The exposure should be short, and must not saturate.
+/// Measures the latency by a search over waits. The exposure, in seconds, should be short and must not
+/// saturate.
 ///
 /// # Errors
-/// Whatever keeps frames from being taken.
+/// Those of taking frames.
 pub(super) fn latency(session: &mut CalibrationSession<'_>, exposure: f64) -> Result<Latency> {
     let (black, white) = (session.filled(0), session.filled(session.top()));
     let step = |session: &mut CalibrationSession<'_>, wait: f64| -> Result<f64> {
@@ -45,7 +47,7 @@ pub(super) fn latency(session: &mut CalibrationSession<'_>, exposure: f64) -> Re
     let full = fulls.iter().sum::<f64>() / 4.0;
     let spread = (fulls.iter().map(|value| (value - full).powi(2)).sum::<f64>() / 3.0).sqrt();
     let light = (full - dark).max(f64::MIN_POSITIVE);
-    // Four values tell a spread badly; a thousandth is what drift and flicker may do besides.
+    // The spread of four values is uncertain, and drift and flicker may change the light by a thousandth.
     let tolerance = (5.0 * spread / light).max(2e-3);
     let mut sweep = Vec::new();
     let missing =

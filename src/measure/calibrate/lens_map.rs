@@ -1,46 +1,47 @@
-//! The map from camera to projector coordinates: radial distortion, and then a homography.
+//! The map from camera to projector coordinates: radial distortion followed by a homography (O'Toole and
+//! Kutulakos, section 8.1).
 //!
-//! Both devices of a coaxial rig look from one point, so that pinholes would be related by a homography; what
-//! lenses add is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the camera's centre, `r = 1` at
-//! its corner. Coordinates are in pixels from the top left corner of the raster, so that pixel `(i, j)` has
-//! its centre at `(i + ½, j + ½)`.
+//! The devices of a coaxial rig have the same centre of projection. Two pinholes are then related by a
+//! homography. Lenses add a distortion that is mostly radial: `(x, y) → (x, y)(1 + k₁ r² + k₂ r⁴)` about the
+//! centre of the camera's raster, with `r = 1` at its corner. Coordinates are in pixels from the top left
+//! corner of the raster, so that the centre of pixel `(i, j)` is at `(i + ½, j + ½)`.
 
 use crate::image::Resolution;
 
-/// Parameters: eight of the homography, two of the distortion.
+/// The number of parameters: eight of the homography, and two of the distortion.
 pub(super) const PARAMETERS: usize = 10;
 
-/// A camera point, and the projector point that it sees.
+/// A correspondence: a camera point, and the projector point that it sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
-    /// In the camera's pixels from its top left corner.
+    /// The camera point, in the camera's pixels from its top left corner.
     pub camera: [f64; 2],
-    /// In the projector's.
+    /// The projector point, in the projector's pixels from its top left corner.
     pub projector: [f64; 2],
 }
 
-/// The map.
+/// The map from camera to projector coordinates.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct LensMap {
     /// The camera's pixels.
     pub camera: Resolution,
     /// The projector's pixels.
     pub projector: Resolution,
-    /// The homography's first eight entries, row by row (the ninth is 1), from undistorted normalized camera
-    /// coordinates (0 at the centre, 1 at the corner) to normalized projector coordinates.
+    /// The first eight entries of the homography, row by row. The ninth is 1. It maps undistorted normalized
+    /// camera coordinates (0 at the centre, 1 at the corner) to normalized projector coordinates.
     pub homography: [f64; 8],
-    /// `k₁` and `k₂`.
+    /// The coefficients `k₁` and `k₂` of the radial distortion.
     pub distortion: [f64; 2],
 }
 
 impl LensMap {
-    /// Where a camera point lies in the projector's raster.
+    /// The projector point that a camera point sees.
     pub fn to_projector(&self, camera: [f64; 2]) -> [f64; 2] {
         let (at, _) = evaluate(&self.parameters(), normalized(camera, self.camera));
         denormalized(at, self.projector)
     }
 
-    /// Where a projector point is seen, by Newton's method; `None` where that does not converge.
+    /// The camera point that sees a projector point, by Newton's method. `None` when that does not converge.
     pub fn to_camera(&self, projector: [f64; 2]) -> Option<[f64; 2]> {
         let mut camera = [self.camera.width as f64 / 2.0, self.camera.height as f64 / 2.0];
         for _ in 0..50 {
@@ -75,21 +76,24 @@ pub(super) fn centre(pixel: usize, camera: Resolution) -> [f64; 2] {
     [(pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5]
 }
 
+/// Half of the diagonal of a raster, in pixels: the unit of normalized coordinates.
 pub(super) fn half_diagonal(raster: Resolution) -> f64 {
     0.5 * (raster.width as f64).hypot(raster.height as f64)
 }
 
+/// Normalized coordinates, which are 0 at the centre, of a point in pixels.
 pub(super) fn normalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
     let unit = half_diagonal(raster);
     [(x - 0.5 * raster.width as f64) / unit, (y - 0.5 * raster.height as f64) / unit]
 }
 
+/// The point in pixels of normalized coordinates.
 fn denormalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
     let unit = half_diagonal(raster);
     [x * unit + 0.5 * raster.width as f64, y * unit + 0.5 * raster.height as f64]
 }
 
-/// The map of a normalized camera point, and its derivatives with respect to the parameters: one row for each
+/// The map of a normalized camera point, and its derivatives with respect to the parameters: one row per
 /// coordinate.
 pub(super) fn evaluate(p: &[f64; PARAMETERS], [x, y]: [f64; 2]) -> ([f64; 2], [[f64; PARAMETERS]; 2]) {
     let square = x * x + y * y;
@@ -117,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_map_and_its_inverse_belong_together() {
+    fn the_inverse_undoes_the_map() {
         let map = LensMap {
             camera: Resolution::new(120, 90),
             projector: Resolution::new(64, 48),

@@ -1,7 +1,7 @@
-//! Whether a calibration's pixel map still fits: one pattern says how far everything has moved since.
+//! The check of a calibration's pixel map: how far the devices have moved since the calibration.
 //!
-//! Random squares are shown, photographed, and resampled by the map. What projector pixel `x` then reads is
-//! the pattern at `x + d(x)`, with a small `d`, which is found by comparing the two.
+//! Random squares are shown, photographed, and resampled by the map. The value of projector pixel `x` is then
+//! the pattern at `x + d(x)`, with a small displacement `d`, which is found by comparing the two.
 
 use std::sync::Arc;
 
@@ -15,24 +15,26 @@ use crate::image::Resolution;
 use crate::measure::{Calibration, FrameSource};
 use crate::rig::Frame;
 
-/// Pixels of a square, on a side; half of that where the field is small.
+/// The side of a square, in pixels. It is half of that in a small field.
 const SQUARE: usize = 4;
 
-/// A field of fewer pixels on a side is small.
+/// A field is small when it has fewer pixels than this on a side.
 const SMALL: usize = 32;
 
-/// Pixels of patterns that tell a map well: what is less is made up for by more patterns, up to so many.
+/// The number of pixels, over all patterns, that determine the displacement well.
 const PIXELS: usize = 2000;
+
+/// The largest number of patterns. A small field needs several to have enough pixels.
 const PATTERNS: usize = 8;
 
-/// Camera light of a projector pixel below this share of the median is too little to go by.
+/// A projector pixel with less than this share of the median light is not used.
 const DARK: f64 = 0.1;
 
-/// Looks how far the pixel map of `known` is off, by black, white, and a pattern at `exposure`; of a small
-/// field by a few patterns.
+/// Measures how far the pixel map of `known` is off. It takes photos of black, of white, and of one pattern
+/// (several in a small field) at `exposure` seconds.
 ///
 /// # Errors
-/// Whatever keeps frames from being taken; [`crate::Error::Numerical`] where nothing is seen of the pattern.
+/// Those of taking frames; [`crate::Error::Numerical`] when the photos do not show the pattern.
 pub fn map_check(frames: &mut dyn FrameSource, known: &Calibration, exposure: f64) -> Result<Displacement> {
     let mut session = CalibrationSession::new(frames);
     let size = known.registration.projector;
@@ -57,7 +59,7 @@ pub fn map_check(frames: &mut dyn FrameSource, known: &Calibration, exposure: f6
     displacement(size, &pairs, &used)
 }
 
-/// Squares of −1 and 1.
+/// A pattern of random squares of −1 and 1.
 fn squares(size: Resolution, seed: u64) -> Vec<f64> {
     let mut random = Pcg64::seed_from_u64(seed);
     let side = if size.width.min(size.height) < SMALL { SQUARE / 2 } else { SQUARE };
@@ -69,7 +71,8 @@ fn squares(size: Resolution, seed: u64) -> Vec<f64> {
     (0..size.pixels()).map(|pixel| of[square(pixel)]).collect()
 }
 
-/// Linear DN of a frame's photo at each projector pixel, all channels together; 0 where nothing sees it.
+/// The photo of a frame at each projector pixel, in linear DN summed over all channels. It is 0 where no
+/// camera pixel sees the projector pixel.
 fn resampled(
     session: &mut CalibrationSession<'_>,
     known: &Calibration,
@@ -95,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn squares_are_as_large_as_said_and_about_as_often_light_as_dark() {
+    fn squares_have_the_stated_side_and_half_of_them_are_bright() {
         let size = Resolution::new(61, 47);
         let squares = squares(size, 1);
         let same = |a: usize, b: usize| squares[a] == squares[b];

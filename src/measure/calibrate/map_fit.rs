@@ -1,5 +1,5 @@
-//! Fits the map to matches some of which are wrong: RANSAC for a start, then Gauss–Newton with Tukey's
-//! weights.
+//! A robust fit of the lens map to correspondences some of which are wrong: RANSAC, followed by Gauss–Newton
+//! iteration with Tukey's weights.
 
 use std::collections::BTreeMap;
 
@@ -11,41 +11,41 @@ use super::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, norma
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// Quadruples tried for a first homography.
+/// The number of quadruples that RANSAC tries.
 const TRIALS: usize = 400;
 
-/// A camera point, and the projector point that it sees, both normalized.
+/// A camera point, and the projector point that it sees, both in normalized coordinates.
 type Point = ([f64; 2], [f64; 2]);
 
-/// A map fitted to matches.
+/// A lens map fitted to correspondences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// The map that most of them agree on.
+    /// The map that most of the correspondences agree on.
     pub map: LensMap,
-    /// Root mean square distance of the matches that belong to it, in projector pixels.
+    /// The root mean square distance of the inliers from the map, in projector pixels.
     pub rms: f64,
-    /// Standard error of the map itself, root mean square over the field, in projector pixels.
+    /// The standard error of the map itself, root mean square over the field, in projector pixels.
     pub error: f64,
-    /// Share of matches that do not belong to it.
+    /// The share of outliers among the correspondences.
     pub outliers: f64,
 }
 
 impl Fit {
-    /// The map from the points of one raster to those of another that most matches agree on, where these are
-    /// off by about `spread` pixels of the second.
+    /// Fits the map from the points of one raster to those of another. Correspondences are expected to be off
+    /// by about `spread` pixels of the second raster; some may be wrong.
     ///
     /// # Errors
-    /// [`Error::Rig`] when fewer than 24 of the matches agree on a map.
+    /// [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
     pub fn of(matches: &[Match], from: Resolution, to: Resolution, spread: f64) -> Result<Self> {
         fit(matches, from, to, spread)
     }
 }
 
-/// Fits the map to matches some of which may be wrong. Matches are taken to be off by about `spread`
+/// Fits the map to correspondences, some of which may be wrong. They are expected to be off by about `spread`
 /// projector pixels.
 ///
 /// # Errors
-/// [`Error::Rig`] when fewer than 24 of the matches agree on a map.
+/// [`Error::Rig`] when fewer than 24 of the correspondences agree on a map.
 pub(super) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, spread: f64) -> Result<Fit> {
     let points: Vec<Point> = matches
         .iter()
@@ -60,7 +60,7 @@ pub(super) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
     for _ in 0..8 {
         parameters = refine(&points, parameters, 3.0 * scale)?;
         let inside = distances(&points, &parameters).into_iter().filter(|&distance| distance < 4.0 * scale);
-        // The median of a two-dimensional Gaussian's distances is 1.18 σ.
+        // The median of the distances of a two-dimensional Gaussian is 1.18 σ.
         let median = super::session::percentile(inside, 0.5) / 1.18;
         scale = median.max(1e-9 / unit);
     }
@@ -81,6 +81,7 @@ pub(super) fn fit(matches: &[Match], camera: Resolution, projector: Resolution, 
     })
 }
 
+/// The error that no map fits: only `count` points agree.
 pub(super) fn no_map(count: usize) -> Error {
     Error::Rig {
         device: "camera".into(),
@@ -92,6 +93,7 @@ pub(super) fn no_map(count: usize) -> Error {
     }
 }
 
+/// The distance of each point from the map, in normalized coordinates.
 fn distances(points: &[Point], parameters: &[f64; PARAMETERS]) -> Vec<f64> {
     let distance = |&(camera, projector): &Point| {
         let (at, _) = evaluate(parameters, camera);
@@ -100,7 +102,7 @@ fn distances(points: &[Point], parameters: &[f64; PARAMETERS]) -> Vec<f64> {
     points.iter().map(distance).collect()
 }
 
-/// The homography of four matches that most others agree with (RANSAC).
+/// The homography of four correspondences that most others agree with (RANSAC).
 fn first(points: &[Point], within: f64) -> Option<[f64; PARAMETERS]> {
     let mut random = Pcg64::seed_from_u64(0);
     let mut best: Option<(usize, [f64; PARAMETERS])> = None;
@@ -111,7 +113,7 @@ fn first(points: &[Point], within: f64) -> Option<[f64; PARAMETERS]> {
             normal.add_full(&[u, v, 1.0, 0.0, 0.0, 0.0, -x * u, -x * v], x, 1.0);
             normal.add_full(&[0.0, 0.0, 0.0, u, v, 1.0, -y * u, -y * v], y, 1.0);
         }
-        // Points on a line, or one drawn twice, make no homography.
+        // Points on a line, or a point that was drawn twice, do not determine a homography.
         let Ok(found) = normal.solve() else { continue };
         let mut parameters = [0.0; PARAMETERS];
         parameters[..8].copy_from_slice(&found.values);
@@ -123,11 +125,12 @@ fn first(points: &[Point], within: f64) -> Option<[f64; PARAMETERS]> {
     best.filter(|best| best.0 >= 24).map(|best| best.1)
 }
 
-/// Tukey's weight.
+/// Tukey's biweight.
 fn weight(distance: f64, limit: f64) -> f64 {
     (1.0 - (distance / limit).powi(2)).max(0.0).powi(2)
 }
 
+/// The normal equations of a Gauss–Newton step, with weights that are 0 from the distance `limit` on.
 fn normal_equations(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64) -> Normal {
     let mut normal = Normal::new(PARAMETERS);
     for &(camera, projector) in points {
@@ -141,7 +144,7 @@ fn normal_equations(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64
     normal
 }
 
-/// A few steps of Gauss–Newton with weights that leave out what is off by more than `limit`.
+/// A few Gauss–Newton steps, without the points that are off by more than `limit`.
 fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Result<[f64; PARAMETERS]> {
     for _ in 0..6 {
         let step = normal_equations(points, &parameters, limit).damped(1e-9).solve()?.values;
@@ -153,12 +156,12 @@ fn refine(points: &[Point], mut parameters: [f64; PARAMETERS], limit: f64) -> Re
     Ok(parameters)
 }
 
-/// Standard error of the map, root mean square over the matches.
+/// The standard error of the map, root mean square over the correspondences: the larger one of two estimates.
 ///
-/// Two estimates, and the larger of them. The first takes all matches for independent, each with the scatter
-/// `rms`. But codes are rounded to projector pixels, and what is rounded alike errs alike along a whole row
-/// or column: the second sums what the matches of one projector line pull before it squares (a covariance
-/// that is robust to clusters).
+/// The first one assumes that all correspondences are independent, each with the scatter `rms`. But codes are
+/// rounded to projector pixels, and the rounding error is the same along a whole row or column. The second
+/// one therefore sums the gradients of all correspondences of one projector row or column before it squares
+/// them (a cluster-robust covariance).
 fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms: f64) -> Result<f64> {
     let inverse = normal_equations(points, parameters, limit).solve()?.covariance;
     let mut pulls: BTreeMap<(usize, u64), [f64; PARAMETERS]> = BTreeMap::new();
@@ -173,9 +176,9 @@ fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms
     }
     let mut robust = [0.0; PARAMETERS * PARAMETERS];
     for pull in pulls.values() {
-        let err = times(&inverse, pull);
+        let shift = times(&inverse, pull);
         for (i, row) in robust.chunks_exact_mut(PARAMETERS).enumerate() {
-            row.iter_mut().zip(&err).for_each(|(entry, other)| *entry += err[i] * other);
+            row.iter_mut().zip(&shift).for_each(|(entry, other)| *entry += shift[i] * other);
         }
     }
     let (mut independent, mut clustered) = (0.0, 0.0);
@@ -188,6 +191,7 @@ fn field_error(points: &[Point], parameters: &[f64; PARAMETERS], limit: f64, rms
     Ok((f64::max(independent, clustered) / points.len() as f64).sqrt())
 }
 
+/// The product of a square matrix with a vector.
 fn times(matrix: &[f64], vector: &[f64; PARAMETERS]) -> [f64; PARAMETERS] {
     let mut product = [0.0; PARAMETERS];
     for (value, row) in product.iter_mut().zip(matrix.chunks_exact(PARAMETERS)) {
@@ -232,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn pixel_numbers_alone_give_the_map_to_a_twentieth_of_a_pixel_and_a_quarter_of_nonsense_does_not_harm() {
+    fn whole_pixel_codes_with_a_quarter_of_outliers_give_the_map_to_a_twentieth_of_a_pixel() {
         let truth = truth();
         let wrong = |at: [f64; 2], pixel: usize| match pixel % 4 {
             0 => [(pixel * 7919 % 6400) as f64 / 100.0, (pixel * 104_729 % 4800) as f64 / 100.0],
@@ -241,9 +245,10 @@ mod tests {
         let found =
             fit(&matches(&truth, wrong), truth.camera, truth.projector, 0.41).expect("enough matches");
         let off = off(&found.map, &truth);
-        // 8000 independent matches of √(1/6) pixel each and ten parameters would leave 0.41 √(10/16000) =
-        // 0.010. Rounding to pixels is not independent, its error repeats along rows and columns (which the
-        // stated error knows: 0.018) and beats from column to column (which it does not): 0.042 are left.
+        // 8000 independent correspondences with an error of √(1/6) pixel each and ten parameters would give
+        // 0.41 √(10/16000) = 0.010. The rounding errors are not independent. They repeat along rows and
+        // columns, which the stated error includes: 0.018. They also vary systematically from column to
+        // column, which it does not include: the actual error is 0.042.
         assert!(off < 0.05, "{off}");
         assert!((0.5..3.0).contains(&(off / found.error)), "{off} against {}", found.error);
         assert!((found.rms - (1.0_f64 / 6.0).sqrt()).abs() < 0.05, "{}", found.rms);

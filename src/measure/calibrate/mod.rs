@@ -1,18 +1,17 @@
-//! Calibration of a rig from captures alone: `krylux rig calibrate`.
+//! The calibration of a rig from captures alone (O'Toole and Kutulakos, section 8.1): `krylux rig calibrate`.
 //!
-//! | figure | from | file |
+//! | measured | from | file |
 //! |---|---|---|
-//! | latency | white after black, at growing waits | `latency` |
-//! | exposure, saturation | the white frame | `exposure`, `saturation` |
+//! | latency | white after black, after growing waits | `latency` |
+//! | exposure, saturation | white | `exposure`, `saturation` |
 //! | the camera's response, black level | an exposure series of white and black | `response` |
 //! | gain, read noise | pairs of equal frames | `transfer` |
 //! | the projector's response | a ramp of levels | `ramp` |
 //! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `map_fit`, `footprint` |
-//! | drift | the whites shown on the way | `stability` |
+//! | drift | the photos of white during the calibration | `stability` |
 //!
-//! Parts of it, for looking on while a bench is aligned and checked: `observer`, `map_check`.
-//!
-//! O'Toole and Kutulakos, section 8.1.
+//! While a bench is aligned and checked, [`Observer`] decodes Gray codes without a whole calibration, and
+//! [`map_check`](map_check()) tests a known pixel map.
 
 mod camera;
 mod camera_model;
@@ -60,12 +59,12 @@ use session::CalibrationSession;
 use super::{Calibration, CameraResponse, FrameSource, Stability};
 use crate::error::{Error, Result};
 
-/// How a calibration is made.
+/// The options of a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrateOptions {
     /// Frames averaged for each level of the ramp and each pattern.
     pub takes: u32,
-    /// What the pixel map is made from; none: Gray codes, or a checkerboard where the camera is coarser than
+    /// What the pixel map is made from. `None`: Gray codes, or a checkerboard when the camera is coarser than
     /// the projector.
     pub map: Option<MapBy>,
 }
@@ -76,14 +75,15 @@ impl Default for CalibrateOptions {
     }
 }
 
-/// The light of a projector's level is waited for so much longer than it was found to take.
+/// The settle time is this factor times the latency that was measured.
 const SETTLE_MARGIN: f64 = 1.25;
 
-/// Measures everything that a [`Calibration`] holds. `progress` hears the names of the steps, and may stop
-/// between them.
+/// Measures everything that a [`Calibration`] holds. `progress` is called with the name of each step before
+/// it begins, and may stop the calibration.
 ///
 /// # Errors
-/// [`Error::Rig`] when the rig fails, or shows nothing that could be measured; [`Error::Interrupted`].
+/// [`Error::Rig`] when the rig fails, or when its photos cannot be evaluated; [`Error::Interrupted`] when
+/// `progress` says so.
 pub fn calibrate(
     frames: &mut dyn FrameSource,
     options: &CalibrateOptions,

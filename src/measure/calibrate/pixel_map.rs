@@ -1,4 +1,4 @@
-//! The pixel map, from codes to footprints.
+//! The measurement of the pixel map, from Gray codes to footprints (O'Toole and Kutulakos, section 8.1).
 
 use super::camera_model::CameraModel;
 use super::checkerboard::corners;
@@ -12,19 +12,21 @@ use crate::error::Result;
 use crate::image::Resolution;
 use crate::measure::Registration;
 
-/// A common map belongs to a rig whose points lie this near to it, in projector pixels.
+/// A common map is accepted when the points have at most this root mean square distance from it, in projector
+/// pixels.
 const FITS: f64 = 0.75;
 
-/// A quarter of the points may go their own way: reflections, and edges.
+/// A common map is accepted when less than this share of the points are outliers, such as reflections and
+/// edges.
 const OUTLIERS: f64 = 0.5;
 
-/// Camera pixels that the finest stripes should be wide, where they are to be decoded.
+/// The least width of the finest stripes that can be decoded, in camera pixels.
 const STRIPE: f64 = 1.5;
 
-/// Measures the map and makes footprints of it.
+/// Measures the map from camera to projector, and makes the pixel map of it.
 ///
 /// # Errors
-/// As [`map_fit::fit`]; whatever keeps frames from being taken.
+/// Those of [`map_fit::fit`], and of taking frames.
 pub(super) fn pixel_map(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel<'_>,
@@ -63,7 +65,8 @@ pub(super) fn pixel_map(
             };
             Ok((registration, figures))
         }
-        // No common map: the camera may look from elsewhere. Then each pixel stands for itself.
+        // No common map fits, because the camera may be elsewhere. Then each camera pixel is used as it was
+        // decoded.
         Ok(fit) if by == MapBy::GrayCode && decoded.step == 1 => {
             let registration = by_decoding(&decoded, camera, projector);
             let figures = MapFigures {
@@ -82,12 +85,12 @@ pub(super) fn pixel_map(
     }
 }
 
-/// Camera pixels for one of the projector's, on a side.
+/// The number of camera pixels per projector pixel along an axis; the smaller one of both axes.
 fn scale(camera: Resolution, projector: Resolution) -> f64 {
     (camera.width as f64 / projector.width as f64).min(camera.height as f64 / projector.height as f64)
 }
 
-/// How many of the finest bits this camera could not decode.
+/// The number of the finest bits that this camera cannot decode.
 pub(super) fn coarse(camera: Resolution, projector: Resolution) -> u32 {
     // The finest stripes of a Gray code are two pixels wide.
     (STRIPE / (2.0 * scale(camera, projector))).log2().ceil().max(0.0) as u32
@@ -97,6 +100,7 @@ fn matches(decoded: &Decoded, camera: Resolution) -> Vec<Match> {
     decoded.seen.iter().map(|seen| Match { camera: centre(seen.pixel, camera), projector: seen.at }).collect()
 }
 
+/// The share of projector pixels that no camera pixel sees.
 fn masked(registration: &Registration) -> f64 {
     let empty = registration.starts.windows(2).filter(|ends| ends[0] == ends[1]).count();
     empty as f64 / registration.projector.pixels() as f64

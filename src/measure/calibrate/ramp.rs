@@ -1,10 +1,11 @@
-//! The projector's response: the light of each level, from photos of full fields.
+//! The projector's response: the light of each level, from photos of uniform frames (O'Toole and Kutulakos,
+//! section 8.1).
 //!
-//! Full fields scale the scene's light, global light included, as a whole, so the level's light relative to
-//! the brightest is one number for all pixels: `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)` over the
-//! pixels that are not saturated. Dark levels are exposed longer, and the dark field at the same exposure is
-//! subtracted, so that an error of the black level cancels. White is shown again every few levels, and the
-//! light's drift is divided out.
+//! A uniform frame scales all light of the scene, global light included. The light of a level relative to the
+//! brightest one is therefore the same number for all pixels:
+//! `r(l) = Σ (rate_l − rate_0) / Σ (rate_top − rate_0)` over the pixels that are not saturated. Dark levels
+//! are exposed longer, and the photo of black at the same exposure is subtracted, so that an error of the
+//! black level cancels. White is repeated every few levels, and the drift of the light is divided out.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -15,35 +16,35 @@ use super::measured_value::MeasuredValue;
 use super::session::{CalibrationSession, Mean};
 use crate::error::{Error, Result};
 
-/// Levels between two whites.
+/// The number of levels between two photos of white.
 const WHITE_EVERY: usize = 16;
 
-/// Levels shown at most; those between are interpolated.
+/// The largest number of levels that are shown. Levels between them are interpolated.
 const LEVELS: usize = 257;
 
-/// How much longer than white the darkest levels are exposed, at most.
+/// The largest exposure of dark levels, as a multiple of that of white.
 const LONGER: f64 = 16.0;
 
-/// The response of one channel.
+/// The response of one channel of the projector.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ramp {
-    /// Light of each level relative to the brightest, level 0's subtracted.
+    /// The light of each level relative to the brightest, after that of level 0 is subtracted.
     pub(super) curve: Vec<f64>,
-    /// Standard error of the measured ones.
+    /// The largest standard error of the measured levels.
     pub(super) error: f64,
     /// The exponent of `r = (level/top)^γ` that fits best.
     pub(super) gamma: MeasuredValue,
-    /// Root mean square of what the exponent leaves, in shares of white.
+    /// The root mean square of the residuals of this fit, as a share of white.
     pub(super) gamma_residual: f64,
-    /// Light of level 0, the ambient light included, relative to that of white.
+    /// The light of level 0, ambient light included, relative to that of white.
     pub(super) black: MeasuredValue,
-    /// Mean white light over time, relative to the first: (seconds, share).
+    /// The light of white over time, relative to the first photos: (seconds, share).
     pub(super) whites: Vec<(f64, f64)>,
-    /// Relative standard error of each of these.
+    /// The relative standard error of each of these.
     pub(super) white_error: f64,
 }
 
-/// Measures one channel of the projector with `takes` frames for each level.
+/// Measures the response of one channel of the projector.
 ///
 /// # Errors
 /// [`Error::Rig`] when white is no brighter than black.
@@ -90,22 +91,22 @@ pub(super) fn ramp(
     finish(top, &points, whites, white_error, black_share(model, &white, &base))
 }
 
-/// White's exposure times a power of two, as a level of this `share` of white allows; the next level is never
-/// brighter.
+/// The exposure for the next level, when this level has this `share` of white's light: white's exposure times
+/// a power of two. It cannot saturate, because the next level is not brighter.
 fn longer(session: &CalibrationSession<'_>, exposure: f64, share: f64) -> f64 {
     let factor = (0.8 / share).clamp(1.0, LONGER).log2().floor().exp2();
     let wanted = session.allowed(exposure * factor);
     if wanted < 1.5 * exposure { exposure } else { wanted }
 }
 
-/// All levels, or so many of them, the lowest and the highest among them.
+/// All levels, or [`LEVELS`] of them at equal steps, including the lowest and the highest.
 fn levels(top: u16) -> Vec<u16> {
     let count = (usize::from(top) + 1).min(LEVELS);
     (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
 }
 
-/// Light of `lit` less that of `dark` (of one exposure), relative to `white` less `base` (of another), and
-/// its standard error.
+/// The light of `lit` less that of `dark`, both at one exposure, relative to `white` less `base`, both at
+/// another exposure; and its standard error.
 fn relative(
     model: &CameraModel<'_>,
     lit: &Mean,
@@ -133,14 +134,14 @@ fn relative(
     if norm <= 0.0 {
         return Err(Error::Rig {
             device: "projector".into(),
-            fault: "its white is no brighter than its black, as the camera sees them".into(),
-            help: "check that the projector shows what it is told to, and that the camera sees its light"
-                .into(),
+            fault: "its white is no brighter than its black in the camera's photos".into(),
+            help: "check that the projector shows the frames, and that the camera sees its light".into(),
         });
     }
     Ok((rate / norm, variance.sqrt() / lit.exposure / norm))
 }
 
+/// The light of black relative to that of white.
 fn black_share(model: &CameraModel<'_>, white: &Mean, base: &Mean) -> MeasuredValue {
     let sum = |mean: &Mean| mean.counts.iter().map(|&count| model.linear.of(count)).sum::<f64>();
     let [white_sum, base_sum] = [white, base].map(sum);
@@ -149,7 +150,8 @@ fn black_share(model: &CameraModel<'_>, white: &Mean, base: &Mean) -> MeasuredVa
     MeasuredValue::new(base_sum / (white_sum - base_sum), variance.sqrt() / (white_sum - base_sum))
 }
 
-/// Divides the drift out, makes the curve ascend, fills in the levels between, and fits the exponent.
+/// Divides the drift out, fits the exponent, makes the curve ascend, and interpolates the levels that were
+/// not shown.
 fn finish(
     top: u16,
     points: &[(u16, f64, f64, f64)],
@@ -181,7 +183,8 @@ fn finish(
     Ok(Ramp { curve, error, gamma, gamma_residual, black, whites, white_error })
 }
 
-/// The exponent by Gauss–Newton; its error is scaled by what it leaves where that is more than noise.
+/// The exponent by Gauss–Newton iteration. Where the residuals are larger than the noise, the standard error
+/// is scaled up accordingly.
 fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
     let mut gamma = 2.0;
     for _ in 0..50 {
@@ -192,7 +195,7 @@ fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
             products += slope * (r - x.powf(gamma)) / error;
         }
         if slope_squares == 0.0 {
-            // Two levels: any exponent fits.
+            // With two levels, every exponent fits.
             return Ok(MeasuredValue::new(1.0, 0.0));
         }
         let step = products / slope_squares;
@@ -206,7 +209,7 @@ fn gamma(points: &[(f64, f64, f64)]) -> Result<MeasuredValue> {
     Err(Error::Numerical("no exponent fits the projector's levels".into()))
 }
 
-/// Linear between the nearest two of ascending points, and level beyond the last.
+/// Linear interpolation between ascending points, constant beyond the first and the last.
 fn at(points: &[(f64, f64)], x: f64) -> f64 {
     let after = points.partition_point(|point| point.0 < x);
     match (after.checked_sub(1).map(|before| points[before]), points.get(after)) {

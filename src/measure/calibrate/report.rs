@@ -1,4 +1,4 @@
-//! What a calibration found, figure by figure.
+//! The report of a calibration: every measured value with its standard error.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,77 +6,76 @@ use super::lens_map::LensMap;
 use super::measured_value::MeasuredValue;
 use crate::measure::Effort;
 
-/// Everything that was measured, with standard errors.
+/// The report of a calibration. It is saved as `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationReport {
-    /// The camera's.
+    /// The camera.
     pub camera: CameraFigures,
-    /// The projector's, one for each of its channels.
+    /// The channels of the projector.
     pub projector: Vec<ProjectorFigures>,
-    /// Where camera pixels look.
+    /// The pixel map.
     pub map: MapFigures,
-    /// How steady the rig is.
+    /// The stability over time.
     pub stability: StabilityFigures,
-    /// What it has cost.
+    /// The costs of the calibration.
     pub effort: Effort,
 }
 
-/// Figures of a camera.
+/// The measured values of a camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraFigures {
     /// The count without light, in DN.
     pub black: MeasuredValue,
-    /// In DN, without what rounding to whole counts adds.
+    /// The read noise in DN, without the noise of rounding to counts.
     pub read_noise: MeasuredValue,
     /// Electrons per linear DN.
     pub gain: MeasuredValue,
-    /// The count where overexposed pixels lie, in DN.
+    /// The count of overexposed pixels, in DN.
     pub plateau: f64,
-    /// Whether overexposed pixels were seen; else the plateau is the largest count there can be.
+    /// Whether overexposed pixels were seen. Otherwise the plateau is the largest possible count.
     pub plateau_reached: bool,
-    /// Linear DN of the plateau in electrons.
+    /// The plateau in electrons, from its linear DN.
     pub full_well: MeasuredValue,
-    /// Largest departure of the response from a line beyond noise, as a share of the range.
+    /// The largest departure of the response from a line beyond noise, as a share of the range.
     pub departure: f64,
-    /// Whether the response was taken for a line.
+    /// Whether the response was approximated by a line.
     pub linear: bool,
-    /// Linear DN per second without the projector's picture: ambient light, the projector's black, and dark
-    /// current.
+    /// Linear DN per second without a pattern: ambient light, the projector's black level, and dark current.
     pub dark_rate: MeasuredValue,
-    /// The exposure at which the white frame fills the range, in seconds.
+    /// The exposure at which white fills the range, in seconds.
     pub exposure: f64,
 }
 
-/// Figures of one channel of a projector.
+/// The measured values of one channel of a projector.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ProjectorFigures {
     /// The exponent that fits the response best.
     pub gamma: MeasuredValue,
-    /// What it leaves, root mean square over the levels, as a share of white.
+    /// The residual of this fit, root mean square over the levels, as a share of white.
     pub gamma_residual: f64,
-    /// Largest standard error of a level's light, as a share of white.
+    /// The largest standard error of the light of a level, as a share of white.
     pub curve_error: f64,
-    /// The light that is there at level 0, ambient light included, as a share of white's.
+    /// The light at level 0, ambient light included, as a share of white.
     pub black: MeasuredValue,
 }
 
-/// Figures of the pixel map.
+/// The measured values of the pixel map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapFigures {
     /// What it was made from: `gray-code` or `checkerboard`.
     pub by: MapBy,
-    /// The map, where one fits; none: each camera pixel was decoded by itself.
+    /// The map of homography and lens. `None` when none fits; each camera pixel was then decoded by itself.
     pub lens: Option<LensMap>,
-    /// Points that it was fitted to.
+    /// The number of points that the map was fitted to.
     pub points: usize,
-    /// Root mean square distance of these from the map, in projector pixels. Gray codes tell whole pixels
-    /// only, which makes it at least 0.41.
+    /// The root mean square distance of these points from the map, in projector pixels. Gray codes give whole
+    /// pixels, so it is at least 0.41 with them.
     pub rms: f64,
-    /// Standard error of the map, root mean square over the field, in projector pixels.
+    /// The standard error of the map, root mean square over the field, in projector pixels.
     pub error: f64,
-    /// Share of lit camera pixels that could not be decoded, or do not agree with the map.
+    /// The share of lit camera pixels that could not be decoded, or do not agree with the map.
     pub unreliable: f64,
-    /// Share of projector pixels that nothing sees.
+    /// The share of projector pixels that no camera pixel sees.
     pub masked: f64,
 }
 
@@ -86,23 +85,23 @@ pub struct MapFigures {
 pub enum MapBy {
     /// Gray codes, pixel by pixel.
     GrayCode,
-    /// Corners of a checkerboard, near where coarse Gray codes have them.
+    /// The corners of a checkerboard, which coarse Gray codes locate first.
     Checkerboard,
 }
 
-/// Figures of steadiness.
+/// The measured stability of a rig over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StabilityFigures {
-    /// Seconds from a frame's confirmation until its light is all there.
+    /// Seconds from the confirmation of a frame until all of its light is there.
     pub settle: MeasuredValue,
-    /// Relative change of the white photo's mean per hour.
+    /// The relative change of the mean of the white photo, per hour.
     pub drift_per_hour: MeasuredValue,
-    /// Seconds over which the drift was watched.
+    /// The seconds over which the drift was measured.
     pub watched: f64,
-    /// Noise of one white photo at an average camera pixel, relative to its light.
+    /// The noise of one white photo at an average camera pixel, relative to its light.
     pub white_noise: f64,
-    /// The whites: seconds on the rig's clock, light relative to the first.
+    /// The photos of white: seconds on the rig's clock, and light relative to the first.
     pub whites: Vec<(f64, f64)>,
-    /// The latency sweep: seconds waited, share of the light that was there.
+    /// The latency sweep: seconds waited, and the share of the light that was there.
     pub sweep: Vec<(f64, f64)>,
 }

@@ -1,48 +1,53 @@
-//! The camera's response: counts over exposures of fixed light.
+//! The camera's response, from counts of constant light at several exposures (O'Toole and Kutulakos, section
+//! 8.1).
 //!
-//! The true signal is `L e` for light `L` and exposure `e`, and exposures are known: whatever makes all
-//! series of counts proportional to them is the inverse response `g`, `g(count) = L e` (Debevec and Malik
-//! 1997, with `g` itself in place of its logarithm, so that black level and ambient light are no trouble).
-//! Pixels of like light are averaged into groups first.
+//! The signal of light `L` at exposure `e` is `L e`, and exposures are known. The inverse response `g` is the
+//! function that makes the counts of each pixel proportional to the exposure, `g(count) = L e`. This is the
+//! method of Debevec and Malik (1997), with `g` in place of its logarithm, which a black level and ambient
+//! light would disturb. Pixels with similar light are averaged in groups first.
 
 use super::least_squares::Normal;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
-/// Pixels are put into so many groups by their light under white; one more is all of them under black.
+/// The number of groups. Pixels are sorted into all but the last one by their light under white; the last one
+/// contains all pixels under black.
 const GROUPS: usize = 25;
 
-/// Knots of the inverse response, over the range of counts.
+/// The number of knots of the inverse response over the range of counts.
 const KNOTS: usize = 33;
 
-/// A response is called linear when no group departs further from a line, in shares of the range.
+/// A response is linear when no group departs further from a line than this, as a share of the range.
 pub(super) const LINEAR_WITHIN: f64 = 2e-3;
 
-/// Mean count of a group at an exposure.
+/// The mean count of a group at an exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     group: usize,
     exposure: f64,
     count: f64,
-    /// Standard error of the count.
+    /// The standard error of the count.
     error: f64,
 }
 
-/// What an exposure series tells.
+/// The response that follows from an exposure series.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Response {
-    /// The count without light, extrapolated.
+    /// The extrapolated count without light.
     pub(super) black: f64,
+    /// Its standard error.
     pub(super) black_error: f64,
-    /// Largest departure from a line beyond what noise explains, as a share of the range.
+    /// The largest departure from a line beyond noise, as a share of the range.
     pub(super) departure: f64,
-    /// Linear DN above black for each count, where the response is no line.
+    /// Linear DN above black for each count. `None` when the response is linear.
     pub(super) curve: Option<Vec<f64>>,
 }
 
-/// Fits the response to frames of white and of black at several exposures. `sorting` is a photo of white that
-/// is not among them, by which pixels are grouped; samples that reach `limit` leave their group out at that
-/// exposure. `full` is the largest count, `floor` about the black level.
+/// Fits the response to frames of white and of black at several exposures.
+///
+/// Pixels are grouped by `sorting`, a photo of white that is not among these frames. A group with a sample of
+/// `limit` or more is left out at that exposure. `full` is the largest count, and `floor` approximates the
+/// black level.
 pub(super) fn response(
     whites: &[RawFrame],
     blacks: &[RawFrame],
@@ -61,6 +66,7 @@ pub(super) fn response(
     Ok(Response { black, black_error: dark.map_or(1.0, |point| point.error), departure, curve: Some(curve) })
 }
 
+/// The mean counts of all groups at all exposures.
 fn points(whites: &[RawFrame], blacks: &[RawFrame], sorting: &RawFrame, limit: f64) -> Vec<Point> {
     let mut order: Vec<usize> = (0..sorting.counts.len()).collect();
     let everywhere = order.clone();
@@ -73,7 +79,7 @@ fn points(whites: &[RawFrame], blacks: &[RawFrame], sorting: &RawFrame, limit: f
     of_white.chain(of_black).flatten().collect()
 }
 
-/// The mean of some samples, unless one is saturated.
+/// The mean count of some samples, unless one of them is saturated.
 fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Option<Point> {
     let counts = || samples.iter().map(|&sample| f64::from(frame.counts[sample]));
     if counts().any(|count| count >= limit) {
@@ -81,12 +87,14 @@ fn point(frame: &RawFrame, group: usize, samples: &[usize], limit: f64) -> Optio
     }
     let number = samples.len() as f64;
     let count = counts().sum::<f64>() / number;
-    // CaptureRequest noise of a camera of one electron per DN; real ones have more, and less noise for it.
+    // The shot noise of a camera with one electron per DN. Real cameras have more electrons per DN, and so
+    // less noise.
     let error = ((1.0 + count) / number).sqrt().max(0.02);
     Some(Point { group, exposure: frame.exposure, count, error })
 }
 
-/// The common intercept of one line for each group, its error, and the largest departure.
+/// Fits one line per group with a common intercept. Returns the intercept, its standard error, and the
+/// largest departure from the lines.
 fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     let mut normal = Normal::new(1 + GROUPS);
     let mut seen = [0; GROUPS];
@@ -107,7 +115,8 @@ fn line(points: &[Point], range: f64) -> Result<(f64, f64, f64)> {
     Ok((found.values[0], found.error(0), largest / range))
 }
 
-/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best: a first guess, for the weights.
+/// The exponent `a` of `count − floor ∝ (light · exposure)^a` that fits best. It is a first estimate of the
+/// response, for the weights.
 fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for group in 0..GROUPS {
@@ -125,11 +134,11 @@ fn exponent(points: &[Point], floor: f64, range: f64) -> f64 {
     if squares > 0.0 { (products / squares).clamp(0.2, 5.0) } else { 1.0 }
 }
 
-/// The inverse response as a function of counts, and the count at which it is 0.
+/// The count at which the inverse response is 0, and the inverse response of each count.
 fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Vec<f64>)> {
     let dark = points.iter().map(|point| point.count).fold(f64::INFINITY, f64::min);
     let low = dark.min(floor);
-    // Knots lie closer where counts are small: that is where a compressive response bends.
+    // Knots are denser at small counts, where a compressive response is curved most.
     let knot = |index: usize| low + (limit - low) * (index as f64 / (KNOTS - 1) as f64).powf(1.5);
     let knots: Vec<f64> = (0..KNOTS).map(knot).collect();
     let place = |count: f64| {
@@ -137,8 +146,8 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let share = (count - knots[at]) / (knots[at + 1] - knots[at]);
         (at, share)
     };
-    // Errors of counts are errors of light by the curve's slope. That of the fit itself would feed on itself:
-    // flat means certain, and certain flatter still.
+    // The slope of the curve converts errors of counts to errors of light. The slope of the fit itself would
+    // be unstable: where it is small, the weight is large, which makes the slope still smaller.
     let steep = exponent(points, dark, limit - dark).recip();
     let slope = |count: f64| {
         let share = ((count - dark) / (limit - dark)).clamp(1e-3, 1.0);
@@ -150,8 +159,8 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let row = [(at, 1.0 - share), (at + 1, share), (KNOTS + point.group, -point.exposure)];
         normal.add(&row, 0.0, (point.error * slope(point.count)).powi(-2));
     }
-    // The scale is free: the largest count keeps its value. Between data and beyond, slopes change as little
-    // as they can.
+    // The scale is arbitrary: the largest count keeps its value. Between and beyond the data, the slope
+    // should change as little as possible.
     let largest = points.iter().map(|point| point.count).fold(dark, f64::max);
     let (at, share) = place(largest);
     normal.add(&[(at, 1.0 - share), (at + 1, share)], largest - dark, 1e6);
@@ -166,7 +175,7 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
     }
     let mut values = normal.solve()?.values;
     values.truncate(KNOTS);
-    // Light never falls as counts rise.
+    // Light must not decrease with the count.
     for k in 1..KNOTS {
         values[k] = values[k].max(values[k - 1] + 1e-6 * (knots[k] - knots[k - 1]));
     }
@@ -174,7 +183,8 @@ fn curve(points: &[Point], floor: f64, limit: f64, full: f64) -> Result<(f64, Ve
         let (at, share) = place(count);
         values[at] + share * (values[at + 1] - values[at])
     };
-    // Where the curve starts flat, nothing can be extrapolated: black is what the darkest frames count.
+    // A curve that is flat at its beginning cannot be extrapolated. Black is then the count of the darkest
+    // frames.
     let first = (values[1] - values[0]) / (knots[1] - knots[0]);
     let black = if first > 0.2 { knots[0] - values[0] / first } else { dark };
     Ok((black, (0..=full as usize).map(|count| light(count as f64)).collect()))

@@ -1,4 +1,4 @@
-//! Where counting ends: a full well or the converter's last count.
+//! The saturation of the camera: a full well, or the largest count of the converter.
 
 use std::sync::Arc;
 
@@ -6,20 +6,19 @@ use super::session::{CalibrationSession, percentile};
 use crate::error::Result;
 use crate::rig::Frame;
 
-/// The plateau that overexposed samples reach.
+/// The count that overexposed samples reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plateau {
-    /// The count where it lies.
+    /// The count of the plateau.
     pub(super) count: f64,
-    /// Whether samples were seen there; else it is the converter's last count, and the light did not suffice
-    /// to tell.
+    /// Whether samples reached it. Otherwise the light did not suffice, and it is the largest possible count.
     pub(super) reached: bool,
     /// Counts from here on may be saturated.
     pub(super) limit: f64,
 }
 
-/// Overexposes `frame` eightfold: what showed more than a third of the range at `exposure` should then be
-/// three times over it.
+/// Measures the plateau by overexposing `frame` eightfold. Samples above a third of the range at `exposure`
+/// seconds should then reach almost three times the range.
 pub(super) fn plateau(
     session: &mut CalibrationSession<'_>,
     frame: &Arc<Frame>,
@@ -43,15 +42,15 @@ pub(super) fn plateau(
     }
     let count = percentile(over.iter().copied(), 0.5);
     let low = percentile(over.iter().copied(), 0.02);
-    // A plateau is flat. If what is overexposed still differs as the scene does, the well was not full.
+    // A plateau is flat. If the overexposed samples still vary with the scene, the well was not full.
     if count - low > 0.02 * (full - floor) {
         return Ok(unreached);
     }
     Ok(Plateau { count, reached: true, limit: low.min(count - 2.0 * (count - low)) })
 }
 
-/// Counts from here on are not to be used: `margin` standard deviations below the plateau, so that noise does
-/// not hide that the mean is on it.
+/// The count from which on samples are regarded as saturated: `margin` standard deviations of `noise` below
+/// the plateau. So a sample whose mean is on the plateau is recognized in spite of its noise.
 pub(super) fn limit(plateau: &Plateau, noise: f64, margin: f64) -> f64 {
     (plateau.count - margin * noise).min(plateau.limit).floor()
 }

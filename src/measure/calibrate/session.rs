@@ -1,4 +1,4 @@
-//! The frames of one calibration: each new, and their means.
+//! A calibration session: it takes frames, each with a new take number, and computes their means.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -8,23 +8,24 @@ use crate::image::Resolution;
 use crate::measure::{CaptureRequest, Effort, FrameSource};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame};
 
-/// Takes frames, none twice: each further one of a frame and exposure has the next `take`. The order of
-/// frames is fixed by what was measured before, so that a calibration replays from a journal.
+/// Takes frames. Repeated frames of the same pattern and exposure have successive take numbers, so that none
+/// is taken twice. The order of the frames depends only on what was measured before, so that a journal can
+/// replay a calibration.
 pub(super) struct CalibrationSession<'a> {
     frames: &'a mut dyn FrameSource,
     takes: HashMap<(Arc<Frame>, u64), u32>,
 }
 
-/// The mean of several frames of one request.
+/// The mean of several frames of the same pattern and exposure.
 #[derive(Clone, Debug)]
 pub(super) struct Mean {
-    /// Mean counts, of all samples (interleaved channels).
+    /// The mean count of each sample (interleaved channels).
     pub(super) counts: Vec<f64>,
     /// The largest count of each sample.
     pub(super) peaks: Vec<u16>,
-    /// Seconds that the sensor was open, as the camera said.
+    /// The exposure in seconds, as the camera reports it.
     pub(super) exposure: f64,
-    /// Middle of the exposures on the rig's clock, in seconds.
+    /// The middle of the exposures, in seconds on the rig's clock.
     pub(super) time: f64,
     /// Frames averaged.
     pub(super) takes: u32,
@@ -61,20 +62,20 @@ impl<'a> CalibrationSession<'a> {
         ((1_u32 << self.camera().bits) - 1).into()
     }
 
-    /// A frame of one level in all channels.
+    /// A frame with this level in all channels.
     pub(super) fn filled(&self, level: u16) -> Arc<Frame> {
         let ProjectorInfo { resolution, channels, .. } = *self.projector();
         Arc::new(Frame::filled(resolution, channels, level))
     }
 
-    /// A frame of one level in one channel, the others dark.
+    /// A frame with this level in one channel, and level 0 in the others.
     pub(super) fn filled_channel(&self, channel: usize, level: u16) -> Result<Arc<Frame>> {
         let ProjectorInfo { resolution, channels, .. } = *self.projector();
         let of = |sample: usize| if sample % channels == channel { level } else { 0 };
         Ok(Arc::new(Frame::new(resolution, channels, (0..resolution.pixels() * channels).map(of).collect())?))
     }
 
-    /// A frame that is lit where `lit` says so, by column and row.
+    /// A frame with the brightest level at the pixels (column, row) that are `lit`, and level 0 elsewhere.
     pub(super) fn drawn(&self, lit: impl Fn(usize, usize) -> bool) -> Result<Arc<Frame>> {
         let ProjectorInfo { resolution, channels, .. } = *self.projector();
         let Resolution { width, .. } = resolution;
@@ -100,7 +101,7 @@ impl<'a> CalibrationSession<'a> {
         Ok(raw)
     }
 
-    /// The mean of `takes` new frames, at least one.
+    /// The mean of `takes` new frames, and of at least one.
     pub(super) fn mean(&mut self, frame: &Arc<Frame>, exposure: f64, takes: u32) -> Result<Mean> {
         let mut mean: Option<Mean> = None;
         for _ in 0..takes.max(1) {
@@ -132,8 +133,8 @@ impl<'a> CalibrationSession<'a> {
         mean.ok_or_else(|| crate::Error::Numerical("a mean of no frames".into()))
     }
 
-    /// An exposure that the camera can set, a whole multiple of the projector's refresh where it is longer
-    /// than that.
+    /// The nearest exposure that the camera can set. When it is longer than the projector's refresh, it is a
+    /// whole multiple of that.
     pub(super) fn allowed(&self, exposure: f64) -> f64 {
         let [shortest, longest] = self.camera().exposures;
         let frame_time = self.projector().frame_time;
@@ -146,12 +147,12 @@ impl<'a> CalibrationSession<'a> {
     }
 }
 
-/// The value below which the share `rank` of `values` lies; 0 of none.
-pub(super) fn percentile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
+/// The value at this quantile of `values`, from 0 to 1; 0 when there are none.
+pub(super) fn percentile(values: impl IntoIterator<Item = f64>, quantile: f64) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     if values.is_empty() {
         return 0.0;
     }
-    let index = ((values.len() - 1) as f64 * rank).round() as usize;
+    let index = ((values.len() - 1) as f64 * quantile).round() as usize;
     *values.select_nth_unstable_by(index, f64::total_cmp).1
 }

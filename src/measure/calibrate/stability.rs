@@ -1,14 +1,14 @@
-//! Drift: a line through the whites over time.
+//! The drift of the lamp: a line fitted to the photos of white over time.
 
 use super::least_squares::Normal;
 use super::measured_value::MeasuredValue;
 use crate::error::Result;
 
-/// Relative change per hour of `whites` (seconds, light), each of this relative error; the error grows with
-/// what the line leaves.
+/// The relative change per hour of `whites` (seconds, light), each with this relative standard error. Where
+/// the residuals of the line are larger than that, the error of the result is scaled up accordingly.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] when all whites are of one time.
+/// [`crate::Error::Numerical`] when all photos were taken at the same time.
 pub(super) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<MeasuredValue> {
     let start = whites.first().map_or(0.0, |white| white.0);
     let hours = |time: f64| (time - start) / 3600.0;
@@ -28,7 +28,7 @@ pub(super) fn drift_per_hour(whites: &[(f64, f64)], error: f64) -> Result<Measur
 #[cfg(test)]
 mod tests {
     #[test]
-    fn a_lamp_that_fades_is_found_per_hour() {
+    fn the_drift_of_a_fading_lamp_is_measured_per_hour() {
         let whites: Vec<(f64, f64)> = (0..10)
             .map(|at| 60.0 * f64::from(at))
             .map(|time| (time, 5.0 * (1.0 - 0.03 * time / 3600.0)))

@@ -1,5 +1,5 @@
-//! A rig looked at without a whole calibration: exposure, codes, and single photos, again and again while
-//! somebody moves it.
+//! Structured light without a whole calibration: exposure, Gray codes, and single photos, as often as needed
+//! while a bench is set up.
 
 use super::camera_model::CameraModel;
 use super::exposure::{WhiteExposure, fill, search};
@@ -16,13 +16,15 @@ use crate::image::Resolution;
 use crate::measure::{CameraResponse, FrameSource, Registration};
 use crate::rig::RawFrame;
 
-/// Pairs of equal frames that tell the noise where no calibration does, at each of three brightnesses.
+/// Pairs of equal frames at each of three brightnesses, by which the noise is measured when no calibration is
+/// known.
 const PAIRS: usize = 2;
 
-/// Share of the range from which on counts are taken for saturated where no calibration says.
+/// Counts from this share of the range on are regarded as saturated when no calibration is known.
 const LIMIT: f64 = 0.98;
 
-/// Looks at a rig. All photos are of one exposure, in linear DN summed over the camera's channels.
+/// Takes photos of structured light on an open rig. All photos have the same exposure; their values are
+/// linear DN, summed over the camera's channels.
 pub struct Observer<'a> {
     session: CalibrationSession<'a>,
     linear: Linear,
@@ -33,12 +35,13 @@ pub struct Observer<'a> {
 }
 
 impl<'a> Observer<'a> {
-    /// Looks through `frames` at this exposure, or at the one that white fills the range in. What is not
-    /// known of the camera is told from a few photos: its black level and its noise, and its response is
-    /// taken for a line.
+    /// Takes photos from `frames` with this exposure in seconds, or with the one at which white fills the
+    /// camera's range. When the camera's response is not `known`, black level and noise are measured from a
+    /// few photos, and the response is assumed to be linear.
     ///
     /// # Errors
-    /// As calibration: when the rig fails, or white cannot be exposed.
+    /// [`crate::Error::Rig`] when the rig fails or does not see white; [`crate::Error::Saturated`] when white
+    /// saturates the camera at every exposure.
     pub fn new(
         frames: &'a mut dyn FrameSource,
         known: Option<&CameraResponse>,
@@ -72,17 +75,18 @@ impl<'a> Observer<'a> {
         Ok(Self { session, linear, limit, gain, read_noise, exposure })
     }
 
-    /// The exposure at which white fills the range as far as can be, in seconds, and how far that is.
+    /// The exposure in seconds at which white fills about 70 % of the camera's range, and whether the camera
+    /// has one.
     ///
     /// # Errors
-    /// Whatever keeps frames from being taken.
+    /// Those of taking frames.
     pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
         let mut session = CalibrationSession::new(frames);
         let white = session.filled(session.top());
         search(&mut session, &white)
     }
 
-    /// Seconds of each exposure.
+    /// The exposure of all photos, in seconds.
     pub fn exposure(&self) -> f64 {
         self.exposure
     }
@@ -97,20 +101,20 @@ impl<'a> Observer<'a> {
         self.session.projector().resolution
     }
 
-    /// Shows Gray codes, and decodes which projector pixel each camera pixel looks at.
+    /// Shows Gray codes, and decodes which projector pixel each camera pixel sees.
     ///
     /// # Errors
-    /// Whatever keeps frames from being taken.
+    /// Those of taking frames.
     pub fn codes(&mut self) -> Result<Decoded> {
         let coarse = coarse(self.camera(), self.projector());
         let Self { session, linear, limit, gain, read_noise, exposure } = self;
         gray_code(session, &model(linear, *limit, [*gain, *read_noise, *exposure]), coarse)
     }
 
-    /// The map that most of the decoded pixels agree on.
+    /// The map from camera to projector that most of the decoded pixels agree on.
     ///
     /// # Errors
-    /// [`crate::Error::Rig`] when there is none.
+    /// [`crate::Error::Rig`] when there is no such map.
     pub fn fit(&self, decoded: &Decoded) -> Result<Fit> {
         let camera = self.camera();
         let matches: Vec<Match> = decoded
@@ -120,17 +124,16 @@ impl<'a> Observer<'a> {
         fit(&matches, camera, self.projector(), 0.41 * decoded.step as f64)
     }
 
-    /// The photo of a pattern that is lit where `lit` says so, by column and row: an entry for each camera
-    /// pixel.
+    /// The photo of a pattern of the pixels (column, row) that are `lit`: one value per camera pixel.
     ///
     /// # Errors
-    /// Whatever keeps frames from being taken.
+    /// Those of taking frames.
     pub fn photograph(&mut self, lit: impl Fn(usize, usize) -> bool) -> Result<Vec<f64>> {
         let Self { session, linear, limit, gain, read_noise, exposure } = self;
         Ok(photo(session, &model(linear, *limit, [*gain, *read_noise, *exposure]), lit)?.0)
     }
 
-    /// The variance of one photo's entry of so much light.
+    /// The variance of a photo's value, in linear DN², where the light is this many linear DN.
     pub fn variance(&self, light: f64) -> f64 {
         let channels = self.session.camera().channels as f64;
         light.max(0.0) / self.gain + channels * (self.read_noise.powi(2) + 1.0 / 12.0)
@@ -138,7 +141,8 @@ impl<'a> Observer<'a> {
 }
 
 impl Fit {
-    /// Which camera pixels see each projector pixel by this map; those that are not `used` do not count.
+    /// The pixel map that follows from this lens map: which camera pixels see each projector pixel. Camera
+    /// pixels that are not `used` are left out.
     pub fn footprints(&self, used: &[bool]) -> Registration {
         by_overlap(&self.map, used)
     }

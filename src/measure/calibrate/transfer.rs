@@ -1,9 +1,10 @@
 //! The photon transfer curve: gain and read noise from pairs of equal frames.
 //!
-//! Two frames of one shot differ by noise alone, so half the variance of their difference is that of one
-//! frame, `σ² = σ_read² + s/gain`, with `s` the signal in linear DN above black and the gain in electrons per
-//! DN: a line over `s` (Janesick, *Photon Transfer*, 2007; EMVA 1288, section 6). The variance of rounding to
-//! whole counts, 1/12, is known and taken off, as [`crate::measure`]'s noise model counts it by itself.
+//! Two frames of one pattern at one exposure differ by noise alone. Half of the variance of their difference
+//! is the variance of one frame, `σ² = σ_read² + s/gain`. Here `s` is the signal in linear DN above black,
+//! and the gain is in electrons per DN. This is a line over `s` (Janesick, *Photon Transfer*, 2007; EMVA
+//! 1288, section 6). The variance of rounding to counts, 1/12, is known. It is subtracted, because the noise
+//! model of [`crate::measure`] adds it as a term of its own.
 
 use super::least_squares::Normal;
 use super::linear::Linear;
@@ -11,24 +12,24 @@ use super::measured_value::MeasuredValue;
 use crate::error::Result;
 use crate::rig::RawFrame;
 
-/// Linear DN per count below which a response is flat.
+/// A response with a slope below this, in linear DN per count, is flat.
 const FLAT: f64 = 0.2;
 
-/// Variance of rounding, in counts.
+/// The variance of rounding, in squared counts.
 const ROUNDING: f64 = 1.0 / 12.0;
 
-/// Bins of a pair's pixels, by signal.
+/// The number of bins by signal into which the pixels of a pair of frames are sorted.
 const BINS: usize = 12;
 
-/// Gain (electrons per linear DN) and read noise (DN).
+/// The noise of a camera: gain in electrons per linear DN, and read noise in DN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transfer {
     pub(super) gain: MeasuredValue,
     pub(super) read_noise: MeasuredValue,
 }
 
-/// One bin: mean signal in linear DN, variance of one frame in linear DN², the squared slope of linear DN
-/// over counts, and how many samples it is of.
+/// One bin: the mean signal in linear DN, the variance of one frame in linear DN², the squared slope of
+/// linear DN over counts, and the number of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     signal: f64,
@@ -37,16 +38,17 @@ struct Point {
     samples: f64,
 }
 
-/// Fits the line to pairs of frames, the darkest of which should be as dark as can be; samples at `limit` and
-/// above are left out.
+/// Fits the line to pairs of frames. The darkest pair should be as dark as possible. Samples of `limit` and
+/// more are left out.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] when all pairs are of one brightness.
+/// [`crate::Error::Numerical`] when all pairs have the same brightness.
 pub(super) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> Result<Transfer> {
     let points: Vec<Point> = pairs.iter().flat_map(|pair| bins(pair, linear, limit)).collect();
     let mut estimate = [1.0, 1.0];
     let mut solution = None;
-    // A variance's own error is relative to it: the weights need the answer, which a few rounds settle.
+    // The error of a variance is proportional to the variance, so the weights depend on the fit. A few
+    // iterations converge.
     for _ in 0..6 {
         let mut normal = Normal::new(2);
         for point in &points {
@@ -70,6 +72,7 @@ pub(super) fn transfer(pairs: &[[RawFrame; 2]], linear: &Linear, limit: f64) -> 
     })
 }
 
+/// The bins of a pair of frames.
 fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     let mut samples: Vec<(f64, f64, f64)> = pair[0]
         .counts
@@ -87,14 +90,13 @@ fn bins(pair: &[RawFrame; 2], linear: &Linear, limit: f64) -> Vec<Point> {
     samples
         .chunks(size)
         .filter(|chunk| chunk.len() >= 32)
-        // Where the inverse response is flat, its slope is not known well enough to say what noise it makes
-        // of noise.
+        // Where the inverse response is flat, its slope is not known well enough to convert the noise.
         .filter(|chunk| chunk.iter().all(|sample| sample.2 > FLAT * FLAT))
         .map(|chunk| {
             let count = chunk.len() as f64;
             let mean = |of: &dyn Fn(&(f64, f64, f64)) -> f64| chunk.iter().map(of).sum::<f64>() / count;
-            // Light that changed between the two changes all alike: the mean of the differences takes it
-            // away.
+            // A change of the light between the two frames is the mean of the differences, which is
+            // subtracted.
             let drift = mean(&|sample| sample.1);
             let squares: f64 = chunk.iter().map(|sample| (sample.1 - drift).powi(2)).sum();
             Point {

@@ -1,4 +1,4 @@
-//! Raw frames that are on disk before they are used, and that are never taken twice.
+//! Journaled raw frames: each frame is written to disk before it is used, and is never taken twice.
 
 mod order;
 mod photo;
@@ -14,25 +14,26 @@ use crate::error::{Error, Result};
 use crate::journal::{Damage, Journal, Key, Kind};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// Opens the rig. With a stamp it goes on after the photo of that stamp: a virtual rig is then exactly where
-/// it was.
+/// Opens the rig. With a stamp, the session continues after the photo of that stamp: a virtual rig is then in
+/// exactly the same state as it was.
 pub type Opener<'a> = Box<dyn FnMut(Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> + Send + 'a>;
 
-/// FrameSource from a journal; those that it does not hold are taken, written down, and only then handed out.
+/// A frame source with a journal. A frame that the journal holds is read from it. Any other frame is taken by
+/// the rig, written to the journal, and only then returned.
 ///
-/// The rig is opened when the first photo is missing, so that a finished run is repeated without it. A photo
-/// that was lost to damage is taken anew after the stamp of the photo before it: on a virtual rig, whose
-/// frames are a function of their number and time, it comes out as it was, bit for bit.
+/// The rig is opened when the first photo is missing, so that a finished run can be repeated without the rig.
+/// A photo that was lost to damage is taken again after the stamp of the photo before it. The frames of a
+/// virtual rig are a function of their number and time, so its photo is the same again, bit for bit.
 pub struct JournaledFrames<'a> {
     journal: Journal,
     opener: Option<Opener<'a>>,
-    /// The open rig, and the stamp that it stands after.
+    /// The open rig, and the stamp of its last photo.
     inner: Option<(Box<dyn FrameSource + 'a>, Option<Stamp>)>,
     projector: ProjectorInfo,
     camera: CameraInfo,
     settle: Option<f64>,
     order: CaptureOrder,
-    /// Of the photo handed out last.
+    /// The stamp of the photo that was returned last.
     last: Option<Stamp>,
     effort: Effort,
     report: Box<dyn FnMut(&Damage) + Send + 'a>,
@@ -41,10 +42,11 @@ pub struct JournaledFrames<'a> {
 const DEVICES: &str = "devices";
 
 impl<'a> JournaledFrames<'a> {
-    /// Goes on with a journal, new or old. A new one opens the rig at once, to learn what its devices are.
+    /// Continues a journal, new or old. With a new journal, the rig is opened at once to record its devices.
     ///
     /// # Errors
-    /// [`Error::Rig`] when the rig cannot be opened or is not that of the journal; [`Error::Journal`].
+    /// [`Error::Rig`] when the rig cannot be opened or is not that of the journal; [`Error::Journal`] when
+    /// the journal cannot be read or written.
     pub fn new(mut journal: Journal, mut opener: Opener<'a>) -> Result<Self> {
         let known = journal.read_note(DEVICES)?;
         let (devices, inner) = match known {
@@ -61,17 +63,17 @@ impl<'a> JournaledFrames<'a> {
         Ok(Self { inner, ..journaled })
     }
 
-    /// Hands out what is in the journal, and nothing else.
+    /// Returns the frames of the journal alone, without a rig.
     ///
     /// # Errors
-    /// [`Error::Journal`] when the journal does not say which devices it is of.
+    /// [`Error::Journal`] when the journal does not say which devices its photos come from.
     pub fn replay(mut journal: Journal) -> Result<Self> {
         match journal.read_note(DEVICES)? {
             Some(devices) => Self::with(journal, &devices, None),
             None => Err(Error::Journal {
                 path: journal.path().into(),
-                fault: "it does not say which projector and camera its photos are of".into(),
-                help: "attach the rig, and go on with the same command and --resume".into(),
+                fault: "it does not say which projector and camera its photos come from".into(),
+                help: "attach the rig, and continue with the same command and --resume".into(),
             }),
         }
     }
@@ -94,7 +96,7 @@ impl<'a> JournaledFrames<'a> {
         })
     }
 
-    /// With something that is told of each record that is found damaged when it is asked for.
+    /// Calls `report` for each record that turns out to be damaged when it is read.
     #[must_use]
     pub fn reporting(self, report: impl FnMut(&Damage) + Send + 'a) -> Self {
         Self { report: Box::new(report), ..self }
@@ -105,14 +107,14 @@ impl<'a> JournaledFrames<'a> {
         &self.journal
     }
 
-    /// What the run has cost in all its sessions, up to the last photo in the journal.
+    /// The costs of the run in all of its sessions, up to the last photo in the journal.
     pub fn past(&self) -> Effort {
         let notes = self.journal.entries().iter().filter_map(PhotoMetadata::of);
         notes.max_by_key(|note| note.id).map_or_else(Effort::default, |note| note.effort)
     }
 
-    /// Every photo in the journal with the frame that was shown, in the order in which they were taken; each
-    /// is read when the iterator comes to it, and those that are damaged are passed over.
+    /// All photos in the journal with the frames that were shown, in the order in which they were taken. Each
+    /// is read when the iterator comes to it. Damaged photos are skipped.
     pub fn pairs(&mut self) -> impl Iterator<Item = Result<JournaledPhoto>> + '_ {
         let keys = self.order.keys();
         keys.into_iter().filter_map(|key| JournaledPhoto::read(&mut self.journal, key).transpose())
@@ -138,8 +140,8 @@ impl<'a> JournaledFrames<'a> {
         Ok(Some(frame))
     }
 
-    /// Should the pattern's record be damaged, it is known again now that it is asked for.
-    fn mend_pattern(&mut self, pattern: &[u8]) -> Result<()> {
+    /// Writes the pattern again if its record is damaged.
+    fn repair_pattern(&mut self, pattern: &[u8]) -> Result<()> {
         let key = Key::of(&[b"pattern", pattern]);
         if self.journal.is_writable() && self.journal.get(key)?.is_none() {
             self.journal.pattern(pattern)?;
@@ -147,16 +149,16 @@ impl<'a> JournaledFrames<'a> {
         Ok(())
     }
 
-    /// Takes a photo with the rig standing after `after`.
+    /// Takes a photo with the rig in its state after the photo of stamp `after`.
     fn take(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<(RawFrame, Stamp)> {
         let inner = match self.inner.take() {
-            // A rig that stands there already goes on.
-            Some((inner, stands)) if stands == after => inner,
+            // The rig is in this state already.
+            Some((inner, stamp)) if stamp == after => inner,
             other => {
                 if let Some((inner, _)) = &other {
                     self.effort = photo::sum(&self.effort, &inner.effort());
                 }
-                // One rig at a time: the old one is closed first.
+                // The old rig is closed before the new one is opened.
                 drop(other);
                 self.open(request, after)?
             }
@@ -164,12 +166,13 @@ impl<'a> JournaledFrames<'a> {
         let (inner, _) = self.inner.insert((inner, after));
         let frame = inner.capture(request)?;
         let stamp = Stamp::of(&frame);
-        if let Some((_, stands)) = &mut self.inner {
-            *stands = Some(stamp);
+        if let Some((_, last)) = &mut self.inner {
+            *last = Some(stamp);
         }
         Ok((frame, stamp))
     }
 
+    /// Opens the rig in its state after the photo of stamp `after`.
     fn open(&mut self, request: &CaptureRequest, after: Option<Stamp>) -> Result<Box<dyn FrameSource + 'a>> {
         let Some(opener) = &mut self.opener else { return Err(self.missing(request)) };
         let mut inner = opener(after)?;
@@ -184,7 +187,7 @@ impl<'a> JournaledFrames<'a> {
                     self.projector.name,
                     self.camera.name
                 ),
-                help: "attach the rig that the run was begun with, or name another folder".into(),
+                help: "attach the rig that the run was started with, or give another folder".into(),
             });
         }
         if let Some(settle) = self.settle {
@@ -205,7 +208,7 @@ impl<'a> JournaledFrames<'a> {
         Error::Journal {
             path: path.into(),
             fault: format!(
-                "the photo of take {} at {} s of a frame with mean level {:.1} is not among its {} photos, and no rig is attached",
+                "take {} at {} s of a frame with mean level {:.1} is not among its {} photos, and no rig is attached",
                 request.take,
                 request.exposure,
                 mean(&request.frame),
@@ -232,13 +235,14 @@ impl FrameSource for JournaledFrames<'_> {
         let pattern = photo::encode_frame(&request.frame);
         let key = self.key(request, &pattern);
         if let Some(frame) = self.replayed(key)? {
-            self.mend_pattern(&pattern)?;
+            self.repair_pattern(&pattern)?;
             return Ok(frame);
         }
         let (after, before) = self.order.place(key, self.last);
         let (mut frame, mut stamp) = self.take(request, after)?;
         if before.is_some_and(|next| stamp.id >= next) {
-            // It did not fit the gap that it was taken for, so it is no photo of then: it is taken now.
+            // The frame number does not fit into the gap, so the photo cannot stand for the lost one. It is
+            // taken at the end.
             (frame, stamp) = self.take(request, self.order.last())?;
         }
         frame.check()?;

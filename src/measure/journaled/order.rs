@@ -1,4 +1,4 @@
-//! In which order photos were taken, and where a lost one stood.
+//! The order in which the photos of a journal were taken, and the places of lost photos in it.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -6,11 +6,12 @@ use super::photo::PhotoMetadata;
 use crate::journal::{Journal, Key, Kind};
 use crate::rig::Stamp;
 
-/// The photos of a journal by the camera's number.
+/// The photos of a journal, ordered by the camera's frame number.
 pub(super) struct CaptureOrder {
-    /// All whose stamp is known, also those whose content is damaged.
+    /// All photos whose stamp is known, including those whose content is damaged.
     photos: BTreeMap<u64, (Stamp, Key)>,
-    /// Where records of unknown kind are lost: after which number, and before which.
+    /// The places where records were lost that may have been photos: the frame number before the gap (`None`
+    /// at the beginning), and the one after it.
     gaps: Vec<(Option<u64>, u64)>,
 }
 
@@ -30,40 +31,41 @@ impl CaptureOrder {
             let later = photos.iter().filter(|(offset, stamp, _)| {
                 *offset > damage.offset && from.is_none_or(|from| stamp.id > from)
             });
-            // What was taken last needs no gap: the next photo comes after it anyway.
+            // A lost record at the end makes no gap: the next photo comes after it in any case.
             Some((from, later.map(|(_, stamp, _)| stamp.id).next()?))
         });
         let gaps = gaps.collect();
         Self { photos: photos.into_iter().map(|(_, stamp, key)| (stamp.id, (stamp, key))).collect(), gaps }
     }
 
-    /// One photo more.
+    /// Adds a photo.
     pub(super) fn insert(&mut self, stamp: Stamp, key: Key) {
         self.photos.insert(stamp.id, (stamp, key));
     }
 
-    /// The keys in order, each once.
+    /// The keys in the order of the photos, each once.
     pub(super) fn keys(&self) -> Vec<Key> {
         let mut seen = HashSet::new();
         self.photos.values().map(|(_, key)| *key).filter(|key| seen.insert(*key)).collect()
     }
 
-    /// The photo of this number.
+    /// The key of the photo with this frame number.
     pub(super) fn key(&self, id: u64) -> Option<Key> {
         self.photos.get(&id).map(|(_, key)| *key)
     }
 
-    /// The stamp of the photo taken last.
+    /// The stamp of the photo that was taken last.
     pub(super) fn last(&self) -> Option<Stamp> {
         self.photos.values().next_back().map(|(stamp, _)| *stamp)
     }
 
-    /// After which photo a missing one is to be taken, and which number it must stay below.
+    /// The place of a missing photo: the stamp of the photo before it, and the frame number that it must stay
+    /// below. `last` is the photo that was returned last.
     ///
-    /// One whose record is damaged but whose stamp is known comes after the photo before it. If the photo
-    /// handed out last, `last`, is followed by a gap, it is taken for the one that is missing there: a run
-    /// that is repeated asks for its photos in the order in which they were taken. Any other is new, and
-    /// comes after all.
+    /// A photo whose record is damaged but whose stamp is known comes after the photo before it. If `last` is
+    /// followed by a gap, the missing photo is assumed to be the one that was lost there, because a repeated
+    /// run asks for its photos in the order in which they were taken. Any other photo is new and comes after
+    /// all others.
     pub(super) fn place(&self, key: Key, last: Option<Stamp>) -> (Option<Stamp>, Option<u64>) {
         let lost = self.photos.values().find(|(_, known)| *known == key).map(|(stamp, _)| stamp.id);
         if let Some(id) = lost {

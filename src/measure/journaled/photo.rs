@@ -1,6 +1,7 @@
-//! Raw frames, patterns and devices as bytes.
+//! The records of a journal: raw frames, patterns and devices as bytes.
 //!
-//! Numbers of 64-bit precision are texts in the JSON, the shortest that reads back as the same bits.
+//! The metadata is JSON. Numbers of 64-bit precision are strings in it: the shortest decimal that reads back
+//! as the same bits.
 
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -13,7 +14,7 @@ use crate::journal::{Entry, Journal, Key, Kind};
 use crate::measure::{CaptureRequest, Effort};
 use crate::rig::{CameraInfo, Frame, ProjectorInfo, RawFrame, Stamp};
 
-/// What stands beside a photo's counts.
+/// The metadata of a photo, which is stored beside its counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct PhotoMetadata {
     /// The key of the frame that was shown.
@@ -28,9 +29,9 @@ pub(super) struct PhotoMetadata {
     pub(super) id: u64,
     #[serde(with = "exact")]
     started: f64,
-    /// The wall's, in seconds since 1970.
+    /// The time of day of the photo, in seconds since 1970.
     at: u64,
-    /// What the session had cost by then.
+    /// The costs of the session up to this photo.
     pub(super) effort: Effort,
 }
 
@@ -59,7 +60,7 @@ impl PhotoMetadata {
     }
 
     pub(super) fn encode(&self) -> Vec<u8> {
-        // Texts, integers and finite numbers always have a JSON form.
+        // Strings, integers and finite numbers can always be written as JSON.
         serde_json::to_vec(self).unwrap_or_default()
     }
 
@@ -81,17 +82,17 @@ impl PhotoMetadata {
     }
 }
 
-/// What was shown, and what was seen.
+/// A photo in a journal: the request and the camera's frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JournaledPhoto {
-    /// The frame on the projector, and how it was to be photographed.
+    /// The frame on the projector, and how it was photographed.
     pub shot: CaptureRequest,
-    /// The camera's frame.
+    /// The frame of the camera.
     pub seen: RawFrame,
 }
 
 impl JournaledPhoto {
-    /// None when either is damaged.
+    /// Reads the photo with this key. `None` when its record or that of its pattern is damaged.
     pub(super) fn read(journal: &mut Journal, key: Key) -> Result<Option<Self>> {
         let Some(stored) = journal.get(key)? else { return Ok(None) };
         let note =
@@ -105,16 +106,16 @@ impl JournaledPhoto {
     }
 }
 
-/// A record is whole, but not in this version's form.
+/// The error for a record that is intact, but not in the format of this version.
 pub(super) fn unknown_format(journal: &Journal, what: &str) -> Error {
     Error::Journal {
         path: journal.path().into(),
-        fault: format!("the record of {what} is whole, but not in a form that this version knows"),
+        fault: format!("the record of {what} is intact, but this version does not know its format"),
         help: "open it with the version of krylux that wrote it".into(),
     }
 }
 
-/// Width, height and channels, and then the levels.
+/// A frame as bytes: width, height and channels as 64-bit integers, then the levels as 16-bit integers.
 pub(super) fn encode_frame(frame: &Frame) -> Vec<u8> {
     let Resolution { width, height } = frame.resolution();
     let shape = [width as u64, height as u64, frame.channels() as u64];
@@ -158,7 +159,7 @@ pub(super) fn encode_devices(projector: &ProjectorInfo, camera: &CameraInfo) -> 
     let (projector, camera) = (projector.clone(), camera.clone());
     let frame_time = projector.frame_time;
     let devices = DeviceInfos { projector, frame_time, camera, shortest_exposure, longest_exposure };
-    // As for a note.
+    // Strings, integers and finite numbers can always be written as JSON.
     serde_json::to_vec(&devices).unwrap_or_default()
 }
 
@@ -171,7 +172,7 @@ pub(super) fn decode_devices(bytes: &[u8]) -> Option<(ProjectorInfo, CameraInfo)
     ))
 }
 
-/// What two sessions have cost together; the clock is the later one's.
+/// The sum of the costs of two sessions. `seconds` is the larger of the two, because the clock continues.
 pub(super) fn sum(first: &Effort, second: &Effort) -> Effort {
     Effort {
         shown: first.shown + second.shown,
@@ -187,6 +188,7 @@ pub(super) fn sum(first: &Effort, second: &Effort) -> Effort {
     }
 }
 
+/// Numbers as strings: the shortest decimals that read back as the same bits.
 mod exact {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
 

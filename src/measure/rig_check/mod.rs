@@ -4,6 +4,30 @@
 //! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is
 //! known. A finding says what was found, what was expected, and what to do; its [`Grade`] follows from the
 //! bounds in [`thresholds`]. `krylux rig check` prints these findings.
+//!
+//! ```no_run
+//! use std::ops::ControlFlow;
+//!
+//! use krylux::measure::rig_check::{self, RigToCheck};
+//! use krylux::measure::{FrameSource, LiveFrames, RigFile, RigKind};
+//! use krylux::rig::Helper;
+//!
+//! # fn main() -> krylux::Result<()> {
+//! let file = RigFile::load("bench.toml".as_ref())?;
+//! let RigKind::Hardware(rig) = file.kind.clone() else { return Ok(()) };
+//! let mut open = || {
+//!     let devices = rig.open(&Helper::find()?, None)?;
+//!     Ok(Box::new(LiveFrames::new(devices, 0.1, 5)) as Box<dyn FrameSource>)
+//! };
+//! let rig = RigToCheck { file: &file, folder: "out".as_ref(), helper: &Helper::find, open: &mut open };
+//! let findings = rig_check::check(rig, &mut |finding| {
+//!     println!("{finding}");
+//!     ControlFlow::Continue(())
+//! })?;
+//! println!("{}", findings.sentence());
+//! # Ok(())
+//! # }
+//! ```
 
 mod calibration;
 mod devices;

@@ -11,7 +11,7 @@ use crate::measure::calibrate::{Observer, WhiteExposure};
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource, noise_ratio};
 use crate::rig::{Frame, RawFrame};
 
-/// White is shown after black so many times, and photographed twice each time.
+/// The number of rounds. In each, white is shown after black and photographed twice.
 const ROUNDS: u32 = 4;
 
 /// How the photos of the check are taken.

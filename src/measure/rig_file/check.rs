@@ -1,4 +1,5 @@
-//! That values make sense: each error names the file, the key, the range, and what to do.
+//! The validation of a rig file's values. Each error names the file, the key, the valid range, and what to
+//! do.
 
 use std::path::PathBuf;
 
@@ -8,19 +9,19 @@ use crate::rig::{Ambient, Drift, Faults, VirtualCamera, VirtualProjector, X11Spe
 
 /// Checks the values of one file.
 pub(super) struct Check {
-    /// The file.
+    /// The path of the file.
     pub(super) path: PathBuf,
 }
 
 pub(super) type Checked = Result<(), Error>;
 
 impl Check {
-    /// An error about the file.
+    /// An error of the file.
     pub(super) fn fault(&self, fault: impl Into<String>, help: impl Into<String>) -> Error {
         Error::Data { path: self.path.clone(), fault: fault.into(), help: help.into() }
     }
 
-    /// That `value` lies from `low` to `high`. NaN never does.
+    /// Checks that `value` lies from `low` to `high`. NaN does not.
     pub(super) fn range(&self, key: &str, value: f64, low: f64, high: f64) -> Checked {
         if (low..=high).contains(&value) {
             return Ok(());
@@ -35,7 +36,7 @@ impl Check {
             .try_for_each(|&(key, value, low, high)| self.range(&format!("{table}.{key}"), value, low, high))
     }
 
-    /// A response: a gamma, or a curve from 0 to 1 that never falls.
+    /// Checks a response: a gamma, or a curve from 0 to 1 that never falls.
     fn response(&self, table: &str, gamma: Option<f64>, curve: Option<&[f64]>) -> Checked {
         self.range(&format!("{table}.gamma"), gamma.unwrap_or(1.0), 0.1, 10.0)?;
         let Some(curve) = curve else { return Ok(()) };
@@ -48,7 +49,7 @@ impl Check {
         let ends = (curve.first(), curve.last());
         if curve.len() < 2 || ends != (Some(&0.0), Some(&1.0)) || !curve.is_sorted() {
             return Err(self.fault(
-                format!("{table}.curve is no response"),
+                format!("{table}.curve is not a response"),
                 "give at least two values, the first 0, the last 1, none less than the one before",
             ));
         }
@@ -62,7 +63,7 @@ impl Check {
         Err(self.fault(format!("{table}.channels is {channels}"), "give 1 (gray) or 3 (red, green, blue)"))
     }
 
-    /// A sine with a period.
+    /// Checks a sine: its amplitude and its period.
     fn wave(&self, table: &str, key: &str, swing: f64, period: f64) -> Checked {
         self.range(&format!("{table}.{key}"), swing, 0.0, 1.0)?;
         self.range(&format!("{table}.period"), period, 0.0, 1e9)?;

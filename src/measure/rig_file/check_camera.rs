@@ -1,4 +1,4 @@
-//! That what a rig file says of a real camera makes sense, whatever the camera.
+//! The validation of a real camera's table in a rig file.
 
 use super::check::{Check, Checked};
 use crate::rig::genicam::Settings;
@@ -9,7 +9,7 @@ impl Check {
     pub(super) fn hardware_camera(&self, spec: &CameraSpec) -> Checked {
         match spec {
             CameraSpec::Gige(spec) => {
-                // The least that every network carries, and what fits a datagram.
+                // From the least that every network carries to the largest datagram.
                 self.range("camera.packet_size", spec.packet_size.unwrap_or(1500).into(), 576.0, 65535.0)?;
                 self.vision(&spec.settings())
             }

@@ -1,11 +1,11 @@
-//! A rig file: one TOML file that describes a rig and how it is measured.
+//! The rig file: a TOML file that describes the devices of a rig, and how it is measured.
 //!
 //! ```toml
-//! kind = "virtual"                # what is behind it
+//! kind = "virtual"                # simulated devices
 //! calibration = "my-rig"          # the folder that `krylux rig calibrate` wrote, relative to this file
 //! seed = 1
 //!
-//! [scene]                         # what a virtual rig lights and sees
+//! [scene]                         # the scene of a virtual rig
 //! file = "scene.glb"
 //! size = [64, 64]
 //!
@@ -17,7 +17,7 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! What is left out is ideal. A rig of real devices has these two instead, and no scene:
+//! Every imperfection that is left out is absent. The file of a rig of real devices has these tables instead:
 //!
 //! ```toml
 //! kind = "hardware"
@@ -27,7 +27,7 @@
 //! monitor = "HDMI-1"
 //! size = [128, 96]
 //!
-//! [camera]                        # of its kind: GigeSpec, Usb3Spec, V4lSpec, Gphoto2Spec
+//! [camera]                        # by its kind: GigeSpec, Usb3Spec, V4lSpec, Gphoto2Spec
 //! kind = "gige"
 //! address = "192.168.1.20"
 //! size = [640, 480]
@@ -35,8 +35,8 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
-//! The file that says where camera and projector *stand* in a scene (its poses, see
-//! [`crate::scene::load_with`]) is another one; a virtual rig may name it as `scene.camera_file`.
+//! A *camera file* is something else: it holds the poses of camera and projector in a scene (see
+//! [`crate::scene::load_with`]). A virtual rig may name one as `scene.camera_file`.
 
 mod check;
 mod check_camera;
@@ -61,27 +61,27 @@ use check::Check;
 use parse::parse;
 use scene::SceneTable;
 
-/// What stands in a rig file.
+/// The content of a rig file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigFile {
-    /// The file.
+    /// The path of the file.
     pub path: PathBuf,
-    /// BLAKE3 of its bytes.
+    /// The BLAKE3 hash of its bytes.
     pub hash: [u8; 32],
-    /// The folder of its calibration, where it names one.
+    /// The folder of the calibration; `None` when the file names none.
     pub calibration: Option<PathBuf>,
-    /// How it is measured.
+    /// How the rig is measured.
     pub measurement: MeasureOptions,
-    /// What is behind it.
+    /// The devices.
     pub kind: RigKind,
 }
 
-/// What is behind a rig file.
-#[allow(clippy::large_enum_variant, reason = "a program has one of them")]
+/// The devices of a rig file.
+#[allow(clippy::large_enum_variant, reason = "a program has only one of them")]
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum RigKind {
-    /// A simulated scene.
+    /// Virtual devices in front of a simulated scene.
     Virtual(VirtualRig),
     /// Real devices.
     Hardware(HardwareRig),
@@ -90,7 +90,7 @@ pub enum RigKind {
 const KINDS: [&str; 2] = ["virtual", "hardware"];
 
 impl RigKind {
-    /// The projector, as it presents itself.
+    /// The description of the projector.
     pub fn projector_info(&self) -> ProjectorInfo {
         match self {
             Self::Virtual(rig) => rig.projector_info(),
@@ -98,13 +98,13 @@ impl RigKind {
         }
     }
 
-    /// The light transport between them: coloured as soon as one of them is.
+    /// The channels of the light transport: RGB if projector or camera have three channels, else luma.
     pub fn channels(&self) -> Channels {
         let coloured = self.projector_info().channels.max(self.camera_info().channels) > 1;
         if coloured { Channels::Rgb } else { Channels::Luma }
     }
 
-    /// The camera, as it presents itself.
+    /// The description of the camera.
     pub fn camera_info(&self) -> CameraInfo {
         match self {
             Self::Virtual(rig) => rig.camera_info(),
@@ -113,7 +113,7 @@ impl RigKind {
     }
 }
 
-/// A virtual rig as it stands in its file.
+/// The tables of a virtual rig's file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct VirtualTables {
@@ -137,7 +137,7 @@ struct VirtualTables {
     measurement: MeasureOptions,
 }
 
-/// A rig of real devices as it stands in its file, with a camera of one kind.
+/// The tables of the file of a rig of real devices, with a camera of kind `C`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct HardwareTables<C> {
@@ -150,7 +150,7 @@ struct HardwareTables<C> {
     measurement: MeasureOptions,
 }
 
-/// Of which kind its camera is; all else is looked at when that is known.
+/// The part of a file that says the kind of its camera. The type of the other tables depends on it.
 #[derive(Deserialize)]
 struct OfKind {
     camera: Option<KindOnly>,
@@ -165,8 +165,8 @@ impl RigFile {
     /// Reads a rig file.
     ///
     /// # Errors
-    /// [`Error::Read`] when it cannot be read; [`Error::Data`] when it cannot be used: that names the line or
-    /// the key, what it may be, and for a name that is not known the one that is nearest.
+    /// [`Error::Read`] when the file cannot be read; [`Error::Data`] when it is invalid. The error names the
+    /// line or the key, the valid values, and for an unknown name the most similar known one.
     pub fn load(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
         let check = Check { path: path.to_path_buf() };
@@ -177,10 +177,10 @@ impl RigFile {
         Self::from_bytes(path, &bytes)
     }
 
-    /// As [`Self::load`], of `bytes` that stand, or stood, in the file at `path`.
+    /// Parses `bytes`, which are or were the content of the file at `path`.
     ///
     /// # Errors
-    /// As [`Self::load`].
+    /// Those of [`Self::load`].
     pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
         let check = Check { path: path.to_path_buf() };
         let text = std::str::from_utf8(bytes)
@@ -193,7 +193,7 @@ impl RigFile {
             (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
         } else {
             let OfKind { camera } = parse(path, text)?;
-            // That there is none is an error of the whole, as others are.
+            // A missing camera is reported with the other errors of the file below.
             let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind)
             {
                 CameraKind::Gige => hardware::<GigeSpec>(&check, text)?,
@@ -211,7 +211,7 @@ impl RigFile {
     }
 }
 
-/// Reads a rig of real devices whose camera is of this kind.
+/// Parses the file of a rig of real devices with a camera of kind `C`.
 fn hardware<C: DeserializeOwned + Into<CameraSpec>>(
     check: &Check,
     text: &str,
@@ -234,7 +234,7 @@ impl VirtualTables {
     }
 }
 
-/// Whether the file describes a virtual rig; that it says of what kind it is, and that there is such a kind.
+/// Whether the file describes a virtual rig. A missing or an unknown kind is an error.
 fn is_virtual(check: &Check, text: &str) -> Result<bool> {
     let table: toml::Table = parse(&check.path, text)?;
     let known = KINDS.join(", ");
@@ -244,11 +244,11 @@ fn is_virtual(check: &Check, text: &str) -> Result<bool> {
             let meant = nearest(kind, &KINDS).map_or_else(String::new, |kind| format!("; did you mean \"{kind}\"?"));
             Err(check.fault(format!("unknown kind \"{kind}\"{meant}"), format!("known kinds: {known}")))
         }
-        Some(None) => Err(check.fault("kind is no text", format!("give kind = \"virtual\"; known kinds: {known}"))),
+        Some(None) => Err(check.fault("kind is not a string", format!("give kind = \"virtual\"; known kinds: {known}"))),
         None if table.contains_key("camera") && !table.contains_key("scene") => Err(check.fault(
             "it does not say what kind of rig it describes",
-            "begin a rig file with kind = \"virtual\" or \"hardware\"; a file that says where camera and projector stand is \
-             given as --camera-file",
+            "begin a rig file with kind = \"virtual\" or \"hardware\"; a camera file, which holds the poses of camera and \
+             projector, is given as --camera-file",
         )),
         None => Err(check.fault(
             "it does not say what kind of rig it describes",

@@ -1,4 +1,4 @@
-//! Text to tables, with errors that name the line, the key, and the name that was probably meant.
+//! The parser of rig files. Its errors name the line, the key, and the name that was probably meant.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use crate::error::Error;
 use crate::rig::nearest::nearest;
 
-/// Reads `text`, the content of `path`.
+/// Parses `text`, the content of the file at `path`.
 pub(super) fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, Error> {
     toml::from_str(text).map_err(|error| explain(path, text, &error))
 }
@@ -16,8 +16,8 @@ fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
     let message = error.message().trim_end();
     let place = error.span().map_or_else(String::new, |span| place(text, span.start));
     let data = |fault, help| Error::Data { path: path.to_path_buf(), fault, help };
-    // As serde words them: "unknown field `a`, expected one of `b`, `c`", "unknown variant `a`, expected `b`
-    // or `c`".
+    // The messages of serde are "unknown field `a`, expected one of `b`, `c`" and "unknown variant `a`,
+    // expected `b` or `c`".
     let unknown = [("unknown field `", "key"), ("unknown variant `", "value")];
     for (beginning, what) in unknown {
         let Some((name, rest)) = message.strip_prefix(beginning).and_then(|rest| rest.split_once('`')) else {
@@ -33,15 +33,16 @@ fn explain(path: &Path, text: &str, error: &toml::de::Error) -> Error {
     data(format!("{place}{message}"), help.into())
 }
 
-/// `line 7, in [camera]: ` for the byte at `at`; without the table where that line names one.
+/// `line 7, in [camera]: ` for the byte at `at`. The table is left out when that line is itself a table's
+/// header.
 fn place(text: &str, at: usize) -> String {
-    // An error's span may end where the text does, and need not lie between letters.
+    // The span of an error may end at the end of the text, and inside of a character.
     let before = String::from_utf8_lossy(text.as_bytes().get(..at).unwrap_or(text.as_bytes()));
     let line = before.matches('\n').count() + 1;
     let is_header = text.lines().nth(line - 1).is_some_and(|line| line.trim_start().starts_with('['));
     let table = before.lines().rev().find_map(|line| {
         let (name, _) = line.trim().strip_prefix('[')?.split_once(']')?;
-        // A line of an array of arrays is no table.
+        // A line of an array of arrays begins with a bracket, too.
         name.starts_with(|c: char| c.is_ascii_alphabetic()).then(|| name.to_owned())
     });
     match table {

@@ -1,4 +1,4 @@
-//! `[scene]`: what a virtual rig lights and sees.
+//! The table `[scene]` of a virtual rig: a scene to be traced, or a matrix.
 
 use std::path::{Path, PathBuf};
 
@@ -10,15 +10,16 @@ use crate::image::Resolution;
 use crate::render::MAX_BOUNCES;
 use crate::rig::VirtualScene;
 
-/// The table as it stands in the file.
+/// The table as it is in the file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneTable {
-    /// Width and height in pixels, of the projector and of the photo before the camera resamples it.
+    /// Width and height in pixels, of the projector and of the simulated photo before the camera resamples
+    /// it.
     size: [usize; 2],
-    /// A scene to be traced.
+    /// The file of a scene to be traced.
     file: Option<PathBuf>,
-    /// Or a matrix.
+    /// The file of a matrix, instead of a scene.
     matrix: Option<PathBuf>,
     camera: Option<String>,
     camera_file: Option<PathBuf>,
@@ -44,7 +45,7 @@ impl SceneTable {
                 if self.camera.is_some() && self.camera_file.is_some() {
                     return Err(check.fault(
                         "[scene] has both camera and camera_file",
-                        "give the name of one of the scene's cameras, or a file that says where camera and projector stand",
+                        "give the name of one of the scene's cameras, or a camera file with the poses of camera and projector",
                     ));
                 }
                 Ok(VirtualScene::File {
@@ -67,14 +68,14 @@ impl SceneTable {
                 ];
                 if let Some((key, _)) = of_files.into_iter().find(|(_, given)| *given) {
                     return Err(check.fault(
-                        format!("scene.{key} says how a scene is traced, but scene.matrix is traced already"),
+                        format!("scene.{key} is an option of tracing, but scene.matrix needs no tracing"),
                         format!("leave out {key}, or give scene.file instead of scene.matrix"),
                     ));
                 }
                 Ok(VirtualScene::Matrix { path: folder.join(matrix), size })
             }
             _ => Err(check.fault(
-                "[scene] needs file or matrix, one of them",
+                "[scene] needs either file or matrix",
                 "give file = \"scene.glb\", or matrix = \"matrix.npz\" as `krylux matrix` writes it",
             )),
         }

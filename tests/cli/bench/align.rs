@@ -41,12 +41,12 @@ fn the_remedy_for_a_camera_beside_the_projector_is_its_direction() {
         let (_, picture) = pixels(&file);
         let count = |color: [u8; 3]| picture.iter().filter(|&&pixel| pixel == color).count() as f64;
         assert!((count(SHADOW) / picture.len() as f64 - share).abs() < 0.5 * share);
-        assert!(count(ARROW) > 100.0, "what is displaced has arrows");
+        assert!(count(ARROW) > 100.0, "displaced parts have arrows");
     }
 }
 
 #[test]
-fn a_camera_at_the_projectors_point_is_aligned_within_the_stated_error() {
+fn a_camera_at_the_projectors_centre_is_aligned_within_the_stated_error() {
     let folder = folder();
     // The direction and the rotation of the camera do not matter: the map compensates them.
     let turned =
@@ -124,7 +124,8 @@ fn the_picture_is_shown_in_a_viewer_that_listens() {
     assert!(text(&sent).contains("rig align"), "{} bytes", sent.len());
 }
 
-/// A wall and a plate before it, in metres, by rays: right is +x, up is +y, the camera looks along −z.
+/// A wall and a plate in front of it, in metres, as rays see them: right is +x, up is +y, and the camera
+/// looks along −z.
 const SCENE: &str = "v -2 -2 -1.5\nv 2 -2 -1.5\nv 2 2 -1.5\nv -2 2 -1.5\nf 1 2 3 4\n\
     v -0.15 -0.15 -1.0\nv 0.15 -0.15 -1.0\nv 0.15 0.15 -1.0\nv -0.15 0.15 -1.0\nf 5 6 7 8\n";
 
@@ -141,10 +142,10 @@ fn the_direction_is_that_of_the_scenes_geometry() {
         let view = |name: &str, [x, y]: [f64; 2]| {
             format!("[{name}]\nposition = [{x}, {y}, 0]\nforward = [0, 0, -1]\nvertical_fov_degrees = 40\n")
         };
-        write("stand.toml", &(view("camera", camera) + &view("projector", [0.0, 0.0])));
+        write("poses.toml", &(view("camera", camera) + &view("projector", [0.0, 0.0])));
         write(
             "rig.toml",
-            "kind = \"virtual\"\n[scene]\nfile = \"scene.obj\"\ncamera_file = \"stand.toml\"\nsize = [48, 48]\n\
+            "kind = \"virtual\"\n[scene]\nfile = \"scene.obj\"\ncamera_file = \"poses.toml\"\nsize = [48, 48]\n\
              samples = 64\nmax_bounces = 2\n[camera]\nbits = 14\nshot_noise = true\n",
         );
         let (rig, file) = (inside(&folder, "rig.toml"), inside(&folder, "align.png"));

@@ -143,7 +143,7 @@ fn each_fault_of_light_and_time_is_named_with_advice() {
 }
 
 #[test]
-fn a_camera_that_gives_no_frame_and_a_file_with_a_fault_are_findings_not_errors() {
+fn a_camera_without_frames_and_a_faulty_file_are_findings_and_not_errors() {
     let folder = folder();
     let rig = rig(&folder, [0, 0], &[("faults", "dropped = 1.0")]);
     let (findings, passed) = check(&rig, &folder);

@@ -21,16 +21,16 @@ const INDIRECT: f64 = 0.15;
 /// object further to the left and up. The wall behind the object, as seen from the projector, is in shadow.
 pub fn wall(aside: [i32; 2]) -> Csr {
     let within = |x: i32, y: i32| {
-        [x, y].iter().zip(THING).all(|(&at, [from, to])| at >= from as i32 && at < to as i32)
+        [x, y].iter().zip(PLATE).all(|(&at, [from, to])| at >= from as i32 && at < to as i32)
     };
     let albedo = |pixel: usize| 0.6 + 0.3 * ((pixel % SIDE) as f64 * 0.9 + (pixel / SIDE) as f64 * 0.4).sin();
     let pixels = SIDE * SIDE;
     let (mut starts, mut columns, mut weights) = (vec![0], Vec::new(), Vec::new());
     for pixel in 0..pixels {
         let [x, y] = [(pixel % SIDE) as i32, (pixel / SIDE) as i32];
-        let thing = [x + aside[0], y + aside[1]];
-        let direct = if within(thing[0], thing[1]) {
-            Some(thing[1] as usize * SIDE + thing[0] as usize)
+        let plate = [x + aside[0], y + aside[1]];
+        let direct = if within(plate[0], plate[1]) {
+            Some(plate[1] as usize * SIDE + plate[0] as usize)
         } else {
             (!within(x, y)).then_some(pixel)
         };

@@ -1,4 +1,4 @@
-//! Audits of virtual rigs: what is wrong with one is named, with its figure, and nothing else is.
+//! Audits of virtual rigs: each fault is named with its value, and nothing else is.
 
 use krylux::analysis::audit::{Audit, AuditOptions, Exact, Verdict, audit};
 use krylux::image::Resolution;
@@ -15,8 +15,8 @@ const SIZE: Resolution = Resolution { width: 32, height: 32 };
 fn audited(rig: &VirtualRig, scene: &Folded, calibration: Calibration, options: MeasureOptions) -> Audit {
     let bench = rig.open(Box::new(scene.clone()), None).expect("the scene fits its rig");
     let settle = calibration.stability.settle;
-    let shots = Box::new(LiveFrames::new(bench, settle, 5));
-    let mut rig = Measurement::new(shots, calibration, options).expect("options that make sense");
+    let frames = Box::new(LiveFrames::new(bench, settle, 5));
+    let mut rig = Measurement::new(frames, calibration, options).expect("options that make sense");
     audit(&mut rig, &AuditOptions::default()).expect("the bench can be audited")
 }
 
@@ -45,7 +45,8 @@ fn an_ideal_bench_passes() {
 fn every_imperfection_at_once_passes_after_calibration_and_not_before() {
     let scene = Folded::new(Resolution::new(64, 64), 0.3);
     let rig = realistic(&scene);
-    // An exposure chosen without knowing the noise saturates, and that would be all there is to say.
+    // An exposure that is chosen without knowing the noise saturates, and then saturation would be the only
+    // finding.
     let short = MeasureOptions { exposures: vec![0.1], ..MeasureOptions::default() };
     let before = audited(&rig, &scene, ideal(&rig), short);
     let names = failed(&before);
@@ -57,7 +58,7 @@ fn every_imperfection_at_once_passes_after_calibration_and_not_before() {
 }
 
 #[test]
-fn a_gamma_that_is_not_undone_fails_homogeneity() {
+fn a_gamma_that_is_not_corrected_fails_homogeneity() {
     let scene = Folded::new(SIZE, 0.3);
     let mut rig = scene.rig();
     rig.projector.gamma = Some(2.2);
@@ -68,7 +69,7 @@ fn a_gamma_that_is_not_undone_fails_homogeneity() {
 }
 
 #[test]
-fn a_scene_that_saturates_is_named() {
+fn a_scene_that_saturates_fails_saturation() {
     let scene = Folded::new(SIZE, 0.3);
     let rig = scene.rig();
     let options = MeasureOptions { exposures: vec![5.0], ..MeasureOptions::default() };
@@ -83,16 +84,16 @@ fn a_camera_half_a_pixel_off_fails_symmetry() {
     rig.camera.shift = [0.5, 0.0];
     let audit = audited(&rig, &scene, ideal(&rig), MeasureOptions::default());
     assert_eq!(failed(&audit), ["symmetry"]);
-    // Of direct light d, half moves to the neighbour: ‖A − Aᵀ‖² = Σ d²/2, and ‖A‖² = Σ d²/2 too; global light adds to
-    // the latter only. Fifteen pairs tell it to a fifth.
+    // Half of the direct light d moves to the neighbour: ‖A − Aᵀ‖² = Σ d²/2, and ‖A‖² = Σ d²/2, to which
+    // global light adds. Fifteen pairs measure it to a fifth.
     assert!((0.5..1.4).contains(&figure(&audit, "symmetry")), "{}", figure(&audit, "symmetry"));
 }
 
 #[test]
-fn a_lamp_that_fades_is_named_unless_it_is_watched() {
+fn a_fading_lamp_fails_repeatability_unless_sentinels_correct_it() {
     let scene = Folded::new(SIZE, 0.3);
     let mut rig = scene.rig();
-    // Seconds a photo, and a tenth within a minute.
+    // A photo takes seconds, and the lamp loses a tenth per minute.
     rig.camera.readout = 1.0;
     rig.drift.per_hour = -6.0;
     let unwatched = MeasureOptions { sentinel_every: 0, ..MeasureOptions::default() };
@@ -101,10 +102,10 @@ fn a_lamp_that_fades_is_named_unless_it_is_watched() {
     let watched = MeasureOptions { sentinel_every: 2, ..MeasureOptions::default() };
     let audit = audited(&rig, &scene, ideal(&rig), watched);
     assert_eq!(failed(&audit), [""; 0]);
-    assert!(figure(&audit, "drift") > 0.01, "the lamp's drift is told all the same");
+    assert!(figure(&audit, "drift") > 0.01, "the drift of the lamp is reported although it is corrected");
 }
 
-/// Rows of a scene that the camera sees from two pixels aside, and that has no direct light there.
+/// A scene that the camera sees with an offset of two pixels, without direct light in the shadow.
 struct Aside(Folded);
 
 impl Operator for Aside {
@@ -131,7 +132,7 @@ impl Operator for Aside {
 }
 
 #[test]
-fn a_camera_beside_the_projector_fails_symmetry_and_shows_its_shadows() {
+fn a_camera_beside_the_projector_fails_symmetry_and_shows_shadows() {
     let direct = (0..SIZE.pixels()).map(|pixel| if pixel % SIZE.width < 8 { 0.0 } else { 0.5 }).collect();
     let mut aside = Aside(Folded::new(SIZE, 0.3));
     let mut exact = Exact { full: &mut aside, direct: Some(direct), resolution: SIZE };

@@ -1,4 +1,5 @@
-//! Calibration folders: what is saved is what is loaded, and what is damaged or another rig's is named.
+//! Calibration folders: a calibration is loaded as it was saved, and damage or another rig's calibration is
+//! reported by name.
 
 use std::path::Path;
 
@@ -28,7 +29,7 @@ fn devices() -> (ProjectorInfo, CameraInfo) {
 fn saved(folder: &Path) -> Calibration {
     let (projector, camera) = devices();
     let mut calibration = Calibration::ideal(&projector, &camera);
-    // Numbers without a short decimal, to the last bit.
+    // These numbers have no short decimal form.
     calibration.camera.gain = 11.0 / 3.0;
     calibration.camera.read_noise = 0.1 + 0.2;
     calibration.stability.settle = f64::MIN_POSITIVE;
@@ -38,7 +39,7 @@ fn saved(folder: &Path) -> Calibration {
 }
 
 #[test]
-fn what_is_saved_is_loaded_to_the_last_bit() {
+fn a_saved_calibration_is_loaded_to_the_last_bit() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let calibration = saved(folder.path());
     let loaded = Calibration::load(folder.path()).expect("it was just saved");
@@ -46,11 +47,11 @@ fn what_is_saved_is_loaded_to_the_last_bit() {
     assert_eq!(loaded.identity(), calibration.identity());
     let mut other = calibration;
     other.stability.settle = 0.5;
-    assert_ne!(loaded.identity(), other.identity(), "the wait is part of what a photo depends on");
+    assert_ne!(loaded.identity(), other.identity(), "photos depend on the settle time");
 }
 
 #[test]
-fn damage_is_named_whatever_file_it_is_in() {
+fn damage_in_any_file_is_reported_by_name() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     saved(folder.path());
     let files = std::fs::read_dir(folder.path()).expect("it is there");
@@ -58,7 +59,7 @@ fn damage_is_named_whatever_file_it_is_in() {
     assert_eq!(files.len(), 6);
     for file in files {
         let whole = std::fs::read(&file).expect("just written");
-        // The last digit of a number in the record, the last byte of an array.
+        // The last digit of a number in the record, or the last byte of an array.
         let mut changed = whole.clone();
         let at = (0..whole.len()).rev().find(|&at| !whole[at].is_ascii_whitespace()).expect("not empty");
         changed[at] ^= 1;
@@ -76,7 +77,7 @@ fn damage_is_named_whatever_file_it_is_in() {
 }
 
 #[test]
-fn a_calibration_of_other_devices_is_refused_by_name() {
+fn a_calibration_of_other_devices_is_refused_with_the_name_of_the_device() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let calibration = saved(folder.path());
     let (projector, camera) = devices();

@@ -1,4 +1,4 @@
-//! Calibration against the truth of virtual rigs: what a bench's captures tell must be what the bench was told to be.
+//! Calibrations of virtual rigs, compared with the known properties of their devices.
 
 mod audits;
 mod folders;
@@ -16,7 +16,7 @@ fn scene() -> Folded {
     Folded::new(Resolution::new(64, 64), 0.3)
 }
 
-/// The imperfections, all of them.
+/// A rig with every imperfection.
 fn realistic(scene: &Folded) -> VirtualRig {
     let mut rig = scene.rig();
     rig.projector.bits = 8;
@@ -43,11 +43,12 @@ fn calibrated(
     options: &CalibrateOptions,
 ) -> (Calibration, CalibrationReport) {
     let bench = rig.open(Box::new(scene.clone()), None).expect("the scene fits its rig");
-    let mut shots = LiveFrames::new(bench, 0.0, 5);
-    calibrate(&mut shots, options, &mut |_| ControlFlow::Continue(())).expect("the bench can be calibrated")
+    let mut frames = LiveFrames::new(bench, 0.0, 5);
+    calibrate(&mut frames, options, &mut |_| ControlFlow::Continue(())).expect("the bench can be calibrated")
 }
 
-/// Distance of the map found from the true one, root mean square over the camera's pixels, in projector pixels.
+/// The distance of the measured map from the true one, root mean square over the camera's pixels, in
+/// projector pixels.
 fn map_error(rig: &VirtualRig, report: &CalibrationReport) -> f64 {
     let map = report.map.lens.as_ref().expect("a coaxial rig has a map");
     let truth = rig.camera.misregistration();
@@ -65,7 +66,7 @@ fn map_error(rig: &VirtualRig, report: &CalibrationReport) -> f64 {
 }
 
 #[test]
-fn every_imperfection_at_once_is_told_apart_and_found() {
+fn every_imperfection_is_measured_while_all_of_them_are_present() {
     let scene = scene();
     let rig = realistic(&scene);
     let (calibration, report) = calibrated(&rig, &scene, &CalibrateOptions::default());
@@ -73,11 +74,12 @@ fn every_imperfection_at_once_is_told_apart_and_found() {
     let (gamma, camera) = (report.projector[0].gamma, &report.camera);
     println!("gamma {gamma}, map {off:.4} px (said {:.4}), black {}", report.map.error, camera.black);
     println!("gain {}, read noise {}, settle {}", camera.gain, camera.read_noise, report.stability.settle);
-    // What is promised.
+    // The documented accuracy.
     assert!((gamma.value / 2.2 - 1.0).abs() < 0.005, "gamma {gamma}");
     assert!(off < 0.1, "the map is off by {off} pixels");
     assert!((camera.black.value - 64.0).abs() < 1.0, "black level {}", camera.black);
-    // Within four standard errors, as the calibration says them; the bounds keep these from being anything.
+    // The values lie within four standard errors, as the calibration states them. The errors themselves are
+    // bounded.
     let counts_per_electron = (16383.0 - 64.0) / 60_000.0;
     for (name, found, truth, most) in [
         ("gain", camera.gain, 1.0 / counts_per_electron, 0.01),
@@ -87,23 +89,23 @@ fn every_imperfection_at_once_is_told_apart_and_found() {
         assert!((found.value - truth).abs() < 4.0 * found.error, "{name}: {found}, but it is {truth}");
         assert!(found.error < most * truth, "{name}: {found} says too little");
     }
-    // Of 4096 pixels, the map leaves those that the camera does not see.
+    // The map leaves out those of 4096 pixels that the camera does not see.
     assert!(off < 3.0 * report.map.error && report.map.masked < 0.02, "{:?}", report.map);
     assert!(camera.linear && calibration.camera.curve.is_none() && camera.plateau_reached);
     let settle = report.stability.settle.value;
     assert!((0.0199..0.0205).contains(&settle), "the light is there after 20 ms, not {settle} s");
-    // Ambient 10 % of white; the projector's black 0.4 %.
+    // Ambient light is 10 % of white, and the projector's black level 0.4 %.
     let black = report.projector[0].black.value;
     assert!((black - 0.104).abs() < 0.003, "{black} of white is there without a pattern");
     let curve = &calibration.projector[0];
     let worst =
         (0..256).map(|level| (curve[level] - (level as f64 / 255.0).powf(2.2)).abs()).fold(0.0, f64::max);
-    // Half a level where levels are nearest to one another in light, and noise of 5e-5, allow no more.
+    // The tolerance is half a level where levels are nearest to each other in light, and noise of 5e-5.
     assert!(worst < 3e-4, "the projector's curve is off by {worst}");
 }
 
 #[test]
-fn a_camera_that_compresses_light_is_found_out_and_straightened() {
+fn a_compressive_camera_response_is_measured_and_corrected() {
     let scene = scene();
     let mut rig = realistic(&scene);
     rig.camera.gamma = Some(0.7);
@@ -141,7 +143,7 @@ fn a_camera_coarser_than_the_projector_is_registered_by_a_checkerboard() {
 }
 
 #[test]
-fn an_ideal_bench_has_nothing_to_find() {
+fn the_calibration_of_ideal_devices_is_ideal() {
     let scene = scene();
     let rig = scene.rig();
     let (calibration, report) =
@@ -154,7 +156,7 @@ fn an_ideal_bench_has_nothing_to_find() {
 }
 
 #[test]
-fn a_lamp_that_fades_during_calibration_bends_no_curve() {
+fn a_fading_lamp_does_not_distort_the_response() {
     let scene = scene();
     let mut rig = realistic(&scene);
     rig.drift.per_hour = -0.05;

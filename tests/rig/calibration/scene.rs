@@ -1,10 +1,11 @@
-//! A scene in closed form: each pixel's own albedo, and light that all of them exchange smoothly. Symmetric, and quick.
+//! A scene in closed form: each pixel has its own albedo, and all pixels exchange smooth light. It is
+//! symmetric and fast.
 
 use krylux::image::{Image, Resolution};
 use krylux::rig::{VirtualRig, VirtualScene};
 use krylux::transport::{Channels, Transport};
 
-/// `A = diag(direct) + Σ u uᵀ`, with few smooth `u`.
+/// `A = diag(direct) + Σ u uᵀ`, with a few smooth `u`.
 #[derive(Clone, Debug)]
 pub struct Folded {
     resolution: Resolution,
@@ -13,7 +14,8 @@ pub struct Folded {
 }
 
 impl Folded {
-    /// Two walls at an angle, with a texture of albedos from 0.3 to 1. Of a white photo, `global` is exchanged.
+    /// Two walls at an angle, with albedos from 0.3 to 1. The share `global` of a white photo is exchanged
+    /// light.
     pub fn new(resolution: Resolution, global: f64) -> Self {
         let place = |pixel: usize| {
             let [x, y] = [pixel % resolution.width, pixel / resolution.width];
@@ -48,7 +50,7 @@ impl Folded {
         y
     }
 
-    /// A rig that looks at a scene of this size; the scene itself is given when it is opened.
+    /// A rig in front of a scene of this size. The scene itself is passed when the rig is opened.
     pub fn rig(&self) -> VirtualRig {
         VirtualRig::ideal(VirtualScene::Matrix { path: "closed form".into(), size: self.resolution })
     }

@@ -1,4 +1,4 @@
-//! Each stage by itself is the matrix that it should be, and symmetric.
+//! Each stage by itself gives the expected matrix, and a symmetric one.
 
 use krylux::image::{Image, Resolution};
 use krylux::measure::{DirectBy, MeasureOptions, Registration, SignedBy};
@@ -10,7 +10,7 @@ fn scene() -> Dense {
     Dense::new(Resolution::new(9, 6), 1000.0, 5)
 }
 
-/// A camera of twice the pixels that sees everything mirrored, and the map that knows.
+/// A camera with twice as many pixels on a side that sees everything mirrored, and the pixel map for it.
 fn mirrored(mut rig: Rig) -> Rig {
     let size = rig.matrix.resolution;
     let camera = Resolution::new(2 * size.width, 2 * size.height);
@@ -32,7 +32,7 @@ fn mirrored(mut rig: Rig) -> Rig {
     rig
 }
 
-/// The Gaussian between two pixels of a row that is mirrored at its ends.
+/// The weight of a Gaussian blur between two pixels of a row that is mirrored at its ends.
 fn gaussian(from: usize, to: usize, length: usize, deviation: f64) -> f64 {
     let weight = |at: isize| (-0.5 * (at as f64 / deviation).powi(2)).exp();
     let reach = (4.0 * deviation).ceil() as isize;
@@ -46,7 +46,7 @@ fn gaussian(from: usize, to: usize, length: usize, deviation: f64) -> f64 {
 }
 
 #[test]
-fn each_stage_is_its_dense_matrix_and_symmetric() {
+fn each_stage_gives_its_dense_matrix_and_a_symmetric_one() {
     let n = scene().resolution.pixels();
     let quiet = Rig::new(scene());
     let room = Rig { ambient: 900.0, black_level: 0.1, ..quiet.clone() };
@@ -54,7 +54,8 @@ fn each_stage_is_its_dense_matrix_and_symmetric() {
     let mut coarse = quiet.clone();
     coarse.projector.bits = 2;
     let affine = MeasureOptions { signed: SignedBy::Affine, ..plain() };
-    // 16 bits of projector and camera round by up to 2⁻¹⁷ of their range, and most entries of a column are a hundredth of it.
+    // Projector and camera with 16 bits round by up to 2⁻¹⁷ of their range. Most entries of a column are a
+    // hundredth of it.
     let cases: [(&str, &Rig, MeasureOptions, f64); 9] = [
         ("affine", &quiet, affine.clone(), 3e-4),
         ("split", &quiet, MeasureOptions { signed: SignedBy::Split, ..plain() }, 3e-4),
@@ -66,7 +67,7 @@ fn each_stage_is_its_dense_matrix_and_symmetric() {
         ("bit planes", &coarse, MeasureOptions { bit_planes: 9, ..plain() }, 3e-4),
         (
             "drift",
-            // The white photo is the fifth of 5 seconds: its light is the unit.
+            // The white photo is the fifth one of 5 seconds. Its light is the unit.
             &Rig { lamp: |t| 1.0 + 1e-4 * (t - 25.0), ..quiet.clone() },
             MeasureOptions { sentinel_every: 2, exposures: vec![5.0], ..plain() },
             2e-3,
@@ -86,7 +87,7 @@ fn each_stage_is_its_dense_matrix_and_symmetric() {
 }
 
 #[test]
-fn blur_stands_on_both_sides() {
+fn the_blur_is_applied_to_pattern_and_photo() {
     let rig = Rig::new(scene());
     let (size, n) = (rig.matrix.resolution, rig.matrix.resolution.pixels());
     let kernel = |x: &[f64]| -> Vec<f64> {
@@ -119,7 +120,7 @@ fn a_constant_costs_nothing_after_the_white_photo() {
 }
 
 #[test]
-fn pixels_that_nothing_sees_are_masked_on_both_sides() {
+fn projector_pixels_that_no_camera_pixel_sees_are_masked_in_pattern_and_photo() {
     let mut rig = Rig::new(scene());
     let n = rig.matrix.resolution.pixels();
     let mut map = rig.calibration().registration;
@@ -140,7 +141,7 @@ fn pixels_that_nothing_sees_are_masked_on_both_sides() {
 }
 
 #[test]
-fn the_direct_image_is_found_where_indirect_light_is_smooth_and_its_removal_leaves_the_rest() {
+fn the_direct_image_of_a_scene_with_smooth_global_light_is_measured_and_removed() {
     let rig = Rig::new(Dense::smooth(Resolution::new(24, 24), 1000.0));
     let n = rig.matrix.resolution.pixels();
     let mut measurement = rig.measure(&MeasureOptions { direct: DirectBy::Patterns, ..plain() });
@@ -148,7 +149,8 @@ fn the_direct_image_is_found_where_indirect_light_is_smooth_and_its_removal_leav
     assert_eq!(measurement.patterns(), 10, "black, white, and eight shifts");
     let error = super::support::error(&direct.planes[0].values, &rig.matrix.direct);
     println!("direct image: relative error {error:.1e}");
-    // Rank-one indirect light sees of all shifts the same mean, but for the squares cut off at the edges.
+    // Rank-one global light has the same mean for all shifts, except for the squares that are cut off at the
+    // edges.
     assert!(error < 2e-3, "{error}");
     let x = vector(n, 3);
     let found = product(&mut measurement, Part::Direct, &x);
@@ -159,7 +161,7 @@ fn the_direct_image_is_found_where_indirect_light_is_smooth_and_its_removal_leav
 }
 
 #[test]
-fn a_photo_of_a_pattern_is_that_of_its_light() {
+fn a_photo_is_the_product_with_the_matrix() {
     let rig = Rig::new(scene());
     let n = rig.matrix.resolution.pixels();
     let pattern: Vec<f64> = vector(n, 9).iter().map(|x| f64::from((x.abs() * 0.9) as f32)).collect();

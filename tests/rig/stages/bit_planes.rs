@@ -1,4 +1,4 @@
-//! More levels than the projector has (the paper's Fig. 13).
+//! The bit-plane stage: more levels than the projector has (the paper's Fig. 13).
 
 use krylux::image::{Image, Resolution};
 use krylux::measure::{MeasureOptions, bit_planes};
@@ -29,7 +29,7 @@ fn photo_error(rig: &Rig, options: &MeasureOptions) -> f64 {
 }
 
 #[test]
-fn a_sinusoid_on_a_one_bit_projector() {
+fn bit_planes_show_a_sinusoid_on_a_one_bit_projector() {
     let rig = one_bit();
     let by = |bit_planes| photo_error(&rig, &MeasureOptions { bit_planes, ..plain() });
     let plain = by(1);
@@ -39,7 +39,7 @@ fn a_sinusoid_on_a_one_bit_projector() {
     assert!(decomposed.windows(2).all(|pair| pair[1] < pair[0]));
 }
 
-/// "More planes with little light amplify noise": at equal light in total.
+/// More planes with little light amplify the noise. All have equal total exposure.
 #[test]
 fn with_little_light_more_planes_are_worse() {
     let rig = one_bit().noisy();
@@ -59,8 +59,11 @@ fn with_little_light_more_planes_are_worse() {
     println!("read noise amplified by {amplification:.2?}");
     let best = some.iter().copied().fold(f64::INFINITY, f64::min);
     assert!(best < 0.9 * some[0] && some[7] > 1.5 * best, "some planes help, and too many do not");
-    assert!(little[1..].windows(2).all(|pair| pair[1] > pair[0]), "with less light none helps");
-    // Where noise is all there is, it grows as predicted: read noise by the amplification, shot noise less.
+    assert!(
+        little[1..].windows(2).all(|pair| pair[1] > pair[0]),
+        "with less light every further plane is worse"
+    );
+    // When noise dominates, it grows as predicted: read noise by the amplification, and shot noise less.
     let growth = little[7] / little[4] / (amplification[7] / amplification[4]);
     assert!((0.9..=1.05).contains(&growth), "{growth}");
 }

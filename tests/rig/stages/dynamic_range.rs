@@ -1,4 +1,4 @@
-//! Bracketed exposures.
+//! The HDR stage: bracketed exposures.
 
 use krylux::image::Resolution;
 use krylux::measure::MeasureOptions;
@@ -6,7 +6,7 @@ use krylux::transport::Part;
 
 use super::support::{Dense, Rig, error, plain};
 
-/// No indirect light, and direct light over five decades.
+/// A scene without global light, whose direct light covers five decades.
 fn scene() -> Dense {
     let resolution = Resolution::new(20, 10);
     let n = resolution.pixels();
@@ -15,7 +15,7 @@ fn scene() -> Dense {
 }
 
 #[test]
-fn five_decades_are_seen_within_one_per_cent() {
+fn five_decades_are_measured_to_one_per_cent() {
     let rig = Rig::new(scene()).noisy();
     let n = rig.matrix.resolution.pixels();
     let truth = rig.matrix.apply(Part::Full, &vec![1.0; n]);
@@ -25,7 +25,7 @@ fn five_decades_are_seen_within_one_per_cent() {
     };
     let merged = white((0..9).map(|k| 0.0125 * 4.0_f64.powi(k)).collect());
     let off = |white: &krylux::measure::Plane, i: usize| (white.values[i] / truth[i] - 1.0).abs();
-    // Seen well: 400 : 1 by its own account, so that 1 % is four standard errors.
+    // A pixel is measured well when its stated error is at most 1/400, so that 1 % is four standard errors.
     let well: Vec<usize> = (0..n).filter(|&i| merged.variance[i].sqrt() < truth[i] / 400.0).collect();
     let worst = well.iter().map(|&i| off(&merged, i)).fold(0.0, f64::max);
     let single = white(vec![0.0125]);
@@ -40,14 +40,15 @@ fn five_decades_are_seen_within_one_per_cent() {
 }
 
 #[test]
-fn brackets_are_chosen_until_the_darkest_pixel_is_seen() {
+fn exposures_are_added_until_the_darkest_pixel_is_well_exposed() {
     let rig = Rig::new(scene()).noisy();
     let exposures = |brackets| {
         rig.measure(&MeasureOptions { brackets, ..plain() }).exposures().expect("a dense rig never fails")
     };
     let chosen = exposures(12);
     println!("exposures {chosen:.3?}");
-    // 20 : 1 takes about 400 electrons and something for read noise, 130 DN, of the darkest pixel's 10 DN a second.
+    // A ratio of 20 : 1 needs about 400 electrons and more for the read noise: 130 DN, while the darkest
+    // pixel has 10 DN per second.
     assert!((11.0..60.0).contains(chosen.last().expect("there is one")), "{chosen:?}");
     assert_eq!(exposures(3), chosen[..3]);
 }
@@ -71,7 +72,7 @@ fn a_pixel_saturated_in_every_exposure_is_named() {
 }
 
 #[test]
-fn the_brightest_pixel_is_put_near_saturation_whatever_the_light() {
+fn the_shortest_exposure_brings_the_brightest_pixel_near_saturation() {
     for brightness in [1.0, 1e2, 1e5, 1e7] {
         let rig = Rig::new(Dense::new(Resolution::new(6, 4), brightness, 3)).noisy();
         let mut measurement = rig.measure(&plain());
@@ -83,10 +84,10 @@ fn the_brightest_pixel_is_put_near_saturation_whatever_the_light() {
 }
 
 #[test]
-fn merged_exposures_are_less_noisy_than_any_one() {
+fn merged_exposures_are_less_noisy_than_a_single_one() {
     let rig = Rig::new(scene()).noisy();
     let truth = rig.matrix.apply(Part::Full, &vec![1.0; 200]);
-    // Relative to each pixel's own light.
+    // Errors are relative to the light of each pixel.
     let by = |exposures: Vec<f64>| {
         let white =
             rig.measure(&MeasureOptions { exposures, ..plain() }).white().expect("a dense rig never fails");

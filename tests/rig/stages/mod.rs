@@ -1,4 +1,4 @@
-//! From counts to products, stage by stage, against an explicit dense matrix.
+//! The stages from counts to products, each compared with an explicit dense matrix.
 
 mod algebra;
 mod bit_planes;

@@ -1,5 +1,6 @@
-//! Predicted noise is the noise there is: rms of `z = (measured − true) / standard error` over 200 repeats. With 200 × 54
-//! values it is known to 0.7 %, but for what all repeats have in common; 0.95 to 1.05 is asked for.
+//! The predicted noise agrees with the actual noise: the rms of `z = (measured − true) / standard error` over
+//! 200 repeats is between 0.95 and 1.05. With 200 × 54 values it is known to 0.7 %, apart from what all
+//! repeats have in common.
 
 use krylux::image::Resolution;
 use krylux::measure::{DirectBy, MeasureOptions, Measurement, Plane, SignedBy};
@@ -14,12 +15,13 @@ fn scene() -> Dense {
     Dense::new(Resolution::new(9, 6), 1000.0, 5)
 }
 
-/// In a lit room, so that the black photo's noise matters.
+/// A rig in a lit room, so that the noise of the black photo matters.
 fn rig() -> Rig {
     Rig { ambient: 300.0, black_level: 0.01, ..Rig::new(scene()).noisy() }
 }
 
-/// The rms z, and the mean of z times the root of the number of repeats (a bias), of what `measure` gives.
+/// The rms of z, and the mean of z times the root of the number of values (the bias in standard errors), of
+/// the results of `measure`.
 fn z(
     rig: &Rig,
     options: &MeasureOptions,
@@ -42,7 +44,8 @@ fn z(
 fn check(what: &str, [rms, bias]: [f64; 2]) {
     println!("{what}: rms z {rms:.3}, bias {bias:.2} standard errors");
     assert!((0.95..=1.05).contains(&rms), "{what}: rms z {rms}");
-    // Pixels share one black photo and one exposure in each repeat, but not between repeats: five standard errors.
+    // In each repeat, all pixels share one black photo and one exposure; the repeats are independent. The
+    // tolerance is five standard errors.
     assert!(bias.abs() < 5.0, "{what}: biased by {bias} standard errors");
 }
 
@@ -57,7 +60,7 @@ fn product(part: Part, x: &[f64]) -> impl Fn(&mut Measurement) -> Plane {
 }
 
 #[test]
-fn photos_and_merged_exposures() {
+fn the_noise_of_photos_and_of_merged_exposures_is_as_predicted() {
     let rig = rig();
     let white = rig.matrix.apply(Part::Full, &[1.0; 54]);
     let photo = |measurement: &mut Measurement| {
@@ -69,31 +72,31 @@ fn photos_and_merged_exposures() {
     );
     let takes = MeasureOptions { exposures: vec![3.0], takes: 4, ..plain() };
     check("four takes", z(&rig, &takes, &white, photo));
-    // Dim enough that read noise and shot noise are alike, where weights depend most on the light.
+    // Read noise and shot noise are similar in this little light, where weights depend most on the light.
     let brackets = MeasureOptions { exposures: vec![0.003, 0.012, 0.05, 3.0], ..plain() };
     check("HDR", z(&rig, &brackets, &white, photo));
-    // The longest saturates at some pixels always, at some by chance.
+    // The longest exposure saturates some pixels always, and some by chance.
     let saturating = MeasureOptions { exposures: vec![1.0, 4.2], ..plain() };
     check("HDR at saturation", z(&rig, &saturating, &white, photo));
 }
 
 #[test]
-fn signed_products() {
+fn the_noise_of_signed_products_is_as_predicted() {
     let rig = rig();
     let x = vector(54, 4);
     for (what, signed) in [("affine", SignedBy::Affine), ("split", SignedBy::Split)] {
-        // So few electrons that rounding to the projector's 16 bits is nothing.
+        // With so few electrons, rounding to the projector's 16 bits is negligible.
         let options = MeasureOptions { signed, exposures: vec![0.5], black_takes: 2, ..plain() };
         check(what, z(&rig, &options, &rig.matrix.apply(Part::Full, &x), product(Part::Full, &x)));
     }
 }
 
 #[test]
-fn the_direct_image_and_its_removal() {
+fn the_noise_of_the_direct_image_and_of_its_removal_is_as_predicted() {
     let rig = rig();
     let x = vector(54, 4);
     let options = MeasureOptions { direct: DirectBy::Patterns, exposures: vec![0.5], ..plain() };
-    // What the method finds without noise, so that only noise is left to explain.
+    // The truth is the result of the same method without noise, so that only noise is compared.
     let quiet = Rig { gain: f64::INFINITY, read_noise: 0.0, offset: 0.0, ..rig.clone() };
     let mut quiet = Rig { camera: krylux::rig::CameraInfo { bits: 16, ..rig.camera.clone() }, ..quiet }
         .measure(&MeasureOptions { exposures: vec![20.0], ..options.clone() });
@@ -117,9 +120,10 @@ fn scatter(rig: &Rig, options: &MeasureOptions, x: &[f64]) -> f64 {
 }
 
 #[test]
-fn automatically_the_less_noisy_of_affine_and_split_is_taken() {
+fn the_automatic_choice_is_the_less_noisy_one_of_affine_and_split() {
     let rig = rig();
-    // Of both signs alike; and nearly constant, where the white photo has most of it.
+    // One vector has both signs equally; one is nearly constant, so that the white photo makes up most of it;
+    // one has one sign.
     let even = vector(54, 4);
     let mostly_white: Vec<f64> = vector(54, 5).iter().map(|x| 1.0 + 0.05 * x).collect();
     let one_sign: Vec<f64> = vector(54, 6).iter().map(|x| x.abs()).collect();
@@ -128,7 +132,7 @@ fn automatically_the_less_noisy_of_affine_and_split_is_taken() {
         let [auto, affine, split] =
             [SignedBy::Auto, SignedBy::Affine, SignedBy::Split].map(|signed| scatter(&rig, &by(signed), x));
         println!("{what}: affine {affine:.3e}, split {split:.3e}, auto {auto:.3e}");
-        // The mean of 200 × 54 squares is known to 1.5 %; where the two are that close, either will do.
+        // The mean of 200 × 54 squares is known to 1.5 %. Where both are that close, either may be chosen.
         assert!(auto <= affine.min(split) * 1.05, "{what}");
     }
 }

@@ -1,4 +1,4 @@
-//! What rounding a pattern to the projector's levels does to a product, and what becomes of it.
+//! The error that rounding a pattern to the projector's levels causes in a product, and its correction.
 
 use krylux::image::Resolution;
 use krylux::measure::{DirectBy, DitherBy, MeasureOptions};
@@ -6,14 +6,14 @@ use krylux::transport::Part;
 
 use super::support::{Dense, Rig, error, plain, product, vector};
 
-/// 8 bits and gamma 2.2, as real ones.
+/// A projector with this many bits and gamma 2.2, as real ones have.
 fn rig(bits: u32) -> Rig {
     let mut rig = Rig { gamma: 2.2, ..Rig::new(Dense::smooth(Resolution::new(24, 24), 1000.0)) };
     rig.projector.bits = bits;
     rig
 }
 
-/// Smooth, as eigenvectors are: rounding makes contours of it.
+/// A smooth vector, as eigenvectors are. Rounding makes contours of it.
 fn smooth(n: usize) -> Vec<f64> {
     (0..n).map(|i| (0.1 * (i % 24) as f64).sin() + 0.4 * (0.07 * (i / 24) as f64).cos()).collect()
 }
@@ -23,7 +23,7 @@ fn error_of(rig: &Rig, part: Part, options: &MeasureOptions, x: &[f64]) -> f64 {
 }
 
 #[test]
-fn indirect_light_does_not_see_what_dithering_moves_to_high_frequencies() {
+fn the_automatic_choice_of_dither_has_the_least_error() {
     let rig = rig(8);
     let n = rig.matrix.resolution.pixels();
     for (what, x) in [("smooth", smooth(n)), ("random", vector(n, 8))] {
@@ -43,7 +43,7 @@ fn indirect_light_does_not_see_what_dithering_moves_to_high_frequencies() {
 }
 
 #[test]
-fn of_what_rounding_left_out_the_direct_light_can_be_added() {
+fn the_direct_light_of_the_rounding_error_can_be_compensated() {
     let rig = rig(8);
     let x = smooth(rig.matrix.resolution.pixels());
     let options = MeasureOptions { direct: DirectBy::Patterns, ..plain() };
@@ -63,8 +63,8 @@ fn direct_light_is_removed_for_the_pattern_shown() {
     let mut measurement = rig.measure(&options);
     let shown = error(&product(&mut measurement, Part::Global, &x), &truth);
     let [full, direct] = [Part::Full, Part::Direct].map(|part| product(&mut measurement, part, &x));
-    let wished: Vec<f64> = full.iter().zip(&direct).map(|(full, direct)| full - direct).collect();
-    let wished = error(&wished, &truth);
-    println!("3 bits: relative error {wished:.4} with the pattern wished, {shown:.4} with the pattern shown");
-    assert!(shown < wished / 20.0);
+    let target: Vec<f64> = full.iter().zip(&direct).map(|(full, direct)| full - direct).collect();
+    let target = error(&target, &truth);
+    println!("3 bits: relative error {target:.4} with the target pattern, {shown:.4} with the pattern shown");
+    assert!(shown < target / 20.0);
 }

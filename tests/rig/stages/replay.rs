@@ -1,7 +1,6 @@
-//! What is shot follows from the options and from earlier frames alone.
+//! Which photos are taken depends only on the options and on earlier frames.
 
-use std::cell::RefCell;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use krylux::Result;
 use krylux::image::Resolution;
@@ -14,7 +13,7 @@ use super::support::{Dense, Rig, product, vector};
 /// A journal in memory: no photo is taken twice.
 struct Memory {
     rig: Rig,
-    journal: Rc<RefCell<Vec<(CaptureRequest, RawFrame)>>>,
+    journal: Arc<Mutex<Vec<(CaptureRequest, RawFrame)>>>,
     /// Whether a photo may be taken at all.
     live: bool,
 }
@@ -28,15 +27,14 @@ impl FrameSource for Memory {
         &self.rig.camera
     }
 
-    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
-        let known =
-            self.journal.borrow().iter().find(|(known, _)| known == shot).map(|(_, frame)| frame.clone());
-        if let Some(frame) = known {
-            return Ok(frame);
+    fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
+        let mut journal = self.journal.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, frame)) = journal.iter().find(|(known, _)| known == request) {
+            return Ok(frame.clone());
         }
-        assert!(self.live, "take {} at {} s was never shot", shot.take, shot.exposure);
-        let frame = self.rig.capture(shot)?;
-        self.journal.borrow_mut().push((shot.clone(), frame.clone()));
+        assert!(self.live, "take {} at {} s was never taken", request.take, request.exposure);
+        let frame = self.rig.capture(request)?;
+        journal.push((request.clone(), frame.clone()));
         Ok(frame)
     }
 
@@ -48,7 +46,7 @@ impl FrameSource for Memory {
 }
 
 #[test]
-fn a_replay_asks_for_the_same_photos_and_gives_the_same_bits() {
+fn a_replay_requests_the_same_photos_and_gives_the_same_bits() {
     let rig = Rig {
         lamp: |t| 1.0 + 1e-3 * t,
         ambient: 100.0,
@@ -62,19 +60,20 @@ fn a_replay_asks_for_the_same_photos_and_gives_the_same_bits() {
         bit_planes: 2,
         ..MeasureOptions::default()
     };
-    let journal = Rc::new(RefCell::new(Vec::new()));
+    let journal = Arc::new(Mutex::new(Vec::new()));
     let run = |live: bool| {
-        let shots = Memory { rig: rig.clone(), journal: Rc::clone(&journal), live };
+        let frames = Memory { rig: rig.clone(), journal: Arc::clone(&journal), live };
         let mut measurement =
-            Measurement::new(Box::new(shots), rig.calibration(), options.clone()).expect("they fit");
+            Measurement::new(Box::new(frames), rig.calibration(), options.clone()).expect("they fit");
         let products: Vec<Vec<f64>> =
             (0..6).map(|seed| product(&mut measurement, Part::Global, &vector(54, seed))).collect();
         (products, measurement.drift().expect("white is there"))
     };
     let first = run(true);
-    let taken = journal.borrow().len();
+    let taken = || journal.lock().unwrap_or_else(PoisonError::into_inner).len();
+    let before = taken();
     let sentinels = first.1.sentinels.len() - 1;
     assert!(sentinels >= 4, "{sentinels}");
     assert!(first == run(false), "a replay differs");
-    assert_eq!(journal.borrow().len(), taken);
+    assert_eq!(taken(), before);
 }

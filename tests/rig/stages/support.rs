@@ -1,4 +1,4 @@
-//! A rig out of a dense matrix, with faults to be switched on one by one.
+//! A rig that is a dense matrix, with device imperfections that can be switched on one by one.
 use krylux::Result;
 use krylux::image::Resolution;
 use krylux::measure::{
@@ -21,7 +21,8 @@ pub struct Dense {
 }
 
 impl Dense {
-    /// Direct light about as strong as the indirect, which falls off with distance and differs from pixel to pixel.
+    /// Direct and global light of similar strength. The global light decreases with distance and differs from
+    /// pixel to pixel.
     pub fn new(resolution: Resolution, brightness: f64, seed: u64) -> Self {
         let mut random = Pcg64::seed_from_u64(seed);
         let n = resolution.pixels();
@@ -42,7 +43,7 @@ impl Dense {
         Self { resolution, direct, global }
     }
 
-    /// Indirect light of rank one: as smooth as can be.
+    /// Global light of rank one, which is as smooth as possible.
     pub fn smooth(resolution: Resolution, brightness: f64) -> Self {
         let mut dense = Self::new(resolution, brightness, 5);
         let n = resolution.pixels();
@@ -64,38 +65,39 @@ impl Dense {
     }
 }
 
-/// The devices around the matrix. What is public can be changed before it is used.
+/// The devices around the matrix. Public fields can be changed before use.
 #[derive(Clone)]
 pub struct Rig {
     pub matrix: Dense,
     pub projector: ProjectorInfo,
     pub camera: CameraInfo,
-    /// Level as a share of the brightest to light.
+    /// The projector's gamma.
     pub gamma: f64,
-    /// Light of level 0, relative to white.
+    /// The light of level 0, relative to white.
     pub black_level: f64,
-    /// Room light, in linear DN per second.
+    /// The light of the room, in linear DN per second.
     pub ambient: f64,
-    /// Electrons per DN; infinite: no shot noise.
+    /// Electrons per DN. Infinity stands for no shot noise.
     pub gain: f64,
-    /// In DN.
+    /// The read noise, in DN.
     pub read_noise: f64,
     /// The count without light.
     pub offset: f64,
     /// Counts are `offset + range · (linear / range)^(1/response)`.
     pub response: f64,
-    /// What a camera pixel sees of the photo on the projector's pixels; none: the pixel itself.
+    /// The pixels of the photo that each camera pixel sees, with weights. `None`: each camera pixel sees the
+    /// projector pixel of the same index.
     pub optics: Option<Vec<Vec<(usize, f64)>>>,
-    /// What the measurement is told of that.
+    /// The pixel map in the calibration. `None`: that of equal rasters.
     pub registration: Option<Registration>,
-    /// Relative light of the lamp as a function of seconds.
+    /// The relative brightness of the lamp as a function of time in seconds.
     pub lamp: fn(f64) -> f64,
     pub seed: u64,
     pub effort: Effort,
 }
 
 impl Rig {
-    /// Without any fault: many bits, no noise.
+    /// A rig without imperfections: many bits, and no noise.
     pub fn new(matrix: Dense) -> Self {
         let projector = ProjectorInfo {
             name: "dense".into(),
@@ -139,7 +141,7 @@ impl Rig {
         self
     }
 
-    /// What calibration would find.
+    /// The exact calibration.
     pub fn calibration(&self) -> Calibration {
         let mut calibration = Calibration::ideal(&self.projector, &self.camera);
         for curve in &mut calibration.projector {
@@ -172,7 +174,7 @@ impl Rig {
             .expect("options of a test fit")
     }
 
-    /// The same rig with other noise.
+    /// The same rig with different noise.
     pub fn reseeded(&self, seed: u64) -> Self {
         Self { seed, ..self.clone() }
     }
@@ -191,14 +193,14 @@ impl FrameSource for Rig {
         &self.camera
     }
 
-    fn capture(&mut self, shot: &CaptureRequest) -> Result<RawFrame> {
+    fn capture(&mut self, request: &CaptureRequest) -> Result<RawFrame> {
         self.effort.shown += 1;
         self.effort.taken += 1;
-        self.effort.seconds += shot.exposure;
+        self.effort.seconds += request.exposure;
         let id = self.effort.taken;
         let top = ((1_u32 << self.projector.bits) - 1) as f64;
         let light = |level: &u16| (f64::from(*level) / top).powf(self.gamma) + self.black_level;
-        let pattern: Vec<f64> = shot.frame.levels().iter().map(light).collect();
+        let pattern: Vec<f64> = request.frame.levels().iter().map(light).collect();
         let lamp = (self.lamp)(self.effort.seconds);
         let photo: Vec<f64> =
             self.matrix.apply(Part::Full, &pattern).iter().map(|light| lamp * light + self.ambient).collect();
@@ -223,7 +225,7 @@ impl FrameSource for Rig {
             resolution: self.camera.resolution,
             channels: 1,
             counts,
-            exposure: shot.exposure,
+            exposure: request.exposure,
             id,
             started,
         })
@@ -249,7 +251,7 @@ pub fn error(found: &[f64], expected: &[f64]) -> f64 {
     (square / expected.iter().map(|e| e * e).sum::<f64>()).sqrt()
 }
 
-/// Entries in [−1, 1].
+/// A random vector with entries in [−1, 1].
 pub fn vector(n: usize, seed: u64) -> Vec<f64> {
     let mut random = Pcg64::seed_from_u64(seed);
     (0..n).map(|_| random.random_range(-1.0..1.0)).collect()
@@ -259,7 +261,7 @@ pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(x, y)| x * y).sum()
 }
 
-/// Options without what is not asked for.
+/// Options without sentinels and without a measurement of the direct light.
 pub fn plain() -> MeasureOptions {
     MeasureOptions { sentinel_every: 0, direct: DirectBy::None, ..MeasureOptions::default() }
 }

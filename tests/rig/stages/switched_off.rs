@@ -1,4 +1,4 @@
-//! Each stage earns its place: switched off, the error that it removes is back.
+//! Each stage reduces the error: without it, the error that it removes is back.
 
 use krylux::image::Resolution;
 use krylux::measure::{MeasureOptions, Registration, SignedBy};
@@ -10,7 +10,7 @@ fn scene() -> Dense {
     Dense::new(Resolution::new(9, 6), 1000.0, 5)
 }
 
-/// The error of a product with the stage on and off.
+/// Compares the errors of a product with the stage on and off.
 fn compare(what: &str, rig: &Rig, on: &MeasureOptions, off: &MeasureOptions, ratio: f64) {
     let x: Vec<f64> = vector(54, 4).iter().map(|x| x + 0.3).collect();
     let truth = rig.matrix.apply(Part::Full, &x);
@@ -21,14 +21,14 @@ fn compare(what: &str, rig: &Rig, on: &MeasureOptions, off: &MeasureOptions, rat
 }
 
 #[test]
-fn ambient_light() {
+fn without_the_ambient_stage_the_light_of_the_room_is_an_error() {
     let rig = Rig { ambient: 250.0, ..Rig::new(scene()).noisy() };
     let on = MeasureOptions { signed: SignedBy::Affine, ..plain() };
     compare("ambient", &rig, &on, &MeasureOptions { ambient: false, ..on.clone() }, 5.0);
 }
 
 #[test]
-fn response_curves() {
+fn without_the_response_stage_the_curves_of_the_devices_are_an_error() {
     let rig = Rig { gamma: 2.2, ..Rig::new(scene()).noisy() };
     compare("response", &rig, &plain(), &MeasureOptions { response: false, ..plain() }, 20.0);
     let camera = Rig { response: 1.4, ..Rig::new(scene()).noisy() };
@@ -36,10 +36,10 @@ fn response_curves() {
 }
 
 #[test]
-fn registration() {
+fn without_the_registration_stage_a_rotated_camera_is_an_error() {
     let mut rig = Rig::new(scene()).noisy();
     let size = rig.matrix.resolution;
-    // The camera is turned upside down.
+    // The camera is upside down.
     let n = size.pixels();
     rig.optics = Some((0..n).map(|pixel| vec![(n - 1 - pixel, 1.0)]).collect());
     rig.registration = Some(Registration {
@@ -53,16 +53,17 @@ fn registration() {
 }
 
 #[test]
-fn averaging() {
+fn averaging_reduces_noise() {
     let rig = Rig::new(scene()).noisy();
     let few = MeasureOptions { exposures: vec![0.02], black_takes: 64, ..plain() };
-    // 16 takes: four times less noise, ±10 % for 54 pixels.
+    // 16 takes have four times less noise, known to ±10 % from 54 pixels.
     compare("averaging", &rig, &MeasureOptions { takes: 16, ..few.clone() }, &few, 3.0);
 }
 
 #[test]
-fn drift() {
-    // 1 % in 50 seconds. The white photo's light is the unit: four takes of a second after four of black.
+fn without_the_sentinel_drift_is_an_error() {
+    // The drift is 1 % in 50 seconds. The light of the white photo is the unit: four takes of a second after
+    // four of black.
     let rig = Rig { lamp: |t| 1.0 - 0.0002 * (t - 6.5), ..Rig::new(scene()) };
     let x = vector(54, 4);
     let truth = rig.matrix.apply(Part::Full, &x);

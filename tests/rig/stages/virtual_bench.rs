@@ -1,4 +1,4 @@
-//! The stages on the virtual bench, which knows nothing of them.
+//! The stages on a virtual rig, whose code is independent of them.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use krylux::transport::{ExplicitMatrix, Part};
 
 use super::support::{Dense, error, product, vector};
 
-fn given(dense: &Dense) -> Box<ExplicitMatrix> {
+fn explicit(dense: &Dense) -> Box<ExplicitMatrix> {
     let n = dense.resolution.pixels();
     let weights = (0..n * n).map(|at| {
         let (row, column) = (at / n, at % n);
@@ -26,7 +26,7 @@ fn given(dense: &Dense) -> Box<ExplicitMatrix> {
 }
 
 #[test]
-fn a_virtual_rig_with_many_faults_is_its_matrix() {
+fn products_of_a_virtual_rig_with_many_imperfections_are_those_of_its_matrix() {
     let dense = Dense::new(Resolution::new(12, 8), 1.0, 5);
     let size = dense.resolution;
     let mut rig = VirtualRig::ideal(VirtualScene::Matrix { path: PathBuf::from("dense.npz"), size });
@@ -36,10 +36,10 @@ fn a_virtual_rig_with_many_faults_is_its_matrix() {
     rig.camera.black_level = 256.0;
     rig.camera.shot_noise = true;
     rig.camera.read_noise = 5.0;
-    // It looks one pixel to the right: nothing sees the leftmost column.
+    // The camera is shifted by one pixel to the right and does not see the leftmost column.
     rig.camera.shift = [1.0, 0.0];
     rig.ambient = Ambient { level: 0.1, ..Ambient::default() };
-    let bench = rig.open(given(&dense), None).expect("the matrix fits the rig");
+    let bench = rig.open(explicit(&dense), None).expect("the matrix fits the rig");
     let mut calibration = Calibration::ideal(bench.projector.info(), bench.camera.info());
     calibration.projector = vec![(0..256).map(|level| (f64::from(level) / 255.0).powf(2.2)).collect()];
     let gain = rig.camera.full_well / (16_383.0 - 256.0);
@@ -54,16 +54,16 @@ fn a_virtual_rig_with_many_faults_is_its_matrix() {
         weights: vec![1.0; seen.len()],
     };
     let options = MeasureOptions { takes: 4, ..MeasureOptions::default() };
-    let shots = Box::new(LiveFrames::new(bench, 0.0, 5));
+    let frames = Box::new(LiveFrames::new(bench, 0.0, 5));
     let mut measurement =
-        Measurement::new(shots, calibration, options).expect("the calibration is the rig's");
+        Measurement::new(frames, calibration, options).expect("the calibration is the rig's");
     let only_seen = |x: &[f64]| -> Vec<f64> {
         x.iter().enumerate().map(|(i, x)| if i % size.width > 0 { *x } else { 0.0 }).collect()
     };
     let apply = |x: &[f64]| only_seen(&dense.apply(Part::Full, &only_seen(x)));
     let white = measurement.white().expect("no fault keeps it from being taken").planes.remove(0);
     let truth = apply(&vec![1.0; size.pixels()]);
-    // The virtual camera's sensitivity is its own: one number for all photos.
+    // The sensitivity of the virtual camera is one unknown factor for all photos.
     let unit = white.values.iter().sum::<f64>() / truth.iter().sum::<f64>();
     let scaled = |truth: Vec<f64>| truth.into_iter().map(|value| value * unit).collect::<Vec<f64>>();
     let x = vector(size.pixels(), 3);
@@ -75,8 +75,8 @@ fn a_virtual_rig_with_many_faults_is_its_matrix() {
     println!(
         "white: relative error {white_error:.4}; product: {product_error:.4}, {predicted:.4} predicted of noise"
     );
-    // Four takes of at least 10 000 electrons: half a per cent; a product of both signs has less light and more noise, and
-    // the projector's 8 bits.
+    // Four takes of at least 10 000 electrons have a noise of half a per cent. A product with both signs has
+    // less light and more noise, and the rounding error of 8 bits.
     assert!(white_error < 0.01 && product_error < 3.0 * predicted, "{white_error} {product_error}");
     assert_eq!(measurement.seen().iter().filter(|&&seen| seen).count(), seen.len());
 }
