@@ -12,7 +12,7 @@ use crate::operator::Adjoint;
 ///
 /// # Properties
 /// No transpose. An iteration takes two products, and the iterate moves with the second. `‖r‖` is erratic, so
-/// the best iterate is returned. Ends with [`Status::Breakdown`] when a divisor vanishes (for example for a
+/// the best iterate is returned. Ends with [`Breakdown`](crate::krylov::Status::Breakdown) when a divisor vanishes (for example for a
 /// skew-symmetric `A`).
 ///
 /// # Storage
