@@ -69,7 +69,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 
 /// Loads the scene and says what was ignored in it.
 fn load(path: &Path, view: &ViewArgs, console: &Console) -> Result<Scene> {
-    let options = LoadOptions { camera: view.camera.as_deref(), rig: view.camera_file.as_deref() };
+    let options = LoadOptions { camera: view.camera.as_deref(), camera_file: view.camera_file.as_deref() };
     let scene = scene::load_with(path, &options)?;
     for warning in &scene.warnings {
         console.note(format_args!("warning: {}: {warning}", scene.path.display()));

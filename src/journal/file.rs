@@ -11,7 +11,7 @@ use super::scan::{Damage, Torn, read_at, record_name};
 use super::{Identity, Key};
 use crate::error::{Error, Result};
 
-/// How long after a sync [`Journal::append_soon`] leaves its records to the operating system.
+/// How long after a sync [`Journal::append_buffered`] leaves its records to the operating system.
 const SYNC_INTERVAL: Duration = Duration::from_millis(250);
 
 /// A journal that is open for reading and, unless it was opened by [`Journal::read_only`], for appending.
@@ -183,7 +183,7 @@ impl Journal {
     ///
     /// # Errors
     /// As [`Journal::append`]. If a sync fails, all records since the last successful sync are removed.
-    pub fn append_soon(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
+    pub fn append_buffered(&mut self, kind: Kind, key: Key, metadata: &[u8], payload: &[u8]) -> Result<()> {
         self.write_unless_held(kind, key, metadata, payload)?;
         if self.synced.at.elapsed() < SYNC_INTERVAL { Ok(()) } else { self.sync() }
     }

@@ -43,7 +43,7 @@ impl SceneSource {
         settings: &Settings,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        let options = LoadOptions { camera, rig: camera_file };
+        let options = LoadOptions { camera, camera_file };
         let load = || load(path, &options, observer);
         let (scene, tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
         Ok(Self::new(scene, tracer, trace, settings, observer))

@@ -64,10 +64,10 @@ fn camera(spec: &CameraSpec, clock: WallClock, after: u64) -> Result<Box<dyn Cam
         CameraSpec::V4l(spec) => Box::new(super::V4l::open(spec, clock, after)?),
         CameraSpec::Gphoto2(spec) => Box::new(Gphoto2::open(spec, clock, after)?),
         #[cfg(not(feature = "gige"))]
-        CameraSpec::Gige(_) => return Err(super::left_out("GigE Vision", "gige")),
+        CameraSpec::Gige(_) => return Err(super::not_built("GigE Vision", "gige")),
         #[cfg(not(feature = "usb3"))]
-        CameraSpec::Usb3(_) => return Err(super::left_out("USB3 Vision", "usb3")),
+        CameraSpec::Usb3(_) => return Err(super::not_built("USB3 Vision", "usb3")),
         #[cfg(not(feature = "v4l"))]
-        CameraSpec::V4l(_) => return Err(super::left_out("cameras of Linux's video interface", "v4l")),
+        CameraSpec::V4l(_) => return Err(super::not_built("cameras of Linux's video interface", "v4l")),
     })
 }

@@ -35,7 +35,7 @@ mod virtual_bench;
 mod x11;
 
 #[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
-pub(crate) use cameras::left_out;
+pub(crate) use cameras::not_built;
 pub use cameras::{CameraKind, CameraSpec};
 pub use clock::WallClock;
 pub use devices::{Camera, Clock, Devices, Projector, Shown, Stamp, Waited};
@@ -44,7 +44,7 @@ pub use frame::{Frame, RawFrame};
 pub use genicam::Abilities;
 pub use gige::GigeSpec;
 #[cfg(feature = "gige")]
-pub use gige::{FoundCamera, GigeVision, camera_abilities, cameras};
+pub use gige::{FoundGigeCamera, GigeVision, cameras, gige_camera_abilities};
 pub use gphoto2::{FoundStillCamera, Gphoto2, Gphoto2Spec, still_cameras};
 pub use hardware::HardwareRig;
 pub use info::{CameraInfo, ProjectorInfo};

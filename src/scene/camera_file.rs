@@ -86,7 +86,7 @@ struct View {
 
 /// The camera file of a scene: the one that the options name, or the one next to the scene.
 pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<CameraFile>> {
-    if let Some(path) = options.rig {
+    if let Some(path) = options.camera_file {
         let file = read(path)?;
         if file.camera.is_some() && options.camera.is_some() {
             return Err(fault(

@@ -32,7 +32,7 @@ pub struct LoadOptions<'a> {
     /// camera.
     pub camera: Option<&'a str>,
     /// The path of a camera file, whose poses replace those of the scene (see [`load_with`]).
-    pub rig: Option<&'a Path>,
+    pub camera_file: Option<&'a Path>,
 }
 
 /// Loads a scene with the camera called `camera`; see [`load_with`].
@@ -40,7 +40,7 @@ pub struct LoadOptions<'a> {
 /// # Errors
 /// As [`load_with`].
 pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
-    load_with(path, &LoadOptions { camera, rig: None })
+    load_with(path, &LoadOptions { camera, camera_file: None })
 }
 
 /// Loads a scene. The file's extension selects the format: `.glb`, `.gltf` or `.obj`.

@@ -166,7 +166,7 @@ impl<'a> JournaledOperator<'a> {
         let photo: Vec<u8> = to.iter().flat_map(|value| value.to_le_bytes()).collect();
         // Texts always have a JSON form.
         let note = serde_json::to_vec(&note).unwrap_or_default();
-        self.journal.append_soon(Kind::Photo, keys.product, &note, &photo)
+        self.journal.append_buffered(Kind::Photo, keys.product, &note, &photo)
     }
 }
 

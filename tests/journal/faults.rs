@@ -83,11 +83,11 @@ fn what_can_be_computed_again_outlives_its_process_too() {
     let mut journal = Journal::create(folder.path(), &identity()).expect("there is room");
     for index in 0..3_u8 {
         let key = journal.key(&[&[index]]);
-        journal.append_soon(Kind::Photo, key, b"{}", &PAYLOAD).expect("there is room");
+        journal.append_buffered(Kind::Photo, key, b"{}", &PAYLOAD).expect("there is room");
         let mut seen = Journal::read_only(folder.path()).expect("it is whole");
         assert_eq!(seen.photos(), usize::from(index) + 1);
         assert_eq!(seen.get(key).expect("it can be read").expect("it is there").payload, PAYLOAD);
-        let twice = journal.append_soon(Kind::Photo, key, b"{}", &PAYLOAD);
+        let twice = journal.append_buffered(Kind::Photo, key, b"{}", &PAYLOAD);
         assert!(twice.expect_err("it is there already").to_string().contains("already"));
     }
     std::mem::forget(journal);

@@ -18,7 +18,7 @@ fn with_camera_file(content: &str) -> krylux::Result<Scene> {
     let document = document().to_string();
     let written = write_files(&[("scene.gltf", document.as_bytes()), ("my.toml", content.as_bytes())]);
     let file = written.folder.path().join("my.toml");
-    scene::load_with(&written.path, &LoadOptions { camera: None, rig: Some(&file) })
+    scene::load_with(&written.path, &LoadOptions { camera: None, camera_file: Some(&file) })
 }
 
 /// Asserts that a camera file of this content is refused with the message `expected`.
@@ -78,14 +78,14 @@ fn a_camera_file_next_to_the_scene_is_used_unless_a_camera_is_named() {
     assert_ne!(load(None).hash, load(Some("eye")).hash);
 
     let file = written.folder.path().join("a.rig.toml");
-    let both = LoadOptions { camera: Some("eye"), rig: Some(&file) };
+    let both = LoadOptions { camera: Some("eye"), camera_file: Some(&file) };
     match scene::load_with(&written.path, &both) {
         Err(Error::Scene { fault, .. }) => {
             assert_eq!(fault, "the camera file has a [camera], but --camera names a camera of the scene");
         }
         other => panic!("two cameras at once: {other:?}"),
     }
-    let missing = LoadOptions { camera: None, rig: Some(Path::new("gone.toml")) };
+    let missing = LoadOptions { camera: None, camera_file: Some(Path::new("gone.toml")) };
     assert!(matches!(scene::load_with(&written.path, &missing), Err(Error::Read { .. })));
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use crate::common::{self, load, settings, trace, tracer};
+use crate::common::{load, settings, trace, tracer};
 use krylux::cache::{Cache, Found, Key, LIMIT};
 use krylux::image::Resolution;
 use krylux::io::sparse;

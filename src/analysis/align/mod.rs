@@ -26,7 +26,7 @@ pub use shadow::Sight;
 use crate::analysis::audit::Check;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
-use crate::measure::calibrate::Observer;
+use crate::measure::calibrate::StructuredLight;
 
 /// How a round is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,7 +98,7 @@ impl Alignment {
 ///
 /// # Errors
 /// Whatever keeps frames from being taken.
-pub fn align(observer: &mut Observer<'_>, options: &AlignOptions) -> Result<Round> {
+pub fn align(observer: &mut StructuredLight<'_>, options: &AlignOptions) -> Result<Round> {
     let decoded = observer.codes()?;
     let fit = match observer.fit(&decoded) {
         Ok(fit) => fit,

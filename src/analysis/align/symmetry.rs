@@ -7,12 +7,12 @@ use super::AlignOptions;
 use crate::analysis::audit::{Check, Seen, symmetry as score};
 use crate::error::Result;
 use crate::measure::Registration;
-use crate::measure::calibrate::{Decoded, Fit, Observer};
+use crate::measure::calibrate::{Decoded, Fit, StructuredLight};
 
 /// By patterns that are lit or dark, pixel by pixel: no response of the projector has to be known. Photos are resampled by the
 /// round's own map. None where hardly anything is seen by it.
 pub(super) fn symmetry(
-    observer: &mut Observer<'_>,
+    observer: &mut StructuredLight<'_>,
     decoded: &Decoded,
     fit: &Fit,
     options: &AlignOptions,
@@ -26,7 +26,7 @@ pub(super) fn symmetry(
     }
     let width = map.projector.width;
     let black = decoded.black.as_slice();
-    let shoot = |observer: &mut Observer<'_>, pattern: &[f64]| {
+    let shoot = |observer: &mut StructuredLight<'_>, pattern: &[f64]| {
         observer.photograph(|x, y| pattern[y * width + x] > 0.0)
     };
     let whole: Vec<f64> = mask.iter().map(|&seen| f64::from(u8::from(seen))).collect();

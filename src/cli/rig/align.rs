@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::io::png::Raster;
 use crate::measure::FrameSource;
-use crate::measure::calibrate::{MeasuredValue, Observer};
+use crate::measure::calibrate::{MeasuredValue, StructuredLight};
 use crate::report::alignment;
 use crate::report::viewer::{Plane, Viewer};
 
@@ -96,7 +96,7 @@ fn rounds(
 ) -> Result<()> {
     let viewer = args.live.viewer(console);
     let known = bench.known.as_ref().map(|known| &known.camera);
-    let mut observer = Observer::new(shots, known, bench.exposure(args.exposure))?;
+    let mut observer = StructuredLight::new(shots, known, bench.exposure(args.exposure))?;
     console.detail(format_args!(
         "exposures of {:.4} s, {:.3} s after each frame",
         observer.exposure(),

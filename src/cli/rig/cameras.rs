@@ -81,12 +81,12 @@ fn known(name: &Option<String>) -> &str {
 #[cfg(feature = "gige")]
 fn gige(address: Option<Ipv4Addr>) -> Result<Vec<Found>> {
     let cameras = rig::cameras(&address.into_iter().collect::<Vec<_>>())?;
-    let said = |camera: &rig::FoundCamera| {
+    let said = |camera: &rig::FoundGigeCamera| {
         let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
         format!("gige {}: {maker} {model}, serial number {serial}", camera.address)
     };
-    let found = |camera: &rig::FoundCamera| {
-        Found::new("gige", camera, said(camera)).able(rig::camera_abilities(camera.address))
+    let found = |camera: &rig::FoundGigeCamera| {
+        Found::new("gige", camera, said(camera)).able(rig::gige_camera_abilities(camera.address))
     };
     Ok(cameras.iter().map(found).collect())
 }
@@ -124,15 +124,15 @@ fn gphoto2() -> Result<Vec<Found>> {
 
 #[cfg(not(feature = "gige"))]
 fn gige(_: Option<Ipv4Addr>) -> Result<Vec<Found>> {
-    Err(rig::left_out("GigE Vision", "gige"))
+    Err(rig::not_built("GigE Vision", "gige"))
 }
 
 #[cfg(not(feature = "usb3"))]
 fn usb3() -> Result<Vec<Found>> {
-    Err(rig::left_out("USB3 Vision", "usb3"))
+    Err(rig::not_built("USB3 Vision", "usb3"))
 }
 
 #[cfg(not(feature = "v4l"))]
 fn v4l() -> Result<Vec<Found>> {
-    Err(rig::left_out("cameras of Linux's video interface", "v4l"))
+    Err(rig::not_built("cameras of Linux's video interface", "v4l"))
 }

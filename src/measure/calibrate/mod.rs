@@ -10,7 +10,7 @@
 //! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `map_fit`, `footprint` |
 //! | drift | the photos of white during the calibration | `stability` |
 //!
-//! While a bench is aligned and checked, [`Observer`] decodes Gray codes without a whole calibration, and
+//! While a bench is aligned and checked, [`StructuredLight`] decodes Gray codes without a whole calibration, and
 //! [`map_check`](map_check()) tests a known pixel map.
 
 mod camera;
@@ -48,7 +48,7 @@ pub use map_check::map_check;
 pub use map_fit::Fit;
 pub use measured_value::MeasuredValue;
 pub use report::{CalibrationReport, CameraFigures, MapBy, MapFigures, ProjectorFigures, StabilityFigures};
-pub use structured_light::Observer;
+pub use structured_light::StructuredLight;
 
 use std::ops::ControlFlow;
 

@@ -25,7 +25,7 @@ const LIMIT: f64 = 0.98;
 
 /// Takes photos of structured light on an open rig. All photos have the same exposure; their values are
 /// linear DN, summed over the camera's channels.
-pub struct Observer<'a> {
+pub struct StructuredLight<'a> {
     session: CalibrationSession<'a>,
     linear: Linear,
     limit: f64,
@@ -34,7 +34,7 @@ pub struct Observer<'a> {
     exposure: f64,
 }
 
-impl<'a> Observer<'a> {
+impl<'a> StructuredLight<'a> {
     /// Takes photos from `frames` with this exposure in seconds, or with the one at which white fills the
     /// camera's range. When the camera's response is not `known`, black level and noise are measured from a
     /// few photos, and the response is assumed to be linear.

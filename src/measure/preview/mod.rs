@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 pub use figures::FrameFigures;
 
-use super::calibrate::{Observer, WhiteExposure};
+use super::calibrate::{StructuredLight, WhiteExposure};
 use super::{CameraResponse, CaptureRequest, FrameSource, focus};
 use crate::error::Result;
 use crate::image::Image;
@@ -97,7 +97,7 @@ impl<'a> Preview<'a> {
     /// # Errors
     /// Those of [`FrameSource::capture`].
     pub fn white_exposure(frames: &mut dyn FrameSource) -> Result<(f64, WhiteExposure)> {
-        Observer::white_exposure(frames)
+        StructuredLight::white_exposure(frames)
     }
 
     /// Takes the next frame.

@@ -155,7 +155,7 @@ fn camera(rig: &HardwareRig, recorder: &mut Recorder<'_, '_>) -> Result<bool> {
 fn abilities(spec: &CameraSpec) -> String {
     let abilities = match spec {
         #[cfg(feature = "gige")]
-        CameraSpec::Gige(spec) => rig::camera_abilities(spec.address).ok().map(|can| can.to_string()),
+        CameraSpec::Gige(spec) => rig::gige_camera_abilities(spec.address).ok().map(|can| can.to_string()),
         #[cfg(feature = "usb3")]
         CameraSpec::Usb3(spec) => {
             rig::usb_camera_abilities(spec.serial.as_deref()).ok().map(|can| can.to_string())

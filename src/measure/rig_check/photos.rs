@@ -7,7 +7,7 @@ use super::light::{Exposure, light};
 use super::thresholds::{NOISE_RATIO, REPEATABILITY, SETTLING, SIGMAS};
 use super::{Finding, Grade, Recorder};
 use crate::error::Result;
-use crate::measure::calibrate::{Observer, WhiteExposure};
+use crate::measure::calibrate::{StructuredLight, WhiteExposure};
 use crate::measure::{Calibration, CaptureRequest, Effort, FrameSource, noise_ratio};
 use crate::rig::{Frame, RawFrame};
 
@@ -44,7 +44,7 @@ pub(super) fn photos(
 ) -> Result<Option<f64>> {
     let (seconds, outcome) = match setup.exposure {
         Some(seconds) => (seconds, WhiteExposure::Filled),
-        None => Observer::white_exposure(frames)?,
+        None => StructuredLight::white_exposure(frames)?,
     };
     let photos = take(frames, seconds)?;
     let bits = frames.camera().bits;

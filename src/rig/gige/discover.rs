@@ -15,7 +15,7 @@ const ANSWER: Duration = Duration::from_millis(500);
 
 /// A GigE Vision camera that answered.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct FoundCamera {
+pub struct FoundGigeCamera {
     /// The camera's address.
     pub address: Ipv4Addr,
     /// The maker, if the camera says.
@@ -30,7 +30,7 @@ pub struct FoundCamera {
 ///
 /// # Errors
 /// [`Error::Rig`](crate::Error::Rig) when no request can be sent.
-pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
+pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundGigeCamera>> {
     let failed = |why: GenicamError| {
         camera_fault(
             format!("cameras cannot be searched for: {why}"),
@@ -44,7 +44,7 @@ pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
             found.extend(blocking::discover_ip(address, ANSWER).map_err(failed)?);
         }
     }
-    let camera = |device: viva_genicam::gige::DeviceInfo| FoundCamera {
+    let camera = |device: viva_genicam::gige::DeviceInfo| FoundGigeCamera {
         address: device.ip,
         maker: device.manufacturer,
         model: device.model,
@@ -57,7 +57,7 @@ pub fn cameras(addresses: &[Ipv4Addr]) -> Result<Vec<FoundCamera>> {
 ///
 /// # Errors
 /// [`Error::Rig`](crate::Error::Rig) when it does not answer, or cannot be read while another program holds it.
-pub fn camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
+pub fn gige_camera_abilities(address: Ipv4Addr) -> Result<Abilities> {
     let failed = |why: GenicamError| {
         camera_fault(
             format!("the camera at {address} does not say what it can do: {why}"),

@@ -15,7 +15,7 @@ mod link;
 mod spec;
 
 #[cfg(feature = "gige")]
-pub use discover::{FoundCamera, camera_abilities, cameras};
+pub use discover::{FoundGigeCamera, cameras, gige_camera_abilities};
 #[cfg(feature = "gige")]
 pub use link::GigeVision;
 pub use spec::GigeSpec;

@@ -212,7 +212,7 @@ impl FrameSource for Rig {
         let range = self.range();
         let most = f64::from((1_u32 << self.camera.bits) - 1);
         let mut count = |light: &f64| {
-            let linear = light * shot.exposure;
+            let linear = light * request.exposure;
             let normal: f64 = random.sample(StandardNormal);
             let noise = (linear / self.gain + self.read_noise.powi(2)).sqrt() * normal;
             let share = (linear + noise) / range;

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use krylux::rig::{Helper, WallClock, X11Projector};
 
-use crate::spec;
+use super::spec;
 use crate::x_server::XServer;
 
 const KRYLUX: &str = env!("CARGO_BIN_EXE_krylux");
