@@ -34,7 +34,7 @@ fn main() -> Outcome {
         let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
         println!("{name}: {:.1} million entries", traced.matrix.nonzeros() as f64 / 1e6);
         let matrix = MatrixOperator::new(&traced.matrix, Part::Full, 0);
-        orthogonalization(matrix.clone())?;
+        orthogonalization(matrix)?;
         solvers(matrix)?;
     }
     Ok(())

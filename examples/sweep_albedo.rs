@@ -25,6 +25,7 @@ fn main() -> krylux::Result<()> {
             operator.apply(&vec![1.0; operator.cols()], &mut photo)?;
             Ok(photo.iter().sum())
         };
+        let [full, global] = [light(Part::Full)?, light(Part::Global)?];
         println!("{albedo:>6.2}  {:>10.2} %", 100.0 * global / full);
     }
     Ok(())

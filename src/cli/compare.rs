@@ -87,7 +87,7 @@ fn compared(args: &Args, image: &Image, reference: &Image) -> Result<Similarity>
             help: "give two images of one size, both gray or both coloured".into(),
         });
     }
-    Ok(similarity(image, reference, args.range.unwrap_or_else(|| data_range(reference)))?)
+    similarity(image, reference, args.range.unwrap_or_else(|| data_range(reference)))
 }
 
 fn channels(image: &Image) -> &'static str {

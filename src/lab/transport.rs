@@ -30,11 +30,11 @@ enum Engine {
     /// Products with a traced matrix.
     Replayed(Box<Simulated>),
     /// A scene that is traced for each photo. The photos equal those of `Replayed`, to rounding.
-    Retraced(SceneSource, Channels),
+    Retraced(Box<SceneSource>, Channels),
     /// A rig, or the photos that a run took of one.
     Measured(Box<MeasuredRig>),
     /// An explicit matrix.
-    Explicit(ExplicitParts),
+    Explicit(Box<ExplicitParts>),
     /// A low-rank model.
     Model(Box<ModelParts>),
     /// Nothing: every photo is in the journal.
@@ -154,7 +154,7 @@ impl LightTransport {
     fn of_matrix(source: &MatrixSource, shape: Shape, observer: &SharedObserver) -> Self {
         let parts = ExplicitParts::new(source.matrix.clone());
         let shape = Shape { symmetry: parts.full.symmetry(), channels: 1, ..shape };
-        Self { engine: Engine::Explicit(parts), journal: None, shape, observer: observer.clone() }
+        Self { engine: Engine::Explicit(Box::new(parts)), journal: None, shape, observer: observer.clone() }
     }
 
     fn of_model(
@@ -199,7 +199,7 @@ impl LightTransport {
             channels: channels.count(),
             block_size: 1,
         };
-        let engine = Engine::Retraced(scene.clone(), channels);
+        let engine = Engine::Retraced(Box::new(scene.clone()), channels);
         Self { engine, journal: None, shape, observer: observer.clone() }
     }
 
@@ -462,7 +462,7 @@ fn of_scene(
         }
     };
     if retrace {
-        return Ok(Engine::Retraced(scene.clone(), channels));
+        return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
     }
     let mut traced = scene.assemble(channels, settings.split_bounces)?;
     scene.place(&mut traced, settings.backend)?;

@@ -110,7 +110,7 @@ fn watch(
         picture.show(raw, &range, true)?;
         console.say(figures.line(&range))?;
     }
-    Ok(ended?)
+    ended
 }
 
 /// An exposure for white. When no exposure suits white, a warning says so: there is something to be seen all

@@ -1,4 +1,4 @@
-//! A virtual rig in front of a wall and an object, whose camera may have an offset from the projector.
+//! A wall and a plate in front of it, seen by a camera that may be beside the projector.
 
 use std::path::Path;
 
@@ -8,17 +8,19 @@ use tempfile::TempDir;
 
 pub use crate::program::{command, folder, inside, krylux, text, verdict as summary};
 
-/// The width and height of the projector in pixels.
+/// Pixels of the projector on a side.
 pub const SIDE: usize = 32;
 
-/// The half-open ranges of the object's columns and rows; the object covers a good tenth of the field.
-const THING: [[usize; 2]; 2] = [[11, 22], [10, 21]];
+/// The columns and rows of the plate, from the first to the one past the last: more than a tenth of the
+/// field.
+const PLATE: [[usize; 2]; 2] = [[11, 22], [10, 21]];
 
-/// The share of all light that each pixel receives through the other pixels.
+/// Each pixel receives this share of all light of the scene by way of the other pixels.
 const INDIRECT: f64 = 0.15;
 
-/// The matrix of a camera whose offset to the right of the projector and below it causes a parallax of `aside` pixels: it sees the
-/// object further to the left and up. The wall behind the object, as seen from the projector, is in shadow.
+/// The transport matrix for a camera with this parallax in pixels, to the right of the projector and below
+/// it. The camera sees the plate displaced by as much to the left and up. What the plate hides from the
+/// projector is in shadow.
 pub fn wall(aside: [i32; 2]) -> Csr {
     let within = |x: i32, y: i32| {
         [x, y].iter().zip(PLATE).all(|(&at, [from, to])| at >= from as i32 && at < to as i32)
@@ -44,8 +46,8 @@ pub fn wall(aside: [i32; 2]) -> Csr {
     Csr::new(pixels, starts, columns, weights).expect("well formed")
 }
 
-/// Writes the file of a rig in front of the wall, with noise, and a camera with twice the projector's width and height. `more` has
-/// lines for the file's tables, by the table's name.
+/// A virtual rig in front of it, with noise, and a camera with twice as many pixels on a side. `more` are
+/// additional lines of its file, by table.
 pub fn rig(folder: &TempDir, aside: [i32; 2], more: &[(&str, &str)]) -> String {
     sparse::write(&folder.path().join("wall.npz"), &wall(aside)).expect("the folder can be written");
     let of = |table: &str| -> String {
@@ -66,7 +68,7 @@ pub fn rig(folder: &TempDir, aside: [i32; 2], more: &[(&str, &str)]) -> String {
     path.display().to_string()
 }
 
-/// The width and the red, green and blue values of a picture file.
+/// The width of a picture, and its pixels as red, green and blue.
 pub fn pixels(path: &str) -> (usize, Vec<[u8; 3]>) {
     let picture = image::open(Path::new(path)).expect("it is a whole picture").to_rgb8();
     (picture.width() as usize, picture.pixels().map(|pixel| pixel.0).collect())
