@@ -17,7 +17,7 @@ impl Projector for MyProjector {
         &self.0
     }
     fn show(&mut self, frame: &Frame) -> krylux::Result<Shown> {
-        *self.1.lock().unwrap() = frame.clone(); // no thread panics while it holds the frame
+        *self.1.lock().expect("no thread panics with the frame") = frame.clone();
         Ok(Shown { at: self.2.seconds() })
     }
 }
@@ -36,7 +36,8 @@ impl Camera for MyCamera {
         std::thread::sleep(std::time::Duration::from_secs_f64(exposure));
         self.3 += 1;
         // Each pixel sees its own level and a tenth of every other one.
-        let levels: Vec<f64> = self.1.lock().unwrap().levels().iter().map(|&level| level.into()).collect();
+        let frame = self.1.lock().expect("no thread panics with the frame");
+        let levels: Vec<f64> = frame.levels().iter().map(|&level| level.into()).collect();
         let others = 0.1 * levels.iter().sum::<f64>();
         let counts = levels.iter().map(|level| (4.0 * (0.9 * level + others)) as u16).collect();
         Ok(Some(RawFrame {
