@@ -45,7 +45,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         ),
         Check::at_most("the same, with eggs", ones(&eggs), (CELLS - 1) as f64),
         Check::stated("independent regions that the light shows, empty", empty.regions.count as f64),
-        Check::stated("eigenvectors of a few pixels alone, empty", empty.embedding.local() as f64),
+        Check::stated("localized eigenvectors, empty", empty.embedding.local() as f64),
         Check::stated(
             "adjusted Rand index with the cells, with eggs",
             adjusted_rand_index(with, &egg_stage.truth)?,

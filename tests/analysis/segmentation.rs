@@ -314,7 +314,7 @@ fn a_few_pixels_that_exchange_light_with_each_other_only_are_no_group() {
         assert_eq!(agreement(&found, &scene.truth), 1.0, "seed {seed}");
         let local: Vec<usize> = (0..10).filter(|&index| found.embedding.is_local(index)).collect();
         assert_eq!(local, [1, 2, 3], "{:?}", found.embedding.within);
-        assert!(found.status.contains("3 are of a few pixels alone"), "{}", found.status);
+        assert!(found.status.contains("3 are localized"), "{}", found.status);
         assert_eq!((found.regions.count, found.regions.at_one), (2, 2), "{:?}", found.regions);
         assert_eq!(plain.embedding.local(), 0);
 

@@ -131,7 +131,7 @@ impl Segmentation {
                 options.eigenvectors,
                 match embedding.local() {
                     0 => String::new(),
-                    local => format!(", and {local} are of a few pixels alone"),
+                    local => format!(", and {local} are localized"),
                 },
             ),
             embedding,

@@ -23,8 +23,8 @@ pub struct Relighting {
     pub curve: Vec<RankRow>,
     /// The largest error of a relit photo that is good enough, where there is one.
     pub max_error: Option<f64>,
-    /// Files of the model that are in the folder already.
-    pub files: Vec<String>,
+    /// Files of the model that are in the folder of the run already; `None` where the model is still to be written there.
+    pub files: Option<Vec<String>>,
 }
 
 impl Relighting {
@@ -38,7 +38,7 @@ impl Relighting {
             reduced: Vec::new(),
             curve: Vec::new(),
             max_error: None,
-            files: Vec::new(),
+            files: None,
         }
     }
 
@@ -86,9 +86,9 @@ impl Answer for Relighting {
     }
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        let mut files = match self.files.as_slice() {
-            [] => self.model.write(&run.path)?,
-            files => files.to_vec(),
+        let mut files = match &self.files {
+            Some(files) => files.clone(),
+            None => self.model.write(&run.path)?,
         };
         files.extend(self.with_page(lab, |page| page.write(&run.path, &run.manifest, seconds))?);
         Ok(files)

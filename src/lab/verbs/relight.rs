@@ -52,7 +52,7 @@ impl Lab {
         answer.photos = answer.model.rank();
         answer.max_error = request.max_error;
         if let Some(run) = self.run() {
-            answer.files = answer.model.write(&run.path)?;
+            answer.files = Some(answer.model.write(&run.path)?);
         }
         answer.curve = self.timed("error curve", |lab| lab.rank_curve(&answer.model))?;
         self.timed("relighting", |lab| lab.ask(&mut answer, &request.questions))?;
@@ -65,8 +65,9 @@ impl Lab {
     /// As [`Lab::model`].
     pub fn relight_run(&mut self, questions: &Questions) -> Result<Relighting> {
         let mut answer = Relighting::new(self.model()?, 0);
-        if let (Some(run), false) = (&self.run, self.has_saved_model()) {
-            answer.files = answer.model.write(&run.path)?;
+        // A model that is in a folder already is not copied.
+        if self.has_saved_model() {
+            answer.files = Some(Vec::new());
         }
         self.timed("relighting", |_| {
             let none: [Option<Vec<LabOperator>>; 2] = [None, None];
