@@ -1,7 +1,7 @@
 //! The operator that a question is put to: all of the light, less its direct part, blurred or not.
 //!
-//! A coaxial rig's direct light is the diagonal of `A`, and much of it. A simulator leaves it out; from photos it is measured first and
-//! then subtracted, by arithmetic and not by light.
+//! A coaxial rig's direct light is the diagonal of `A`, and much of it. A simulator leaves it out; from photos it is measured
+//! first and then subtracted, by arithmetic and not by light.
 
 use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};
@@ -12,8 +12,8 @@ use crate::operator::{Operator, Symmetry, block, block_mut};
 /// How the direct light is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DirectMethod {
-    /// By Nayar's checkerboards with squares of so many pixels, shifted to as many places: `shifts²` photos
-    /// ([`checkerboards`]). Too much light is direct where global light sees the squares.
+    /// By Nayar's checkerboards with squares of so many pixels, shifted to as many places: `shifts²` photos ([`checkerboards`]).
+    /// Too much light is direct where global light sees the squares.
     Checkerboards {
         /// Pixels of a square's side.
         square: usize,
@@ -107,9 +107,9 @@ impl Operator for WithoutDirect<'_> {
     }
 }
 
-/// `K A K`, with one Gaussian `K = Kᵀ` for pattern and photo: as symmetric as `A`, where a blur of the photo alone would not be. What
-/// neighbours see is averaged, and so is noise; light whose way is shorter than the blur counts as direct no more than before.
-/// A product is one photo.
+/// `K A K`, with one Gaussian `K = Kᵀ` for pattern and photo: as symmetric as `A`, where a blur of the photo alone would not be.
+/// What neighbours see is averaged, and so is noise; light whose way is shorter than the blur counts as direct no more than
+/// before. A product is one photo.
 pub struct Blurred<'a> {
     operator: &'a mut dyn Operator,
     blur: Blur,

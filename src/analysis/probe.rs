@@ -1,9 +1,9 @@
 //! Probing: the photo of a scene of which only some light paths are let through.
 //!
-//! A probing matrix `Π` (`n × n`) weighs each path by the projector pixel that it starts from and the camera pixel that it ends in; the
-//! photo is `(Π ∘ A) 1`. With patterns `r` of mean zero and the correlation `E[r_i r_j] = h(i − j)`, projected and, sign and all,
-//! multiplied into the photo as a mask, the mean of `r ∘ A r` is that photo for `Π_ij = h(i − j)`: no column of `A` is ever
-//! measured. Here `h` is a Gaussian of the distance in pixels, 1 at 0.
+//! A probing matrix `Π` (`n × n`) weighs each path by the projector pixel that it starts from and the camera pixel that it ends
+//! in; the photo is `(Π ∘ A) 1`. With patterns `r` of mean zero and the correlation `E[r_i r_j] = h(i − j)`, projected and, sign
+//! and all, multiplied into the photo as a mask, the mean of `r ∘ A r` is that photo for `Π_ij = h(i − j)`: no column of `A` is
+//! ever measured. Here `h` is a Gaussian of the distance in pixels, 1 at 0.
 //!
 //! O'Toole, Raskar and Kutulakos, *Primal-dual coding to probe light transport* (2012), doi:10.1145/2185520.2185535.
 

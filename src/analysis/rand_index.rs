@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use super::MASKED;
 use crate::error::{Error, Result};
 
-/// The adjusted Rand index of two labellings: 1 when they are the same up to names, 0 on average for labels drawn at
-/// random, and negative below that. Pixels that carry 255 (masked) in either do not count; 1 when none or only one
-/// does, or when both put all in one group.
+/// The adjusted Rand index of two labellings: 1 when they are the same up to names, 0 on average for labels drawn at random, and
+/// negative below that. Pixels that carry 255 (masked) in either do not count; 1 when none or only one does, or when both put all
+/// in one group.
 ///
 /// With `n_ij` pixels in group `i` of one and `j` of the other, `a` and `b` the group sizes, and `C(x) = x(x−1)/2`:
 ///

@@ -5,11 +5,12 @@
 //! SSIM = mean over windows of (2 μa μb + C₁)(2 σab + C₂) / ((μa² + μb² + C₁)(σa² + σb² + C₂)),  C₁ = (0.01 L)², C₂ = (0.03 L)²
 //! ```
 //!
-//! with the data range `L`, and Gaussian windows of 11×11 pixels, σ 1.5, that lie wholly inside the image. Of colour images it is the
-//! mean over the channels. Wang, Bovik, Sheikh and Simoncelli, *Image quality assessment: from error visibility to structural
+//! with the data range `L`, and Gaussian windows of 11×11 pixels, σ 1.5, that lie wholly inside the image. Of colour images it is
+//! the mean over the channels. Wang, Bovik, Sheikh and Simoncelli, *Image quality assessment: from error visibility to structural
 //! similarity* (2004), doi:10.1109/TIP.2003.819861.
 //!
-//! SSIM is computed here because photos are floating-point radiance: `image-compare` takes images of 8 bits, in windows of 8×8 pixels.
+//! SSIM is computed here because photos are floating-point radiance: `image-compare` takes images of 8 bits, in windows of 8×8
+//! pixels.
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};

@@ -1,9 +1,9 @@
 //! Crosstalk of colours: each of the projector's three colours is seen by each of the camera's.
 //!
-//! With `M` of 3×3, `M_cp` what camera channel `c` sees of projector colour `p`, a coloured photo is `y_c = A_c Σ_p M_cp x_p`: three
-//! transport matrices behind one mixing matrix. Either the whole is solved as one system for all three colours, inside the box of the
-//! projector's colours; or each channel is solved by itself for `x'_c = Σ_p M_cp x_p`, and un-mixed: as good where the un-mixed
-//! pattern stays inside the box, and worse where it has to be clipped.
+//! With `M` of 3×3, `M_cp` what camera channel `c` sees of projector colour `p`, a coloured photo is `y_c = A_c Σ_p M_cp x_p`:
+//! three transport matrices behind one mixing matrix. Either the whole is solved as one system for all three colours, inside the
+//! box of the projector's colours; or each channel is solved by itself for `x'_c = Σ_p M_cp x_p`, and un-mixed: as good where the
+//! un-mixed pattern stays inside the box, and worse where it has to be clipped.
 
 use crate::error::{Error, Result};
 use crate::observer::Observer;
@@ -42,8 +42,8 @@ impl Crosstalk {
         Ok(Self { matrix, inverse, coupled: true })
     }
 
-    /// From three photos (each of three channels, `n` pixels): of red, green and blue alone. What a channel sees of its own colour counts
-    /// as 1, so that it is part of `A_c`; the others are the least-squares share over all pixels.
+    /// From three photos (each of three channels, `n` pixels): of red, green and blue alone. What a channel sees of its own
+    /// colour counts as 1, so that it is part of `A_c`; the others are the least-squares share over all pixels.
     ///
     /// # Errors
     /// As [`Crosstalk::new`]; [`Error::Numerical`] when a channel sees nothing of its own colour.
@@ -66,8 +66,8 @@ impl Crosstalk {
         Self::new(matrix)
     }
 
-    /// The same with rows that add up to 1: for channels of which a product was measured by a gray pattern, so that all that they see of
-    /// white is in `A_c` already.
+    /// The same with rows that add up to 1: for channels of which a product was measured by a gray pattern, so that all that they
+    /// see of white is in `A_c` already.
     pub fn relative_to_white(self) -> Result<Self> {
         let matrix = self.matrix.map(|row| {
             let white: f64 = row.iter().sum();

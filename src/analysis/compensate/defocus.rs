@@ -4,9 +4,10 @@
 //! M = D^½ K D^½,    K = C diag(k_μ k_ν) Cᵀ,    k_μ = Σ_j κ_j cos(π j μ / N)
 //! ```
 //!
-//! with `D` the white photo and `K` a Gaussian `κ` on a picture mirrored at its borders, whose eigenvectors are those of the discrete
-//! cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies of which the lens
-//! leaves less than a tenth are raised by no more than ten: the rest is noise. The width is given, or told from one photo.
+//! with `D` the white photo and `K` a Gaussian `κ` on a picture mirrored at its borders, whose eigenvectors are those of the
+//! discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies of
+//! which the lens leaves less than a tenth are raised by no more than ten: the rest is noise. The width is given, or told from
+//! one photo.
 
 use crate::error::Result;
 use crate::image::Resolution;
@@ -38,8 +39,8 @@ impl Defocus {
         Ok(Self { cosines, kept, scaling })
     }
 
-    /// With the width that explains best what one photo `y = A x` keeps of a random pattern `x`, frequency by frequency; the lowest
-    /// sixteenth of them is left out, as indirect light is there too. Returns the width as well.
+    /// With the width that explains best what one photo `y = A x` keeps of a random pattern `x`, frequency by frequency; the
+    /// lowest sixteenth of them is left out, as indirect light is there too. Returns the width as well.
     pub(super) fn measured(
         resolution: Resolution,
         white: Vec<f64>,

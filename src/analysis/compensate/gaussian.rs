@@ -5,7 +5,8 @@ use crate::image::{Blur, Resolution};
 /// Wider ones, in pixels, are applied to blocks of pixels, so that they are at most so wide in blocks.
 const WIDEST: f64 = 3.0;
 
-/// `K = Kᵀ` of pictures mirrored at their borders: `√B⁻¹ E K' Eᵀ √B⁻¹`, with `Eᵀ` adding up blocks and `B` their numbers of pixels.
+/// `K = Kᵀ` of pictures mirrored at their borders: `√B⁻¹ E K' Eᵀ √B⁻¹`, with `Eᵀ` adding up blocks and `B` their numbers of
+/// pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
     resolution: Resolution,

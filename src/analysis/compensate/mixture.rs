@@ -4,10 +4,10 @@
 //! P = D Σ_m diag(c_m) K_m,   c_m ≥ 0
 //! ```
 //!
-//! with `D` the white photo and `K_m` Gaussians of fixed widths on a picture mirrored at its borders, from no blur at all to one as wide as
-//! indirect light. How much there is of each, `c_m`, varies slowly over the picture, as depth does: it is fitted by non-negative
-//! least squares in windows of a few pixels. The transpose, `Σ_m K_m diag(c_m) D`, no photo could tell where the projector's
-//! lens alone is out of focus.
+//! with `D` the white photo and `K_m` Gaussians of fixed widths on a picture mirrored at its borders, from no blur at all to one
+//! as wide as indirect light. How much there is of each, `c_m`, varies slowly over the picture, as depth does: it is fitted by
+//! non-negative least squares in windows of a few pixels. The transpose, `Σ_m K_m diag(c_m) D`, no photo could tell where the
+//! projector's lens alone is out of focus.
 
 use std::sync::Arc;
 

@@ -46,8 +46,8 @@ pub struct CompensationRow {
     pub residual: f64,
 }
 
-/// What to project, and what is then seen. Residuals are `‖b − A x‖ / ‖b‖`, `b` being the light wished less the
-/// ambient light, over all channels.
+/// What to project, and what is then seen. Residuals are `‖b − A x‖ / ‖b‖`, `b` being the light wished less the ambient light,
+/// over all channels.
 #[derive(Clone, Debug)]
 pub struct Compensation {
     /// What to project, in [floor, 1].
@@ -72,8 +72,8 @@ pub struct Compensation {
     pub history: Vec<CompensationRow>,
     /// The same for projected Jacobi with as many photos; empty where it is not asked for.
     pub baseline: Vec<CompensationRow>,
-    /// Photos that the method took. Those that only show a result (`observed`, `uncompensated`, and all of the baseline) are
-    /// not among them.
+    /// Photos that the method took. Those that only show a result (`observed`, `uncompensated`, and all of the baseline) are not
+    /// among them.
     pub photos: usize,
     /// Photos before them: the white one, and one to measure a multiscale preconditioner.
     pub preparation: usize,
@@ -104,18 +104,19 @@ pub struct Prior {
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// What to project so that the photo is `target` times the peak: solves `A x = b` in each channel, with `b` the light
-/// wished less the ambient light.
+/// What to project so that the photo is `target` times the peak: solves `A x = b` in each channel, with `b` the light wished less
+/// the ambient light.
 ///
 /// `channels` holds one operator (`n × n`) for each of the wish's channels. They are independent systems, and one colour photo is
-/// one product with each; so they are solved one after the other, and the photos are those of the one that took most.
-/// The observer of each channel's operator sees its products, and may stop them; the baseline is not observed.
-/// An answer that leaves [floor, 1] is clipped, as a projector would do: both residuals are reported, and the box
-/// belongs inside the method ([`Method::KrylovBox`]).
+/// one product with each; so they are solved one after the other, and the photos are those of the one that took most. The
+/// observer of each channel's operator sees its products, and may stop them; the baseline is not observed. An answer that leaves
+/// [floor, 1] is clipped, as a projector would do: both residuals are reported, and the box belongs inside the method
+/// ([`Method::KrylovBox`]).
 ///
 /// # Errors
-/// As [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` when none is given and half of the white
-/// photo is black; [`Error::Dimension`] when sizes differ; [`Error::Numerical`] when there is nothing to wish for.
+/// As [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` when
+/// none is given and half of the white photo is black; [`Error::Dimension`] when sizes differ; [`Error::Numerical`] when there is
+/// nothing to wish for.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     wish: &Target,

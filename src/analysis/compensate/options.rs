@@ -16,21 +16,21 @@ pub struct CompensateOptions {
     pub floor: f64,
     /// The radiance that 1 in the target stands for, in W/(m² sr). Default `None`: half the median of the white photo.
     pub peak: Option<f64>,
-    /// How methods without constraint are preconditioned. Default `None`: [`Precondition::Diagonal`] for them on
-    /// symmetric operators, and
-    /// nothing for those inside a box, which scale their steps by the white photo anyway.
+    /// How methods without constraint are preconditioned. Default `None`: [`Precondition::Diagonal`] for them on symmetric
+    /// operators, and nothing for those inside a box, which scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
-    /// The width of the lens' blur, for [`Precondition::Defocus`], in pixels (the standard deviation of a Gaussian). Default `None`: told
-    /// from one photo.
+    /// The width of the lens' blur, for [`Precondition::Defocus`], in pixels (the standard deviation of a Gaussian). Default
+    /// `None`: told from one photo.
     pub defocus: Option<f64>,
-    /// That some lens is out of focus: [`Method::KrylovBox`] then takes the light for a mixture of blurs, told from its photos, where it has
-    /// not seen better, and no longer knows when it is at the optimum. So it does anyway where the operator is not symmetric. Default false.
+    /// That some lens is out of focus: [`Method::KrylovBox`] then takes the light for a mixture of blurs, told from its photos,
+    /// where it has not seen better, and no longer knows when it is at the optimum. So it does anyway where the operator is not
+    /// symmetric. Default false.
     pub out_of_focus: bool,
     /// The target's values are moved from [0, 1] to [`lift`, 1] before they are wished for, as the paper does so that less light
     /// has to be taken away. From 0 to below 1; default 0.
     pub lift: f64,
-    /// Whether projected Jacobi is given as many photos, to be compared with, and what clipping does is photographed step by step.
-    /// On a rig these photos are dear. Default true.
+    /// Whether projected Jacobi is given as many photos, to be compared with, and what clipping does is photographed step by
+    /// step. On a rig these photos are dear. Default true.
     pub baseline: bool,
 }
 
@@ -41,7 +41,8 @@ pub enum Precondition {
     None,
     /// Division by the white photo, `D = A 1`.
     Diagonal,
-    /// That, and a gain for each scale of an image pyramid, measured by one photo more: [`Multiscale::measured`](crate::krylov::Multiscale::measured).
+    /// That, and a gain for each scale of an image pyramid, measured by one photo more:
+    /// [`Multiscale::measured`](crate::krylov::Multiscale::measured).
     Multiscale,
     /// Division by the direct image: [`Prior::direct`](super::Prior::direct), or measured by 16 photos of shifted squares.
     Direct,
@@ -70,8 +71,8 @@ impl Default for CompensateOptions {
 
 impl CompensateOptions {
     /// The paper's recipe (section 6): unconstrained residuals are made small by MINRES, or by GMRES where the operator is not
-    /// `symmetric`, preconditioned by the direct image; the target is moved to [α, 1] (`lift`), and what still leaves the projector's
-    /// range is clamped. Five photos.
+    /// `symmetric`, preconditioned by the direct image; the target is moved to [α, 1] (`lift`), and what still leaves the
+    /// projector's range is clamped. Five photos.
     pub fn paper(symmetric: bool, lift: f64) -> Self {
         Self {
             method: if symmetric { Method::Minres } else { Method::Gmres },

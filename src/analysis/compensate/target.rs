@@ -14,8 +14,8 @@ pub struct Target {
 }
 
 impl Target {
-    /// A target (a gray one for all channels alike) under `ambient` light in W/(m² sr), whose channels say how many
-    /// systems there are.
+    /// A target (a gray one for all channels alike) under `ambient` light in W/(m² sr), whose channels say how many systems there
+    /// are.
     ///
     /// # Errors
     /// [`Error::Dimension`] when the two differ in size, or a coloured target is wished for in gray light.
@@ -74,8 +74,8 @@ impl Target {
         }
     }
 
-    /// Half the median of the white photo, ambient light included: on a scene of even brightness this leaves room for
-    /// twice the light.
+    /// Half the median of the white photo, ambient light included: on a scene of even brightness this leaves room for twice the
+    /// light.
     pub(super) fn default_peak(&self, white: &[Vec<f64>]) -> Result<f64> {
         let seen = white.iter().zip(&self.ambient).flat_map(|(w, a)| w.iter().zip(a).map(|(w, a)| w + a));
         match 0.5 * median(seen.collect()) {
@@ -90,8 +90,8 @@ impl Target {
         }
     }
 
-    /// The light wished from the projector: the target times `peak` less the ambient light. It may be negative where
-    /// the ambient light alone is too much; it is not clipped.
+    /// The light wished from the projector: the target times `peak` less the ambient light. It may be negative where the ambient
+    /// light alone is too much; it is not clipped.
     pub(super) fn light(&self, peak: f64) -> Result<Vec<Vec<f64>>> {
         let light: Vec<Vec<f64>> = self
             .target

@@ -13,8 +13,8 @@ use rand_pcg::Pcg64;
 pub struct KmeansOptions {
     /// How many groups, `K`.
     pub clusters: usize,
-    /// How many starts; the best result is kept. Default 64/K, at least 8: a start costs in proportion to K, and near
-    /// ties between two groups are common in symmetric scenes.
+    /// How many starts; the best result is kept. Default 64/K, at least 8: a start costs in proportion to K, and near ties
+    /// between two groups are common in symmetric scenes.
     pub restarts: usize,
     /// Rounds per start at most. Default 100.
     pub rounds: usize,
@@ -40,12 +40,12 @@ pub struct Clusters {
     pub inertia: f64,
 }
 
-/// Groups `n` points of `d` coordinates so that `Σ w_i ‖x_i − c(i)‖²` is small, `c(i)` being the weighted mean of the
-/// point's group.
+/// Groups `n` points of `d` coordinates so that `Σ w_i ‖x_i − c(i)‖²` is small, `c(i)` being the weighted mean of the point's
+/// group.
 ///
-/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007): a
-/// local minimum, the best of several. A group that runs empty gets the point farthest from its centre; with fewer
-/// than `K` distinct points some groups stay empty. Deterministic for a seed, whatever the number of threads.
+/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007): a local minimum,
+/// the best of several. A group that runs empty gets the point farthest from its centre; with fewer than `K` distinct points some
+/// groups stay empty. Deterministic for a seed, whatever the number of threads.
 ///
 /// `coordinates` holds `d` columns of length `n`; `weights` has length `n` and is not negative.
 pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions) -> Clusters {

@@ -34,8 +34,7 @@ impl Points<'_> {
         self.coordinates.iter().map(|column| column[index]).collect()
     }
 
-    /// k-means++: each centre is a point drawn with probability proportional to its weighted squared distance to
-    /// those before.
+    /// k-means++: each centre is a point drawn with probability proportional to its weighted squared distance to those before.
     pub(super) fn start(&self, clusters: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
         let mut centres: Vec<Vec<f64>> = Vec::with_capacity(clusters);
         let mut odds = self.weights.to_vec();

@@ -13,20 +13,20 @@ use crate::operator::{Operator, Product, Recorded, Symmetry};
 pub struct LowRankCapture {
     /// Photos of the process, and so the rank `k` of `W Qᵀ`; at least 1.
     pub photos: usize,
-    /// What is projected first; none: all ones, so that the white photo is among them, and the smooth patterns that global
-    /// light answers to come first.
+    /// What is projected first; none: all ones, so that the white photo is among them, and the smooth patterns that global light
+    /// answers to come first.
     pub start: Option<Start>,
-    /// What is projected beside it before any photo comes back, for a symmetric operator: the rest of a block. One start alone sees
-    /// one vector of each eigenspace, and hardly tells regions apart that exchange no light but are alike, as the cups of a carton;
-    /// [`smooth_starts`] do. An operator that is not symmetric has no use for them.
+    /// What is projected beside it before any photo comes back, for a symmetric operator: the rest of a block. One start alone
+    /// sees one vector of each eigenspace, and hardly tells regions apart that exchange no light but are alike, as the cups of a
+    /// carton; [`smooth_starts`] do. An operator that is not symmetric has no use for them.
     pub beside: Vec<Vec<f64>>,
 }
 
-/// `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]: random signs blurred by a sixteenth of the width, so that
-/// they are made of what global light answers to and what natural pictures are made of.
+/// `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]: random signs blurred by a sixteenth of the width, so
+/// that they are made of what global light answers to and what natural pictures are made of.
 ///
-/// With 40 photos of a carton at 100×100, eleven of them beside white, checkerboards, stripes and a lit half are relit within 3.2 to
-/// 4.7 %; with white alone, four natural pictures within 2.2 to 5.9 %.
+/// With 40 photos of a carton at 100×100, eleven of them beside white, checkerboards, stripes and a lit half are relit within 3.2
+/// to 4.7 %; with white alone, four natural pictures within 2.2 to 5.9 %.
 pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
     let sigma = (resolution.width as f64 / 16.0).max(1.0);
     smooth_patterns(resolution, std::f64::consts::SQRT_2 * sigma, count, seed)
@@ -38,8 +38,8 @@ impl Default for LowRankCapture {
     }
 }
 
-/// Takes `photos` photos with `operator` (`n × n`, without its direct light) and keeps them as a model; `direct` is the direct image
-/// under white (`n`), or empty where it stays in the operator. The operator's observer sees each photo
+/// Takes `photos` photos with `operator` (`n × n`, without its direct light) and keeps them as a model; `direct` is the direct
+/// image under white (`n`), or empty where it stays in the operator. The operator's observer sees each photo
 /// ([`Estimate::Unpredicted`]); a break ends the capture with the photos taken so far.
 ///
 /// # Errors
@@ -92,9 +92,9 @@ fn run(
     Ok(process.basis().to_vec())
 }
 
-/// The part of the last photo that the model of the photos before it did not predict, `‖w − Q Wᵀ q‖`, as a share of the strongest photo:
-/// the model's error falls with it. Patterns are of norm 1. Without symmetry, the model predicts nothing for a pattern that is orthogonal
-/// to all before it.
+/// The part of the last photo that the model of the photos before it did not predict, `‖w − Q Wᵀ q‖`, as a share of the strongest
+/// photo: the model's error falls with it. Patterns are of norm 1. Without symmetry, the model predicts nothing for a pattern
+/// that is orthogonal to all before it.
 fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };
     let mut rest = last.to.clone();

@@ -31,7 +31,8 @@ pub struct RankRow {
     pub optimal: Option<f64>,
 }
 
-/// Captures every channel: `global` are operators of the light of two bounces and more (`n × n`), `direct` the direct light of each.
+/// Captures every channel: `global` are operators of the light of two bounces and more (`n × n`), `direct` the direct light of
+/// each.
 ///
 /// # Errors
 /// As [`capture()`].
@@ -77,8 +78,8 @@ pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     })
 }
 
-/// The model's error for each number of photos, of all channels together, against the true matrix. `matrices` are the global part of the
-/// true matrix, one for each channel, and `global` the operators of the same.
+/// The model's error for each number of photos, of all channels together, against the true matrix. `matrices` are the global part
+/// of the true matrix, one for each channel, and `global` the operators of the same.
 ///
 /// # Errors
 /// Those of the products.

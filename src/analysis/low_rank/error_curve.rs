@@ -18,8 +18,8 @@ pub struct ErrorRow {
 
 /// The error of each rank up to the model's, given `‖G‖_F` of the matrix that it was captured from (without direct light).
 ///
-/// No product is needed: `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`, and for a symmetric matrix, `T = QᵀW`,
-/// `‖G − G_k‖² = ‖G‖² − 2‖W‖² + ‖T‖²`, in the Frobenius norm.
+/// No product is needed: `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`, and for a symmetric matrix, `T = QᵀW`, `‖G − G_k‖² = ‖G‖² − 2‖W‖² + ‖T‖²`,
+/// in the Frobenius norm.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
     let share = |square: f64| (square.max(0.0) / total).sqrt();
@@ -41,8 +41,9 @@ pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     rows
 }
 
-/// The least error that any matrix of each rank up to `ranks` has (Eckart and Young, doi:10.1007/BF02288367), from the eigenvalues
-/// of largest magnitude of a symmetric `G`; takes at most `products` products, of which the answer is as good as they are converged.
+/// The least error that any matrix of each rank up to `ranks` has (Eckart and Young, doi:10.1007/BF02288367), from the
+/// eigenvalues of largest magnitude of a symmetric `G`; takes at most `products` products, of which the answer is as good as they
+/// are converged.
 ///
 /// # Errors
 /// As [`eigs`].

@@ -8,8 +8,8 @@ use crate::operator::Product;
 /// A pattern whose part outside the span of those before it is less than this share of it tells nothing new but noise.
 const NEW: f64 = 1e-3;
 
-/// The model of these products with all of the light less the direct light, `G x`, in the order in which they were taken; patterns
-/// need not be orthogonal. `direct` as for [`LowRank::new`].
+/// The model of these products with all of the light less the direct light, `G x`, in the order in which they were taken;
+/// patterns need not be orthogonal. `direct` as for [`LowRank::new`].
 ///
 /// # Errors
 /// [`Error::Numerical`] when there is no pattern with light in it; [`Error::Dimension`].
@@ -41,8 +41,8 @@ pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) 
     LowRank::new(basis, photos, direct, symmetric)
 }
 
-/// The direct light as a share of the white photo, where nobody measured it: what the operator does to patterns not yet shown,
-/// `θ = vᵀ D^-½ A D^-½ v`, the median over the newer half of the directions that `products` of all the light tell. Direct light
+/// The direct light as a share of the white photo, where nobody measured it: what the operator does to patterns not yet shown, `θ
+/// = vᵀ D^-½ A D^-½ v`, the median over the newer half of the directions that `products` of all the light tell. Direct light
 /// prevails there, as the rest is smooth.
 pub fn estimated_direct(products: &[Product], white: &[f64]) -> Result<Vec<f64>> {
     let floor = 1e-3 * white.iter().copied().fold(0.0, f64::max);

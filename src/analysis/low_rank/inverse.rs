@@ -7,8 +7,8 @@
 //! ```
 //!
 //! a system of which all eigenvalues are positive and most are near 1, so that it is solved in a few dozen products. Of a model
-//! these cost no photo. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005),
-//! doi:10.1109/ICCV.2005.25, whose `C₁` is `D A⁻¹`.
+//! these cost no photo. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005), doi:10.1109/ICCV.2005.25,
+//! whose `C₁` is `D A⁻¹`.
 
 use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
@@ -35,8 +35,8 @@ pub struct Cancelled {
 }
 
 /// Takes the interreflections out of `photo` (`n`, ambient light subtracted), given the light transport without its direct part,
-/// `global` (`n × n`; [`LowRank::global`](super::LowRank::global), or the true one), and the diagonal of that, `direct` (`n`); within
-/// `products` products with `global`, to a relative residual of 1e-6.
+/// `global` (`n × n`; [`LowRank::global`](super::LowRank::global), or the true one), and the diagonal of that, `direct` (`n`);
+/// within `products` products with `global`, to a relative residual of 1e-6.
 ///
 /// # Errors
 /// [`Error::Dimension`]; [`Error::Numerical`] when no pixel has direct light; as [`solve`].

@@ -1,8 +1,7 @@
 //! Low-rank light transport: one capture of `k` photos, then any pattern relit with no further photo.
 //!
-//! The Krylov process leaves an orthonormal basis `Q` (`n × k`) and the photos `W = G Q` of its patterns. Where `G` is
-//! symmetric these tell more than the projection `Q QᵀG Q Qᵀ`: everything of `G` but what maps the rest of the space into
-//! itself,
+//! The Krylov process leaves an orthonormal basis `Q` (`n × k`) and the photos `W = G Q` of its patterns. Where `G` is symmetric
+//! these tell more than the projection `Q QᵀG Q Qᵀ`: everything of `G` but what maps the rest of the space into itself,
 //!
 //! ```text
 //! G_k = W Qᵀ + Q Wᵀ − Q (QᵀW) Qᵀ,      G − G_k = (I − Q Qᵀ) G (I − Q Qᵀ)

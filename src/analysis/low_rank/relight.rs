@@ -58,7 +58,8 @@ fn plane(pattern: &Image, channel: usize) -> Vec<f64> {
 }
 
 impl SavedModel {
-    /// The photo of a pattern by the model; `full` are operators of all of the light, one for each channel, where the truth is known.
+    /// The photo of a pattern by the model; `full` are operators of all of the light, one for each channel, where the truth is
+    /// known.
     ///
     /// # Errors
     /// Those of `full`'s products.
@@ -106,11 +107,12 @@ impl SavedModel {
         })
     }
 
-    /// A photo without its interreflections; `photo` is without ambient light, `global` are operators of the light of two bounces and
-    /// more, one for each channel, where the truth is known.
+    /// A photo without its interreflections; `photo` is without ambient light, `global` are operators of the light of two bounces
+    /// and more, one for each channel, where the truth is known.
     ///
     /// # Errors
-    /// [`Error::Option`] naming `--inverse` where the direct light of a channel is not a diagonal; as [`cancel_interreflections`].
+    /// [`Error::Option`] naming `--inverse` where the direct light of a channel is not a diagonal; as
+    /// [`cancel_interreflections`].
     pub fn reduce<O: Adjoint>(
         &self,
         name: String,

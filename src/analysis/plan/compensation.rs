@@ -14,8 +14,8 @@ use crate::transport::Part;
 /// Photos that the optimum may take. They cost nothing.
 const OPTIMUM_PHOTOS: usize = 500;
 
-/// What is the best that could be projected, and what the trials are held against. Residuals are relative to the light wished, as seen
-/// without noise when the pattern is on screen.
+/// What is the best that could be projected, and what the trials are held against. Residuals are relative to the light wished, as
+/// seen without noise when the pattern is on screen.
 pub struct CompensationPlan {
     target: Image,
     ambient: Image,

@@ -1,9 +1,9 @@
 //! What a question will cost on a rig, and how good its answer will be: asked of the rig's virtual twin before the bench is
 //! booked.
 //!
-//! The twin is a [`VirtualRig`] with every imperfection that its file knows, in front of light transport that is known
-//! exactly. The whole measurement is run on it, with the noise of several seeds; each answer is held against the one
-//! without any device between. Patterns, frames and seconds are those that the twin took.
+//! The twin is a [`VirtualRig`] with every imperfection that its file knows, in front of light transport that is known exactly.
+//! The whole measurement is run on it, with the noise of several seeds; each answer is held against the one without any device
+//! between. Patterns, frames and seconds are those that the twin took.
 
 mod compensation;
 mod eigenvalues;

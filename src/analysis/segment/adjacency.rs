@@ -7,9 +7,9 @@ use crate::operator::{Operator, Symmetry, block};
 
 /// `N = D^-½ W D^-½` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
-/// Its largest eigenvectors `v` give the normalized cut's smallest, `(D − W) u = (1 − λ) D u` with `u = D^-½ v`, so
-/// that no inverse is needed. `λ = 1` with `v = D^½ 1` is known beforehand (Shi and Malik, doi:10.1109/34.868688). A
-/// product is one photo, of the pattern `D^-½ x`.
+/// Its largest eigenvectors `v` give the normalized cut's smallest, `(D − W) u = (1 − λ) D u` with `u = D^-½ v`, so that no
+/// inverse is needed. `λ = 1` with `v = D^½ 1` is known beforehand (Shi and Malik, doi:10.1109/34.868688). A product is one
+/// photo, of the pattern `D^-½ x`.
 pub struct NormalizedAdjacency<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,
@@ -31,8 +31,8 @@ impl<'a> NormalizedAdjacency<'a> {
         graph.degree().iter().map(|d| d.sqrt()).collect()
     }
 
-    /// A bound on `‖N q − q‖` for the normalized known vector `q`, without a photo. With `e = D 1 − W 1 ≥ 0`, `e ≤ D
-    /// 1` and `Σ e ≤ leak`: `‖N q − q‖² = Σ e_i²/d_i / Σ d ≤ leak / Σ d`.
+    /// A bound on `‖N q − q‖` for the normalized known vector `q`, without a photo. With `e = D 1 − W 1 ≥ 0`, `e ≤ D 1` and `Σ e
+    /// ≤ leak`: `‖N q − q‖² = Σ e_i²/d_i / Σ d ≤ leak / Σ d`.
     pub fn known_residual(graph: &Graph) -> f64 {
         (graph.leak() / graph.degree().iter().sum::<f64>()).sqrt()
     }

@@ -12,9 +12,9 @@ use crate::operator::{Operator, Relayed, Symmetry};
 
 /// The photos taken for a segmentation, and what was made of them so far.
 ///
-/// One photo is of white (the degree `D = G 1`), another of the mask if masked pixels have light (see
-/// [`Graph::measure`]), and all others are Lanczos steps. When the operator fails, [`Capture::run`] returns its error
-/// and keeps every photo taken: run it again to go on, or ask [`Capture::segmentation`] for what can be said by now.
+/// One photo is of white (the degree `D = G 1`), another of the mask if masked pixels have light (see [`Graph::measure`]), and
+/// all others are Lanczos steps. When the operator fails, [`Capture::run`] returns its error and keeps every photo taken: run it
+/// again to go on, or ask [`Capture::segmentation`] for what can be said by now.
 #[derive(Clone, Debug)]
 pub struct Capture {
     options: SegmentOptions,
@@ -54,14 +54,14 @@ impl Capture {
         self.photos_of_degree + self.lanczos.as_ref().map_or(0, Factorization::products)
     }
 
-    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global`
-    /// stops it. `global` is the symmetric `n × n` transport matrix without its direct part. The steps that the observer sees are
-    /// photos, those of the degree included; the eigenvalues are those sought, without the known one.
+    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global` stops it.
+    /// `global` is the symmetric `n × n` transport matrix without its direct part. The steps that the observer sees are photos,
+    /// those of the degree included; the eigenvalues are those sought, without the known one.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when `global` is not declared symmetric, sees no light at all, or yields NaN;
-    /// [`Error::Option`] naming `--groups` when there are fewer pixels with light than groups; [`Error::Dimension`]
-    /// when `global` is not square or not that of the photos before; whatever `global` fails with.
+    /// [`Error::Numerical`] when `global` is not declared symmetric, sees no light at all, or yields NaN; [`Error::Option`]
+    /// naming `--groups` when there are fewer pixels with light than groups; [`Error::Dimension`] when `global` is not square or
+    /// not that of the photos before; whatever `global` fails with.
     pub fn run<O: Operator + ?Sized>(&mut self, global: &mut O) -> Result<()> {
         let mut global = global;
         self.run_with(&mut global)
@@ -113,8 +113,8 @@ impl Capture {
         Ok(())
     }
 
-    /// The segmentation from the photos taken so far; takes none, and disturbs nothing: a capture that is stopped by an observer after
-    /// so many photos, asked, and run on, answers each time as one of so many photos would.
+    /// The segmentation from the photos taken so far; takes none, and disturbs nothing: a capture that is stopped by an observer
+    /// after so many photos, asked, and run on, answers each time as one of so many photos would.
     ///
     /// # Errors
     /// [`Error::Numerical`] when no eigenvector is there yet (fewer than three photos, or a scene of one pixel).

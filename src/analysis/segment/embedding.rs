@@ -1,16 +1,16 @@
 //! Where pixels lie in the space of eigenvectors: the points that k-means groups.
 //!
-//! A pixel's coordinates are its entries in the eigenvectors `u` (`uᵀ W u = 1`, with `W` what each pixel counts), each over
-//! `√(1 − λ)`. Their distances are those of the commute time, how long light takes from one pixel to the other and back (Qiu and
+//! A pixel's coordinates are its entries in the eigenvectors `u` (`uᵀ W u = 1`, with `W` what each pixel counts), each over `√(1
+//! − λ)`. Their distances are those of the commute time, how long light takes from one pixel to the other and back (Qiu and
 //! Hancock, 2007, doi:10.1109/TPAMI.2007.1103).
 //!
-//! A few pixels are no group. Some exchange light with next to nobody but each other: flat spots that see a sliver, noise of a light
-//! path that nobody else took. Each such set is a region as far as the normalized cut can tell, with an eigenvalue near 1 of its own
-//! and entries so large, `1/√d`, that it weighs in k-means as much as any other (Zhang and Rohe, *Understanding regularized spectral
-//! clustering via graph conductance*, 2018, arXiv:1806.01468). So the entries of each eigenvector are held to the range that they have
-//! without the [`LEAST_SHARE`] of all light at either end. What has less light than that has no say, and all else is as before. Their cure,
-//! an edge `μ` between all pixels, moves all eigenvalues; and to leave out such eigenvectors would not do: where eigenvalues are equal,
-//! Lanczos sees one mixture, of the few pixels and of all regions.
+//! A few pixels are no group. Some exchange light with next to nobody but each other: flat spots that see a sliver, noise of a
+//! light path that nobody else took. Each such set is a region as far as the normalized cut can tell, with an eigenvalue near 1
+//! of its own and entries so large, `1/√d`, that it weighs in k-means as much as any other (Zhang and Rohe, *Understanding
+//! regularized spectral clustering via graph conductance*, 2018, arXiv:1806.01468). So the entries of each eigenvector are held
+//! to the range that they have without the [`LEAST_SHARE`] of all light at either end. What has less light than that has no say,
+//! and all else is as before. Their cure, an edge `μ` between all pixels, moves all eigenvalues; and to leave out such
+//! eigenvectors would not do: where eigenvalues are equal, Lanczos sees one mixture, of the few pixels and of all regions.
 
 use super::graph::Graph;
 use super::options::Cut;
@@ -32,15 +32,17 @@ pub struct Embedding {
     pub weights: Vec<f64>,
     /// The range that entries of each eigenvector are held to (`k`): what a five-hundredth of the light lies below, and above.
     pub ranges: Vec<(f64, f64)>,
-    /// Of each eigenvector's squared norm 1, what is left within its range (`k`): nearly 1 for an eigenvector of regions, and next to
-    /// nothing for one of a few pixels alone.
+    /// Of each eigenvector's squared norm 1, what is left within its range (`k`): nearly 1 for an eigenvector of regions, and
+    /// next to nothing for one of a few pixels alone.
     pub within: Vec<f64>,
-    /// How far each eigenvalue is from that of the known pair (`k`): `1 − λ`, or for the average cut `λ` in units of the mean degree.
+    /// How far each eigenvalue is from that of the known pair (`k`): `1 − λ`, or for the average cut `λ` in units of the mean
+    /// degree.
     pub(super) gaps: Vec<f64>,
 }
 
 impl Embedding {
-    /// For the eigenvectors `vectors` on `m` nodes that each count for `weights`, the known one first, and the pairs of all others.
+    /// For the eigenvectors `vectors` on `m` nodes that each count for `weights`, the known one first, and the pairs of all
+    /// others.
     pub(super) fn new(
         cut: Cut,
         graph: &Graph,

@@ -1,7 +1,8 @@
 //! Evidence for groups: each one lit alone, and where its light goes.
 //!
-//! The photo of a group's own pixels as a pattern shows all pixels that its light reaches. Summed over groups, these photos are the
-//! light exchanged between any two, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
+//! The photo of a group's own pixels as a pattern shows all pixels that its light reaches. Summed over groups, these photos are
+//! the light exchanged between any two, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any
+//! model.
 
 use super::segmentation::MASKED;
 use crate::error::{Error, Result};
@@ -14,7 +15,8 @@ pub struct Evidence {
     pub groups: usize,
     /// The photo of each (`n`), without the direct light if the operator has none.
     pub photos: Vec<Vec<f64>>,
-    /// `E_ab / Σ_c E_cb`: of the light that group `b` sends to unmasked pixels, the share that arrives in `a`; row `a`, column `b`.
+    /// `E_ab / Σ_c E_cb`: of the light that group `b` sends to unmasked pixels, the share that arrives in `a`; row `a`, column
+    /// `b`.
     pub exchange: Vec<Vec<f64>>,
 }
 

@@ -13,8 +13,8 @@ pub struct FeatureView {
     pub pixels: Vec<(usize, usize)>,
     /// Coordinates of each: the second eigenvector first (`k − 1` numbers).
     pub coordinates: Vec<Vec<f64>>,
-    /// Distances between them, row by row, relative to the root mean square distance of all pixels from the origin, where one would be that
-    /// exchanges light with all others alike.
+    /// Distances between them, row by row, relative to the root mean square distance of all pixels from the origin, where one
+    /// would be that exchanges light with all others alike.
     pub distances: Vec<Vec<f64>>,
 }
 

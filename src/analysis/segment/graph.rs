@@ -3,14 +3,14 @@
 use crate::error::{Error, Result};
 use crate::operator::{Operator, block, block_mut};
 
-/// Below this share the light that masked pixels take part in is no reason for another photo: the known eigenvector
-/// is then accurate to its square root, 1e-8.
+/// Below this share the light that masked pixels take part in is no reason for another photo: the known eigenvector is then
+/// accurate to its square root, 1e-8.
 const NEGLIGIBLE_LEAK: f64 = 1e-16;
 
 /// The nodes of the graph (the pixels that are not masked, `m` of `n`) and their degrees.
 ///
-/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator: `G` is the global part of the transport matrix, `G_m`
-/// its rows and columns of unmasked pixels (a mask on one side only would break the symmetry).
+/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator: `G` is the global part of the transport matrix, `G_m` its rows and
+/// columns of unmasked pixels (a mask on one side only would break the symmetry).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Graph {
     n: usize,
@@ -23,20 +23,19 @@ pub struct Graph {
 impl Graph {
     /// The graph of pixels that exchange light, from one or two photos; `white` is the first, `G 1`.
     ///
-    /// Pixels with a degree of at most `mask_below` times the median are masked: they are known by noise only, and a
-    /// tiny degree makes a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels
-    /// above it), so that a dark background does not count.
+    /// Pixels with a degree of at most `mask_below` times the median are masked: they are known by noise only, and a tiny degree
+    /// makes a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels above it), so that a dark
+    /// background does not count.
     ///
-    /// The degree has to match the masked matrix, `D = diag(G_m 1_m)`, and `G 1` also counts the light that the
-    /// masked pixels exchanged with the others. By symmetry this is at most the sum `t` of the masked degrees. If it
-    /// is zero (or `√(t/Σd)` ≤ 1e-8) no more is to be done; otherwise `masked_photo` is asked for the photo of the
-    /// mask as a pattern (1 on pixels kept, 0 elsewhere), whose pixels *are* the degrees. Should that leave some
-    /// pixels of too low degree in turn, they are masked as well without another photo, and [`Graph::leak`] tells
-    /// what light that concerns.
+    /// The degree has to match the masked matrix, `D = diag(G_m 1_m)`, and `G 1` also counts the light that the masked pixels
+    /// exchanged with the others. By symmetry this is at most the sum `t` of the masked degrees. If it is zero (or `√(t/Σd)` ≤
+    /// 1e-8) no more is to be done; otherwise `masked_photo` is asked for the photo of the mask as a pattern (1 on pixels kept, 0
+    /// elsewhere), whose pixels *are* the degrees. Should that leave some pixels of too low degree in turn, they are masked as
+    /// well without another photo, and [`Graph::leak`] tells what light that concerns.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when `white` holds a NaN or an infinity, or no pixel sees global light. Whatever
-    /// `masked_photo` fails with.
+    /// [`Error::Numerical`] when `white` holds a NaN or an infinity, or no pixel sees global light. Whatever `masked_photo` fails
+    /// with.
     pub fn measure(
         white: &[f64],
         mask_below: f64,

@@ -7,9 +7,9 @@ use crate::operator::{Operator, Symmetry};
 
 /// `W − D` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`]: minus the Laplacian.
 ///
-/// Its largest eigenvalues are minus the smallest of `(D − W) x = λ x`, which the average cut asks for. They lie at
-/// the edge of the spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov subspace).
-/// `λ = 0` with `x = 1` is known beforehand. A product is one photo, of the pattern `x`.
+/// Its largest eigenvalues are minus the smallest of `(D − W) x = λ x`, which the average cut asks for. They lie at the edge of
+/// the spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov subspace). `λ = 0` with `x = 1` is
+/// known beforehand. A product is one photo, of the pattern `x`.
 pub struct NegativeLaplacian<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,

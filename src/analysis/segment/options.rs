@@ -29,15 +29,14 @@ pub struct SegmentOptions {
     pub photos: usize,
     /// Numbers of groups, each from 2 to 254. Default 2, 6 and 10.
     pub groups: Vec<usize>,
-    /// How many eigenvectors, the known first one included; at least 2. Each Lanczos photo yields one at most.
-    /// Default 10.
+    /// How many eigenvectors, the known first one included; at least 2. Each Lanczos photo yields one at most. Default 10.
     pub eigenvectors: usize,
     /// How a cut is weighed.
     pub cut: Cut,
     /// `μ ≥ 0`, added to every edge (in the unit of `G`): the smallest groups are worth less. Default 0.
     pub mu: f64,
-    /// Pixels with a degree of at most this share of the median are masked (see [`Graph::measure`](super::Graph::measure)); in [0, 1).
-    /// Default 0.01.
+    /// Pixels with a degree of at most this share of the median are masked (see [`Graph::measure`](super::Graph::measure)); in
+    /// [0, 1). Default 0.01.
     pub mask_below: f64,
     /// Done early when every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
     pub tolerance: f64,

@@ -1,8 +1,8 @@
 //! How many regions the light itself shows: those that exchange next to no light.
 //!
-//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and one with little exchange an eigenvalue near 1 (von Luxburg,
-//! *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). So `1 − λ` stays small for as many
-//! as there are regions and then jumps; where it jumps farthest is the number suggested.
+//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and one with little exchange an eigenvalue near 1 (von
+//! Luxburg, *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). So `1 − λ` stays small
+//! for as many as there are regions and then jumps; where it jumps farthest is the number suggested.
 //!
 //! A Krylov process sees one vector of an eigenvalue that is repeated *exactly*. That one is a random mixture of the regions'
 //! indicators, the same within each and different from region to region: its levels are counted instead.
@@ -43,8 +43,8 @@ pub struct Regions {
 }
 
 impl Regions {
-    /// From the distances `1 − λ` of the eigenvalues that tell of regions, the known one first, and the values of the second eigenvector `u` on `m` nodes
-    /// of these `degrees` (`uᵀ D u = 1`), with its residual.
+    /// From the distances `1 − λ` of the eigenvalues that tell of regions, the known one first, and the values of the second
+    /// eigenvector `u` on `m` nodes of these `degrees` (`uᵀ D u = 1`), with its residual.
     pub(super) fn suggested(gaps: &[f64], second: Option<(&[f64], f64)>, degrees: &[f64]) -> Self {
         let floored = |index: usize| gaps[index].max(FLOOR);
         let jump = |index: usize| floored(index + 1) / floored(index);
@@ -101,8 +101,8 @@ impl Regions {
     }
 }
 
-/// Groups of values closer to one another than `tolerance` standard deviations, of more than one pixel and of a share of the light that
-/// makes a group.
+/// Groups of values closer to one another than `tolerance` standard deviations, of more than one pixel and of a share of the
+/// light that makes a group.
 fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
     let all = degrees.iter().sum::<f64>();
     let apart = tolerance / all.sqrt();

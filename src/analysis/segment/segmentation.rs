@@ -14,20 +14,19 @@ pub const MASKED: u8 = 255;
 /// A resolved eigenvector's residual is at most this share of the matrix norm; what the status sentence counts.
 const RESOLVED: f64 = 1e-2;
 
-/// A segmentation of `n` pixels, with `k` eigenvectors: as many as asked for, or fewer when there were not enough
-/// photos.
+/// A segmentation of `n` pixels, with `k` eigenvectors: as many as asked for, or fewer when there were not enough photos.
 #[derive(Clone, Debug)]
 pub struct Segmentation {
-    /// For each number of groups `K` asked for: the label of each pixel (`n`), numbered by first appearance in raster
-    /// order; [`MASKED`] (255) for masked pixels.
+    /// For each number of groups `K` asked for: the label of each pixel (`n`), numbered by first appearance in raster order;
+    /// [`MASKED`] (255) for masked pixels.
     pub labels: Vec<(usize, Vec<u8>)>,
-    /// `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending
-    /// from 0, for the average cut. The first is known.
+    /// `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending from 0, for
+    /// the average cut. The first is known.
     pub eigenvalues: Vec<f64>,
     /// The residual norm of each, for an eigenvector of `D^-½ G D^-½` or `D − G` of norm 1. The first is a bound.
     pub residuals: Vec<f64>,
-    /// `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or
-    /// `uᵀ u = 1` (average cut). The first is the same in all pixels.
+    /// `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or `uᵀ u = 1`
+    /// (average cut). The first is the same in all pixels.
     pub eigenvectors: Vec<Vec<f64>>,
     /// How eigenvectors make the coordinates that k-means groups.
     pub embedding: Embedding,
@@ -57,8 +56,8 @@ pub(super) struct Taken<'a> {
 }
 
 impl Segmentation {
-    /// A pixel's coordinates in the space that k-means works in: its values in all eigenvectors but the known one, weighted
-    /// (`k − 1` numbers).
+    /// A pixel's coordinates in the space that k-means works in: its values in all eigenvectors but the known one, weighted (`k −
+    /// 1` numbers).
     pub fn feature(&self, pixel: usize) -> Vec<f64> {
         let entries = self.eigenvectors.iter().enumerate().skip(1);
         entries.map(|(index, u)| self.embedding.coordinate(index, u[pixel])).collect()

@@ -23,8 +23,8 @@ pub struct ComparisonRow {
     pub global_error: f64,
 }
 
-/// Compares every method. `full` are operators of all of the light (`n × n`), one for each channel; `exact` is the light of one bounce and
-/// that of two bounces and more, under white; `period` is that of the sinusoids in pixels.
+/// Compares every method. `full` are operators of all of the light (`n × n`), one for each channel; `exact` is the light of one
+/// bounce and that of two bounces and more, under white; `period` is that of the sinusoids in pixels.
 ///
 /// # Errors
 /// As [`separate`] and [`capture`].

@@ -1,16 +1,16 @@
 //! Separation by shifted patterns of high frequency.
 //!
-//! Under a pattern that alternates faster than global light varies, half lit on average, a pixel sees `y = D p + G/2`, where `p` is
-//! the pattern at the pixel itself. Over the shifts `D` is the slope of `y` over `p` and `G` twice the rest: least squares, which is
-//! Nayar's `max − min` for two-valued patterns.
+//! Under a pattern that alternates faster than global light varies, half lit on average, a pixel sees `y = D p + G/2`, where `p`
+//! is the pattern at the pixel itself. Over the shifts `D` is the slope of `y` over `p` and `G` twice the rest: least squares,
+//! which is Nayar's `max − min` for two-valued patterns.
 
 use super::Separation;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::operator::{Operator, each_product};
 
-/// Separates by checkerboards with squares of `square` pixels, shifted in both directions by `square·2/shifts` pixels each
-/// time; `shifts²` photos with `operator` (`n × n`, all of its light). Nayar et al. take 5² of squares of 3 pixels and more.
+/// Separates by checkerboards with squares of `square` pixels, shifted in both directions by `square·2/shifts` pixels each time;
+/// `shifts²` photos with `operator` (`n × n`, all of its light). Nayar et al. take 5² of squares of 3 pixels and more.
 ///
 /// # Errors
 /// [`Error::Option`] when `square` or `shifts` cannot be; [`Error::Dimension`]; whatever the operator fails with.

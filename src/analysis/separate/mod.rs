@@ -8,9 +8,9 @@
 //! | [`from_capture`] | the white one | roughly, from the photos of a Krylov capture |
 //!
 //! The first two are those of Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene
-//! using high frequency illumination* (2006), doi:10.1145/1141911.1141977; they fail where global light is sharp, as behind a mirror.
-//! The other two estimate the diagonal of `A`, which a coaxial rig's direct light is (and so see mirrors as they are).
-//! A simulator knows each bounce and needs none of this: [`crate::transport::Part`], [`crate::transport::Layer`].
+//! using high frequency illumination* (2006), doi:10.1145/1141911.1141977; they fail where global light is sharp, as behind a
+//! mirror. The other two estimate the diagonal of `A`, which a coaxial rig's direct light is (and so see mirrors as they are). A
+//! simulator knows each bounce and needs none of this: [`crate::transport::Part`], [`crate::transport::Layer`].
 
 mod bounces;
 mod by;

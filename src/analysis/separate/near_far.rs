@@ -35,8 +35,8 @@ pub struct NearFarOptions {
     pub seed: u64,
 }
 
-/// Probes the near part of `light`, the global light of each channel under white. `global` are operators of it (`n × n`), `matrices` the true
-/// matrices of the same where they are known.
+/// Probes the near part of `light`, the global light of each channel under white. `global` are operators of it (`n × n`),
+/// `matrices` the true matrices of the same where they are known.
 ///
 /// # Errors
 /// As [`probe`].
