@@ -98,7 +98,7 @@ impl Alignment {
 /// Takes a round.
 ///
 /// # Errors
-/// Any error of taking frames, except a [`Error::Rig`] from fitting the map, which becomes [`Round::Lost`].
+/// Any error of taking frames; an [`Error::Rig`] of the fit is returned as [`Round::Lost`].
 pub fn align(observer: &mut StructuredLight<'_>, options: &AlignOptions) -> Result<Round> {
     let decoded = observer.codes()?;
     let fit = match observer.fit(&decoded) {

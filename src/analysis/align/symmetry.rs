@@ -40,8 +40,7 @@ pub(super) fn symmetry(
         photos.push(resampled(&map, &photo, black, |light| observer.variance(light)));
         patterns.push(pattern);
     }
-    // All photos share the black photo, and twice a photo less white contains it as one less black does: count its noise with
-    // white's.
+    // The black photo is subtracted from all photos, so `2 photo − white` contains it once: its noise is added to white's.
     let white = resampled(&map, &white, black, |light| observer.variance(light));
     let dark = resampled(&map, black, black, |light| observer.variance(light));
     let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();
