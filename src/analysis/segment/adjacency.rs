@@ -7,9 +7,9 @@ use crate::operator::{Operator, Symmetry, block};
 
 /// `N = D^-½ W D^-½` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
-/// Its largest eigenvectors `v` give the normalized cut's smallest, `(D − W) u = (1 − λ) D u` with `u = D^-½ v`, so that no
-/// inverse is needed. `λ = 1` with `v = D^½ 1` is known beforehand (Shi and Malik, doi:10.1109/34.868688). A product is one
-/// photo, of the pattern `D^-½ x`.
+/// Its largest eigenvectors `v` give the smallest ones of the normalized cut, `(D − W) u = (1 − λ) D u` with `u = D^-½ v`, so no
+/// inverse is needed. The pair `λ = 1`, `v = D^½ 1` is known in advance (Shi and Malik, doi:10.1109/34.868688). A product is one
+/// photo of the pattern `D^-½ x`.
 pub struct NormalizedAdjacency<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,
@@ -19,14 +19,14 @@ pub struct NormalizedAdjacency<'a> {
 }
 
 impl<'a> NormalizedAdjacency<'a> {
-    /// On the global operator (`n × n`, symmetric) and its graph.
+    /// The matrix of a global operator (`n × n`, symmetric) and its graph.
     pub fn new(global: &'a mut dyn Operator, graph: &'a Graph) -> Self {
         let inverse_root = graph.degree().iter().map(|d| 1.0 / d.sqrt()).collect();
         let m = graph.pixels().len();
         Self { global, graph, inverse_root, nodes: vec![0.0; m], raster: Raster::new(graph.n()) }
     }
 
-    /// The known eigenvector of eigenvalue 1: `D^½ 1`, length `m`, not normalized.
+    /// The known eigenvector of eigenvalue 1: `D^½ 1` of length `m`, not normalized.
     pub fn known_vector(graph: &Graph) -> Vec<f64> {
         graph.degree().iter().map(|d| d.sqrt()).collect()
     }
