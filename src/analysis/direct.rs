@@ -1,7 +1,7 @@
 //! The operator of an analysis: all of the light, or without its direct part, blurred or not.
 //!
-//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. A simulator leaves it out; a rig measures it
-//! first and subtracts it numerically.
+//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. A simulator omits it; a rig measures and
+//! subtracts it.
 
 use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};

@@ -6,11 +6,10 @@ use super::MASKED;
 use crate::error::{Error, Result};
 
 /// The adjusted Rand index of two labellings: 1 if they are equal up to label names, 0 on average for random labels, and negative
-/// below that. Pixels labelled 255 (masked) in either are ignored. The index is 1 if at most one pixel remains, or if both
-/// labellings have a single group.
+/// below that. Pixels labelled 255 (masked) in either are ignored. It is 1 if at most one pixel remains, or with one group in
+/// both.
 ///
-/// If `n_ij` pixels are in group `i` of the first and `j` of the second labelling, `a` and `b` are the group sizes, and `C(x) =
-/// x(x−1)/2`:
+/// With `n_ij` pixels in group `i` of the first and `j` of the second labelling, group sizes `a` and `b`, and `C(x) = x(x−1)/2`:
 ///
 /// ```text
 /// E = Σ C(a_i) · Σ C(b_j) / C(n),    ARI = (Σ C(n_ij) − E) / ((Σ C(a_i) + Σ C(b_j))/2 − E)

@@ -1,5 +1,4 @@
-//! Disparity: the distance between where each camera pixel's light is found on the projector and where one common map predicts
-//! it.
+//! Disparity: the distance between the projector position that a camera pixel sees and the one that a common map predicts.
 
 use crate::measure::calibrate::{Decoded, Fit, LensMap, Match};
 
@@ -9,8 +8,7 @@ const SIDE: f64 = 4.0;
 /// A cell is used if at least this share of its pixels is decoded.
 const FILLED: f64 = 0.25;
 
-/// Codes farther than this from their cell's median, in steps, are misread or belong to another depth; rounding alone moves none
-/// so far.
+/// Codes farther than this from their cell's median, in steps, are misread or of another depth; rounding alone moves none so far.
 const APART: f64 = 0.75;
 
 /// The least scatter that is assumed within a cell, in projector pixels.
@@ -71,8 +69,7 @@ pub(super) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
         .collect();
     let lengths = || cells.iter().map(|cell| cell.off[0].hypot(cell.off[1]));
     let (median, upper) = (percentile(lengths(), 0.5), percentile(lengths(), 0.95));
-    // Where there is only noise, the typical displacement is the noise: the median length of a two-dimensional Gaussian is 1.18
-    // σ.
+    // Where there is only noise, it is the typical displacement: the median length of a two-dimensional Gaussian is 1.18 σ.
     let error = within.min(median / 1.18).hypot(fit_error);
     Disparity { side, median, upper, error, cells }
 }
@@ -129,8 +126,7 @@ fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     Some(fit.error)
 }
 
-/// The matrix that turns a displacement on the projector's raster into the photo's axes and keeps its length; and the number of
-/// projector pixels per camera pixel.
+/// The matrix that turns a displacement on the projector's raster to the photo's axes, and the projector pixels per camera pixel.
 fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     let [west, east] = [-0.5, 0.5].map(|by| map.to_projector([x + by, y]));
     let [north, south] = [-0.5, 0.5].map(|by| map.to_projector([x, y + by]));

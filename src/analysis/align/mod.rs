@@ -11,9 +11,8 @@
 //! | symmetry | `yᵀ A x` against `xᵀ A y` | [`crate::analysis::audit`] |
 //!
 //! **These figures cannot distinguish near from far**: a bump seen from the left has the same codes and shadows as a dent seen
-//! from the right (relief reversal). The larger part of the view is therefore taken as the background, and whatever is displaced
-//! from its map as an object in front of it: hang a small object there to align by. A flat scene gives no information, and all
-//! figures are 0.
+//! from the right (relief reversal). So the larger part of the view is taken as the background, and whatever is displaced from
+//! its map as an object in front of it: hang a small object there to align by. On a flat scene all figures are 0.
 
 mod disparity;
 mod offset;

@@ -28,8 +28,7 @@ pub enum Sight {
     Outside,
 }
 
-/// Classifies each camera pixel. Pixels within `margin` projector pixels of the field's border count as outside unless they are
-/// lit.
+/// Classifies each camera pixel. Within `margin` projector pixels of the field's border, pixels are outside unless they are lit.
 pub(super) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight> {
     let usual = percentile(decoded.seen.iter().map(|seen| decoded.direct[seen.pixel]), 0.5);
     let margin = margin.max(1.0) + decoded.step as f64;

@@ -1,7 +1,6 @@
 //! Audit: whether a source is the linear, symmetric operator that all other analyses assume.
 //!
-//! Each check compares a few photos of random patterns. It gives a figure, its standard error from the photos' predicted noise,
-//! and a bound:
+//! Each check compares photos of random patterns and gives a figure, its standard error from the photos' noise, and a bound:
 //!
 //! | check | what is compared | what breaks it |
 //! |---|---|---|

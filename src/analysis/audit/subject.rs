@@ -46,8 +46,7 @@ pub trait Audited {
     /// Any error of taking the white photo.
     fn saturated(&mut self) -> Result<Option<f64>>;
 
-    /// Photos of the projector's red, green and blue alone, in each of the camera's channels; none if either device is
-    /// monochrome.
+    /// Photos of the projector's red, green and blue alone, in each camera channel; none if either device is monochrome.
     ///
     /// # Errors
     /// Any error of taking them.

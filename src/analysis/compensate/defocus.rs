@@ -6,8 +6,7 @@
 //!
 //! with the white photo `D` and a Gaussian `K` of kernel `κ` on an image mirrored at its borders, whose eigenvectors are those of
 //! the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies
-//! that the lens attenuates below a tenth are amplified by ten at most: the rest is noise. The width is given, or estimated from
-//! one photo.
+//! attenuated below a tenth are amplified by ten at most: the rest is noise. The width is given, or estimated from one photo.
 
 use crate::error::Result;
 use crate::image::Resolution;

@@ -5,8 +5,7 @@ use crate::image::{Blur, Resolution};
 /// Wider Gaussians, in pixels, are applied to blocks of pixels, and are at most this wide in blocks.
 const WIDEST: f64 = 3.0;
 
-/// The blur `K = Kᵀ` of an image mirrored at its borders: `√B⁻¹ E K' Eᵀ √B⁻¹`. `Eᵀ` sums blocks, and `B` holds their pixel
-/// counts.
+/// The blur `K = Kᵀ` of an image mirrored at its borders: `√B⁻¹ E K' Eᵀ √B⁻¹`. `Eᵀ` sums blocks; `B` holds their pixel counts.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
     resolution: Resolution,

@@ -46,8 +46,8 @@ pub struct CompensationRow {
     pub residual: f64,
 }
 
-/// The pattern to project, and the photos that it gives. Residuals are `‖b − A x‖ / ‖b‖` over all channels, where `b` is the
-/// target light minus ambient light.
+/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels; `b` is the target light minus
+/// ambient.
 #[derive(Clone, Debug)]
 pub struct Compensation {
     /// The pattern to project, in [floor, 1].
@@ -103,19 +103,18 @@ pub struct Prior {
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// Finds the pattern whose photo is `target` times the peak: solves `A x = b` in each channel, where `b` is the target light
-/// minus ambient light.
+/// Finds the pattern whose photo is `target` times the peak: solves `A x = b` in each channel, `b` being that light minus
+/// ambient.
 ///
 /// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems, and one colour photo
 /// is one product with each; so they are solved in turn, and the photos counted are those of the channel that took most. The
 /// observer of each operator sees its products and may stop them; the baseline is not observed. An answer outside [floor, 1] is
-/// clipped, as by a projector, and both residuals are reported; it is better to use a box-constrained method
-/// ([`Method::KrylovBox`]).
+/// clipped, as by a projector, and both residuals are reported; [`Method::KrylovBox`] keeps the box inside the method.
 ///
 /// # Errors
 /// As [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` if none
-/// is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if the ambient light
-/// is the target already.
+/// is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if there is no
+/// target light.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     wish: &Target,

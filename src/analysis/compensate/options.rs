@@ -8,8 +8,7 @@ use crate::krylov::{Constraint, Method};
 pub struct CompensateOptions {
     /// The method. Default: [`Method::KrylovBox`].
     pub method: Method,
-    /// The most photos that the method may take, besides [`Compensation::preparation`](super::Compensation::preparation). Default
-    /// 20.
+    /// The most photos of the method, besides [`Compensation::preparation`](super::Compensation::preparation). Default 20.
     pub photos: usize,
     /// The relative residual (2-norms) at which the method stops. Default 1e-3.
     pub rtol: f64,
@@ -20,15 +19,15 @@ pub struct CompensateOptions {
     /// The preconditioner of unconstrained methods. Default `None`: [`Precondition::Diagonal`] if the operator is symmetric.
     /// Box-constrained methods take none; they scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
-    /// The standard deviation of the lens's Gaussian blur in pixels, for [`Precondition::Defocus`]. Default `None`: estimated
-    /// from one photo.
+    /// The standard deviation in pixels of the lens's Gaussian blur, for [`Precondition::Defocus`]. Default `None`: from one
+    /// photo.
     pub defocus: Option<f64>,
     /// Whether some lens is out of focus. [`Method::KrylovBox`] then models the light that it has not measured as a mixture of
-    /// blurs, fitted to its photos, and can no longer recognize the optimum. It always does so if the operator is not symmetric.
-    /// Default false.
+    /// blurs, fitted to its photos, and cannot recognize the optimum. It always does so if the operator is not symmetric. Default
+    /// false.
     pub out_of_focus: bool,
-    /// The target's values are mapped from [0, 1] to [`lift`, 1] first, as in the paper, so that less light must be removed. From
-    /// 0 to below 1; default 0.
+    /// Maps the target's values from [0, 1] to [`lift`, 1], as in the paper, so that less light must be removed. From 0 to below
+    /// 1; default 0.
     pub lift: f64,
     /// Whether projected Jacobi runs with as many photos as a baseline, and the effect of clipping is photographed step by step.
     /// On a rig these photos are expensive. Default true.
@@ -49,8 +48,7 @@ pub enum Precondition {
     Direct,
     /// Division by the direct image predicted from the scene's shape alone: [`Prior::geometry`](super::Prior::geometry).
     Geometry,
-    /// Division by the white photo and by the frequencies of an unfocused lens, whose width is given or measured by one more
-    /// photo.
+    /// Division by the white photo and the frequencies of an unfocused lens; its width is given or measured by one more photo.
     Defocus,
 }
 

@@ -40,8 +40,7 @@ pub struct Clusters {
     pub inertia: f64,
 }
 
-/// Groups `n` points of `d` coordinates to minimize `Σ w_i ‖x_i − c(i)‖²`, where `c(i)` is the weighted mean of the point's
-/// group.
+/// Groups `n` points of `d` coordinates to minimize `Σ w_i ‖x_i − c(i)‖²`; `c(i)` is the weighted mean of the point's group.
 ///
 /// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007) finds local
 /// minima; the best of several is returned. An empty group gets the point farthest from its centre; with fewer than `K` distinct

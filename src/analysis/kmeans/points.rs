@@ -34,8 +34,7 @@ impl Points<'_> {
         self.coordinates.iter().map(|column| column[index]).collect()
     }
 
-    /// Draws k-means++ centres: each is a point chosen with probability proportional to its weighted squared distance to the
-    /// earlier ones.
+    /// Draws k-means++ centres, each a point with probability proportional to its weighted squared distance to the earlier ones.
     pub(super) fn start(&self, clusters: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
         let mut centres: Vec<Vec<f64>> = Vec::with_capacity(clusters);
         let mut odds = self.weights.to_vec();

@@ -13,12 +13,10 @@ use crate::operator::{Operator, Product, Recorded, Symmetry};
 pub struct LowRankCapture {
     /// The photos of the process, and so the rank `k` of `W Qᵀ`; at least 1.
     pub photos: usize,
-    /// The first pattern; none for all ones, so that the capture contains the white photo and begins with the smooth patterns
-    /// that dominate global light.
+    /// The first pattern; none for all ones, which makes the white photo part of the capture and begins with smooth patterns.
     pub start: Option<Start>,
     /// Further start vectors of the first block, for a symmetric operator; ignored by others. One start finds one vector per
-    /// eigenspace, and hardly separates similar regions that exchange no light, such as the cups of a carton; [`smooth_starts`]
-    /// do.
+    /// eigenspace and hardly separates similar regions without exchange, such as the cups of a carton; [`smooth_starts`] do.
     pub beside: Vec<Vec<f64>>,
 }
 
@@ -43,8 +41,8 @@ impl Default for LowRankCapture {
 /// break ends the capture with the photos taken so far.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if the operator is not square or `direct` has another length; any
-/// error of the operator.
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square or `direct` does not fit; as the
+/// operator.
 pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCapture) -> Result<LowRank> {
     let n = operator.cols();
     if options.photos == 0 {
@@ -93,8 +91,8 @@ fn run(
 }
 
 /// The part of the last photo that the model of the earlier photos did not predict, `‖w − Q Wᵀ q‖`, relative to the strongest
-/// photo; the model's error falls with it. Patterns have norm 1. Without symmetry, the model predicts nothing for a pattern
-/// orthogonal to all earlier ones.
+/// photo; the model's error falls with it. Patterns have norm 1. Without symmetry, the model predicts nothing for a new
+/// orthogonal pattern.
 fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };
     let mut rest = last.to.clone();

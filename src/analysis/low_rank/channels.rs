@@ -31,8 +31,7 @@ pub struct RankRow {
     pub optimal: Option<f64>,
 }
 
-/// Captures every channel; `global` are operators of the light of two and more bounces (`n × n`), `direct` the direct light of
-/// each.
+/// Captures every channel; `global` are operators of the light of two and more bounces (`n × n`), `direct` their direct light.
 ///
 /// # Errors
 /// As [`capture()`].

@@ -18,8 +18,8 @@ pub struct ErrorRow {
 
 /// The error of each rank up to the model's, given `‖G‖_F` of the captured matrix (without direct light).
 ///
-/// It needs no product: in the Frobenius norm, `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`, and for a symmetric matrix with `T = QᵀW`, `‖G −
-/// G_k‖² = ‖G‖² − 2‖W‖² + ‖T‖²`.
+/// It needs no product: `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`, and for a symmetric matrix with `T = QᵀW`, `‖G − G_k‖² = ‖G‖² − 2‖W‖² +
+/// ‖T‖²`, in the Frobenius norm.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
     let share = |square: f64| (square.max(0.0) / total).sqrt();
@@ -42,8 +42,7 @@ pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
 }
 
 /// The least error of any matrix of each rank up to `ranks` (Eckart and Young, doi:10.1007/BF02288367), from the eigenvalues of
-/// largest magnitude of a symmetric `G`. It takes at most `products` products and is as accurate as the eigenvalues are
-/// converged.
+/// largest magnitude of a symmetric `G`, as far as they converge within `products` products.
 ///
 /// # Errors
 /// As [`eigs`].

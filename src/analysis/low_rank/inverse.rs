@@ -7,16 +7,16 @@
 //! ```
 //!
 //! All eigenvalues of this system are positive and most are near 1, so it takes a few dozen products, which cost no photo with a
-//! model. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005), doi:10.1109/ICCV.2005.25, whose `C₁` is
-//! `D A⁻¹`.
+//! model. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005), doi:10.1109/ICCV.2005.25, call `D A⁻¹`
+//! `C₁`.
 
 use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
 use crate::observer::Observer;
 use crate::operator::{Operator, Symmetry, block};
 
-/// Pixels with less than this share of the greatest direct light count as unlit by the projector: the light that they send on is
-/// attributed to the other pixels.
+/// Pixels with less than this share of the greatest direct light count as unlit; the light that they send on is attributed to
+/// others.
 const DARK: f64 = 1e-6;
 
 /// The result of [`cancel_interreflections`].

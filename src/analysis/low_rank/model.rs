@@ -7,8 +7,7 @@ use crate::krylov::dot;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::sparse::Csr;
 
-/// The model `A ≈ D + G_k` (`n × n`) from `k` photos (see the module). `D` is a diagonal, as for a coaxial pinhole rig, or a
-/// sparse matrix.
+/// The model `A ≈ D + G_k` (`n × n`) from `k` photos (see the module). `D` is a diagonal (coaxial pinholes) or a sparse matrix.
 #[derive(Clone, Debug)]
 pub struct LowRank {
     basis: Vec<Vec<f64>>,
@@ -20,7 +19,7 @@ pub struct LowRank {
 }
 
 impl LowRank {
-    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each); `direct` has `n` values, or
+    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each); `direct` has `n` values or
     /// none.
     ///
     /// # Errors
@@ -185,8 +184,7 @@ impl LowRank {
         }
     }
 
-    /// Computes `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1), plus `from (toᵀ z)` of the rest `z = x − from (fromᵀ x)` if the model
-    /// is symmetric.
+    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1); a symmetric model adds `from (toᵀ z)` of the rest `z = x − from (fromᵀ x)`.
     fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>], side: usize) -> Vec<f64> {
         debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
         let mut y = self.direct_product(x, side);

@@ -27,8 +27,7 @@ impl Planner<'_> {
         segment(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// Segments the twin with the noise of `seed`. `ideal` is the result of [`Planner::ideal_segmentation`]; `labels` are the
-    /// true labels.
+    /// Segments the twin with the noise of `seed`. `ideal` is from [`Planner::ideal_segmentation`]; `labels` are the true labels.
     ///
     /// # Errors
     /// As [`segment`], and any error of the rig.

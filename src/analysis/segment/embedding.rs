@@ -30,19 +30,17 @@ const FLOOR: f64 = 1e-3;
 pub struct Embedding {
     /// The factor of each eigenvector (`k`): `1/√(1 − λ)`, and 0 for the known one, which is constant.
     pub weights: Vec<f64>,
-    /// The range to which the entries of each eigenvector are clamped (`k`): a five-hundredth of the light lies below it, and
-    /// above it.
+    /// The range to which the entries of each eigenvector are clamped (`k`); a five-hundredth of the light lies beyond either
+    /// end.
     pub ranges: Vec<(f64, f64)>,
-    /// The share of each eigenvector's squared norm that clamping leaves (`k`): nearly 1 for regions, nearly 0 for a localized
-    /// eigenvector.
+    /// The share of each eigenvector's squared norm left after clamping (`k`): nearly 1 for regions, nearly 0 if it is localized.
     pub within: Vec<f64>,
     /// The distance of each eigenvalue from the known one (`k`): `1 − λ`; for the average cut, `λ` relative to the mean degree.
     pub(super) gaps: Vec<f64>,
 }
 
 impl Embedding {
-    /// The embedding by eigenvectors `vectors` on `m` nodes with `weights`; the first vector is known, `pairs` belong to the
-    /// others.
+    /// The embedding by `vectors` on `m` nodes with `weights`; the first vector is known, and `pairs` belong to the others.
     pub(super) fn new(
         cut: Cut,
         graph: &Graph,

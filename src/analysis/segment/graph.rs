@@ -3,8 +3,7 @@
 use crate::error::{Error, Result};
 use crate::operator::{Operator, block, block_mut};
 
-/// Below this share, the light of masked pixels needs no second photo: the known eigenvector is then accurate to its square root,
-/// 1e-8.
+/// Below this share, the light of masked pixels needs no second photo: the known eigenvector is accurate to its root, 1e-8.
 const NEGLIGIBLE_LEAK: f64 = 1e-16;
 
 /// The graph's nodes (the `m` of `n` pixels that are not masked) and their degrees.
@@ -24,14 +23,13 @@ impl Graph {
     /// Measures the graph from one or two photos; `white` is the first, `G 1`.
     ///
     /// Pixels with a degree of at most `mask_below` times the median are masked: they contain only noise, and a tiny degree makes
-    /// a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels above it), so that a dark
-    /// background does not affect it.
+    /// a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels above it), so a dark background
+    /// has no effect.
     ///
     /// The degree must match the masked matrix, `D = diag(G_m 1_m)`, but `G 1` includes light exchanged with masked pixels. By
     /// symmetry this is at most the sum `t` of the masked degrees. If it is zero (or `√(t/Σd)` ≤ 1e-8), `white` suffices.
     /// Otherwise `masked_photo` takes the photo of the mask as a pattern (1 on kept pixels, 0 elsewhere), whose values *are* the
-    /// degrees. Pixels whose degree is now too low are masked as well, without another photo, and [`Graph::leak`] bounds their
-    /// light.
+    /// degrees. Pixels whose degree is now too low are masked too, without another photo, and [`Graph::leak`] bounds their light.
     ///
     /// # Errors
     /// [`Error::Numerical`] if `white` contains a NaN or an infinity, or no pixel sees global light; any error of `masked_photo`.

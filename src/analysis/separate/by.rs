@@ -74,8 +74,7 @@ impl SeparateBy {
 /// Separates with `operator`, all of the light of a coaxial rig (`n × n`).
 ///
 /// # Errors
-/// [`Error::Option`] naming `--by` if the operator is not symmetric, as another projector pixel then lights what a pixel sees; as
-/// the method.
+/// [`Error::Option`] naming `--by` if the operator is not symmetric (another pixel then lights what a pixel sees); as the method.
 pub fn separate(
     operator: &mut dyn Operator,
     resolution: Resolution,

@@ -44,8 +44,7 @@ pub fn checkerboards(
 /// spaced phases, along rows and along columns.
 ///
 /// # Errors
-/// [`Error::Option`] for a period below 2 pixels or fewer than 3 phases; [`Error::Dimension`] if sizes differ; any error of the
-/// operator.
+/// [`Error::Option`] for a period below 2 pixels or fewer than 3 phases; [`Error::Dimension`] if sizes differ; as the operator.
 pub fn sinusoids(
     operator: &mut dyn Operator,
     resolution: Resolution,

@@ -24,7 +24,7 @@ pub struct NearFar {
     pub error: Option<f64>,
 }
 
-/// The options of [`near_far`].
+/// The options of [`near_far()`].
 #[derive(Clone, Copy, Debug)]
 pub struct NearFarOptions {
     /// `σ` in pixels.
