@@ -70,8 +70,7 @@ pub(super) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     })
 }
 
-/// The displacement at which the sorted cumulative sum reaches half of the total: cells at an object's border have only a part of
-/// its displacement and must not count like the others.
+/// The displacement at which the sorted cumulative sum reaches half: cells at an object's border have only a part of its own.
 fn middle(mut displacements: Vec<f64>) -> f64 {
     displacements.sort_by(f64::total_cmp);
     let half = 0.5 * displacements.iter().sum::<f64>();

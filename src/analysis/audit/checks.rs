@@ -97,8 +97,8 @@ pub(super) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Check {
     )
 }
 
-/// `‖A − Aᵀ‖/‖A‖` from pairs of random sign vectors `x, y`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²` and `E (yᵀ A x)² = ‖A‖²`. The
-/// photos show the patterns `(1 + x)/2`.
+/// `‖A − Aᵀ‖/‖A‖` from random signs `x, y`, photographed as `(1 + x)/2`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, `E (yᵀ A x)² =
+/// ‖A‖²`.
 pub(in crate::analysis) fn symmetry(
     patterns: &[Vec<f64>],
     photos: &[Seen],

@@ -46,8 +46,8 @@ pub struct CompensationRow {
     pub residual: f64,
 }
 
-/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels; `b` is the target light minus
-/// ambient.
+/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels; `b` is the target minus ambient
+/// light.
 #[derive(Clone, Debug)]
 pub struct Compensation {
     /// The pattern to project, in [floor, 1].
@@ -103,8 +103,8 @@ pub struct Prior {
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// Finds the pattern whose photo is `target` times the peak: solves `A x = b` in each channel, `b` being that light minus
-/// ambient.
+/// Finds the pattern whose photo is `target` times the peak: solves `A x = b` in each channel, `b` being that minus ambient
+/// light.
 ///
 /// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems, and one colour photo
 /// is one product with each; so they are solved in turn, and the photos counted are those of the channel that took most. The
@@ -113,8 +113,8 @@ pub struct Prior {
 ///
 /// # Errors
 /// As [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` if none
-/// is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if there is no
-/// target light.
+/// is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if no target light
+/// is left.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     wish: &Target,

@@ -73,8 +73,7 @@ impl Target {
         }
     }
 
-    /// The default peak, half the median of the white photo with ambient light: an evenly bright scene can then be twice as
-    /// bright.
+    /// The default peak, half the median of the white photo with ambient light: an even scene could then be twice as bright.
     pub(super) fn default_peak(&self, white: &[Vec<f64>]) -> Result<f64> {
         let seen = white.iter().zip(&self.ambient).flat_map(|(w, a)| w.iter().zip(a).map(|(w, a)| w + a));
         match 0.5 * median(seen.collect()) {

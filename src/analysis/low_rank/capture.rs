@@ -41,8 +41,7 @@ impl Default for LowRankCapture {
 /// break ends the capture with the photos taken so far.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square or `direct` does not fit; as the
-/// operator.
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square or `direct` misfits; as the operator.
 pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCapture) -> Result<LowRank> {
     let n = operator.cols();
     if options.photos == 0 {
@@ -90,8 +89,8 @@ fn run(
     Ok(process.basis().to_vec())
 }
 
-/// The part of the last photo that the model of the earlier photos did not predict, `‖w − Q Wᵀ q‖`, relative to the strongest
-/// photo; the model's error falls with it. Patterns have norm 1. Without symmetry, the model predicts nothing for a new
+/// The part of the last photo that the model of the earlier ones did not predict, `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1,
+/// relative to the strongest photo. The model's error falls with it. Without symmetry, the model predicts nothing for a new
 /// orthogonal pattern.
 fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };

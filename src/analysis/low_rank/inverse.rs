@@ -6,17 +6,16 @@
 //! (I + G D⁻¹) z = y
 //! ```
 //!
-//! All eigenvalues of this system are positive and most are near 1, so it takes a few dozen products, which cost no photo with a
-//! model. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005), doi:10.1109/ICCV.2005.25, call `D A⁻¹`
-//! `C₁`.
+//! All eigenvalues of this system are positive and most are near 1, so it takes a few dozen products; with a model they cost no
+//! photo. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005), doi:10.1109/ICCV.2005.25; `D A⁻¹` is
+//! their `C₁`.
 
 use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
 use crate::observer::Observer;
 use crate::operator::{Operator, Symmetry, block};
 
-/// Pixels with less than this share of the greatest direct light count as unlit; the light that they send on is attributed to
-/// others.
+/// Pixels with less than this share of the greatest direct light count as unlit; other pixels account for the light they send.
 const DARK: f64 = 1e-6;
 
 /// The result of [`cancel_interreflections`].

@@ -30,8 +30,7 @@ const FLOOR: f64 = 1e-3;
 pub struct Embedding {
     /// The factor of each eigenvector (`k`): `1/√(1 − λ)`, and 0 for the known one, which is constant.
     pub weights: Vec<f64>,
-    /// The range to which the entries of each eigenvector are clamped (`k`); a five-hundredth of the light lies beyond either
-    /// end.
+    /// The range to which the entries of each eigenvector are clamped (`k`); a five-hundredth of the light is beyond each end.
     pub ranges: Vec<(f64, f64)>,
     /// The share of each eigenvector's squared norm left after clamping (`k`): nearly 1 for regions, nearly 0 if it is localized.
     pub within: Vec<f64>,

@@ -23,8 +23,8 @@ impl Graph {
     /// Measures the graph from one or two photos; `white` is the first, `G 1`.
     ///
     /// Pixels with a degree of at most `mask_below` times the median are masked: they contain only noise, and a tiny degree makes
-    /// a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels above it), so a dark background
-    /// has no effect.
+    /// a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels above it), to ignore dark
+    /// backgrounds.
     ///
     /// The degree must match the masked matrix, `D = diag(G_m 1_m)`, but `G 1` includes light exchanged with masked pixels. By
     /// symmetry this is at most the sum `t` of the masked degrees. If it is zero (or `√(t/Σd)` ≤ 1e-8), `white` suffices.
