@@ -97,8 +97,7 @@ pub(super) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Check {
     )
 }
 
-/// `‖A − Aᵀ‖/‖A‖` from random signs `x, y`, photographed as `(1 + x)/2`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, `E (yᵀ A x)² =
-/// ‖A‖²`.
+/// `‖A − Aᵀ‖/‖A‖` from photos of `(1 + x)/2` for random signs `x`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, `E (yᵀ A x)² = ‖A‖²`.
 pub(in crate::analysis) fn symmetry(
     patterns: &[Vec<f64>],
     photos: &[Seen],

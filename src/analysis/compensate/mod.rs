@@ -46,8 +46,7 @@ pub struct CompensationRow {
     pub residual: f64,
 }
 
-/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels; `b` is the target minus ambient
-/// light.
+/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels, `b` the target minus ambient light.
 #[derive(Clone, Debug)]
 pub struct Compensation {
     /// The pattern to project, in [floor, 1].
@@ -103,8 +102,7 @@ pub struct Prior {
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// Finds the pattern whose photo is `target` times the peak: solves `A x = b` in each channel, `b` being that minus ambient
-/// light.
+/// Finds the pattern whose photo is `target` times the peak: solves `A x = b` per channel, where `b` is that minus ambient light.
 ///
 /// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems, and one colour photo
 /// is one product with each; so they are solved in turn, and the photos counted are those of the channel that took most. The

@@ -19,15 +19,13 @@ pub struct CompensateOptions {
     /// The preconditioner of unconstrained methods. Default `None`: [`Precondition::Diagonal`] if the operator is symmetric.
     /// Box-constrained methods take none; they scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
-    /// The standard deviation in pixels of the lens's blur, for [`Precondition::Defocus`]. Default `None`: estimated from one
-    /// photo.
+    /// The standard deviation in pixels of the lens's blur, for [`Precondition::Defocus`]. Default `None`: measured by one photo.
     pub defocus: Option<f64>,
     /// Whether some lens is out of focus. [`Method::KrylovBox`] then models the light that it has not measured as a mixture of
-    /// blurs, fitted to its photos, and cannot recognize the optimum. It also does so if the operator is not symmetric. Default
+    /// blurs, fitted to its photos, and cannot recognize the optimum. The same applies if the operator is not symmetric. Default
     /// false.
     pub out_of_focus: bool,
-    /// Maps the target's values from [0, 1] to [`lift`, 1], as in the paper: less light must be removed. From 0 to below 1;
-    /// default 0.
+    /// Maps the target from [0, 1] to [`lift`, 1], as in the paper: less light must be removed. From 0 to below 1; default 0.
     pub lift: f64,
     /// Whether projected Jacobi runs with as many photos as a baseline, and the effect of clipping is photographed step by step.
     /// On a rig these photos are expensive. Default true.

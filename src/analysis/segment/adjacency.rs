@@ -8,8 +8,7 @@ use crate::operator::{Operator, Symmetry, block};
 /// `N = D^-½ W D^-½` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
 /// Its largest eigenvectors `v` give the smallest ones of the normalized cut, `(D − W) u = (1 − λ) D u` with `u = D^-½ v`,
-/// without an inverse. `λ = 1` with `v = D^½ 1` is known (Shi and Malik, doi:10.1109/34.868688). A product is a photo of `D^-½
-/// x`.
+/// without an inverse. `λ = 1`, `v = D^½ 1` is known (Shi and Malik, doi:10.1109/34.868688). A product is a photo of `D^-½ x`.
 pub struct NormalizedAdjacency<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,

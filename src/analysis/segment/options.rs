@@ -35,7 +35,7 @@ pub struct SegmentOptions {
     pub cut: Cut,
     /// The weight `μ ≥ 0` added to every edge (in units of `G`), which makes small groups less likely. Default 0.
     pub mu: f64,
-    /// Pixels with at most this share, in [0, 1), of the median degree are masked ([`Graph`](super::Graph::measure)). Default
+    /// Pixels with at most this share, in [0, 1), of the median degree are masked: [`Graph`](super::Graph::measure). Default
     /// 0.01.
     pub mask_below: f64,
     /// The capture ends early once every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
