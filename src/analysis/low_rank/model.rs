@@ -19,8 +19,8 @@ pub struct LowRank {
 }
 
 impl LowRank {
-    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each); `direct` has `n` values, or
-    /// 0.
+    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each); `direct` has `n`, or is
+    /// empty.
     ///
     /// # Errors
     /// [`Error::Dimension`] if sizes differ.
