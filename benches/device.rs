@@ -1,5 +1,5 @@
-//! What the adapter at hand gives: tracing in rays a second with the longest dispatch, and products with the matrix in its memory beside
-//! plain copies there. `cargo bench --bench device`, with `-- --force` also for products on software Vulkan; see `docs/gpu.md`.
+//! Speed of the graphics adapter: tracing in rays per second with the longest dispatch, and GPU matrix products against copies in
+//! GPU memory. `cargo bench --bench device`; `-- --force` also measures products on software Vulkan; see `docs/gpu.md`.
 
 use std::time::{Duration, Instant};
 
@@ -8,16 +8,16 @@ use krylux::render::{AdapterSummary, TraceSettings, Tracer};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Channels, GpuMatrix, Part, TransportMatrix, assemble};
 
-/// Repetitions of each measurement; products and copies take turns.
+/// Repetitions of each measurement; products and copies alternate.
 const TURNS: usize = 9;
-/// What a measurement is to take at least, in seconds.
+/// Minimum duration of a measurement, in seconds.
 const ENOUGH: f64 = 0.1;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Outcome<()> {
     let has = |wanted: &str| std::env::args().any(|argument| argument == wanted);
-    // `cargo test --benches` passes this; there is nothing to test here.
+    // `cargo test --benches` passes `--test`; there is nothing to test here.
     if has("--test") {
         return Ok(());
     }
@@ -51,12 +51,12 @@ fn main() -> Outcome<()> {
     Ok(())
 }
 
-/// The one that is used where none is asked for.
+/// The adapter that is chosen by default.
 fn adapter() -> Outcome<AdapterSummary> {
     Ok(Tracer::new(&builtin::corner().to_scene(), None)?.adapter().clone())
 }
 
-/// Traces twice, since the first dispatches compile, and says how the second one went.
+/// Traces twice, since the first dispatches compile the kernel, and prints the figures of the second pass.
 fn trace(scene: &Scene, side: usize) -> Outcome<(Tracer, TransportMatrix)> {
     let mut tracer = Tracer::new(scene, None)?;
     let settings = TraceSettings::new(Resolution::new(side, side), 64);
@@ -89,7 +89,7 @@ fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
     let mut y = vec![0.0; rows];
     resident.apply(Part::Full, 0, &x, &mut y)?;
     let times = enough(|count| resident.time_products(count))?;
-    // A copy reads and writes: half as many bytes move as many.
+    // A copy reads and writes each byte: it moves as many bytes as a product if it copies half as many.
     let adapter = tracer.adapter();
     let half = (bytes / 2).min(adapter.max_storage_binding).min(adapter.max_buffer);
     let copies = enough(|count| resident.time_copies(half, count))?;
@@ -133,13 +133,13 @@ fn products(tracer: &Tracer, matrix: &TransportMatrix) -> Outcome<()> {
     Ok(())
 }
 
-/// How many make a time that can be told.
+/// Number of repetitions of `work` that last long enough to be timed reliably.
 fn enough(mut work: impl FnMut(u32) -> krylux::Result<Duration>) -> krylux::Result<u32> {
     work(1)?;
     Ok((ENOUGH / work(1)?.as_secs_f64().max(1e-7)).ceil().clamp(1.0, 1000.0) as u32)
 }
 
-/// Median and range, in three digits.
+/// Median and range, with three digits.
 fn spread(mut values: Vec<f64>) -> String {
     values.sort_by(f64::total_cmp);
     let middle = values[values.len() / 2];

@@ -1,5 +1,5 @@
-//! Time and memory of making a matrix against pixels (64² to 1024²), samples (16 to 1024) and triangles (10² to 10⁶). `cargo bench --bench
-//! growth`, with `-- --svg DIR` for the plots; see `benches/README.md`.
+//! Time and memory of computing a matrix, against pixels (64² to 1024²), samples (16 to 1024) and triangles (10² to 10⁶). `cargo
+//! bench --bench growth`; `-- --svg DIR` writes the plots; see `benches/README.md`.
 
 use std::path::Path;
 use std::time::Instant;
@@ -13,7 +13,7 @@ use krylux::transport::{Channels, assemble};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// One point of a sweep. Zigzag, or the tessellated box where triangles are asked for.
+/// One point of a sweep: the zigzag, or the tessellated box if a number of triangles is given.
 #[derive(Clone, Copy)]
 struct Case {
     side: usize,
@@ -23,13 +23,13 @@ struct Case {
 
 const BASE: Case = Case { side: 128, samples: 64, triangles: None };
 
-/// What one process measured.
+/// Measurements of one process.
 struct Figures {
-    /// Scene to device, kernel, light buffer; seconds.
+    /// Time for scene upload, kernel and light buffer, in seconds.
     opening: f64,
-    /// Tracing and matrix; seconds.
+    /// Time for tracing and matrix assembly, in seconds.
     seconds: f64,
-    /// Memory before that, at its peak, and of the matrix; MiB.
+    /// Memory before tracing, peak memory, and memory of the matrix, in MiB.
     start: f64,
     peak: f64,
     matrix: f64,
@@ -40,12 +40,12 @@ impl Case {
         self.triangles.map_or_else(|| builtin::zigzag().to_scene(), builtin::tessellated_box)
     }
 
-    /// Light paths, in millions.
+    /// Number of light paths, in millions.
     fn paths(self) -> f64 {
         (self.side * self.side) as f64 * f64::from(self.samples) / 1e6
     }
 
-    /// Measured in a process of its own, so that nothing before it counts.
+    /// Measures in a separate process, so that earlier memory use does not count.
     fn figures(self) -> Outcome<Figures> {
         let triangles = self.triangles.unwrap_or_default().to_string();
         let child = std::process::Command::new(std::env::current_exe()?)
@@ -67,7 +67,7 @@ fn main() -> Outcome<()> {
         let at = arguments.iter().position(|argument| argument == name)?;
         arguments.get(at + nth).map(String::as_str)
     };
-    // `cargo test --benches` passes this; there is nothing to test here.
+    // `cargo test --benches` passes `--test`; there is nothing to test here.
     if arguments.iter().any(|argument| argument == "--test") {
         return Ok(());
     }
@@ -139,12 +139,12 @@ fn write(folder: &str, name: &str, x_label: &str, y_label: &str, series: Vec<Ser
     Ok(atomic::write_bytes(&path, plot.render().as_bytes())?)
 }
 
-/// Prints the figures of one case.
+/// Prints the measurements of one case.
 fn measure(case: Case) -> Outcome<()> {
     let scene = case.scene();
     let start = Instant::now();
     let mut tracer = Tracer::new(&scene, None)?;
-    // Compiles the kernel.
+    // Compiles the kernel before the measurement.
     assemble(&mut tracer, &TraceSettings::new(Resolution::new(8, 8), 1), Channels::Luma)?;
     let opening = start.elapsed().as_secs_f64();
     let before = status("VmHWM:")?;
@@ -157,7 +157,7 @@ fn measure(case: Case) -> Outcome<()> {
     Ok(())
 }
 
-/// A line of the kernel's record of this process, in MiB.
+/// An entry of this process's `/proc/self/status`, in MiB.
 fn status(name: &str) -> Outcome<f64> {
     let status = std::fs::read_to_string("/proc/self/status")?;
     let line = status.lines().find_map(|line| line.strip_prefix(name)).ok_or("no such line")?;

@@ -1,5 +1,5 @@
-//! What a photo costs on a rig of real protocols: a window of an X server without a screen, and a GigE Vision camera on the
-//! loopback interface. `cargo bench --bench photos`; see `benches/README.md`.
+//! Time per photo on a rig with real protocols: a window of a headless X server, and a GigE Vision camera on the loopback
+//! interface. `cargo bench --bench photos`; see `benches/README.md`.
 
 #![allow(clippy::panic, reason = "the test's camera panics when it fails")]
 
@@ -21,14 +21,14 @@ use rand_pcg::Pcg64;
 use x_server::XServer;
 
 const SIZE: Resolution = Resolution { width: 128, height: 96 };
-/// Photos that are measured, after some that are not.
+/// Number of measured photos, after `BEFORE` warm-up photos.
 const PHOTOS: usize = 60;
 const BEFORE: usize = 5;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 fn main() -> Outcome<()> {
-    // `cargo test --benches` passes this; there is nothing to test here.
+    // `cargo test --benches` passes `--test`; there is nothing to test here.
     if std::env::args().any(|argument| argument == "--test") {
         return Ok(());
     }
@@ -49,15 +49,15 @@ fn main() -> Outcome<()> {
     Row { refreshes: 60, settle_frames: 1, exposure: 0.004, magnify: 8 }.measure()
 }
 
-/// One way of taking photos.
+/// One configuration of the rig.
 struct Row {
-    /// Of the server, a second.
+    /// Refreshes of the X server per second.
     refreshes: u32,
-    /// Those that pass after a confirmation.
+    /// Refreshes to wait after the window confirms a pattern.
     settle_frames: u64,
-    /// Seconds.
+    /// Exposure time in seconds.
     exposure: f64,
-    /// Of the server's pixels for one of a pattern's, on a side.
+    /// Screen pixels per pattern pixel, on each side.
     magnify: usize,
 }
 
@@ -125,7 +125,7 @@ impl Row {
     }
 }
 
-/// A sheet that white fills half of the counts on, within an exposure.
+/// A sheet whose white photo fills half of the sensor's range within `exposure` seconds.
 fn sheet(exposure: f64) -> Outcome<Scene> {
     let pixels = SIZE.pixels();
     let mut rig = VirtualRig::ideal(VirtualScene::Matrix { path: "sheet.npz".into(), size: SIZE });

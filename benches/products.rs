@@ -1,5 +1,5 @@
-//! Products with the frozen matrix against the machine's memory bandwidth, at 128×128 and 512×512: against a STREAM triad over
-//! arrays that no cache holds, and against one over as many bytes, some of which may. `cargo bench --bench
+//! Memory bandwidth of products with the transport matrix at 128×128 and 512×512, compared with two STREAM triads: one over
+//! arrays larger than all caches, and one over the product's number of bytes, which may be cached in part. `cargo bench --bench
 //! products`; see `benches/README.md`.
 
 use std::time::Instant;
@@ -12,15 +12,15 @@ use rayon::prelude::*;
 
 /// Repetitions of each measurement.
 const TURNS: usize = 21;
-/// Bytes of the triad that measures memory: four times the largest cache that processors have today.
+/// Bytes of the triad that measures main memory: four times the largest processor cache of today.
 const BEYOND_CACHES: usize = 2 << 30;
-/// Entries of each of a triad's vectors that one task takes.
+/// Entries of each of a triad's vectors per parallel task.
 const TASK: usize = 1 << 14;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 fn main() -> Outcome {
-    // `cargo test --benches` passes this; there is nothing to test here.
+    // `cargo test --benches` passes `--test`; there is nothing to test here.
     if std::env::args().any(|argument| argument == "--test") {
         return Ok(());
     }
@@ -48,13 +48,13 @@ fn main() -> Outcome {
     Ok(())
 }
 
-/// One scene's product beside a triad that moves as many bytes, and one of memory's.
+/// Measures one scene's product, a triad over the same number of bytes, and the main-memory triad.
 fn measure(name: &str, scene: &Scene, side: usize, memory: &mut Triad) -> Outcome {
     let mut tracer = Tracer::new(scene, None)?;
     let settings = TraceSettings::new(Resolution::new(side, side), 64);
     let matrix = assemble(&mut tracer, &settings, Channels::Luma)?.matrix;
     let pixels = side * side;
-    // Weights and columns once, the pattern read and the photo written once.
+    // A product reads weights, columns and the pattern once and writes the photo once.
     let bytes = matrix.bytes() + 16 * pixels;
     let x: Vec<f64> = (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.5).collect();
     let mut y = vec![0.0; pixels];
@@ -87,7 +87,7 @@ fn multiply(matrix: &TransportMatrix, x: &[f64], y: &mut [f64]) {
     matrix.apply(Part::Full, 0, x, y);
 }
 
-/// `a ← b + 3 c`, as the STREAM benchmark has it: two vectors read, one written.
+/// `a ← b + 3 c` as in the STREAM benchmark: two vectors are read, one is written.
 struct Triad {
     a: Vec<f64>,
     b: Vec<f64>,
@@ -114,7 +114,7 @@ impl Triad {
     }
 }
 
-/// GB/s of the best of three.
+/// Best rate of three runs, in GB/s.
 fn rate(bytes: usize, mut work: impl FnMut()) -> f64 {
     let once = |work: &mut dyn FnMut()| {
         let start = Instant::now();

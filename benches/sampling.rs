@@ -1,4 +1,4 @@
-//! What scrambled Sobol points save: the variance of photo and matrix against independent random numbers, at equal time.
+//! Benefit of scrambled Sobol points: variances of photo and matrix compared with independent random numbers, at equal time.
 //! `cargo bench --bench sampling`; see `benches/README.md`.
 
 use krylux::image::Resolution;
@@ -9,11 +9,11 @@ use krylux::transport::{Channels, Part, assemble};
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 const SIDE: usize = 32;
-/// Independent runs: a variance summed over 1024 pixels is told to about a per cent.
+/// Independent runs: they determine a variance summed over 1024 pixels to about one per cent.
 const SEEDS: u32 = 24;
 
 fn main() -> Outcome {
-    // `cargo test --benches` passes this; there is nothing to test here.
+    // `cargo test --benches` passes `--test`; there is nothing to test here.
     if std::env::args().any(|argument| argument == "--test") {
         return Ok(());
     }
@@ -34,7 +34,7 @@ fn main() -> Outcome {
     Ok(())
 }
 
-/// Sums over independent runs, from which the variance comes.
+/// Sums over independent runs that yield the variance.
 #[derive(Default)]
 struct Spread {
     count: f64,
@@ -50,7 +50,7 @@ impl Spread {
         self.count += 1.0;
     }
 
-    /// Summed over all values.
+    /// The variance, summed over all values.
     fn variance(&self) -> f64 {
         let of_mean = self.sums.iter().map(|sum| sum * sum).sum::<f64>() / self.count;
         (self.squares - of_mean) / (self.count - 1.0)
@@ -69,7 +69,7 @@ fn compare(name: &str, scene: &Scene, samples: u32) -> Outcome {
     let mut tracer = Tracer::new(scene, None)?;
     let mut measured = [Measured::default(), Measured::default()];
     for seed in 0..SEEDS {
-        // In turns, so that both meet the same company on the machine.
+        // The samplers alternate, so that both see the same load of the machine.
         for (sampler, measured) in [Sampler::Sobol, Sampler::Independent].into_iter().zip(&mut measured) {
             let base = TraceSettings::new(Resolution::new(SIDE, SIDE), samples);
             measured.run(&mut tracer, &TraceSettings { seed, sampler, ..base })?;

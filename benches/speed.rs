@@ -1,4 +1,4 @@
-//! How fast tracing, products and a whole run are, as ratios taken in one process. `cargo bench`; see `benches/README.md`.
+//! Speed of tracing, products and a whole run, as ratios measured in one process. `cargo bench`; see `benches/README.md`.
 
 use std::time::{Duration, Instant};
 
@@ -8,17 +8,17 @@ use krylux::render::{TraceSettings, TraceSummary, Tracer};
 use krylux::scene::{Scene, builtin};
 use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Retraced, Transport, assemble};
 
-/// Turns of each measurement; medians and ranges are printed.
+/// Repetitions of each measurement; median and range are printed.
 const TURNS: usize = 5;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 fn main() -> Outcome {
-    // `cargo test --benches` passes this; there is nothing to test here.
+    // `cargo test --benches` passes `--test`; there is nothing to test here.
     if std::env::args().any(|argument| argument == "--test") {
         return Ok(());
     }
-    // A process of its own, so that nothing before it counts.
+    // Peak memory is measured in a separate process, so that earlier memory use does not count.
     if std::env::args().any(|argument| argument == "--peak-memory") {
         return print_peak_memory();
     }
@@ -39,7 +39,7 @@ fn trace(tracer: &mut Tracer, settings: &TraceSettings) -> krylux::Result<Assemb
     assemble(tracer, settings, Channels::Luma)
 }
 
-/// Paths and rays per second, by the number of triangles.
+/// Paths and rays per second for several numbers of triangles.
 fn tracing() -> Outcome {
     println!("tracing, 128x128, 64 samples, 6 bounces");
     for triangles in [100, 100_000] {
@@ -68,7 +68,7 @@ fn tracing() -> Outcome {
     Ok(())
 }
 
-/// A product, a traced photo and a run of 50 photos, each against the tracing pass.
+/// Times of a product, a traced photo and a run of 50 photos, each relative to the tracing pass.
 fn whole_run(name: &str, scene: &Scene) -> Outcome {
     println!("{name}, 128x128, 64 samples, 6 bounces");
     let settings = settings(128, 64);
@@ -106,7 +106,7 @@ fn whole_run(name: &str, scene: &Scene) -> Outcome {
     Ok(())
 }
 
-/// All photos of a segmentation, to the last one allowed.
+/// Takes all photos of a segmentation, without stopping early.
 fn capture(traced: &Assembled) -> krylux::Result<Capture> {
     let mut operator = MatrixOperator::new(&traced.matrix, Part::Global, 0);
     let mut capture =

@@ -1,4 +1,4 @@
-//! What the Krylov methods' own vector work costs beside the products that they ask for, at 512×512. `cargo bench`; see
+//! Time of the Krylov methods' own vector operations compared with the products that they request, at 512×512. `cargo bench`; see
 //! `benches/README.md`.
 
 use std::time::{Duration, Instant};
@@ -11,13 +11,13 @@ use krylux::scene::builtin;
 use krylux::transport::{Channels, MatrixOperator, Part, assemble};
 
 const SIDE: usize = 512;
-/// Basis vectors at which a step is measured.
+/// Number of basis vectors at which a step is measured.
 const VECTORS: usize = 50;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 fn main() -> Outcome {
-    // `cargo test --benches` passes this; there is nothing to test here.
+    // `cargo test --benches` passes `--test`; there is nothing to test here.
     if std::env::args().any(|argument| argument == "--test") {
         return Ok(());
     }
@@ -40,7 +40,7 @@ fn main() -> Outcome {
     Ok(())
 }
 
-/// An operator that knows how long its products took.
+/// An operator that accumulates the time of its products.
 struct Timed<'a> {
     matrix: MatrixOperator<'a>,
     inside: Duration,
@@ -88,13 +88,13 @@ fn orthogonalization(matrix: MatrixOperator<'_>) -> Outcome {
     Ok(())
 }
 
-/// Whole runs of solvers: what they do themselves, beside the products.
+/// Whole solver runs: the solver's own time compared with the time of the products.
 fn solvers(matrix: MatrixOperator<'_>) -> Outcome {
     let n = SIDE * SIDE;
     let mut white = vec![0.0; n];
     let mut timed = Timed { matrix, inside: Duration::ZERO };
     timed.apply(&vec![1.0; n], &mut white)?;
-    // Stripes that are brighter than the white photo, and darker.
+    // The target: stripes with 0.9 and 0.1 times the white photo.
     let wish: Vec<f64> = white
         .iter()
         .enumerate()

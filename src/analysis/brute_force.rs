@@ -1,4 +1,4 @@
-//! A matrix by one photo for each of its columns: on a small rig the truth that everything else can be compared with.
+//! The transport matrix by one photo per column: on a small rig, the reference for all other methods.
 
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -6,10 +6,10 @@ use crate::operator::{Operator, each_product};
 use crate::sparse::Csr;
 use crate::transport::Channels;
 
-/// Photos that may be taken where no limit is given.
+/// The number of photos allowed by default.
 const PHOTOS: usize = 4096;
 
-/// Refuses what would take more photos than are allowed.
+/// Refuses a measurement that would take more photos than allowed.
 ///
 /// # Errors
 /// [`Error::Option`] naming `--photos`.
@@ -28,10 +28,10 @@ pub fn check_photos(resolution: Resolution, channels: Channels, allowed: Option<
     })
 }
 
-/// The matrix, column by column. Every entry that is not exactly 0 is kept, noise included.
+/// Measures the matrix column by column. Every entry that is not exactly 0 is stored, noise included.
 ///
 /// # Errors
-/// What keeps a photo from being taken.
+/// Any error of taking a photo.
 pub fn columns(operator: &mut dyn Operator) -> Result<Csr> {
     let (rows, count) = (operator.rows(), operator.cols());
     let mut entries: Vec<Vec<(u32, f64)>> = vec![Vec::new(); rows];

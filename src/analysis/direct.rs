@@ -1,7 +1,6 @@
-//! The operator that a question is put to: all of the light, less its direct part, blurred or not.
+//! The operator of an analysis: all of the light, or without its direct part, blurred or not.
 //!
-//! A coaxial rig's direct light is the diagonal of `A`, and much of it. A simulator leaves it out; from photos it is measured first and
-//! then subtracted, by arithmetic and not by light.
+//! On a coaxial rig, direct light is the diagonal of `A`, and a large part of it. Simulators omit it; rigs measure and subtract.
 
 use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};
@@ -12,17 +11,17 @@ use crate::operator::{Operator, Symmetry, block, block_mut};
 /// How the direct light is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DirectMethod {
-    /// By Nayar's checkerboards with squares of so many pixels, shifted to as many places: `shifts²` photos
-    /// ([`checkerboards`]). Too much light is direct where global light sees the squares.
+    /// Nayar's checkerboards with squares of `square` pixels, shifted to `shifts²` places, one photo each ([`checkerboards`]).
+    /// The direct light is overestimated where global light resolves the squares.
     Checkerboards {
-        /// Pixels of a square's side.
+        /// Side of a square in pixels.
         square: usize,
-        /// Places in each direction.
+        /// Number of places in each direction.
         shifts: usize,
     },
-    /// By so many patterns of random signs and the white one ([`random_patterns`]): right on average, noisy.
+    /// Patterns of random signs and the white one ([`random_patterns`]): unbiased, but noisy.
     Estimator {
-        /// Photos of random patterns.
+        /// Number of random patterns.
         photos: usize,
     },
 }
@@ -43,17 +42,17 @@ pub fn measure_direct(
     }
 }
 
-/// `A − diag(d)`. As symmetric as `A`; a product is one photo.
+/// The operator `A − diag(d)`, with the symmetry of `A`. A product is one photo.
 pub struct WithoutDirect<'a> {
     operator: &'a mut dyn Operator,
     direct: &'a [f64],
 }
 
 impl<'a> WithoutDirect<'a> {
-    /// Of `A` (`n × n`) and `d` (`n`).
+    /// The operator for `A` (`n × n`) and `d` (`n`).
     ///
     /// # Errors
-    /// [`Error::Dimension`].
+    /// [`Error::Dimension`] if the sizes differ.
     pub fn new(operator: &'a mut dyn Operator, direct: &'a [f64]) -> Result<Self> {
         if [operator.rows(), operator.cols()].iter().any(|&side| side != direct.len()) {
             return Err(Error::Dimension {
@@ -107,9 +106,9 @@ impl Operator for WithoutDirect<'_> {
     }
 }
 
-/// `K A K`, with one Gaussian `K = Kᵀ` for pattern and photo: as symmetric as `A`, where a blur of the photo alone would not be. What
-/// neighbours see is averaged, and so is noise; light whose way is shorter than the blur counts as direct no more than before.
-/// A product is one photo.
+/// The operator `K A K` with one Gaussian `K = Kᵀ` for pattern and photo. It has the symmetry of `A`, which a blur of the photo
+/// alone would break. The blur averages neighbouring pixels, and so their noise; light paths shorter than the blur are not
+/// treated as direct light. A product is one photo.
 pub struct Blurred<'a> {
     operator: &'a mut dyn Operator,
     blur: Blur,
@@ -117,10 +116,10 @@ pub struct Blurred<'a> {
 }
 
 impl<'a> Blurred<'a> {
-    /// Of `A` (`n × n`).
+    /// The operator for `A` (`n × n`).
     ///
     /// # Errors
-    /// [`Error::Dimension`] when it is not of the blur's pixels.
+    /// [`Error::Dimension`] if the blur has another number of pixels.
     pub fn new(operator: &'a mut dyn Operator, blur: Blur) -> Result<Self> {
         let pixels = blur.resolution().pixels();
         if [operator.rows(), operator.cols()].iter().any(|&side| side != pixels) {
@@ -176,7 +175,7 @@ impl Operator for Blurred<'_> {
 mod tests {
     use super::*;
 
-    /// `A_ij = i j + δ_ij`, or for `i < j` a little more where it is not to be symmetric.
+    /// `A_ij = i j + δ_ij`; a non-symmetric variant adds a constant for `i < j`.
     struct Dense(f64);
 
     impl Operator for Dense {
@@ -224,7 +223,7 @@ mod tests {
         let columns = (0..12).map(|j| column(&mut blurred, j)).collect::<Result<Vec<_>>>()?;
         for (i, column) in columns.iter().enumerate() {
             for (j, row) in columns.iter().enumerate() {
-                // Entries are below 121; a hundred roundings of such.
+                // Entries are below 121; the error is that of a hundred roundings.
                 assert!((column[j] - row[i]).abs() < 1e-12);
             }
         }

@@ -1,20 +1,20 @@
-//! Answers about light transport, from operators and the Krylov methods.
+//! Analyses of light transport, based on operators and the Krylov methods.
 //!
-//! | question | here |
+//! | question | modules and types |
 //! |---|---|
-//! | which pixels exchange light? | [`mod@segment`]; the photos it takes: [`Capture`] |
-//! | on which matrix | [`Graph`], [`NormalizedAdjacency`], [`NegativeLaplacian`] |
-//! | what is to be projected, so that the scene looks as wanted? | [`mod@compensate`], for a [`Target`] |
-//! | which part of the light is asked about: [`mod@direct`]; its blurring | [`WithoutDirect`], [`Blurred`] |
-//! | which light came straight from the projector? | [`mod@separate`] |
-//! | how does it look under another pattern? | [`mod@low_rank`] |
-//! | which light came from how far away? | [`mod@probe`] |
-//! | groups from eigenvectors | [`mod@kmeans`] |
-//! | is the source a linear, symmetric operator at all? | [`mod@audit`] |
-//! | do camera and projector look from one point? | [`mod@align`] |
-//! | how good are they? | [`adjusted_rand_index`] |
-//! | what will it cost on a rig, and how good will it be? | [`mod@plan`] |
-//! | how alike are two images? | [`mod@similarity`] |
+//! | which pixels exchange light? | [`mod@segment`]; its photos: [`Capture`] |
+//! | which matrix does segmentation use? | [`Graph`], [`NormalizedAdjacency`], [`NegativeLaplacian`] |
+//! | which pattern makes the scene look like a target? | [`mod@compensate`], for a [`Target`] |
+//! | how is direct light measured and left out, or an operator blurred? | [`mod@direct`]: [`WithoutDirect`], [`Blurred`] |
+//! | which light comes straight from the projector? | [`mod@separate`] |
+//! | how does the scene look under another pattern? | [`mod@low_rank`] |
+//! | from how far away does light come? | [`mod@probe`] |
+//! | which groups do points form? | [`mod@kmeans`] |
+//! | is the source a linear, symmetric operator? | [`mod@audit`] |
+//! | do camera and projector share one centre of projection? | [`mod@align`] |
+//! | how well do two segmentations agree? | [`adjusted_rand_index`] |
+//! | what does a measurement on a rig cost, and how accurate is it? | [`mod@plan`] |
+//! | how similar are two images? | [`mod@similarity`] |
 
 pub mod align;
 pub mod audit;

@@ -1,4 +1,4 @@
-//! Light pixel by pixel, one plane for each channel.
+//! Light per pixel, with one plane per channel.
 
 /// Values of each channel: `[channel][pixel]`.
 pub type Planes = Vec<Vec<f64>>;

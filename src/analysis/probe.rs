@@ -1,9 +1,9 @@
-//! Probing: the photo of a scene of which only some light paths are let through.
+//! Probing: the photo of a scene by a selection of its light paths.
 //!
-//! A probing matrix `Π` (`n × n`) weighs each path by the projector pixel that it starts from and the camera pixel that it ends in; the
-//! photo is `(Π ∘ A) 1`. With patterns `r` of mean zero and the correlation `E[r_i r_j] = h(i − j)`, projected and, sign and all,
-//! multiplied into the photo as a mask, the mean of `r ∘ A r` is that photo for `Π_ij = h(i − j)`: no column of `A` is ever
-//! measured. Here `h` is a Gaussian of the distance in pixels, 1 at 0.
+//! A probing matrix `Π` (`n × n`) weights each path by its first projector pixel and its last camera pixel; the photo is `(Π ∘ A)
+//! 1`. For random patterns `r` of mean zero with the correlation `E[r_i r_j] = h(i − j)`, the mean of `r ∘ A r` is this photo for
+//! `Π_ij = h(i − j)`: `r` is projected, and its signed values multiply the photo as a mask. No column of `A` is ever measured.
+//! Here `h` is a Gaussian of the distance in pixels, with `h(0) = 1`.
 //!
 //! O'Toole, Raskar and Kutulakos, *Primal-dual coding to probe light transport* (2012), doi:10.1145/2185520.2185535.
 
@@ -15,26 +15,26 @@ use crate::image::Resolution;
 use crate::operator::Operator;
 use crate::sparse::Csr;
 
-/// Which paths are let through.
+/// The selection of light paths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Probing {
-    /// Those that come back to the pixel that they started from: direct light, for a coaxial rig.
+    /// Paths that return to the pixel where they started: direct light, on a coaxial rig.
     Direct,
-    /// All others.
+    /// All paths but `Direct`.
     Indirect,
-    /// Those that end near where they started: weight `exp(−d²/2σ²)` at distance `d`, both in pixels. Direct light is among them.
+    /// Paths that end near their start, with weight `exp(−d²/2σ²)` at distance `d` in pixels, direct light included.
     Near {
         /// Standard deviation `σ` in pixels, above 0.
         sigma: f64,
     },
-    /// All others.
+    /// All paths but `Near`.
     Far {
-        /// As of `Near`.
+        /// As for `Near`.
         sigma: f64,
     },
-    /// Indirect light from near by: `Near` less `Direct`, from the same photos.
+    /// Indirect light from nearby: `Near` minus `Direct`, from the same random signs.
     NearIndirect {
-        /// As of `Near`.
+        /// As for `Near`.
         sigma: f64,
     },
 }
@@ -47,7 +47,7 @@ impl Probing {
         }
     }
 
-    /// Refuses what cannot be, before any photo.
+    /// Checks the value of `sigma` before any photo is taken.
     ///
     /// # Errors
     /// [`Error::Option`] naming `--sigma`.
@@ -64,7 +64,7 @@ impl Probing {
         })
     }
 
-    /// Photos that so many random patterns take.
+    /// The number of photos for a number of random patterns.
     pub fn photos(self, patterns: usize) -> usize {
         match self {
             Self::NearIndirect { .. } => 2 * patterns,
@@ -73,7 +73,7 @@ impl Probing {
         }
     }
 
-    /// Which paths these are, for people.
+    /// The selection in words.
     pub fn in_words(self) -> String {
         match self {
             Self::Direct => "direct light".into(),
@@ -84,7 +84,7 @@ impl Probing {
         }
     }
 
-    /// The weight of paths that end `distance` pixels from where they started.
+    /// The weight of paths that end `distance` pixels from their start.
     pub fn weight(self, distance: f64) -> f64 {
         let direct = f64::from(u8::from(distance == 0.0));
         let near = |sigma: f64| (-0.5 * (distance / sigma).powi(2)).exp();
@@ -112,19 +112,19 @@ impl Probing {
 /// A probed photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Probed {
-    /// `(Π ∘ A) 1` (`n`), without bias.
+    /// The estimate of `(Π ∘ A) 1` (`n`), without bias.
     pub values: Vec<f64>,
-    /// The standard error of each, from the spread of the samples (`n`).
+    /// The standard error of each value, from the spread of the samples (`n`).
     pub standard_errors: Vec<f64>,
-    /// Photos taken (products with a signed pattern, and the white one where it is needed).
+    /// Photos taken: products with signed patterns, and the white one if it is needed.
     pub photos: usize,
 }
 
-/// Probes with `photos ≥ 2` random patterns and `operator` (`n × n`), at one product each: two each for
-/// [`Probing::NearIndirect`], which needs both kinds, and one more of white for what is a rest.
+/// Probes with `photos ≥ 2` random patterns at one product with `operator` (`n × n`) each. [`Probing::NearIndirect`] takes two
+/// each, and [`Probing::Indirect`] and [`Probing::Far`] one more of white, from which they subtract.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos` or `--sigma`; [`Error::Dimension`]; whatever the operator fails with.
+/// [`Error::Option`] naming `--photos` or `--sigma`; [`Error::Dimension`] if sizes differ; any error of the operator.
 pub fn probe(
     operator: &mut dyn Operator,
     resolution: Resolution,
@@ -157,7 +157,7 @@ pub fn probe(
         let mut sample = correlation(operator, &signs.smoothed(&kernel))?;
         products += 1;
         if let Probing::NearIndirect { .. } = probing {
-            // The same signs, so that what both see alike makes no noise in the difference.
+            // The same signs in both patterns cancel their common noise in the difference.
             let direct = correlation(operator, &signs.smoothed(&[1.0]))?;
             products += 1;
             sample.iter_mut().zip(direct).for_each(|(near, direct)| *near -= direct);
@@ -179,21 +179,21 @@ pub fn probe(
     Ok(Probed { values: mean, standard_errors, photos: products })
 }
 
-/// `count` patterns of random signs under a Gaussian (`n` each), whose correlation is a Gaussian of `sigma` pixels and 1 at 0.
+/// Returns `count` random patterns (`n` each) whose correlation is a Gaussian of `sigma` pixels that is 1 at 0.
 pub(super) fn smooth_patterns(resolution: Resolution, sigma: f64, count: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut random = Pcg64::seed_from_u64(seed);
     let kernel = kernel(sigma);
     (0..count).map(|_| Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel)).collect()
 }
 
-/// `r ∘ A r`.
+/// The sample `r ∘ A r`.
 fn correlation(operator: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
     let mut photo = vec![0.0; pattern.len()];
     operator.apply(pattern, &mut photo)?;
     Ok(photo.iter().zip(pattern).map(|(photo, mask)| photo * mask).collect())
 }
 
-/// A Gaussian of standard deviation `σ/√2`, whose correlation with itself is one of `σ`; its squares add up to 1.
+/// A Gaussian of standard deviation `σ/√2`, whose autocorrelation is one of `σ`; its squares add up to 1.
 fn kernel(sigma: f64) -> Vec<f64> {
     let own = sigma / std::f64::consts::SQRT_2;
     let reach = (4.0 * own).ceil() as i64;
@@ -204,7 +204,7 @@ fn kernel(sigma: f64) -> Vec<f64> {
     values.iter().map(|value| value / length).collect()
 }
 
-/// Random signs on a raster with a margin, so that patterns are as random at the edge as anywhere.
+/// Random signs on a raster with a margin, which makes the patterns as random at the edge as elsewhere.
 struct Signs {
     resolution: Resolution,
     margin: usize,
@@ -218,7 +218,7 @@ impl Signs {
         Self { resolution, margin, values }
     }
 
-    /// Convolved along rows, then along columns, without the margin.
+    /// Convolves along rows, then along columns, and removes the margin.
     fn smoothed(&self, kernel: &[f64]) -> Vec<f64> {
         let Resolution { width, height } = self.resolution;
         let stride = width + 2 * self.margin;
@@ -250,14 +250,14 @@ mod tests {
         let mut sums = vec![0.0; resolution.pixels()];
         for _ in 0..draws {
             let pattern = Signs::draw(resolution, kernel.len() / 2, &mut random).smoothed(&kernel);
-            // Against a pixel at the corner, where a margin is needed.
+            // The correlation with a corner pixel, where the margin matters.
             sums.iter_mut().zip(&pattern).for_each(|(sum, value)| *sum += pattern[0] * value);
         }
         for (pixel, sum) in sums.iter().enumerate() {
             let (x, y) = (pixel % resolution.width, pixel / resolution.width);
             let expected = Probing::Near { sigma }.weight(((x * x + y * y) as f64).sqrt());
-            // A product of two such values has a variance of at most 3 and is Gaussian enough: 4.5 standard errors, and the
-            // kernel's sampling and its end at four deviations for the rest.
+            // The product of two such values has a variance of at most 3: 4.5 standard errors, plus the errors of the kernel's
+            // sampling and of its truncation at four deviations.
             let error = (sum / f64::from(draws) - expected).abs();
             assert!(error < 4.5 * (3.0 / f64::from(draws)).sqrt() + 1e-3, "({x}, {y}): {error}");
         }

@@ -1,15 +1,14 @@
-//! How well two segmentations agree.
+//! The agreement of two segmentations.
 
 use std::collections::BTreeMap;
 
 use super::MASKED;
 use crate::error::{Error, Result};
 
-/// The adjusted Rand index of two labellings: 1 when they are the same up to names, 0 on average for labels drawn at
-/// random, and negative below that. Pixels that carry 255 (masked) in either do not count; 1 when none or only one
-/// does, or when both put all in one group.
+/// The adjusted Rand index of two labellings: 1 if they are equal up to label names, 0 on average for random labels, and negative
+/// below that. Pixels labelled 255 (masked) in either are ignored. At most one pixel, or one group in both, gives 1.
 ///
-/// With `n_ij` pixels in group `i` of one and `j` of the other, `a` and `b` the group sizes, and `C(x) = x(x−1)/2`:
+/// With `n_ij` pixels in group `i` of the first and `j` of the second labelling, group sizes `a` and `b`, and `C(x) = x(x−1)/2`:
 ///
 /// ```text
 /// E = Σ C(a_i) · Σ C(b_j) / C(n),    ARI = (Σ C(n_ij) − E) / ((Σ C(a_i) + Σ C(b_j))/2 − E)
@@ -18,7 +17,7 @@ use crate::error::{Error, Result};
 /// Hubert and Arabie, *Comparing partitions*, Journal of Classification 2 (1985), doi:10.1007/BF01908075.
 ///
 /// # Errors
-/// [`Error::Dimension`] when the lengths differ.
+/// [`Error::Dimension`] if the lengths differ.
 pub fn adjusted_rand_index(a: &[u8], b: &[u8]) -> Result<f64> {
     if a.len() != b.len() {
         return Err(Error::Dimension {
@@ -44,7 +43,7 @@ pub fn adjusted_rand_index(a: &[u8], b: &[u8]) -> Result<f64> {
     let all = pairs(count);
     let by_chance = if all > 0.0 { in_left * in_right / all } else { 0.0 };
     let best = (in_left + in_right) / 2.0;
-    // Both all in one group, or both all in groups of one: they agree, and 0/0 has to say so.
+    // With a single group in both, or single pixels as groups in both, the labellings agree and the formula is 0/0.
     Ok(if best == by_chance { 1.0 } else { (together - by_chance) / (best - by_chance) })
 }
 

@@ -1,44 +1,44 @@
-//! How alike two images are: RMSE, PSNR and SSIM.
+//! The similarity of two images: RMSE, PSNR and SSIM.
 //!
 //! ```text
 //! RMSE = √(mean (a − b)²),   relative RMSE = ‖a − b‖ / ‖b‖,   PSNR = 20 log₁₀(L / RMSE) dB
 //! SSIM = mean over windows of (2 μa μb + C₁)(2 σab + C₂) / ((μa² + μb² + C₁)(σa² + σb² + C₂)),  C₁ = (0.01 L)², C₂ = (0.03 L)²
 //! ```
 //!
-//! with the data range `L`, and Gaussian windows of 11×11 pixels, σ 1.5, that lie wholly inside the image. Of colour images it is the
-//! mean over the channels. Wang, Bovik, Sheikh and Simoncelli, *Image quality assessment: from error visibility to structural
-//! similarity* (2004), doi:10.1109/TIP.2003.819861.
+//! with the data range `L`, and Gaussian windows of 11×11 pixels, σ 1.5, wholly inside the image. Colour images give the mean
+//! over channels. Wang, Bovik, Sheikh and Simoncelli, *Image quality assessment: from error visibility to structural similarity*
+//! (2004), doi:10.1109/TIP.2003.819861.
 //!
-//! SSIM is computed here because photos are floating-point radiance: `image-compare` takes images of 8 bits, in windows of 8×8 pixels.
+//! SSIM is implemented here for floating-point radiance: `image-compare` takes 8-bit images, in windows of 8×8 pixels.
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 
-/// Pixels on a side of SSIM's window, and its standard deviation.
+/// Side of SSIM's window in pixels, and its standard deviation.
 const WINDOW: usize = 11;
 const SIGMA: f64 = 1.5;
 
-/// What two images have in common.
+/// The measures of similarity of two images.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Similarity {
-    /// Root of the mean square of the differences, over all pixels and channels.
+    /// The root mean square difference over all pixels and channels.
     pub rmse: f64,
-    /// The same relative to the root of the reference's mean square; infinite where the reference is black and the other is not.
+    /// The same relative to the reference's root mean square; infinite if only the reference is black.
     pub relative_rmse: f64,
-    /// The greatest difference.
+    /// The largest absolute difference.
     pub largest: f64,
     /// Peak signal-to-noise ratio in dB; infinite for equal images.
     pub psnr: f64,
-    /// Structural similarity, from −1 to 1; none where an image is smaller than the window, 11×11.
+    /// Structural similarity, from −1 to 1; none if the images are smaller than the window, 11×11.
     pub ssim: Option<f64>,
-    /// The data range `L` that both were told for.
+    /// The data range `L` of PSNR and SSIM.
     pub range: f64,
 }
 
-/// Compares `image` with `reference`; `range` is the data range `L`, of which [`data_range`] is one choice.
+/// Compares `image` with `reference`; `range` is the data range `L`, for example [`data_range`].
 ///
 /// # Errors
-/// [`Error::Dimension`] when size or channels differ; [`Error::Option`] naming `--range` when that is not positive.
+/// [`Error::Dimension`] if sizes or channels differ; [`Error::Option`] naming `--range` if it is not positive.
 pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Similarity> {
     let shape = |image: &Image| format!("{}x{}", image.resolution(), image.channels());
     if shape(image) != shape(reference) {
@@ -72,7 +72,7 @@ pub fn similarity(image: &Image, reference: &Image, range: f64) -> Result<Simila
     })
 }
 
-/// From the least to the greatest value of the reference, or 1 where all are the same: what `L` is when nothing better is known.
+/// The largest minus the smallest value of the reference, or 1 if all are equal: `L` if no better value is known.
 pub fn data_range(reference: &Image) -> f64 {
     let extend = |(low, high): (f32, f32), &value: &f32| (low.min(value), high.max(value));
     let (low, high) = reference.samples().iter().fold((f32::INFINITY, f32::NEG_INFINITY), extend);
@@ -84,7 +84,7 @@ pub fn psnr(rmse: f64, range: f64) -> f64 {
     20.0 * (range / rmse).log10()
 }
 
-/// Structural similarity of two images of one size and number of channels; none where they are smaller than the window.
+/// Structural similarity of two images with equal shapes; none if they are smaller than the window.
 fn ssim(a: &Image, b: &Image, range: f64) -> Option<f64> {
     let Resolution { width, height } = a.resolution();
     if width < WINDOW || height < WINDOW {
@@ -132,7 +132,7 @@ fn windowed(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Something smooth, `scale` and `shift` of it.
+    /// A smooth image, scaled and shifted.
     fn waves(scale: f32, shift: f32) -> Result<Image> {
         let value = |i: usize| {
             let (x, y) = ((i % 24) as f32, (i / 24) as f32);
@@ -154,7 +154,7 @@ mod tests {
     fn even_images_differ_by_their_means_alone() -> Result<()> {
         let even = |value| Image::filled(Resolution::new(16, 12), 3, value);
         let found = similarity(&even(0.5), &even(0.25), 1.0)?;
-        // Powers of two: nothing is rounded but in the last formula.
+        // With powers of two, only the last formula rounds.
         assert_eq!((found.rmse, found.relative_rmse, found.largest), (0.25, 1.0, 0.25));
         assert!((found.psnr - 20.0 * 4.0_f64.log10()).abs() < 1e-12);
         let expected = (2.0 * 0.5 * 0.25 + 1e-4) / (0.25 + 0.0625 + 1e-4);
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn structure_counts_as_another_implementation_has_it() -> Result<()> {
-        // Both numbers by SciPy's gaussian_filter with truncate=3.5, five pixels cut off at each edge; images are f32 here.
+        // Both numbers by SciPy's gaussian_filter with truncate=3.5, five pixels cropped at each edge; images are f32 here.
         for (scale, shift, range, expected) in
             [(-1.0, 1.0, 1.0, -0.767_293_008_4), (0.5, 0.2, 2.0, 0.798_512_500_4)]
         {

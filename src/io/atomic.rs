@@ -1,4 +1,4 @@
-//! Files that appear as a whole or not at all.
+//! Atomic file writes: a file appears completely or not at all.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
@@ -9,19 +9,19 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
 
-/// Writes a file by way of a temporary one in the same folder, which is flushed to the disk and then renamed.
+/// Writes a file atomically: a temporary file in the same folder is filled, flushed to disk and renamed.
 ///
-/// Whoever reads `path` at any moment, also after a crash or a full disk, finds the old content or the new, never a
-/// part. A symbolic link is followed; what is no regular file (a pipe, `/dev/stdout`) is written directly.
+/// A reader of `path` always finds the complete old or the complete new content, even after a crash or on a full disk. Symbolic
+/// links are followed; files that are not regular (a pipe, `/dev/stdout`) are written directly.
 ///
 /// # Errors
-/// [`Error::Write`] naming `path` (not the temporary file) for anything that goes wrong, in `fill` too; the
-/// temporary file is removed.
+/// [`Error::Write`] naming `path` (not the temporary file) for any failure, including those of `fill`; the temporary file is
+/// removed.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     write_steps(path, fill).map_err(Error::writing(path))
 }
 
-/// Writes `bytes` as [`write_with`] does.
+/// Writes `bytes` atomically; see [`write_with`].
 ///
 /// # Errors
 /// [`Error::Write`] naming `path`.
@@ -29,7 +29,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
-/// Whether `path` could be written now: an early answer, before hours of work.
+/// Checks that `path` can be written, so that a long run fails early.
 ///
 /// # Errors
 /// [`Error::Write`] naming `path`.
@@ -50,11 +50,11 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
             fill(&mut stream)?;
             return stream.flush();
         }
-        // It may have been removed since it was looked at: then there is nothing to follow.
+        // The file may have been removed since `metadata`; then there is no link to follow.
         Ok(_) => fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf()),
         Err(_) => path.to_path_buf(),
     };
-    // Dropping the temporary path removes the file, unless the file has been renamed.
+    // Dropping the temporary path removes the file unless it has been renamed.
     let (file, temporary) = temporary_beside(&target)?.into_parts();
     let mut file = BufWriter::new(file);
     fill(&mut file)?;
@@ -63,9 +63,9 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
     temporary.persist(&target).map_err(|failed| failed.error)
 }
 
-/// A new file `.NAME.RANDOM.tmp` in the folder of `target`.
+/// Creates `.NAME.RANDOM.tmp` in the folder of `target`.
 ///
-/// The file is opened here and not by `tempfile`, whose files only their owner can read: it has the permissions of any new file.
+/// The file is opened here because files of `tempfile` are readable by their owner only; this one gets the default permissions.
 fn temporary_beside(target: &Path) -> io::Result<NamedTempFile> {
     let name = target
         .file_name()

@@ -1,11 +1,11 @@
-//! Dates for the record: RFC 3339 in UTC, to the second.
+//! Timestamps of manifests: RFC 3339 in UTC, to the second.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// The last second of the year 9999, in seconds since 1970; RFC 3339 has four digits for the year.
+/// The last second of the year 9999, in seconds since 1970: RFC 3339 allows four digits for the year.
 const LAST_SECOND: u64 = 253_402_300_799;
 
-/// `2026-01-31T23:59:59Z`. Times before 1970 are written as the first second of 1970, and times after 9999 as the last second of 9999.
+/// A time such as `2026-01-31T23:59:59Z`. Times outside 1970 to 9999 become the first or last second of that range.
 pub fn rfc3339(time: SystemTime) -> String {
     let seconds = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs().min(LAST_SECOND));
     humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_secs(seconds)).to_string()

@@ -1,4 +1,4 @@
-//! Where the figures' photos come from: scenes made in memory and traced once, seen by an ideal rig or by virtual devices.
+//! Sources of the figures' photos: scenes are built in memory, traced once, and measured by an ideal rig or by virtual devices.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -13,12 +13,12 @@ use crate::operator::Adjoint;
 use crate::render::{TraceSettings, Tracer};
 use crate::transport::{Channels, Part, assemble};
 
-/// What stands between light and numbers.
+/// The kind of rig that measures the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rig {
-    /// Nothing: any real pattern, and photos of the light itself.
+    /// Shows any real-valued pattern and measures the light without error.
     Ideal,
-    /// A projector of 8 bits and a camera of 14 with their usual faults, calibrated from captures.
+    /// An 8-bit projector and a 14-bit camera with realistic errors, calibrated from captures.
     Virtual,
 }
 
@@ -32,43 +32,43 @@ impl Rig {
     }
 }
 
-/// How figures are made again.
+/// Options for reproducing figures.
 #[derive(Clone, Debug)]
 pub struct BenchOptions {
-    /// By which rig.
+    /// The rig that takes the photos.
     pub rig: Rig,
-    /// A third of the pixels a side, and a quarter of the light paths: to see that everything runs.
+    /// Uses a third of the pixels per side and a quarter of the light paths, as a fast functional test.
     pub quick: bool,
-    /// The graphics adapter whose name contains this.
+    /// Selects the graphics adapter whose name contains this text.
     pub adapter: Option<String>,
 }
 
-/// The scenes and the rig of the figures. What is traced once is kept for the figures that follow.
+/// The scenes and the rig of the figures. Traced scenes are cached for later figures.
 pub struct Bench {
     options: BenchOptions,
     observer: Arc<dyn Observer + Send + Sync>,
     stages: Vec<(Set, Resolution, Arc<Stage>)>,
-    /// Calibrated before a stage.
+    /// Calibrated devices for each stage.
     devices: Vec<(Arc<Stage>, Devices)>,
 }
 
 impl Bench {
-    /// Nothing is traced yet. `observer` sees the steps of each trace, and may stop it.
+    /// Creates a bench without tracing anything. `observer` sees the steps of each trace and may stop it.
     pub fn new(options: BenchOptions, observer: Arc<dyn Observer + Send + Sync>) -> Self {
         Self { options, observer, stages: Vec::new(), devices: Vec::new() }
     }
 
-    /// The rig.
+    /// The kind of rig.
     pub fn rig(&self) -> Rig {
         self.options.rig
     }
 
-    /// Pixels a side where the paper has `side`.
+    /// Pixels per side where the paper uses `side`.
     pub(super) fn side(&self, side: usize) -> usize {
         if self.options.quick { side / 3 } else { side }
     }
 
-    /// A scene of `side × side` pixels, traced.
+    /// The traced scene at `side × side` pixels.
     pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Arc<Stage>> {
         let resolution = Resolution::new(side, side);
         if let Some((.., stage)) = self.stages.iter().find(|(s, r, _)| (*s, *r) == (set, resolution)) {
@@ -87,7 +87,7 @@ impl Bench {
         Ok(stage)
     }
 
-    /// Lets `work` take photos of `stage` by the rig.
+    /// Runs `work` with an operator that takes photos of `stage` by the rig.
     pub(super) fn with_rig<T>(
         &mut self,
         stage: &Arc<Stage>,
@@ -104,7 +104,7 @@ impl Bench {
         }
     }
 
-    /// The devices before a stage, calibrated at the first time.
+    /// The devices for a stage, calibrated on first use.
     fn devices(&mut self, stage: &Arc<Stage>) -> Result<&Devices> {
         let known = self.devices.iter().position(|(known, _)| Arc::ptr_eq(known, stage));
         let at = match known {
@@ -118,7 +118,7 @@ impl Bench {
         Ok(&self.devices[at].1)
     }
 
-    /// Asks the observer whether to go on.
+    /// Asks the observer whether to continue.
     fn go_on(&self) -> ControlFlow<()> {
         self.observer.step(&Step { stage: "tracing", done: 1, total: 1, estimate: Estimate::None })
     }

@@ -1,44 +1,44 @@
-//! A number measured, and the bound it is held to.
+//! A measured number and its bound.
 
-/// What a number has to be.
+/// The bound of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Limit {
-    /// This, or more.
+    /// At least this value.
     AtLeast(f64),
-    /// This, or less.
+    /// At most this value.
     AtMost(f64),
-    /// Whatever it is: it is stated, not judged.
+    /// No bound: the number is reported only.
     Stated,
 }
 
-/// A number with its bound.
+/// A measured number with its bound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Check {
-    /// What was measured, with its unit.
+    /// Quantity and unit.
     pub what: String,
-    /// The number.
+    /// The measured value.
     pub value: f64,
-    /// What it has to be.
+    /// The bound.
     pub limit: Limit,
 }
 
 impl Check {
-    /// A number that has to be `limit` or more.
+    /// A number that must be `limit` or more.
     pub fn at_least(what: impl Into<String>, value: f64, limit: f64) -> Self {
         Self { what: what.into(), value, limit: Limit::AtLeast(limit) }
     }
 
-    /// A number that has to be `limit` or less.
+    /// A number that must be `limit` or less.
     pub fn at_most(what: impl Into<String>, value: f64, limit: f64) -> Self {
         Self { what: what.into(), value, limit: Limit::AtMost(limit) }
     }
 
-    /// A number that belongs beside the others.
+    /// A number without a bound.
     pub fn stated(what: impl Into<String>, value: f64) -> Self {
         Self { what: what.into(), value, limit: Limit::Stated }
     }
 
-    /// Whether the number is what it has to be. A NaN never is, unless it is only stated.
+    /// Whether the number meets its bound. NaN meets no bound, except [`Limit::Stated`].
     pub fn is_met(&self) -> bool {
         match self.limit {
             Limit::AtLeast(limit) => self.value >= limit,
@@ -47,7 +47,7 @@ impl Check {
         }
     }
 
-    /// By how much the number misses its bound; 0 where it does not.
+    /// The distance by which the number misses its bound; 0 if it meets it.
     pub fn shortfall(&self) -> f64 {
         match self.limit {
             _ if self.is_met() => 0.0,

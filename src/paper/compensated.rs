@@ -1,4 +1,4 @@
-//! The pictures and the plot of a compensation.
+//! Pictures and plot of a compensation.
 
 use super::contest::{Entry, Wish, clamped};
 use super::figure::{Content, Curve, Curves, Panel};
@@ -8,7 +8,7 @@ pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// Target, photos with and without compensation, what is projected, and errors; photos are shown alike.
+/// Panels of target, photos with and without compensation, projected pattern, and errors; all photos share one exposure.
 pub(super) fn panels(stage: &Stage, wish: &Wish, plain: &[f64], best: &Entry) -> Vec<Panel> {
     let panel = |name: &str, caption: String, content: Content| Panel {
         name: name.into(),
@@ -39,7 +39,7 @@ pub(super) fn panels(stage: &Stage, wish: &Wish, plain: &[f64], best: &Entry) ->
     ]
 }
 
-/// Residuals at equal photos, beside those of no compensation and of the best pattern there is.
+/// Residuals at equal photo counts, with marks for no compensation and for the optimal pattern.
 pub(super) fn residuals(lines: Vec<Curve>, uncompensated: f64, optimum: f64) -> Curves {
     Curves {
         caption: "Relative residual by the light itself, at equal photos (the white one not counted).".into(),

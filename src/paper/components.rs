@@ -1,8 +1,8 @@
-//! Connected parts of a group.
+//! Connected components of a group.
 
 use crate::image::Resolution;
 
-/// The pixels of each connected part (by edges, not corners) of the pixels with `label`, largest first.
+/// The pixels of each connected component (neighbours share an edge) of the pixels with `label`, largest component first.
 pub(super) fn components(labels: &[u8], label: u8, resolution: Resolution) -> Vec<Vec<usize>> {
     let Resolution { width, height } = resolution;
     let mut seen = vec![false; labels.len()];

@@ -1,5 +1,5 @@
-//! Compensation as the paper's figures show it: the recipe that clamps, the methods inside the box, and the optimum, at
-//! equal numbers of photos.
+//! Comparison of compensation methods at equal photo counts: the paper's method with clamping, box-constrained methods, and the
+//! optimum.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -14,17 +14,17 @@ use crate::observer::{Estimate, OnStep, Step};
 use crate::operator::{Adjoint, Observed, Operator, Recorded, Symmetry};
 use crate::transport::Part;
 
-/// What is wished on a scene, in W/(m² sr), and the photo under white that says how much there is.
+/// The target of a compensation, in W/(m² sr), and the photo under white that sets its scale.
 pub(super) struct Wish {
     pub(super) light: Vec<f64>,
     pub(super) peak: f64,
     white: Vec<f64>,
-    /// What the rig reads for 1 W/(m² sr), told by the white photo.
+    /// The rig's reading for 1 W/(m² sr), from the white photo.
     unit: f64,
 }
 
 impl Wish {
-    /// `target` (in [0, 1]) times half the median of the white photo: all but the brightest parts can be had.
+    /// Scales `target` (values in [0, 1]) by half the median of the white photo: all but its brightest parts are feasible.
     pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
         let mut white = vec![0.0; target.len()];
         operator.apply(&vec![1.0; target.len()], &mut white)?;
@@ -36,7 +36,7 @@ impl Wish {
         Ok(Self { light: target.iter().map(|value| peak * value).collect(), peak, white, unit })
     }
 
-    /// `‖b − A x‖ / ‖b‖` by the light itself, whatever the rig measured.
+    /// `‖b − A x‖ / ‖b‖` with the true matrix, whatever the rig measured.
     pub(super) fn residual(&self, stage: &Stage, pattern: &[f64]) -> f64 {
         let seen = stage.photo(pattern);
         let misfit: Vec<f64> = self.light.iter().zip(&seen).map(|(b, y)| b - y).collect();
@@ -54,25 +54,25 @@ impl Wish {
     }
 }
 
-/// A method's run.
+/// The run of one method.
 pub(super) struct Entry {
-    /// For each photo from the first: the residual of what the method answers, …
+    /// Residual of the method's answer after each photo.
     pub(super) answered: Vec<f64>,
-    /// … and of that answer clamped to [0, 1], as a projector shows it.
+    /// Residual of that answer clamped to [0, 1], as a projector displays it.
     pub(super) displayed: Vec<f64>,
-    /// The last answer.
+    /// The last answer, not clamped.
     pub(super) pattern: Vec<f64>,
-    /// The photos, in order.
+    /// The photos in order.
     pub(super) shots: Vec<Shot>,
 }
 
 impl Entry {
-    /// The residual displayed after so many photos: the last there is, where the method ended before.
+    /// Residual of the clamped answer after `photos` photos, or after the last photo if the method stopped earlier.
     pub(super) fn displayed_at(&self, photos: usize) -> f64 {
         at(&self.displayed, photos)
     }
 
-    /// The same, before anything is clamped.
+    /// The same for the answer that is not clamped.
     pub(super) fn answered_at(&self, photos: usize) -> f64 {
         at(&self.answered, photos)
     }
@@ -82,7 +82,7 @@ fn at(residuals: &[f64], photos: usize) -> f64 {
     residuals.get(photos - 1).or(residuals.last()).copied().unwrap_or(f64::NAN)
 }
 
-/// Lets `method` take `photos` photos, and notes what its answer is worth after each.
+/// Runs `method` for `photos` photos and records the residuals of its answer after each.
 pub(super) fn enter(
     stage: &Stage,
     operator: &mut dyn Adjoint,
@@ -92,7 +92,7 @@ pub(super) fn enter(
 ) -> Result<Entry> {
     let mut options = wish.options(method, photos)?;
     if scaled {
-        // Dark pixels are known by noise only.
+        // The measurements of very dark pixels are mostly noise, hence the floor.
         let floor = 1e-3 * wish.white.iter().copied().fold(0.0, f64::max);
         let white = wish.white.iter().map(|value| value.max(floor)).collect();
         options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
@@ -107,7 +107,7 @@ pub(super) fn enter(
     let observer = OnStep::new(|step: &Step<'_>| {
         let Estimate::Solution { iterate, .. } = step.estimate else { return ControlFlow::Continue(()) };
         let answer = iterate();
-        // A step may take no photo, and a photo may be two steps' in a method of pairs.
+        // A step may take no photo; in methods of photo pairs a step takes two.
         while (entry.answered.len() as u64) < step.done {
             entry.answered.push(wish.residual(stage, &answer));
             entry.displayed.push(wish.residual(stage, &clamped(&answer)));
@@ -121,25 +121,25 @@ pub(super) fn enter(
     Ok(entry)
 }
 
-/// What the figures of compensation hold against each other: methods at equal photos, doing nothing, and the best there is.
+/// Compared methods at equal photo counts, with no compensation and the optimum as references.
 pub(super) struct Contest {
     pub(super) wish: Wish,
-    /// A Krylov method, whose answer is clamped in the end: the paper's way.
+    /// The paper's method: a Krylov method whose last answer is clamped.
     pub(super) recipe: Entry,
-    /// The same scaled by the white photo.
+    /// The same method, preconditioned by the white photo.
     pub(super) scaled: Entry,
     pub(super) boxed: Entry,
     pub(super) jacobi: Entry,
-    /// See [`optimum`].
+    /// Lower bound of the residual; see [`optimum`].
     pub(super) bound: f64,
     pub(super) optimum: f64,
-    /// The picture itself as a pattern, and its residual.
+    /// The target picture used as a pattern, and its residual.
     pub(super) plain: Vec<f64>,
     pub(super) uncompensated: f64,
 }
 
 impl Contest {
-    /// Each method takes `photos` photos beside the white one; the optimum, which no rig has to take, `products`.
+    /// Runs the comparison: `photos` photos per method besides the white one, `products` true products for the optimum.
     pub(super) fn hold(
         bench: &mut Bench,
         stage: &Arc<Stage>,
@@ -166,15 +166,15 @@ impl Contest {
     }
 }
 
-/// What a projector makes of a pattern.
+/// The pattern as a projector displays it.
 pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
     pattern.iter().map(|value| value.clamp(0.0, 1.0)).collect()
 }
 
-/// No pattern in [0, 1] has a smaller relative residual than the first number; the second is one that a pattern has.
+/// A lower bound of the relative residual over all patterns in [0, 1], and the residual that a pattern attains.
 ///
-/// By convexity `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`, whose least over the box is a sum over pixels (the gap of Frank and
-/// Wolfe); `x` is by accelerated gradients, and how good it is matters only to how sharp the bound is.
+/// By convexity `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`; the minimum of the right side over the box is a sum over pixels (the
+/// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only how tight the bound is.
 pub(super) fn optimum(stage: &Stage, wish: &Wish, products: usize) -> Result<(f64, f64)> {
     let operator = &mut stage.ideal(Part::Full);
     let mut options = wish.options(Method::Fista, products)?;
@@ -190,7 +190,7 @@ pub(super) fn optimum(stage: &Stage, wish: &Wish, products: usize) -> Result<(f6
     Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
 }
 
-/// A line of residuals over photos.
+/// A curve of residuals over photos.
 pub(super) fn line(name: &str, residuals: &[f64]) -> Curve {
     let points = residuals.iter().enumerate().map(|(index, &residual)| (index as f64 + 1.0, residual));
     Curve { name: name.into(), points: points.collect() }

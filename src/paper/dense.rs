@@ -1,12 +1,12 @@
-//! The dense answer that Krylov methods are held to.
+//! The dense reference solution for Krylov methods.
 
 use faer::{Mat, Side};
 
 use crate::error::{Error, Result};
 use crate::sparse::Csr;
 
-/// The eigenvector of the largest eigenvalue of a symmetric matrix, of norm 1 with a positive sum, and that eigenvalue: by
-/// a dense eigensolver, which takes `8 n²` bytes and a multiple of `n³` operations.
+/// The largest eigenvalue of a symmetric matrix and its eigenvector, of norm 1 and with a positive sum, from a dense eigensolver.
+/// It needs `8 n²` bytes and O(`n³`) operations.
 pub(super) fn principal(matrix: &Csr) -> Result<(f64, Vec<f64>)> {
     let n = matrix.rows();
     let mut dense = Mat::<f64>::zeros(n, n);
@@ -14,7 +14,7 @@ pub(super) fn principal(matrix: &Csr) -> Result<(f64, Vec<f64>)> {
     let found = dense
         .self_adjoint_eigen(Side::Lower)
         .map_err(|error| Error::Numerical(format!("the dense eigensolver: {error:?}")))?;
-    // Ascending.
+    // The eigenvalues are in ascending order.
     let vector: Vec<f64> = (0..n).map(|row| found.U()[(row, n - 1)]).collect();
     let sign = vector.iter().sum::<f64>().signum();
     let value = found.S().column_vector()[n - 1];
@@ -27,7 +27,7 @@ mod tests {
 
     #[test]
     fn principal_pair_of_two_coupled_pixels() -> Result<()> {
-        // [[2, 1], [1, 2]]: 3, along (1, 1).
+        // [[2, 1], [1, 2]] has eigenvalue 3 with eigenvector (1, 1).
         let matrix = Csr::new(2, vec![0, 2, 4], vec![0, 1, 0, 1], vec![2.0, 1.0, 1.0, 2.0])?;
         let (value, vector) = principal(&matrix)?;
         assert!((value - 3.0).abs() < 1e-14, "rounding of a 2×2 matrix: {value}");

@@ -1,5 +1,4 @@
-//! The figures' scenes before virtual devices: those of the shipped rig files, embedded, so that nothing has to lie beside
-//! the program.
+//! Virtual devices for the figures' scenes. The shipped rig files are embedded, so that no files are needed at run time.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -18,10 +17,10 @@ use crate::transport::{Channels, Part, Transport};
 const REALISTIC: &[u8] = include_bytes!("../../assets/rigs/realistic.toml");
 const ONE_BIT: &[u8] = include_bytes!("../../assets/rigs/one-bit.toml");
 
-/// Takes of each pattern, averaged: a bench without a person to wait.
+/// Captures averaged per pattern; the virtual rig runs unattended.
 const TAKES: u32 = 2;
 
-/// An 8-bit projector with a gamma of 2.2 and a 14-bit camera, both at their usual faults, before a stage.
+/// An 8-bit projector with gamma 2.2 and a 14-bit camera, both with realistic errors, set up for one stage.
 pub(super) struct Devices {
     rig: VirtualRig,
     calibration: Calibration,
@@ -29,7 +28,7 @@ pub(super) struct Devices {
 }
 
 impl Devices {
-    /// Sets up the rig before `stage` and calibrates it, from captures alone. `go_on` is asked between steps.
+    /// Sets up the rig for `stage` and calibrates it from captures alone. `go_on` is called between steps.
     pub(super) fn set_up(stage: &Arc<Stage>, go_on: &mut dyn FnMut() -> ControlFlow<()>) -> Result<Self> {
         let (mut rig, options) = read("realistic.toml", REALISTIC)?;
         resize(&mut rig, stage.resolution, 2.5);
@@ -39,7 +38,7 @@ impl Devices {
         Ok(Self { rig, calibration, options })
     }
 
-    /// The rig with its stages, no photo taken yet.
+    /// A measurement with the calibrated rig, before any photo.
     pub(super) fn measurement(&self, stage: &Arc<Stage>) -> Result<Measurement> {
         let live = open(&self.rig, stage, &self.options)?;
         let measurement = Measurement::new(live, self.calibration.clone(), self.options.clone())?;
@@ -47,18 +46,18 @@ impl Devices {
     }
 }
 
-/// The shipped rig whose projector has one bit, before `stage`: its devices and how it is measured. Its calibration is
-/// known: there is little that could be wrong with two levels.
+/// The shipped rig whose projector has one bit, for scenes of `resolution`, and its measurement options. It uses a known
+/// calibration: a calibration of two levels would add little.
 pub(super) fn one_bit(resolution: Resolution) -> Result<(VirtualRig, MeasureOptions)> {
     let (mut rig, options) = read("one-bit.toml", ONE_BIT)?;
     resize(&mut rig, resolution, 1.0);
-    // Any exposure may be set: they are compared at equal light in total.
+    // Any exposure time is allowed: the figure compares photos at equal total exposure.
     rig.camera.exposure_step = 0.0;
     rig.camera.exposures = [1e-7, 10.0];
     Ok((rig, options))
 }
 
-/// The rig opened before `stage`, with a calibration from its own description.
+/// Opens the rig for `stage`, with the calibration that follows from the rig's own description.
 pub(super) fn measure_known(
     rig: &VirtualRig,
     stage: &Arc<Stage>,
@@ -86,7 +85,7 @@ fn read(name: &str, bytes: &[u8]) -> Result<(VirtualRig, MeasureOptions)> {
     }
 }
 
-/// Gives projector and scene these pixels, and the camera `finer` times as many a side.
+/// Sets the resolution of projector and scene; the camera gets `finer` times as many pixels per side.
 fn resize(rig: &mut VirtualRig, resolution: Resolution, finer: f64) {
     if let crate::rig::VirtualScene::File { size, .. } = &mut rig.scene {
         *size = resolution;
@@ -100,7 +99,7 @@ fn open(rig: &VirtualRig, stage: &Arc<Stage>, options: &MeasureOptions) -> Resul
     Ok(Box::new(LiveFrames::new(bench, options.settle.unwrap_or(0.0), options.tries)))
 }
 
-/// A stage as the devices see it.
+/// A stage as a light transport source for the devices.
 struct Seen(Arc<Stage>);
 
 impl Transport for Seen {

@@ -1,4 +1,4 @@
-//! Figure 10: the photos of a compensation, in order.
+//! Figure 10: the photos of a compensation in order.
 
 use super::bench::Bench;
 use super::check::Check;

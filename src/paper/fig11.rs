@@ -1,4 +1,4 @@
-//! Figure 11: what to project into a corner so that it looks like a picture, at five photos.
+//! Figure 11: compensation in focus. Which pattern makes a corner look like a given picture, after five photos?
 
 use super::bench::Bench;
 use super::check::Check;
@@ -12,11 +12,11 @@ use crate::krylov::Method;
 use crate::transport::Part;
 
 pub(super) const SIDE: usize = 100;
-/// Photos beside the white one.
+/// Photos besides the white one.
 pub(super) const PHOTOS: usize = 5;
-/// For the curves.
+/// Photos of the longer curves.
 const MORE: usize = 10;
-/// Products with the matrix for the optimum, which no rig has to take.
+/// Products with the true matrix for the optimum; no rig takes them as photos.
 const OPTIMUM: usize = 600;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {

@@ -1,4 +1,4 @@
-//! Figure 12: a projector out of focus, at eight and twelve photos; and with it the camera, which makes the rig coaxial again.
+//! Figure 12: compensation with a defocused projector, at 8 and 12 photos, and with an equally defocused camera (coaxial again).
 
 use super::bench::Bench;
 use super::check::Check;
@@ -13,9 +13,9 @@ use crate::krylov::Method;
 use crate::transport::Part;
 
 const SIDE: usize = 128;
-/// Photos beside the white one.
+/// Photos besides the white one.
 const PHOTOS: usize = 12;
-/// Products with matrix and transpose for the optimum: out of focus it converges slowly.
+/// Products with matrix and transpose for the optimum; it converges slowly out of focus.
 const OPTIMUM: usize = 2000;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -90,7 +90,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// What the method inside the box displays after all photos, over the optimum, where camera and projector have the same lens.
+/// Ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.
 fn both_lenses(bench: &mut Bench, target: &[f64]) -> Result<f64> {
     let stage = bench.stage(Set::BothDefocused, bench.side(SIDE))?;
     let (wish, boxed) = bench.with_rig(&stage, Part::Full, |operator| {
@@ -102,7 +102,7 @@ fn both_lenses(bench: &mut Bench, target: &[f64]) -> Result<f64> {
     Ok(boxed.displayed_at(PHOTOS) / bound)
 }
 
-/// Root mean square of the differences of neighbours, relative to the mean value.
+/// Root mean square of the differences between neighbours, relative to the mean value.
 fn edges(image: &[f64], Resolution { width, height }: Resolution) -> f64 {
     let mean = image.iter().sum::<f64>() / image.len() as f64;
     let pixels = (1..height).flat_map(|y| (1..width).map(move |x| y * width + x));

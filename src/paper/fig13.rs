@@ -1,4 +1,4 @@
-//! Figure 13: a sinusoid by a projector of one bit, plain and in bit planes, and what bit planes cost in noise.
+//! Figure 13: a sinusoid from a one-bit projector, thresholded and in bit planes, and the noise that bit planes cost.
 
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use crate::measure::bit_planes::{amplification, weights};
 use crate::rig::VirtualRig;
 
 const SIDE: usize = 100;
-/// Bit planes of the answer.
+/// Bit planes of the shown result.
 const PLANES: u32 = 8;
-/// Bit planes of the curves, from 1.
+/// The curves cover 1 to this many bit planes.
 const MOST: u32 = 10;
-/// Periods of the sinusoid across the picture.
+/// Periods of the sinusoid across the image.
 const PERIODS: f64 = 4.0;
-/// Exposure in total, in seconds: white fills most of the well in the first, and next to nothing in the second.
+/// Total exposures in seconds: white fills most of the sensor's well in `BRIGHT`, and only 1 % of that in `DIM`.
 const BRIGHT: f64 = 0.02;
 const DIM: f64 = 2e-4;
 
@@ -32,7 +32,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let mut exact = noisy.clone();
     exact.camera.shot_noise = false;
     exact.camera.read_noise = 0.0;
-    // Steps of counts are no matter of bit planes: without noise to dither them, they are made fine.
+    // Quantization is not the subject of this figure: without noise to dither it, it is made fine.
     exact.camera.bits = 16;
     exact.projector.black_level = 0.0;
     let rig = if bench.rig() == Rig::Ideal { &exact } else { &noisy };
@@ -50,7 +50,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         bright.push((f64::from(planes), off(&take(rig, planes, BRIGHT)?)));
         dim.push((f64::from(planes), off(&take(&noisy, planes, DIM)?)));
     }
-    // The same frames with and without noise: what differs is the noise.
+    // Equal frames with and without read noise; their difference is the noise.
     let mut read_only = noisy.clone();
     read_only.camera.shot_noise = false;
     read_only.camera.bits = 16;
@@ -110,7 +110,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// ½ + ½ sin along the rows.
+/// `½ + ½ sin` along the rows.
 fn sinusoid(side: usize) -> Vec<f64> {
     let value = |pixel: usize| {
         let x = ((pixel % side) as f64 + 0.5) / side as f64;
@@ -119,7 +119,7 @@ fn sinusoid(side: usize) -> Vec<f64> {
     (0..side * side).map(value).collect()
 }
 
-/// The photo of `pattern` in W/(m² sr), by so many bit planes of `seconds` of exposure together.
+/// The photo of `pattern` in W/(m² sr), from `planes` bit planes with a total exposure of `seconds`.
 fn photo(
     rig: &VirtualRig,
     stage: &Arc<Stage>,
@@ -138,12 +138,12 @@ fn photo(
     let mut measurement = measure_known(rig, stage, options)?;
     let samples = pattern.iter().map(|&value| value as f32).collect();
     let taken = measurement.photograph(&Image::new(stage.resolution, 1, samples)?)?;
-    // Counts a second for a W/(m² sr): the sensor is set by the white photo without noise.
+    // Counts per second for 1 W/(m² sr); the sensor's gain is set by the noise-free white photo.
     let unit = counts_per_light(rig, stage);
     Ok(taken.planes[0].values.iter().map(|value| value / unit).collect())
 }
 
-/// The sensor fills `white_fill` of its well within `white_exposure` at the brightest pixels of the white photo but 1 in 100.
+/// The gain at which the white photo's 99th percentile fills `white_fill` of the sensor's well within `white_exposure`.
 fn counts_per_light(rig: &VirtualRig, stage: &Stage) -> f64 {
     let mut white = stage.photo(&vec![1.0; stage.pixels()]);
     white.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Figure 2: the principal eigenvector, by projecting photos back.
+//! Figure 2: the principal eigenvector by optical power iteration.
 
 use super::bench::Bench;
 use super::check::Check;
@@ -11,7 +11,7 @@ use crate::operator::{Adjoint, Recorded};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
-/// Pixels a side that a dense eigensolver gets through: 1024 unknowns.
+/// Pixels per side for the dense eigensolver: 1024 unknowns.
 const DENSE_SIDE: usize = 32;
 const PHOTOS: usize = 50;
 
@@ -68,7 +68,7 @@ struct Iterated {
     patterns: Vec<Vec<f64>>,
 }
 
-/// The paper's Algorithm 1, from a white pattern: no photo of a pattern without negative pixels has any.
+/// The paper's Algorithm 1 from a white pattern: photos of nonnegative patterns are nonnegative.
 fn iterate(operator: &mut dyn Adjoint) -> Result<Iterated> {
     let n = operator.cols();
     let mut recorded = Recorded::new(operator);
@@ -86,14 +86,14 @@ fn iterate(operator: &mut dyn Adjoint) -> Result<Iterated> {
     Ok(Iterated { vector: found.vectors.into_iter().next().unwrap_or_default(), patterns })
 }
 
-/// By Lanczos on the matrix itself, until nothing changes.
+/// The reference by Lanczos on the matrix itself, run to convergence.
 fn reference(stage: &Stage) -> Result<Vec<f64>> {
     let options = EigsOptions { count: 1, products: 400, tolerance: 1e-12, ..EigsOptions::default() };
     let found = eigs(&mut stage.ideal(Part::Full), &options)?;
     Ok(found.vectors.into_iter().next().unwrap_or_default())
 }
 
-/// `|xᵀ y| / (‖x‖ ‖y‖)`
+/// `|xᵀ y| / (‖x‖ ‖y‖)`, the absolute cosine of the angle between two vectors.
 fn overlap(x: &[f64], y: &[f64]) -> f64 {
     dot(x, y).abs() / (norm(x) * norm(y))
 }

@@ -1,9 +1,9 @@
-//! Figure 4: two groups where no light is exchanged, and horizontal cuts at six and ten.
+//! Figure 4: two groups that exchange no light, and horizontal cuts at six and ten groups.
 //!
-//! Two scenes, since they answer differently. Sheets that are bent, as paper is, are cut into horizontal bands. The zigzag's are folded to
-//! a crease that is sharp at every scale, and there the light has no more than four eigenvalues that are separate: two groups, and
-//! each cut in halves. At more groups the tips of the creases are cheaper to cut off than bands are (`docs/segmentation.md`), which is
-//! measured here by the cut's value.
+//! Two scenes are used, since they behave differently. Bent sheets, as real paper is, are cut into horizontal bands. The zigzag's
+//! sheets have creases that are sharp at every scale. There the light has only four separated eigenvalues: two groups, each cut
+//! in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands (`docs/segmentation.md`); the
+//! value of the cut measures that.
 
 use std::ops::ControlFlow;
 
@@ -23,9 +23,9 @@ use crate::transport::Part;
 const SIDE: usize = 100;
 const PHOTOS: usize = 50;
 const PURE: f64 = 0.99;
-/// Pixels that belong to the group of most of their row: borders are noisy, and may be bent.
+/// Required share of pixels in their row's majority group: borders are noisy and may be bent.
 const HORIZONTAL: f64 = 0.9;
-/// The zigzag's halves, beside the paper's numbers of groups.
+/// Group counts for the zigzag: the paper's, and four for its halves.
 const FOLDED: [usize; 4] = [2, 4, 6, 10];
 const BENT: [usize; 2] = [6, 10];
 
@@ -80,7 +80,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Its groups named as those of the folded sheets.
+/// Marks the captions of group images as those of the folded sheets.
 fn folded(mut panel: Panel) -> Panel {
     if matches!(panel.content, Content::Labels(_)) {
         panel.caption += " of folded sheets";
@@ -96,7 +96,7 @@ fn labels(found: &Segmentation, groups: usize) -> &[u8] {
     found.labels.iter().find(|(of, _)| *of == groups).map_or(&[], |(_, labels)| labels)
 }
 
-/// Whether each group spans a sheet's width, and borders run along the rows.
+/// Checks that each group spans a sheet's width and that the borders run along the rows.
 fn are_bands(what: &str, groups: usize, segmentation: &Segmentation, stage: &Stage) -> [Check; 2] {
     let found = bands(labels(segmentation, groups), &stage.truth, stage.resolution);
     [
@@ -113,7 +113,7 @@ fn are_bands(what: &str, groups: usize, segmentation: &Segmentation, stage: &Sta
     ]
 }
 
-/// Whether the groups are what was asked for: their cut costs no more than that of straight bands.
+/// Checks that the groups solve the stated problem: their cut costs no more than the cut of straight bands.
 fn is_cheap(what: &str, groups: usize, found: &Segmentation, stage: &Stage) -> Result<Check> {
     let straight = straight_bands(&found.degree, &found.mask, &stage.truth, groups, stage.resolution);
     let cut = |labels: &[u8]| Ok(evidence(&mut stage.ideal(Part::Global), labels)?.cut());
@@ -121,8 +121,8 @@ fn is_cheap(what: &str, groups: usize, found: &Segmentation, stage: &Stage) -> R
     Ok(Check::at_most(format!("{what}: the cut of {groups} groups over that of straight bands"), ratio?, 1.0))
 }
 
-/// The segmentation at the full number of photos, and the purity of two groups after each photo until then. All are from
-/// one capture, which is asked, and goes on.
+/// The segmentation at the full number of photos, and the purity of two groups after 4 to 20 photos and at the end. All come from
+/// one capture that is interrupted, evaluated and continued.
 fn segment_step_by_step(
     operator: &mut dyn Operator,
     stage: &Stage,
@@ -146,7 +146,7 @@ fn segment_step_by_step(
     Ok((found, curve))
 }
 
-/// The first number of photos from which on every purity is high enough; infinite if the last is not.
+/// The smallest number of photos from which on the purity stays sufficient; infinite if the last one is insufficient.
 fn fewest(curve: &[(f64, f64)]) -> f64 {
     let from = curve.iter().rposition(|&(_, purity)| purity.is_nan() || purity < PURE).map_or(0, |at| at + 1);
     curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)

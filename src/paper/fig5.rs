@@ -12,7 +12,7 @@ use crate::transport::Part;
 const SIDE: usize = 100;
 const PHOTOS: usize = 50;
 
-/// Pixels to look at: name, and place in the photo from 0 to 1.
+/// Chosen pixels: name and position in the photo, 0 to 1.
 const CHOSEN: [(&str, [f64; 2]); 4] = [
     ("A: left sheet, its left face, above", [0.12, 0.25]),
     ("B: left sheet, its right face, above", [0.38, 0.25]),
@@ -77,7 +77,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// One column for each eigenvector but the first: the coordinates that k-means groups.
+/// One column of coordinates per eigenvector except the first: the features that k-means groups.
 fn features(found: &Segmentation) -> Vec<Vec<f64>> {
     let column = |(index, vector): (usize, &Vec<f64>)| {
         vector.iter().map(|&entry| found.embedding.coordinate(index, entry)).collect()
@@ -85,7 +85,7 @@ fn features(found: &Segmentation) -> Vec<Vec<f64>> {
     found.eigenvectors.iter().enumerate().skip(1).map(column).collect()
 }
 
-/// From `pixel` to each other, in the space of features.
+/// Distances from `pixel` to all pixels in feature space.
 fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
     let count = features.first().map_or(0, Vec::len);
     let square = |other: usize| -> f64 {
@@ -94,8 +94,8 @@ fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
     (0..count).map(|other| square(other).sqrt()).collect()
 }
 
-/// Of all pairs of a pixel in `pixel`'s region and one in another, the share whose first is nearer (the area under the
-/// curve of a classifier by distance; Mann and Whitney).
+/// The probability that a random pixel of `pixel`'s region is nearer to it than a random pixel of another region (area under the
+/// ROC curve; Mann–Whitney statistic).
 fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     order.sort_by(|&a, &b| distances[a].total_cmp(&distances[b]));
@@ -118,7 +118,7 @@ fn panels(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]) -> Ve
         resolution: stage.resolution,
         content: Content::Amounts(from.clone()),
     });
-    // Where the four are: marked in the photo by what is brighter than all of it.
+    // The chosen pixels are marked in the photo by values above its brightest one.
     let white = stage.photo(&vec![1.0; stage.pixels()]);
     let brightest = white.iter().copied().fold(0.0, f64::max);
     let mut marked: Vec<f64> = white.iter().map(|value| 0.6 * value).collect();

@@ -14,7 +14,7 @@ use crate::transport::Part;
 const SIDE: usize = 100;
 const PHOTOS: usize = 50;
 const GROUPS: [usize; 3] = [2, 4, 6];
-/// The least part of the photo that counts as a patch.
+/// Minimum size of a patch, as a share of the photo.
 const PATCH: f64 = 0.01;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -53,7 +53,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// Whether the group's two largest connected parts are patches on different sheets.
+/// Whether the group's two largest components are patches on different sheets.
 fn is_apart(labels: &[u8], group: u8, stage: &Stage) -> bool {
     let least = (PATCH * stage.pixels() as f64) as usize;
     let parts = components(labels, group, stage.resolution);

@@ -1,4 +1,4 @@
-//! Figure 8: an egg carton, empty and with eggs, at 100 photos and 20 eigenvectors.
+//! Figure 8: an egg carton, empty and with eggs, with 100 photos and 20 eigenvectors.
 
 use super::bench::Bench;
 use super::check::Check;
@@ -14,7 +14,7 @@ const SIDE: usize = 128;
 const PHOTOS: usize = 100;
 const EIGENVECTORS: usize = 20;
 const CELLS: usize = 9;
-/// An eigenvalue this near to 1 tells of a region that exchanges hardly any light.
+/// Eigenvalues this close to 1 indicate regions that exchange hardly any light.
 const ONE: f64 = 0.99;
 
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
@@ -22,7 +22,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let (empty_stage, empty) = run(bench, Set::Carton, side)?;
     let (egg_stage, eggs) = run(bench, Set::CartonEggs, side)?;
     let [without, with] = [&empty, &eggs].map(|found| found.labels[0].1.as_slice());
-    // Where rims meet they are flat and exchange light in twos and threes: those have eigenvalues at one, too.
+    // Flat spots where rims meet exchange light among two or three pixels only. They add eigenvalues at one, which are excluded.
     let ones = |found: &Segmentation| {
         let at_one = found.eigenvalues.iter().enumerate().filter(|(_, value)| **value >= ONE);
         at_one.filter(|(index, _)| !found.embedding.is_local(*index)).count() as f64
@@ -96,7 +96,7 @@ fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::sync::Arc<Stage
     Ok((stage, found))
 }
 
-/// The pictures of one carton, named and captioned as its own.
+/// The panels of one carton, with its name and caption prefixed.
 fn panels_of(name: &str, what: &str, stage: &Stage, found: &Segmentation) -> impl Iterator<Item = Panel> {
     panels(stage, found, 0).into_iter().map(move |panel| Panel {
         name: format!("{name}-{}", panel.name),

@@ -1,4 +1,4 @@
-//! Figure 9: the photos of a segmentation, in order.
+//! Figure 9: the photos of a segmentation in order.
 
 use super::bench::Bench;
 use super::check::Check;
@@ -24,7 +24,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         let shots: Vec<Shot> = recorded.products.into_iter().map(Shot::from).collect();
         Ok((found.photos, found.degree, shots))
     })?;
-    // The patterns are D^-½ times the basis, which is orthogonal.
+    // The patterns are `D^-½` times an orthogonal basis.
     let basis: Vec<Vec<f64>> = shots[1..]
         .iter()
         .map(|shot| shot.pattern.iter().zip(&degree).map(|(x, d)| x * d.sqrt()).collect())
@@ -58,7 +58,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     })
 }
 
-/// `max |xᵀy| / (‖x‖ ‖y‖)` over pairs.
+/// The largest `|xᵀy| / (‖x‖ ‖y‖)` over all pairs of basis vectors.
 fn overlap(basis: &[Vec<f64>]) -> f64 {
     let pairs = (0..basis.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
     pairs

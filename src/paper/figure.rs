@@ -1,11 +1,11 @@
-//! A figure of the paper, and what became of it here: numbers and planes of values, not yet pictures.
+//! The paper's figures and their reproductions: numbers and planes of values, before any painting.
 
 use super::bench::Rig;
 use super::check::Check;
 use crate::image::Resolution;
 use crate::operator::Product;
 
-/// A figure of the paper that can be made again.
+/// A figure of the paper that can be reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Figure {
     /// Power iteration.
@@ -31,7 +31,7 @@ pub enum Figure {
 }
 
 impl Figure {
-    /// All of them, in order.
+    /// All figures in order.
     pub const ALL: [Self; 10] = [
         Self::Fig2,
         Self::Fig4,
@@ -45,7 +45,7 @@ impl Figure {
         Self::Fig13,
     ];
 
-    /// Its name on the command line: `fig2`.
+    /// Name on the command line: `fig2`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Fig2 => "fig2",
@@ -61,7 +61,7 @@ impl Figure {
         }
     }
 
-    /// Its number and subject: `Figure 2: power iteration`.
+    /// Number and subject: `Figure 2: power iteration`.
     pub fn title(self) -> &'static str {
         match self {
             Self::Fig2 => "Figure 2: power iteration",
@@ -77,7 +77,7 @@ impl Figure {
         }
     }
 
-    /// What the paper says that its figure shows, in our words.
+    /// The paper's statement about the figure, in our words.
     pub fn statement(self) -> &'static str {
         match self {
             Self::Fig2 => {
@@ -122,110 +122,110 @@ impl Figure {
     }
 }
 
-/// A figure made again.
+/// A reproduced figure.
 #[derive(Clone, Debug)]
 pub struct Reproduced {
-    /// Which.
+    /// The figure.
     pub figure: Figure,
-    /// By which rig.
+    /// The rig that took the photos.
     pub rig: Rig,
-    /// How it was made: scene, pixels, photos.
+    /// Setting: scene, resolution, photos.
     pub setting: String,
-    /// Numbers and their bounds.
+    /// Measured numbers and their bounds.
     pub checks: Vec<Check>,
     /// Pictures.
     pub panels: Vec<Panel>,
     /// Plots.
     pub plots: Vec<Curves>,
-    /// Its photos in order.
+    /// Contact sheets of its photos.
     pub strips: Vec<Strip>,
-    /// Photos that the answer took: products with the light transport matrix.
+    /// Number of photos of the result: products with the light transport matrix.
     pub photos: usize,
     /// Wall-clock time, in seconds.
     pub seconds: f64,
 }
 
 impl Reproduced {
-    /// Whether every number is what it has to be.
+    /// Whether every number meets its bound.
     pub fn is_met(&self) -> bool {
         self.checks.iter().all(Check::is_met)
     }
 }
 
-/// A picture to be.
+/// A picture of a figure.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// Part of its file's name, e.g. `groups-2`.
+    /// Suffix of its file name, e.g. `groups-2`.
     pub name: String,
-    /// What it shows, with the unit of its values.
+    /// Description, with the unit of the values.
     pub caption: String,
-    /// Its pixels.
+    /// Resolution.
     pub resolution: Resolution,
-    /// What is in them.
+    /// The values.
     pub content: Content,
 }
 
-/// The values of a picture, one for each pixel.
+/// The values of a picture, one per pixel.
 #[derive(Clone, Debug)]
 pub enum Content {
-    /// Groups; 255 is a masked pixel.
+    /// Labels of groups; 255 is a masked pixel.
     Labels(Vec<u8>),
-    /// Values of both signs around 0.
+    /// Signed values around 0.
     Signed(Vec<f64>),
-    /// Amounts from 0.
+    /// Nonnegative amounts.
     Amounts(Vec<f64>),
-    /// Light: shown as the eye sees it, `white` being white.
+    /// Light, developed as a photo.
     Light {
-        /// In the unit that the caption names.
+        /// Values in the unit that the caption names.
         values: Vec<f64>,
-        /// What is shown as white; `None`: what is brighter than almost all of it.
+        /// The value shown as white; `None` selects it by automatic exposure.
         white: Option<f64>,
     },
 }
 
-/// Lines over a common axis.
+/// Curves over a common axis.
 #[derive(Clone, Debug)]
 pub struct Curves {
-    /// Below it.
+    /// Text below the plot.
     pub caption: String,
-    /// Along the horizontal axis, with the unit.
+    /// Label of the horizontal axis, with unit.
     pub x_label: String,
-    /// Along the vertical axis, with the unit.
+    /// Label of the vertical axis, with unit.
     pub y_label: String,
     /// Whether the vertical axis is logarithmic.
     pub logarithmic: bool,
-    /// The lines.
+    /// The curves.
     pub lines: Vec<Curve>,
-    /// Heights to be marked, with notes.
+    /// Marked heights, with notes.
     pub marks: Vec<(f64, String)>,
 }
 
-/// One line.
+/// One curve.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// In the legend.
+    /// Name in the legend.
     pub name: String,
-    /// (x, y)
+    /// Points (x, y).
     pub points: Vec<(f64, f64)>,
 }
 
-/// Photos in the order in which they were taken.
+/// Photos in the order in which they were taken, for a contact sheet.
 #[derive(Clone, Debug)]
 pub struct Strip {
-    /// Above it.
+    /// Text above the photos.
     pub caption: String,
-    /// Pixels of each.
+    /// Resolution of each pattern and photo.
     pub resolution: Resolution,
-    /// What was projected, and what was seen.
+    /// The patterns and their photos.
     pub shots: Vec<Shot>,
 }
 
-/// A pattern and its photo, as the method asked and was answered: either may be signed.
+/// A pattern and its photo, as the method requested and received them; either may be signed.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// What was projected.
+    /// The projected pattern.
     pub pattern: Vec<f64>,
-    /// What was seen.
+    /// The photo.
     pub photo: Vec<f64>,
 }
 

@@ -1,10 +1,10 @@
-//! The pictures of a segmentation.
+//! Pictures of a segmentation.
 
 use super::figure::{Content, Panel};
 use super::stage::Stage;
 use crate::analysis::Segmentation;
 
-/// The photo under white, the groups, and so many eigenvectors after the first, which is the same everywhere.
+/// The photo under white, the groups, and `eigenvectors` eigenvectors after the first, which is constant.
 pub(super) fn panels(stage: &Stage, found: &Segmentation, eigenvectors: usize) -> Vec<Panel> {
     let panel = |name: String, caption: String, content: Content| Panel {
         name,

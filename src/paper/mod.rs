@@ -1,22 +1,22 @@
-//! The paper's figures, made again: which scene, how many photos, what is measured, and what the paper says of it.
+//! Reproduction of the paper's figures: scene, number of photos, measured numbers, and the paper's statement about each.
 //!
-//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, at its resolutions and numbers of
-//! photos, on scenes of our own ([`crate::scene::builtin`]). Each figure is a file here and a function of a [`Bench`], which
-//! gives the photos; it returns a [`Reproduced`]: pictures, curves, and numbers with the bounds they are held to.
+//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, at the paper's resolutions and numbers of
+//! photos, on our own scenes ([`crate::scene::builtin`]). Each figure has a file here with a function of a [`Bench`], which
+//! provides the photos. The function returns a [`Reproduced`]: pictures, curves, and numbers with their bounds.
 //!
 //! | figure | shows | here |
 //! |---|---|---|
 //! | 2 | the principal eigenvector by power iteration | `fig2` |
 //! | 4 | segmentation into two, six and ten groups | `fig4` |
-//! | 5 | pixels by their entries in the eigenvectors | `fig5` |
-//! | 6 | patches apart in the photo that exchange light share a group | `fig6` |
+//! | 5 | pixels as points in the space of eigenvectors | `fig5` |
+//! | 6 | patches that are apart in the photo but exchange light share a group | `fig6` |
 //! | 8 | an egg carton, empty and with eggs | `fig8` |
-//! | 9, 10 | the photos of a run, in order | `fig9`, `fig10` |
-//! | 11 | compensation in focus, at five photos | `fig11` |
-//! | 12 | compensation of a projector out of focus, at twelve | `fig12` |
-//! | 13 | bit planes of a projector of one bit | `fig13` |
+//! | 9, 10 | the photos of a run in order | `fig9`, `fig10` |
+//! | 11 | compensation in focus with five photos | `fig11` |
+//! | 12 | compensation with a defocused projector, twelve photos | `fig12` |
+//! | 13 | bit planes of a one-bit projector | `fig13` |
 //!
-//! [`Gallery`] writes the page that shows the figures beside what the paper says of them.
+//! [`Gallery`] writes the page that shows the figures beside the paper's statements.
 
 mod bench;
 mod check;
@@ -49,10 +49,10 @@ pub use gallery::Gallery;
 
 use crate::error::Result;
 
-/// Makes `figure` again on `bench`.
+/// Reproduces `figure` on `bench`.
 ///
 /// # Errors
-/// What tracing, photos and methods fail with; [`crate::Error::Interrupted`] when the bench's watch says so.
+/// Errors of tracing, photos and methods; [`crate::Error::Interrupted`] when the bench's observer stops the run.
 pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     let start = std::time::Instant::now();
     let mut made = match figure {

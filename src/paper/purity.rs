@@ -1,11 +1,11 @@
-//! How pure groups are, and how far they are horizontal bands.
+//! Purity of groups, and how closely groups form horizontal bands.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::analysis::MASKED;
 use crate::image::Resolution;
 
-/// The share of pixels that belong to the region which most pixels of their group belong to; masked ones do not count.
+/// The share of pixels that belong to the majority region of their group; masked pixels do not count.
 pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
     let mut counts: BTreeMap<u8, BTreeMap<u8, usize>> = BTreeMap::new();
     for (&label, &region) in labels.iter().zip(truth).filter(|&(&l, &r)| l != MASKED && r != MASKED) {
@@ -16,16 +16,16 @@ pub(super) fn purity(labels: &[u8], truth: &[u8]) -> f64 {
     if all == 0 { f64::NAN } else { most as f64 / all as f64 }
 }
 
-/// How far groups are horizontal bands.
+/// How closely groups form horizontal bands.
 pub(super) struct Bands {
-    /// Groups that most pixels of some row of a region belong to. What is narrower than half of its region in every row, and so
-    /// no band, is not among them.
+    /// Number of groups that hold the majority of some row of a region. Groups narrower than half of their region in every row
+    /// are no bands and do not count.
     pub(super) count: usize,
-    /// The share of pixels that belong to the group of most of their row, in their region. 1 for borders along the rows.
+    /// Share of pixels in the majority group of their row and region; 1 if all borders run along the rows.
     pub(super) share: f64,
 }
 
-/// Looks at each row of each region by itself; masked pixels do not count.
+/// Evaluates each row of each region separately; masked pixels do not count.
 pub(super) fn bands(labels: &[u8], truth: &[u8], resolution: Resolution) -> Bands {
     let mut found = BTreeSet::new();
     let (mut agreeing, mut all) = (0_usize, 0_usize);
@@ -48,8 +48,8 @@ pub(super) fn bands(labels: &[u8], truth: &[u8], resolution: Resolution) -> Band
     Bands { count: found.len(), share: agreeing as f64 / all as f64 }
 }
 
-/// Straight bands, `groups` in all and as many in each region, of equal light within it: what groups would be whose borders run along the
-/// rows. `light` is that of each pixel; masked where `truth` or `mask` is.
+/// Labels of straight bands with borders along the rows: `groups` in total, the same number in each region, with equal light
+/// within a region. `light` is each pixel's light; pixels masked in `truth` or `mask` stay masked.
 pub(super) fn straight_bands(
     light: &[f64],
     mask: &[bool],
@@ -67,7 +67,7 @@ pub(super) fn straight_bands(
         for row in 0..resolution.height {
             let pixels = row * resolution.width..(row + 1) * resolution.width;
             let here: f64 = pixels.clone().filter(inside).map(|pixel| light[pixel]).sum();
-            // The band that the middle of this row's light falls into.
+            // The band that contains the middle of this row's light.
             let band = ((above + here / 2.0) / all * bands as f64) as usize;
             for pixel in pixels.filter(inside) {
                 labels[pixel] = (index * bands + band.min(bands - 1)) as u8;
@@ -93,13 +93,13 @@ mod tests {
     #[test]
     fn bands_span_their_region_and_spots_do_not() {
         let resolution = Resolution::new(4, 2);
-        // Two regions side by side, each of two bands.
+        // Two regions side by side, each with two bands.
         let found = bands(&[0, 0, 1, 1, 2, 2, 3, 3], &[0, 0, 1, 1, 0, 0, 1, 1], resolution);
         assert_eq!((found.count, found.share), (4, 1.0));
-        // One region, with a spot of one pixel.
+        // One region with a spot of one pixel.
         let found = bands(&[0, 7, 0, 0, 0, 0, 0, 0], &[0; 8], resolution);
         assert_eq!((found.count, found.share), (1, 0.875));
-        // Upright halves are no bands.
+        // Left and right halves are no bands.
         assert_eq!(bands(&[0, 0, 1, 1, 0, 0, 1, 1], &[0; 8], resolution).count, 0);
     }
 

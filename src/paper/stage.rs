@@ -1,4 +1,4 @@
-//! The figures' scenes, made in memory, and what they become when they are traced.
+//! The figures' scenes, built in memory, and their traced matrices.
 
 use crate::image::Resolution;
 use crate::scene::{Lens, Scene, builtin};
@@ -9,9 +9,9 @@ use crate::transport::{Assembled, MatrixOperator, Part};
 pub(super) enum Set {
     Zigzag,
     Corner,
-    /// The corner, by a projector whose lens is wide open and focused behind it.
+    /// The corner with a projector whose lens is wide open and focused behind the scene.
     Defocused,
-    /// The corner, by such a projector and through such a camera: that is symmetric again.
+    /// The same with an equal camera lens, which makes the matrix symmetric again.
     BothDefocused,
     TwoSheets,
     FacingSheets,
@@ -20,7 +20,7 @@ pub(super) enum Set {
     CartonEggs,
 }
 
-/// Walls from 0.6 to 1.2 m away: at 128 pixels a side blurred over discs of 1 to 3 pixels' radius.
+/// Walls at 0.6 to 1.2 m are blurred at 128 pixels per side by discs of radius 1 to 3 pixels.
 const DEFOCUSED: Lens = Lens { radius: 0.015, focus: 2.4 };
 
 impl Set {
@@ -28,8 +28,8 @@ impl Set {
         matches!(self, Self::Defocused | Self::BothDefocused)
     }
 
-    /// Light paths per pixel. Through an open lens direct light is sampled, too: at 256 paths the best pattern makes use of the noise that is
-    /// frozen into the matrix, which costs any method that has not seen all of it five per cent.
+    /// Light paths per pixel. With an open lens, direct light is sampled as well. At 256 paths the optimal pattern exploits the
+    /// noise in the fixed matrix, a gain of five per cent that methods with few products cannot reach.
     pub(super) fn samples(self) -> u32 {
         if self.is_out_of_focus() { 1024 } else { 256 }
     }
@@ -62,15 +62,15 @@ impl Set {
 /// A traced scene.
 pub(super) struct Stage {
     pub(super) traced: Assembled,
-    /// The true region of each pixel.
+    /// True region of each pixel.
     pub(super) truth: Vec<u8>,
     pub(super) resolution: Resolution,
-    /// Whether some lens is out of focus.
+    /// Whether a lens is out of focus.
     pub(super) out_of_focus: bool,
 }
 
 impl Stage {
-    /// The light itself, as the ideal rig sees it; what an answer is judged by, whoever took the photos.
+    /// The traced matrix as the ideal rig measures it. Answers are evaluated with it, whichever rig took the photos.
     pub(super) fn ideal(&self, part: Part) -> MatrixOperator<'_> {
         MatrixOperator::new(&self.traced.matrix, part, 0)
     }
@@ -79,7 +79,7 @@ impl Stage {
         self.resolution.pixels()
     }
 
-    /// The photo of `pattern` by all its light.
+    /// The photo of `pattern` with direct and global light.
     pub(super) fn photo(&self, pattern: &[f64]) -> Vec<f64> {
         let mut photo = vec![0.0; self.pixels()];
         self.traced.matrix.apply(Part::Full, 0, pattern, &mut photo);

@@ -1,7 +1,7 @@
-//! What a scene is to look like: a picture made by arithmetic, so that none has to be shipped.
+//! The target picture of the compensations, computed so that no image file has to be shipped.
 
-/// A picture of `side × side` values in [0.02, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer
-/// to the right, and a staircase of grays. It has edges in all directions and large even areas.
+/// A picture of `side × side` values in [0.02, 1]: a soft gradient, a bright disc with a dark ring, bars that become finer to the
+/// right, and a staircase of grays. It has edges in all directions and large uniform areas.
 pub(super) fn picture(side: usize) -> Vec<f64> {
     let pixels = (0..side).flat_map(|row| (0..side).map(move |column| (row, column)));
     pixels
@@ -12,7 +12,7 @@ pub(super) fn picture(side: usize) -> Vec<f64> {
         .collect()
 }
 
-/// At `x` from the left and `y` from the top, both in [0, 1].
+/// The value at `x` from the left and `y` from the top, both in [0, 1].
 fn value(x: f64, y: f64) -> f64 {
     let from_center = (x - 0.5).hypot(y - 0.4);
     if from_center < 0.16 {
@@ -26,7 +26,7 @@ fn value(x: f64, y: f64) -> f64 {
         return 0.02 + 0.19 * (6.0 * x).floor().min(5.0);
     }
     if (0.72..0.82).contains(&y) {
-        // Bars of a twelfth, a sixteenth and a twenty-fourth of the width.
+        // Bars with widths of 1/12, 1/16 and 1/24 of the picture.
         let bars = if x < 1.0 / 3.0 {
             12.0
         } else if x < 2.0 / 3.0 {

@@ -1,4 +1,4 @@
-//! The picture of a round of alignment: the photo, its shadows, and arrows where something is displaced.
+//! Picture of one alignment round: the photo, its shadows, and arrows for displaced cells.
 
 use crate::analysis::align::{Alignment, Sight};
 use crate::image::Resolution;
@@ -6,23 +6,23 @@ use crate::io::raster::Raster;
 use crate::io::srgb::encode_srgb;
 use crate::io::tone::percentile;
 
-/// What the camera sees and the projector does not light.
+/// Colour of shadows: pixels that see the scene but receive no direct light from the projector.
 pub const SHADOW: [u8; 3] = [0xe0, 0x20, 0x18];
 
-/// Where nothing is seen, for whatever reason.
+/// Colour of pixels that see nothing.
 pub const DARK: [u8; 3] = [0x48, 0x20, 0x60];
 
-/// Arrows: told from any gray, and from both of the above.
+/// Colour of the arrows; it differs clearly from grays and from the two colours above.
 pub const ARROW: [u8; 3] = [0x00, 0x70, 0xff];
 
-/// The picture is enlarged by a whole factor until its longer side has so many pixels, for arrows to be seen.
+/// The picture is enlarged by an integer factor while its longer side stays within this many pixels, so that arrows are visible.
 const LARGE: usize = 640;
 
-/// An arrow of the displacement that 95 % are below is so many cells long.
+/// Length in cells of the arrow for the displacement that 95 % of the cells stay below.
 const LENGTH: f64 = 1.5;
 
-/// The photo in gray, shadows in red, what is dark in violet, and from each cell that is displaced by more than `least` projector pixels an arrow towards
-/// where it is displaced to. Arrows are lengthened alike, to be seen.
+/// Draws the photo in gray, shadows in red, dark pixels in violet, and an arrow along the displacement of each cell that is
+/// displaced by more than `least` projector pixels. One factor scales all arrows.
 pub fn picture(found: &Alignment, least: f64) -> Raster {
     let Resolution { width, height } = found.camera;
     let lit: Vec<f64> = found.white.iter().copied().filter(|&light| light > 0.0).collect();
@@ -50,12 +50,12 @@ struct Canvas {
 }
 
 impl Canvas {
-    /// A line from a point, with a head at its end.
+    /// Draws a line from a point, with an arrow head at its end.
     fn arrow(&mut self, from: [f64; 2], along: [f64; 2]) {
         let to = [from[0] + along[0], from[1] + along[1]];
         self.line(from, to);
         for side in [-1.0, 1.0] {
-            // Back by a third of its length, and aside by half of that.
+            // The head reaches back by 0.3 of the arrow's length, and sideways by half of that.
             let back = [
                 to[0] - 0.3 * (along[0] - side * 0.5 * along[1]),
                 to[1] - 0.3 * (along[1] + side * 0.5 * along[0]),
@@ -69,7 +69,7 @@ impl Canvas {
         for step in 0..=steps as usize {
             let share = step as f64 / steps;
             let [x, y] = [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]));
-            // Outside of the picture there is nothing to be drawn.
+            // Points outside the picture are not drawn.
             if x < 0.0 || y < 0.0 || x >= self.resolution.width as f64 || y >= self.resolution.height as f64 {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! The files and the page of an audit.
+//! Files and report page of an audit.
 
 use std::path::Path;
 
@@ -10,20 +10,20 @@ use crate::error::{Error, Result};
 use crate::io::{atomic, npy};
 use crate::measure::RunManifest;
 
-/// A finished audit with what belongs beside it.
+/// A finished audit and the context that its report needs.
 #[derive(Clone, Debug)]
 pub struct AuditRun<'a> {
     /// The page's title.
     pub title: String,
     /// The result.
     pub found: &'a Audit,
-    /// What photos are in.
+    /// Unit of the photos' values.
     pub unit: &'a str,
 }
 
 impl AuditRun<'_> {
-    /// Writes `audit.json`, arrays, pictures and `report.html` into `folder`; `seconds` is what the run took so far. Returns the
-    /// files' names.
+    /// Writes `audit.json`, arrays, pictures and `report.html` into `folder` and returns their names. `seconds` is the run's
+    /// duration so far.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.

@@ -1,15 +1,15 @@
-//! Axes of a plot: where values lie along them, and round numbers to label.
+//! Axes of a plot: the position of values along them, and round tick labels.
 
-/// How values are laid out along an axis.
+/// How an axis maps values to positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scale {
-    /// Evenly.
+    /// Linear.
     Linear,
-    /// By their logarithm; values ≤ 0 have no place and are left out.
+    /// Logarithmic; values ≤ 0 have no position and are left out.
     Log,
 }
 
-/// One axis: where values lie along it and which carry a label.
+/// One axis of a plot: its range, scale and ticks.
 pub(super) struct Axis {
     scale: Scale,
     low: f64,
@@ -19,15 +19,15 @@ pub(super) struct Axis {
 
 pub(super) struct Tick {
     pub value: f64,
-    /// Empty for a faint line between labelled ones.
+    /// Empty for an unlabelled grid line between labelled ticks.
     pub label: String,
 }
 
 impl Axis {
-    /// An axis that holds all `values` that have a place on it, widened to round numbers; `None` if none has.
-    /// About `wanted` ticks are labelled.
+    /// The axis that encloses all plottable `values`, widened to round numbers, with about `wanted` labelled ticks. `None` if no
+    /// value is plottable.
     pub fn around(scale: Scale, values: impl Iterator<Item = f64>, wanted: usize) -> Option<Self> {
-        // Numbers near the ends of f64's range would leave it when rounded to a tick.
+        // Numbers near the ends of the range of `f64` would overflow when they are rounded to a tick.
         let placed = values.filter(|&value| match scale {
             Scale::Linear => value.abs() < 1e300,
             Scale::Log => (1e-300..1e300).contains(&value),
@@ -45,7 +45,7 @@ impl Axis {
 
     fn linear(mut low: f64, mut high: f64, wanted: usize) -> Self {
         let size = low.abs().max(high.abs());
-        // Values that agree to nine digits are one value: labels could not tell them apart.
+        // Values that agree to nine digits count as one: tick labels could not distinguish them.
         if high - low <= 1e-9 * size {
             let margin = if size == 0.0 { 1.0 } else { 0.1 * size };
             (low, high) = (low - margin, high + margin);
@@ -63,7 +63,7 @@ impl Axis {
     }
 
     fn logarithmic(low: f64, high: f64, wanted: usize) -> Self {
-        // Up to the next 2, 5 or power of ten only: a whole decade for values just above 1 would be mostly empty.
+        // The ends are rounded to 1, 2 or 5 times a power of ten: a whole decade for values just above 1 would be mostly empty.
         let (low, high) = (1.0 / round_step(1.0 / low, 1.0), round_step(high, 1.0));
         let (low, high) = if high > low { (low, high) } else { (low / 10.0, high * 10.0) };
         let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
@@ -90,27 +90,27 @@ impl Axis {
         Self { scale: Scale::Log, low, high, ticks: ticks.into_iter().map(tick).filter(within).collect() }
     }
 
-    /// An axis from `low` to `high` with these ticks, evenly laid out.
+    /// A linear axis from `low` to `high` with the given ticks.
     pub fn exactly(low: f64, high: f64, ticks: Vec<Tick>) -> Self {
         Self { scale: Scale::Linear, low, high, ticks }
     }
 
-    /// Where a value lies, 0 to 1; `None` for one that has no place on the axis.
+    /// Position of a value along the axis, 0 to 1; `None` for a value that is not on the axis.
     pub fn position(&self, value: f64) -> Option<f64> {
         let along = match self.scale {
             Scale::Linear => (value - self.low) / (self.high - self.low),
             Scale::Log if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
             Scale::Log => return None,
         };
-        // A hair of slack for values on the frame.
+        // A small tolerance keeps values on the frame.
         (-1e-6..=1.0 + 1e-6).contains(&along).then_some(along)
     }
 }
 
-/// 1, 2 or 5 times a power of ten: the smallest that is at least `size / slack`.
+/// The smallest of 1, 2 or 5 times a power of ten that is at least `size / slack`.
 fn round_step(size: f64, slack: f64) -> f64 {
     let magnitude = 10_f64.powf(size.log10().floor());
-    // A hair, so that exactly 2 is not taken for 2.0000000000000004.
+    // The tolerance keeps 2.0000000000000004 from being rounded up to 5.
     let leading = size / magnitude / slack * (1.0 - 1e-9);
     let rounded = [1.0, 2.0, 5.0].into_iter().find(|&digit| leading <= digit).unwrap_or(10.0);
     rounded * magnitude
@@ -122,11 +122,11 @@ fn linear_label(value: f64, step: f64, decimals: usize) -> String {
     }
     let plain = (1e-4..1e6).contains(&step.abs()) && value.abs() < 1e7;
     let text = if plain { format!("{value:.decimals$}") } else { format!("{:e}", round_to_digits(value, 6)) };
-    // A true minus sign is as wide as the digits.
+    // The Unicode minus sign is as wide as a digit.
     text.replace('-', "\u{2212}")
 }
 
-/// `value` with what multiplication by a step left behind beyond `digits` significant digits removed.
+/// Rounds `value` to `digits` digits after the leading one, which removes the rounding error of multiplying by a step.
 fn round_to_digits(value: f64, digits: usize) -> f64 {
     format!("{value:.digits$e}").parse().unwrap_or(value)
 }

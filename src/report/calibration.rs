@@ -1,5 +1,5 @@
-//! What a calibration's folder holds for people: `report.json` with every figure, pictures of the curves and the map, and a page
-//! of all that.
+//! Calibration report: `report.json` with all figures, pictures of the curves and of the registration, and a page with all of
+//! them.
 
 use std::path::Path;
 
@@ -14,8 +14,8 @@ use crate::measure::Calibration;
 use crate::measure::RunManifest;
 use crate::measure::calibrate::CalibrationReport;
 
-/// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` (camera pixels for each projector
-/// pixel: brighter is more) into `folder`.
+/// Writes `report.json`, `projector-curve.svg`, `latency.svg`, `drift.svg` and `footprints.png` (number of camera pixels per
+/// projector pixel; brighter is more) into `folder`.
 ///
 /// # Errors
 /// [`Error::Write`] naming the file.
@@ -34,7 +34,7 @@ pub fn write(folder: &Path, calibration: &Calibration, report: &CalibrationRepor
         .write_png(&folder.join("footprints.png"))
 }
 
-/// Writes `report.html`: `figures` are names and values of what was measured, `seconds` what the run took so far.
+/// Writes `report.html`. `figures` are names and values of the measured quantities; `seconds` is the run's duration so far.
 ///
 /// # Errors
 /// [`Error::Write`] naming the file.
@@ -78,7 +78,7 @@ pub fn write_page(
     page.write(&folder.join("report.html"))
 }
 
-/// Plots by their files' names, with captions.
+/// The plots with their file names and captions.
 fn plots(
     calibration: &Calibration,
     report: &CalibrationReport,
@@ -115,7 +115,7 @@ fn plots(
     ]
 }
 
-/// Camera pixels for each projector pixel.
+/// Number of camera pixels for each projector pixel.
 fn footprints(calibration: &Calibration) -> Vec<f64> {
     calibration.registration.starts.windows(2).map(|ends| (ends[1] - ends[0]) as f64).collect()
 }

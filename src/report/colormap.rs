@@ -1,4 +1,4 @@
-//! Colours for numbers: a signed map for eigenvectors, and a sequential one for amounts.
+//! Colour maps: a signed one for eigenvectors and a sequential one for amounts.
 
 use std::sync::LazyLock;
 
@@ -11,10 +11,10 @@ use crate::io::raster::Raster;
 use crate::io::srgb::{decode_srgb, encode_srgb};
 use crate::io::tone;
 
-/// Half a per cent of the values may saturate, so that single bright pixels do not drown the rest.
+/// The largest 0.5 % of the values may saturate, so that single bright pixels do not compress the range of the others.
 const RANGE_PERCENTILE: f64 = 0.995;
 
-/// −1 (blue) through 0 (near white) to 1 (vermilion), darker towards both ends; told apart by colour-blind readers.
+/// Colours from −1 (blue) over 0 (near white) to 1 (vermilion), darker towards both ends; distinct for colour-blind readers.
 const SIGNED_STOPS: [[u8; 3]; 7] = [
     [0x0a, 0x2a, 0x66],
     [0x1f, 0x6f, 0xb8],
@@ -25,10 +25,10 @@ const SIGNED_STOPS: [[u8; 3]; 7] = [
     [0x6b, 0x1b, 0x0b],
 ];
 
-/// Steps from one stop to the next: each changes a colour by less than a level.
+/// Interpolation steps between two stops; each changes a channel by at most one level.
 const STEPS: usize = 512;
 
-/// The map's colours from end to end, mixed once: that takes longer than all else that a pixel needs.
+/// The interpolated signed map, computed once because the interpolation costs more than the rest of a pixel's work.
 static SIGNED: LazyLock<Vec<[u8; 3]>> = LazyLock::new(|| {
     let stops =
         SIGNED_STOPS.map(|stop| oklab_from_linear(stop.map(|byte| decode_srgb(f32::from(byte) / 255.0))));
@@ -42,7 +42,7 @@ static SIGNED: LazyLock<Vec<[u8; 3]>> = LazyLock::new(|| {
     (0..=(stops.len() - 1) * STEPS).map(color).collect()
 });
 
-/// The colour of `value` in \[−1, 1\], clipped beyond: 0 is near white, negative blue, positive vermilion.
+/// Colour of a signed `value`, clipped to \[−1, 1\]: negative is blue, 0 near white, positive vermilion.
 pub fn signed_color(value: f64) -> [u8; 3] {
     if value.is_nan() {
         return NOT_A_NUMBER;
@@ -51,12 +51,12 @@ pub fn signed_color(value: f64) -> [u8; 3] {
     SIGNED[(middle * (1.0 + value.clamp(-1.0, 1.0))).round() as usize]
 }
 
-/// The colour of `value` in \[0, 1\], clipped beyond: viridis, dark violet through green to yellow, even in lightness.
+/// Colour of `value`, clipped to \[0, 1\]: viridis, from dark violet over green to yellow, with uniform steps of lightness.
 pub fn sequential_color(value: f64) -> [u8; 3] {
     if value.is_nan() {
         return NOT_A_NUMBER;
     }
-    // Matt Zucker's polynomial of degree 6 for Matplotlib's viridis (both in the public domain), by Horner's rule.
+    // Matt Zucker's polynomial of degree 6 for Matplotlib's viridis (both in the public domain), evaluated by Horner's rule.
     const COEFFICIENTS: [[f64; 3]; 7] = [
         [0.277_727_327_2, 0.005_407_344_5, 0.334_099_805_3],
         [0.105_093_043_1, 1.404_613_529_9, 1.384_590_162_6],
@@ -73,26 +73,26 @@ pub fn sequential_color(value: f64) -> [u8; 3] {
     })
 }
 
-/// The largest absolute value, half a per cent of outliers left aside: what ±1 of [`signed_color`] stands for.
+/// The absolute value that ±1 of [`signed_color`] stands for: the 99.5th percentile, so that outliers do not count.
 ///
-/// `mask`, where given, is `true` at pixels to leave out. 1 where every value is zero, NaN or masked.
+/// `mask`, if given, is `true` at pixels to leave out. The result is 1 if every value is zero, NaN or masked.
 pub fn robust_range(values: &[f64], mask: Option<&[bool]>) -> f64 {
     let kept = |&(index, value): &(usize, &f64)| {
         value.is_finite() && !mask.is_some_and(|mask| mask.get(index).copied().unwrap_or(false))
     };
     let sizes: Vec<f64> = values.iter().enumerate().filter(kept).map(|(_, value)| value.abs()).collect();
     let largest = sizes.iter().copied().fold(0.0, f64::max);
-    // More than 99.5 % zeros is a sparse image, not one with outliers.
+    // An image with more than 99.5 % zeros is sparse; its nonzero values are no outliers.
     tone::percentile(sizes, RANGE_PERCENTILE).filter(|&range| range > 0.0).unwrap_or(match largest {
         0.0 => 1.0,
         largest => largest,
     })
 }
 
-/// A picture of signed values (`w·h`, row by row): 0 is neutral, ±`range` the ends. `mask` as in [`robust_range`].
+/// Paints signed values (`w·h`, row by row): 0 is neutral, ±`range` are the ends of the map. `mask` as in [`robust_range`].
 ///
 /// # Errors
-/// [`Error::Dimension`] when values or mask are not as many as the pixels.
+/// [`Error::Dimension`] when the number of values or of mask entries differs from the number of pixels.
 pub fn paint_signed(
     resolution: Resolution,
     values: &[f64],
@@ -102,17 +102,17 @@ pub fn paint_signed(
     paint(resolution, values, mask, |value| signed_color(value / range))
 }
 
-/// A picture of amounts (`w·h`, row by row): `low` is dark violet, `high` yellow. `mask` as in [`robust_range`].
+/// Paints amounts (`w·h`, row by row): `low` is dark violet, `high` is yellow. `mask` as in [`robust_range`].
 ///
 /// # Errors
-/// [`Error::Dimension`] when values or mask are not as many as the pixels.
+/// [`Error::Dimension`] when the number of values or of mask entries differs from the number of pixels.
 pub fn paint_sequential(
     resolution: Resolution,
     values: &[f64],
     mask: Option<&[bool]>,
     (low, high): (f64, f64),
 ) -> Result<Raster> {
-    // A constant image has no range; it is shown as its lowest value.
+    // A constant image has no range; all its pixels get the colour of `low`.
     let span = if high > low { high - low } else { f64::INFINITY };
     paint(resolution, values, mask, |value| sequential_color((value - low) / span))
 }
@@ -149,7 +149,7 @@ mod tests {
         assert_eq!(signed_color(0.0), SIGNED_STOPS[3]);
         assert_eq!(signed_color(-7.0), SIGNED_STOPS[0]);
         assert_eq!(signed_color(f64::INFINITY), SIGNED_STOPS[6]);
-        // No step is seen.
+        // Consecutive colours differ by at most one level, so no step is visible.
         let near = |pair: &[[u8; 3]]| (0..3).all(|channel| pair[0][channel].abs_diff(pair[1][channel]) <= 1);
         assert!(SIGNED.windows(2).all(near));
         let lightness = |value: f64| {

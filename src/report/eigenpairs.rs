@@ -1,4 +1,4 @@
-//! The files and the page of a run that found eigenpairs.
+//! Files and report page of a run that computed eigenpairs.
 
 use std::path::Path;
 
@@ -12,25 +12,25 @@ use crate::io::{exr, npy};
 use crate::krylov::Eigs;
 use crate::measure::RunManifest;
 
-/// Eigenpairs found, with what belongs beside them.
+/// Computed eigenpairs and the context that their report needs.
 #[derive(Clone, Debug)]
 pub struct EigenpairsRun<'a> {
     /// The page's title.
     pub title: String,
     /// The result.
     pub found: &'a Eigs,
-    /// The pixels that an eigenvector's entries are; `None` where the matrix is not of images.
+    /// Resolution of the eigenvectors as images; `None` if the matrix does not act on images.
     pub resolution: Option<Resolution>,
-    /// What is said of each pair, a word or two.
+    /// A short status of each pair.
     pub verdicts: &'a [String],
-    /// Whether all is as good as was asked for.
+    /// Whether the result meets the requested accuracy.
     pub good: bool,
-    /// Every photo in order, and what photos are in; none where the matrix is not of images.
+    /// Contact sheet of all photos and the photos' unit; `None` if the matrix does not act on images.
     pub strip: Option<(&'a ContactSheet, &'a str)>,
 }
 
 impl EigenpairsRun<'_> {
-    /// Writes arrays, pictures and `report.html` into `folder`; `seconds` is what the run took so far. Returns the files' names.
+    /// Writes arrays, pictures and `report.html` into `folder` and returns their names. `seconds` is the run's duration so far.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
@@ -44,7 +44,7 @@ impl EigenpairsRun<'_> {
         self.write_vectors(&mut files, "eigenvectors.npy", &found.vectors)?;
         if found.imaginary_values.iter().any(|&value| value != 0.0) {
             npy::write_npy(&files.path("eigenvalues-imaginary.npy"), &[count], &found.imaginary_values)?;
-            // Those of real pairs are empty.
+            // Real eigenpairs have empty imaginary vectors.
             let length = found.vectors.first().map_or(0, Vec::len);
             let padded =
                 |vector: &Vec<f64>| if vector.is_empty() { vec![0.0; length] } else { vector.clone() };
@@ -64,7 +64,7 @@ impl EigenpairsRun<'_> {
         Ok(files.names)
     }
 
-    /// `k×H×W` for images, else `k×n`.
+    /// Writes an array of shape `k×H×W` for images, otherwise `k×n`.
     fn write_vectors(&self, files: &mut Files<'_>, name: &str, vectors: &[Vec<f64>]) -> Result<()> {
         let shape = match self.resolution {
             Some(Resolution { width, height }) => vec![vectors.len(), height, width],

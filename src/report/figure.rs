@@ -1,4 +1,4 @@
-//! Light, errors and amounts as figures of a page: the picture with its colour bar and unit.
+//! Figures of a page for light, errors and amounts: the picture with its colour bar and unit.
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
 use super::html::{Figure, Legend};
@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::tone::develop;
 
-/// Light in `unit`, developed by `scale`; in colour, the bar is that of its grays.
+/// A photo in `unit`, developed with exposure `scale`; the colour bar of a colour photo shows its grays.
 pub(super) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<String>) -> Result<Figure> {
     Ok(Figure {
         png: develop(image, scale).encode_png()?,
@@ -15,12 +15,12 @@ pub(super) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<St
     })
 }
 
-/// A pattern: what is projected, from 0 to 1 of what the projector can.
+/// A pattern; its values are fractions of the projector's white.
 pub(super) fn pattern(image: &Image, caption: impl Into<String>) -> Result<Figure> {
     light(image, 1.0, "of the projector's white", caption)
 }
 
-/// Values of either sign within ±`range`.
+/// Signed values, shown on the range ±`range`.
 pub(super) fn signed(
     size: Resolution,
     values: &[f64],
@@ -35,7 +35,7 @@ pub(super) fn signed(
     })
 }
 
-/// Amounts from 0 on.
+/// Nonnegative amounts, shown from 0.
 pub(super) fn amounts(
     size: Resolution,
     values: &[f64],

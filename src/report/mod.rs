@@ -1,13 +1,13 @@
-//! What a run shows: pictures, plots and the page, with what each verb found.
+//! Presentation of results: pictures, plots and report pages for each command.
 //!
-//! | what | module |
+//! | content | module |
 //! |---|---|
-//! | `report.html` | [`html`], with plots by [`plot`] and [`scatter`] |
+//! | `report.html` | [`html`], with plots from [`plot`] and [`scatter`] |
 //! | colours of values and of groups | [`colormap`], [`palette`] |
-//! | every photo of a run on one sheet | [`strip`] |
-//! | the arrays, pictures and page of one verb | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
-//! | pictures for setting up a bench | [`preview`], [`alignment`] |
-//! | images in an external viewer while they come | [`viewer`] |
+//! | contact sheet of all photos of a run | [`contact_sheet`] |
+//! | the arrays, pictures and page of one command | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
+//! | pictures for setting up a rig | [`preview`], [`alignment`] |
+//! | live images in an external viewer | [`viewer`] |
 //!
 //! Files are written through [`crate::io`].
 

@@ -1,12 +1,12 @@
-//! Where a note in a drawing stands clear of what is drawn.
+//! Placement of notes in a drawing where they cover no curve.
 
 /// A rectangle: left, top, right and bottom.
 pub(super) type Frame = [f64; 4];
 
-/// Points closer than this are one, as far as a note is concerned.
+/// Sampling distance along lines: closer points are equivalent for the placement of notes.
 const STEP: f64 = 3.0;
 
-/// Points of the lines between `corners`, dense enough that none passes a note unseen.
+/// Points along the lines between `corners`, dense enough that every line through a note is noticed.
 pub(super) fn along(corners: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> {
     corners.windows(2).flat_map(|ends| {
         let [(x, y), (to_x, to_y)] = [ends[0], ends[1]];
@@ -18,7 +18,7 @@ pub(super) fn along(corners: &[(f64, f64)]) -> impl Iterator<Item = (f64, f64)> 
     })
 }
 
-/// The first of the places with the fewest points and notes in it; `None` where there is no place.
+/// The first of the places that cover the fewest points and notes; `None` without places.
 pub(super) fn clearest(places: &[Frame], points: &[(f64, f64)], notes: &[Frame]) -> Option<Frame> {
     let hidden = |place: &Frame| {
         let inside =
@@ -26,7 +26,7 @@ pub(super) fn clearest(places: &[Frame], points: &[(f64, f64)], notes: &[Frame])
         let meets = |note: &&Frame| {
             note[0] < place[2] && place[0] < note[2] && note[1] < place[3] && place[1] < note[3]
         };
-        // Two notes on each other can be read by nobody.
+        // Overlapping notes are unreadable, hence the large penalty.
         points.iter().filter(inside).count() + 1000 * notes.iter().filter(meets).count()
     };
     places.iter().copied().min_by_key(hidden)

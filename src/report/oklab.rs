@@ -1,4 +1,4 @@
-//! Oklab, in which equal distances look alike.
+//! Oklab, a colour space in which equal distances look equal.
 
 /// Linear sRGB of an Oklab colour `[L, a, b]` (Björn Ottosson, *A perceptual color space for image processing*).
 pub(super) fn linear_from_oklab([lightness, a, b]: [f32; 3]) -> [f32; 3] {

@@ -1,17 +1,17 @@
-//! Colours for groups: any number of pixels may carry one of 255 labels, and 255 is a masked pixel.
+//! Colours of groups: labels 0 to 254, and 255 for masked pixels.
 
 use super::oklab::linear_from_oklab;
 use crate::image::Resolution;
 use crate::io::raster::Raster;
 use crate::io::srgb::encode_srgb;
 
-/// Masked pixels: a gray that no map of colours passes through.
+/// Colour of masked pixels, a gray that no colour map contains.
 pub const MASKED: [u8; 3] = [0x3c, 0x3c, 0x40];
 
 /// The label of a pixel that belongs to no group.
 pub const MASKED_LABEL: u8 = 255;
 
-/// Told apart by most colour-blind readers: Okabe and Ito's seven, then five of Paul Tol's "muted" scheme.
+/// Colours that most colour-blind readers can distinguish: Okabe and Ito's seven, then five of Paul Tol's "muted" scheme.
 const HAND_PICKED: [[u8; 3]; 12] = [
     [0x00, 0x72, 0xb2],
     [0xe6, 0x9f, 0x00],
@@ -27,8 +27,8 @@ const HAND_PICKED: [[u8; 3]; 12] = [
     [0xdd, 0xcc, 0xbb],
 ];
 
-/// The colour of a group. Beyond the twelve hand-picked ones hues advance by the golden angle in Oklab, at
-/// lightnesses that take turns, so that neighbours in number differ in both. 255 is a dark gray.
+/// Colour of a group. After the twelve hand-picked colours, hues advance by the golden angle in Oklab with alternating lightness,
+/// so that consecutive labels differ in both. Label 255 is dark gray.
 pub fn label_color(label: u8) -> [u8; 3] {
     if label == MASKED_LABEL {
         return MASKED;
@@ -41,7 +41,7 @@ pub fn label_color(label: u8) -> [u8; 3] {
     let step = usize::from(label) - HAND_PICKED.len();
     let hue = step as f32 * GOLDEN_ANGLE;
     let lightness = LIGHTNESS[step % LIGHTNESS.len()];
-    // The most saturated colour of this hue and lightness that a screen can show, up to 0.13.
+    // The most saturated sRGB colour of this hue and lightness, with chroma up to 0.13.
     let saturation = (0..=13).rev().map(|hundredths| hundredths as f32 / 100.0);
     let color = saturation
         .map(|chroma| linear_from_oklab([lightness, chroma * hue.cos(), chroma * hue.sin()]))
@@ -49,7 +49,7 @@ pub fn label_color(label: u8) -> [u8; 3] {
     color.unwrap_or_default().map(encode_srgb)
 }
 
-/// A picture of `labels` (`w·h` of them, row by row).
+/// Paints `labels` (`w·h`, row by row).
 pub fn paint_labels(resolution: Resolution, labels: &[u8]) -> Raster {
     Raster::from_pixels(resolution, labels.iter().map(|&label| label_color(label)))
 }

@@ -1,6 +1,6 @@
-//! Planes of values, one for each channel: as gray, and compared.
+//! Planes of values, one per channel: their mean and difference.
 
-/// Pixel by pixel, the mean over the channels.
+/// The mean over the channels, for each pixel.
 pub(super) fn mean(planes: &[Vec<f64>]) -> Vec<f64> {
     let pixels = planes.first().map_or(0, Vec::len);
     (0..pixels)
@@ -8,13 +8,13 @@ pub(super) fn mean(planes: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
-/// Pixel by pixel, the mean over the channels of `a − b`.
+/// The mean of `a − b` over the channels, for each pixel.
 pub(super) fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Vec<f64> {
     let less = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a - b).collect();
     mean(&a.iter().zip(b).map(less).collect::<Vec<_>>())
 }
 
-/// `3.14 %`, with three digits.
+/// A percentage with three digits, such as `3.14 %`.
 pub(super) fn percent(share: f64) -> String {
     let percent = 100.0 * share;
     let decimals = match percent {

@@ -1,28 +1,28 @@
-//! The plots of a report, as SVG: residuals over photos, and spectra.
+//! Plots of a report as SVG: residuals over photos, and spectra.
 
 use super::axis::{Axis, Scale, Tick};
 use super::svg::{Chart, nothing_to_plot};
 
-/// Told apart by colour-blind readers, on white and on black.
+/// Line colours that colour-blind readers can distinguish, on white and on black.
 const COLORS: [&str; 8] =
     ["#2b87c4", "#dd6b1f", "#149a74", "#c671a3", "#d99c0b", "#7a6fd0", "#5cb8e6", "#8b8b35"];
 
-/// Dashes of the second and later rounds through the colours.
+/// Dash patterns of successive rounds through the colours.
 const DASHES: [&str; 3] = ["", "7 5", "2 5"];
 
-/// Points beyond which a line carries no dots.
+/// Maximum number of points at which a line is drawn with dots.
 const MOST_DOTS: usize = 48;
 
-/// Lines over a common axis, e.g. the relative residual of each method over the photos that it took.
+/// Lines over a common axis, e.g. the relative residual of each method over its photos.
 #[derive(Clone, Debug, Default)]
 pub struct LinePlot {
-    /// Below the horizontal axis, with the unit.
+    /// Label of the horizontal axis, with unit.
     pub x_label: String,
-    /// Beside the vertical axis, with the unit.
+    /// Label of the vertical axis, with unit.
     pub y_label: String,
     /// Whether the vertical axis is logarithmic.
     pub logarithmic: bool,
-    /// The lines; more than one are named in a legend.
+    /// The lines; a legend names them if there are several.
     pub series: Vec<Series>,
     /// Dashed horizontal lines with a note, e.g. the noise floor.
     pub marks: Vec<(f64, String)>,
@@ -31,14 +31,14 @@ pub struct LinePlot {
 /// One line.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
-    /// Its name in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// Its points, (x, y). NaN, and on a logarithmic axis zero, leaves a gap.
+    /// Points (x, y). NaN leaves a gap, as do values ≤ 0 on a logarithmic axis.
     pub points: Vec<(f64, f64)>,
 }
 
 impl LinePlot {
-    /// The plot as an SVG document. The same plot gives the same bytes.
+    /// The plot as an SVG document. Equal plots give equal bytes.
     pub fn render(&self) -> String {
         let points = || self.series.iter().flat_map(|series| &series.points);
         let scale = if self.logarithmic { Scale::Log } else { Scale::Linear };
@@ -77,21 +77,21 @@ impl LinePlot {
     }
 }
 
-/// Values by their number, as stems from zero with error bars, e.g. eigenvalues ± residuals.
+/// Values over their index, as stems from zero with error bars, e.g. eigenvalues ± residuals.
 #[derive(Clone, Debug, Default)]
 pub struct StemPlot {
-    /// Below the horizontal axis.
+    /// Label of the horizontal axis.
     pub x_label: String,
-    /// Beside the vertical axis, with the unit.
+    /// Label of the vertical axis, with unit.
     pub y_label: String,
-    /// The values, in the order in which they are shown; the first has number 1.
+    /// The values in order; the first has number 1.
     pub values: Vec<f64>,
-    /// Half the length of each value's error bar; may be shorter than `values`, or empty.
+    /// Half the length of each value's error bar; may have fewer entries than `values`, or none.
     pub errors: Vec<f64>,
 }
 
 impl StemPlot {
-    /// The plot as an SVG document. The same plot gives the same bytes.
+    /// The plot as an SVG document. Equal plots give equal bytes.
     pub fn render(&self) -> String {
         let error =
             |index: usize| self.errors.get(index).copied().filter(|error| error.is_finite()).unwrap_or(0.0);
@@ -124,7 +124,7 @@ impl StemPlot {
             chart.segment(base, top, COLORS[0], 2.0, 0.45);
             let bar = [value - error(index), value + error(index)].map(|end| chart.place((number, end)));
             if let [Some(low), Some(high)] = bar
-                // A bar shorter than the dot could not be seen.
+                // The dot would hide a shorter bar.
                 && low.1 - high.1 > 9.0
             {
                 chart.segment(low, high, COLORS[1], 2.0, 1.0);

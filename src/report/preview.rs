@@ -1,16 +1,16 @@
-//! A camera's frame as a picture for the one who sets it up: what counts no further is red, what counts nothing blue.
+//! Preview of a camera frame for setting up the camera: saturated pixels are red, pixels without signal blue.
 
 use crate::io::raster::Raster;
 use crate::io::srgb::encode_srgb;
 use crate::rig::RawFrame;
 
-/// A sample that counts no further.
+/// Colour of pixels with a saturated sample.
 pub const SATURATED: [u8; 3] = [0xff, 0x20, 0x10];
 
-/// A pixel whose samples are all 0.
+/// Colour of pixels whose samples are all 0.
 pub const CRUSHED: [u8; 3] = [0x20, 0x50, 0xff];
 
-/// The range of counts from `black` to `full` as sRGB, of one exposure for all frames; counts of `limit` and more are saturated.
+/// Paints counts from `black` to `full` in sRGB, with one exposure for all frames; counts of at least `limit` are saturated.
 pub fn overlay(frame: &RawFrame, black: f64, full: f64, limit: f64) -> Raster {
     let range = (full - black).max(1.0);
     let pixels = frame.counts.chunks_exact(frame.channels).map(|pixel| {

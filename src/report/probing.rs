@@ -1,4 +1,4 @@
-//! The files and the page of a probed photo.
+//! Files and report page of a probed photo.
 
 use std::path::Path;
 
@@ -16,32 +16,32 @@ use crate::io::tone::exposure;
 use crate::io::{atomic, picture};
 use crate::measure::RunManifest;
 
-/// A probed photo with what belongs beside it.
+/// A probed photo and the context that its report needs.
 #[derive(Clone, Debug)]
 pub struct ProbingRun<'a> {
     /// The page's title.
     pub title: String,
-    /// Which paths were let through.
+    /// Which light paths contribute.
     pub probing: Probing,
-    /// Photos taken.
+    /// Number of photos taken.
     pub photos: usize,
-    /// Pixels of all images.
+    /// Resolution of all images.
     pub resolution: Resolution,
-    /// What the values are in.
+    /// Unit of the values.
     pub unit: &'a str,
-    /// `(Π ∘ A) 1` as found.
+    /// The estimate of `(Π ∘ A) 1`.
     pub values: &'a Planes,
-    /// The standard error of each value.
+    /// Standard error of each value.
     pub standard_errors: &'a Planes,
-    /// The same from the matrix itself, where there is one.
+    /// The exact `(Π ∘ A) 1`, computed from the matrix if it is known.
     pub truth: Option<&'a Planes>,
-    /// Every photo in order.
+    /// Contact sheet of all photos.
     pub strip: &'a ContactSheet,
 }
 
 impl ProbingRun<'_> {
-    /// Writes `probed`, `standard-error` and, where it is known, `exact`, and `report.html` into `folder`; `seconds` is what the
-    /// run took so far. Returns the files' names.
+    /// Writes `probed`, `standard-error`, `exact` (if known) and `report.html` into `folder` and returns their names. `seconds`
+    /// is the run's duration so far.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
@@ -83,7 +83,7 @@ impl ProbingRun<'_> {
         Ok(files.names)
     }
 
-    /// How it ended, in a sentence or two.
+    /// The result in one or two sentences.
     pub fn sentence(&self) -> String {
         let mut text = format!(
             "{} photos let through {}, with a standard error of {}.",
@@ -100,7 +100,7 @@ impl ProbingRun<'_> {
         text
     }
 
-    /// The root mean square of the standard errors, relative to that of the values (the exact ones where they are known).
+    /// The root mean square of the standard errors relative to that of the values (the exact ones if known).
     pub fn noise(&self) -> f64 {
         let size = |planes: &Planes| planes.iter().flatten().map(|value| value * value).sum::<f64>().sqrt();
         size(self.standard_errors) / size(self.truth.unwrap_or(self.values))

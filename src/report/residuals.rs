@@ -1,14 +1,14 @@
-//! Residuals over photos, as a file and as a plot.
+//! Residuals over the number of photos, as a file and as a plot.
 
 use std::fmt::Write;
 
 use super::html::Block;
 use super::plot::{LinePlot, Series};
 
-/// A residual after so many photos.
+/// Number of photos, and the residual after them.
 pub(super) type Row = (usize, f64);
 
-/// `residuals.csv`; the first column is called `count`.
+/// Content of `residuals.csv`; `count` is the header of the first column.
 pub(super) fn csv(count: &str, history: &[Row]) -> String {
     let mut text = format!("{count},relative_residual\n");
     for (photo, residual) in history {
@@ -18,7 +18,7 @@ pub(super) fn csv(count: &str, history: &[Row]) -> String {
     text
 }
 
-/// One line for each method by name, with dashed marks.
+/// A plot with one named line per method and dashed horizontal marks.
 pub(super) fn plot(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, String)>, caption: &str) -> Block {
     let series = |(name, history): &(&str, &[Row])| Series {
         name: (*name).to_owned(),

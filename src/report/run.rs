@@ -1,11 +1,11 @@
-//! What the pages and folders of all runs have in common.
+//! Parts that the pages and folders of all runs share.
 
 use std::path::{Path, PathBuf};
 
 use crate::io::manifest::ProductsOn;
 use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
 
-/// The files of a run's folder, noted by name as they are asked for.
+/// The files of a run's folder; the name of each requested path is recorded.
 pub(crate) struct Files<'a> {
     folder: &'a Path,
     pub(crate) names: Vec<String>,
@@ -22,7 +22,7 @@ impl<'a> Files<'a> {
     }
 }
 
-/// The facts of a run, as far as its record has them, with `more` of its own after those of the scene.
+/// The run's facts from its manifest; `more` are facts of the command itself, placed after those of the rig.
 pub(crate) fn facts(
     manifest: &RunManifest,
     photos: usize,
@@ -55,7 +55,7 @@ pub(crate) fn facts(
     facts.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// What a run on a rig cost, and how its photos were made.
+/// Facts of a rig: its effort, and how it measured its photos.
 fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     let effort = &rig.effort;
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
@@ -86,7 +86,7 @@ fn rig_facts(rig: &RigRecord) -> Vec<(&'static str, String)> {
     facts
 }
 
-/// The stages between counts and light, in words.
+/// The processing stages from counts to light, in words.
 pub(crate) fn stages(options: &MeasureOptions) -> String {
     let times = |count: u32, what: &str| (count > 1).then(|| format!("{count} {what}"));
     let named = |on: bool, name: &str| on.then(|| name.to_owned());

@@ -1,23 +1,23 @@
-//! Points in a plane, in colours, with some of them marked and named.
+//! Scatter plots with coloured points; some points are marked and named.
 
 use super::axis::{Axis, Scale};
 use super::svg::{Chart, nothing_to_plot};
 
-/// A cloud of points.
+/// A scatter plot.
 #[derive(Clone, Debug, Default)]
 pub struct ScatterPlot {
-    /// Below the horizontal axis.
+    /// Label of the horizontal axis.
     pub x_label: String,
-    /// Beside the vertical axis.
+    /// Label of the vertical axis.
     pub y_label: String,
     /// Points with their colours (sRGB), drawn in this order.
     pub points: Vec<((f64, f64), [u8; 3])>,
-    /// Points that stand out, with their names.
+    /// Marked points with their names.
     pub marked: Vec<((f64, f64), String)>,
 }
 
 impl ScatterPlot {
-    /// The plot as an SVG document. The same plot gives the same bytes.
+    /// The plot as an SVG document. Equal plots give equal bytes.
     pub fn render(&self) -> String {
         let all = || self.points.iter().map(|(at, _)| *at).chain(self.marked.iter().map(|(at, _)| *at));
         let (Some(x), Some(y)) = (

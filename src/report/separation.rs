@@ -1,4 +1,4 @@
-//! The files and the page of a separation of direct and global light.
+//! Files and report page of a separation into direct and global light.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -18,42 +18,42 @@ use crate::io::tone::exposure;
 use crate::io::{atomic, picture};
 use crate::measure::RunManifest;
 
-/// A finished separation with what belongs beside it. Light is under an all-ones pattern.
+/// A finished separation and the context that its report needs. All images are under an all-ones pattern.
 #[derive(Clone, Debug)]
 pub struct SeparationRun<'a> {
     /// The page's title.
     pub title: String,
-    /// The method with its setting, in words.
+    /// The method and its settings, in words.
     pub method: String,
-    /// Photos that the method took; those of `reach` are beside them.
+    /// Number of photos of the method, without those of `reach`.
     pub photos: usize,
-    /// Pixels of all images.
+    /// Resolution of all images.
     pub resolution: Resolution,
-    /// What the values are in.
+    /// Unit of the values.
     pub unit: &'a str,
-    /// One bounce.
+    /// Direct light: one bounce.
     pub direct: &'a Planes,
-    /// Two bounces and more.
+    /// Global light: two or more bounces.
     pub global: &'a Planes,
-    /// Standard errors of `direct`, where the method tells them.
+    /// Standard errors of `direct`, if the method estimates them.
     pub standard_error: Option<&'a Planes>,
-    /// The exact first bounce, where a simulator knows it and the method is another.
+    /// The exact first bounce, if a simulator knows it and another method was used.
     pub truth: Option<&'a Planes>,
-    /// The second bounce, and three and more.
+    /// The second bounce, and the sum of the third and later ones.
     pub bounces: Option<&'a [Planes; 2]>,
-    /// Global light by how far it went.
+    /// Global light, split by the distance it travelled.
     pub reach: Option<&'a NearFar>,
-    /// Every method at several photo counts; may be empty.
+    /// Errors of every method at several photo counts; may be empty.
     pub comparison: &'a [ComparisonRow],
-    /// Whether it is as good as was asked for.
+    /// Whether the result meets the requested accuracy.
     pub good: bool,
-    /// Every photo in order.
+    /// Contact sheet of all photos.
     pub strip: &'a ContactSheet,
 }
 
 impl SeparationRun<'_> {
-    /// Writes images, `errors.csv` and `report.html` into `folder`; `seconds` is what the run took so far. Returns the files'
-    /// names. The `.png` of direct and global light are developed alike.
+    /// Writes images, `errors.csv` and `report.html` into `folder` and returns their names. `seconds` is the run's duration so
+    /// far. The `.png` files of direct and global light share one exposure.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
@@ -84,7 +84,7 @@ impl SeparationRun<'_> {
         Ok(files.names)
     }
 
-    /// How it ended, in a sentence.
+    /// The result in one sentence.
     pub fn sentence(&self) -> String {
         let share = norm(self.global) / norm(&sum(self.direct, self.global));
         let mut text = format!(
@@ -102,12 +102,12 @@ impl SeparationRun<'_> {
         text
     }
 
-    /// `‖direct − exact‖ / ‖exact‖`, where the exact first bounce is known.
+    /// `‖direct − exact‖ / ‖exact‖`, if the exact first bounce is known.
     pub fn error(&self) -> Option<f64> {
         self.truth.map(|truth| relative_error(self.direct, truth))
     }
 
-    /// Every image by its file's name, with its caption.
+    /// All images with their file names and captions.
     fn images(&self) -> Result<Vec<(&'static str, Image, String)>> {
         let mut found = Vec::new();
         let mut add = |name, planes: &Planes, caption: String| -> Result<()> {
@@ -237,5 +237,5 @@ impl SeparationRun<'_> {
     }
 }
 
-/// What the photos of a separation are.
+/// Explains the order of the photos.
 const ORDER: &str = "Those of the method come first, those that tell near from far last.";

@@ -1,4 +1,4 @@
-//! The files and the page of a run that solved a linear system.
+//! Files and report page of a run that solved a linear system.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::io::{atomic, npy};
 use crate::krylov::Solution;
 use crate::measure::RunManifest;
 
-/// A solution with what belongs beside it.
+/// A solution and the context that its report needs.
 #[derive(Clone, Debug)]
 pub struct SolutionRun<'a> {
     /// The page's title.
@@ -19,13 +19,13 @@ pub struct SolutionRun<'a> {
     pub found: &'a Solution,
     /// The method's name.
     pub method: &'a str,
-    /// Whether it is as good as was asked for.
+    /// Whether the result meets the requested accuracy.
     pub good: bool,
 }
 
 impl SolutionRun<'_> {
-    /// Writes `solution.npy`, `residuals.csv` and `report.html` into `folder`; `seconds` is what the run took so far.
-    /// Returns the files' names.
+    /// Writes `solution.npy`, `residuals.csv` and `report.html` into `folder` and returns their names. `seconds` is the run's
+    /// duration so far.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.

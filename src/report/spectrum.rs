@@ -7,10 +7,10 @@ use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::krylov::HistoryRow;
 
-/// Lines in the plot of residuals, at most.
+/// Maximum number of lines in the plot of residuals.
 const LINES: usize = 5;
 
-/// A signed picture of each eigenvector, by its file's name. `mask` is true at pixels to leave out.
+/// A signed picture of each eigenvector, with its file name. `mask` is `true` at pixels to leave out.
 pub(super) fn pictures(
     resolution: Resolution,
     vectors: &[Vec<f64>],
@@ -29,7 +29,7 @@ pub(super) fn pictures(
     vectors.iter().zip(values).enumerate().map(picture).collect()
 }
 
-/// Each eigenvector as a layer of an `.exr` file, `eigenvector01` and so on.
+/// Each eigenvector as a layer of an `.exr` file, named `eigenvector01` and so on.
 pub(super) fn layers(resolution: Resolution, vectors: &[Vec<f64>]) -> Result<Vec<(String, Image)>> {
     let layer = |(index, vector): (usize, &Vec<f64>)| {
         Ok((format!("eigenvector{:02}", index + 1), narrowed(resolution, vector)?))
@@ -37,12 +37,12 @@ pub(super) fn layers(resolution: Resolution, vectors: &[Vec<f64>]) -> Result<Vec
     vectors.iter().enumerate().map(layer).collect()
 }
 
-/// A plane of values as a gray image.
+/// A plane of `f64` values as a gray `f32` image.
 pub(crate) fn narrowed(resolution: Resolution, values: &[f64]) -> Result<Image> {
     Image::new(resolution, 1, values.iter().map(|&value| value as f32).collect())
 }
 
-/// The eigenvalues, with residual norms as error bars.
+/// A stem plot of the eigenvalues, with residual norms as error bars.
 pub(super) fn stems(values: &[f64], residuals: &[f64], caption: &str) -> Block {
     let plot = StemPlot {
         x_label: "eigenvector".into(),
@@ -53,7 +53,7 @@ pub(super) fn stems(values: &[f64], residuals: &[f64], caption: &str) -> Block {
     Block::Plot { svg: plot.render(), caption: caption.into() }
 }
 
-/// Residual norms of the leading pairs over the photos; `first` is the number of the first pair that has a history.
+/// A plot of the leading pairs' residual norms over the photos; `first` is the number of the first pair with a history.
 pub(super) fn convergence(history: &[HistoryRow], first: usize) -> Block {
     let pairs = history.last().map_or(0, |row| row.residuals.len()).min(LINES);
     let points = |pair: usize| {
@@ -72,7 +72,7 @@ pub(super) fn convergence(history: &[HistoryRow], first: usize) -> Block {
     Block::Plot { svg: plot.render(), caption: caption.into() }
 }
 
-/// Numbers: eigenvalue and residual norm of each pair, then the cells of `more` columns.
+/// A table of eigenvalue and residual norm of each pair, followed by the columns `more`.
 pub(super) fn table(values: &[f64], residuals: &[f64], more: &[(&str, Vec<String>)]) -> Block {
     let row = |(index, (value, residual)): (usize, (&f64, &f64))| {
         let mut cells = vec![(index + 1).to_string(), format!("{value:.6}"), format!("{residual:.1e}")];

@@ -1,7 +1,7 @@
 //! The frame of a plot as SVG: grid, labels and legend, and the marks drawn within it.
 //!
-//! Text and lines take the page's own colour (`currentColor`), so that one drawing serves light, dark and paper. This is why the plots are
-//! drawn here: `plotters`, the usual crate, knows fixed colours only.
+//! Text and lines use the page's text colour (`currentColor`), so that one drawing suits light mode, dark mode and print.
+//! `plotters`, the usual crate, supports fixed colours only.
 
 use std::fmt::Write;
 
@@ -15,32 +15,32 @@ macro_rules! draw {
     };
 }
 
-/// A drawing with a frame of two axes.
+/// A drawing framed by two axes.
 pub(super) struct Chart {
     pub x: Axis,
     pub y: Axis,
-    /// Height kept free above the frame, for a legend.
+    /// Height reserved above the frame for the legend.
     top: f64,
     body: String,
-    /// Points of what is drawn, and horizontal marks whose notes should not stand on it.
+    /// Points of the drawn curves. Notes of the horizontal marks avoid them.
     drawn: Vec<(f64, f64)>,
     marks: Vec<(f64, String)>,
 }
 
-/// So narrow that on a phone, where the drawing is 340 pixels wide, its text is still of 10.
+/// The drawing's width: on a phone, 340 pixels wide, its text still has a height of 10 pixels.
 const WIDTH: f64 = 480.0;
-/// Of the frame, whatever the legend above it takes.
+/// The frame's height, independent of the height of the legend.
 const FRAME: f64 = 260.0;
 const LEFT: f64 = 88.0;
 const RIGHT: f64 = 16.0;
 const BOTTOM: f64 = 56.0;
 const FONT: f64 = 14.5;
 
-/// Width of a letter. Without the font at hand: those of a sans-serif face are about half as wide as high.
+/// Estimated width of a letter: half the height of a sans-serif face, since the font is not available here.
 const LETTER: f64 = 7.7;
 
 impl Chart {
-    /// Draws grid, ticks and axis labels. `legend` is (colour, dashes, name) of each entry, in rows above the frame.
+    /// Draws grid, ticks and axis labels. `legend` lists (colour, dashes, name), set in rows above the frame.
     pub fn new(x: Axis, y: Axis, x_label: &str, y_label: &str, legend: &[(&str, &str, &str)]) -> Self {
         let mut body = String::new();
         let top = draw_legend(&mut body, legend);
@@ -74,7 +74,7 @@ impl Chart {
                 r#"<line x1="{x:.1}" y1="{bottom}" x2="{x:.1}" y2="{:.1}" stroke="currentColor" stroke-opacity="0.55"/>"#,
                 bottom + 5.0
             );
-            // The last label must not leave the drawing.
+            // The last label must stay inside the drawing.
             let most = WIDTH - LETTER / 2.0 * tick.label.chars().count() as f64;
             draw!(
                 lines,
@@ -106,7 +106,7 @@ impl Chart {
         self.body.push_str(&lines);
     }
 
-    /// Where a point lies on the drawing, in its own units; `None` for one without a place on the axes.
+    /// Position of a point in the drawing's units; `None` if the point is not on the axes.
     pub fn place(&self, (x, y): (f64, f64)) -> Option<(f64, f64)> {
         Some((across(self.x.position(x)?), self.down(self.y.position(y)?)))
     }
@@ -115,12 +115,12 @@ impl Chart {
         self.bottom() - along * FRAME
     }
 
-    /// Where the frame ends.
+    /// Vertical position of the frame's lower edge.
     fn bottom(&self) -> f64 {
         self.top + FRAME
     }
 
-    /// A line through points of the drawing.
+    /// Draws a line through points given in the drawing's units.
     pub fn polyline(&mut self, points: &[(f64, f64)], color: &str, dashes: &str) {
         self.drawn.extend(along(points));
         let path: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
@@ -132,7 +132,7 @@ impl Chart {
         );
     }
 
-    /// A straight line between two points of the drawing.
+    /// Draws a straight line between two points given in the drawing's units.
     pub fn segment(&mut self, from: (f64, f64), to: (f64, f64), color: &str, width: f64, opacity: f64) {
         draw!(
             self.body,
@@ -144,12 +144,12 @@ impl Chart {
         );
     }
 
-    /// A filled circle.
+    /// Draws a filled circle.
     pub fn dot(&mut self, (x, y): (f64, f64), radius: f64, color: &str) {
         draw!(self.body, r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}" fill="{color}"/>"#);
     }
 
-    /// A circle that is not filled, legible on light and dark points.
+    /// Draws an unfilled circle that is visible on light and dark points.
     pub fn ring(&mut self, (x, y): (f64, f64), radius: f64) {
         draw!(
             self.body,
@@ -157,14 +157,14 @@ impl Chart {
         );
     }
 
-    /// Text that begins at a point of the drawing, or ends there where it would leave the frame.
+    /// Writes text that starts at a point, or ends there if it would leave the frame.
     pub fn note(&mut self, (x, y): (f64, f64), text: &str) {
         let anchor = if x > WIDTH - RIGHT - 8.6 * text.chars().count() as f64 { "end" } else { "start" };
         let x = if anchor == "end" { x - 20.0 } else { x };
         draw!(self.body, r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{}</text>"#, escape(text));
     }
 
-    /// A dashed horizontal line over the whole width, with a note where no curve passes.
+    /// Draws a dashed horizontal line over the full width; its note is placed where no curve passes.
     pub fn horizontal_mark(&mut self, value: f64, note: &str) {
         let Some(y) = self.y.position(value).map(|along| self.down(along)) else { return };
         let right = WIDTH - RIGHT;
@@ -175,7 +175,7 @@ impl Chart {
         self.marks.push((y, note.to_owned()));
     }
 
-    /// Writes the notes of the marks: above or below their lines, and as far left as they are clear.
+    /// Writes the notes of the marks above or below their lines, as far left as no curve or other note is covered.
     fn draw_notes(&mut self) {
         let mut notes = Vec::new();
         for (y, note) in std::mem::take(&mut self.marks) {
@@ -200,14 +200,14 @@ impl Chart {
         }
     }
 
-    /// The whole drawing.
+    /// The complete SVG document.
     pub fn finish(mut self) -> String {
         self.draw_notes();
         wrap(&self.body, self.bottom() + BOTTOM)
     }
 }
 
-/// A drawing that says so where there is nothing to plot.
+/// A drawing that says that there are no values to plot.
 pub(super) fn nothing_to_plot() -> String {
     let body = format!(
         r#"<text x="{}" y="{}" text-anchor="middle" fill-opacity="0.6">no values to plot</text>"#,
@@ -223,7 +223,7 @@ fn wrap(body: &str, height: f64) -> String {
     )
 }
 
-/// Draws the entries in as many rows as they need; returns where the frame may begin.
+/// Draws the legend in as many rows as needed and returns the top of the frame.
 fn draw_legend(body: &mut String, legend: &[(&str, &str, &str)]) -> f64 {
     const ROW: f64 = 22.0;
     let (mut x, mut baseline) = (LEFT, 18.0);
@@ -245,7 +245,7 @@ fn draw_legend(body: &mut String, legend: &[(&str, &str, &str)]) -> f64 {
     if legend.is_empty() { 14.0 } else { baseline + 18.0 }
 }
 
-/// A text in one row, or, where that is longer than `length`, in two.
+/// Splits a text that is wider than `length` into two rows.
 fn rows(text: &str, length: f64) -> Vec<&str> {
     let half = text.len() / 2;
     let break_at = text.match_indices(' ').map(|(at, _)| at).min_by_key(|at| at.abs_diff(half));
@@ -263,7 +263,7 @@ fn dash_attribute(dashes: &str) -> String {
     if dashes.is_empty() { String::new() } else { format!(r#" stroke-dasharray="{dashes}""#) }
 }
 
-/// Text as XML content.
+/// Escapes text for XML content.
 fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
@@ -271,7 +271,7 @@ fn escape(text: &str) -> String {
             '&' => escaped.push_str("&amp;"),
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
-            // XML has no place for other control characters, not even escaped.
+            // XML forbids other control characters, even escaped ones.
             character if character.is_control() => escaped.push(' '),
             character => escaped.push(character),
         }

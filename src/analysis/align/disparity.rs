@@ -1,51 +1,51 @@
-//! Disparity: how far what is seen lies from where one map for all of it has it.
+//! Disparity: the distance between the projector position that a camera pixel sees and the one that a common map predicts.
 
 use crate::measure::calibrate::{Decoded, Fit, LensMap, Match};
 
-/// Projector pixels of a cell, on a side: few enough to have one depth, enough to average what codes are rounded by.
+/// Side of a cell in projector pixels: small enough to have one depth, large enough to average out the rounding of the codes.
 const SIDE: f64 = 4.0;
 
-/// A cell tells when so much of it is decoded.
+/// A cell is used if at least this share of its pixels is decoded.
 const FILLED: f64 = 0.25;
 
-/// Codes that are further from their cell's median than this, in steps, are misread, or of another depth: by rounding alone none is.
+/// Codes farther than this from their cell's median, in steps, are misread or of another depth; rounding alone moves none so far.
 const APART: f64 = 0.75;
 
-/// Cells agree to no better than this, in projector pixels.
+/// The least scatter that is assumed within a cell, in projector pixels.
 const LEAST: f64 = 0.03;
 
 /// A cell of the camera's raster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Its centre, in camera pixels from the top left corner.
+    /// The cell's centre, in camera pixels from the top left corner.
     pub at: [f64; 2],
-    /// How far from where the map has it the projector's light is that it sees, in projector pixels, to the right and down *in the
-    /// photo*: what is nearer is displaced towards where the camera stands.
+    /// The displacement of the projector light that the cell sees from where the map predicts it, in projector pixels, to the
+    /// right and down *in the photo*. Nearer surfaces are displaced towards the camera's side.
     pub off: [f64; 2],
 }
 
-/// Disparity over the field.
+/// The disparity over the field of view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Disparity {
-    /// The cells that tell.
+    /// The cells with enough decoded pixels.
     pub cells: Vec<Cell>,
-    /// Camera pixels of a cell, on a side.
+    /// Side of a cell in camera pixels.
     pub side: usize,
-    /// The median of their lengths, in projector pixels.
+    /// The median length of the cells' displacements, in projector pixels.
     pub median: f64,
-    /// What 95 % of them are below.
+    /// The 95th percentile of these lengths.
     pub upper: f64,
-    /// The standard error of one cell's, along an axis.
+    /// The standard error of one cell's displacement along an axis.
     pub error: f64,
 }
 
-/// A cell of the camera's raster, on the projector's.
+/// A cell of the camera's raster, with its displacement on the projector's raster.
 struct Patch {
-    /// Its centre in camera pixels.
+    /// The cell's centre in camera pixels.
     at: [f64; 2],
-    /// Where the map has it.
+    /// The projector position that the map predicts for it.
     expected: [f64; 2],
-    /// How far from there its codes are, on average, and by how much they scatter along an axis.
+    /// The mean displacement of its codes from there, and their standard deviation along an axis.
     off: [f64; 2],
     scatter: f64,
 }
@@ -57,7 +57,7 @@ pub(super) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
     let scale = photo_axes(map, [0.5 * camera.width as f64, 0.5 * camera.height as f64]).1;
     let side = ((SIDE * step / scale).ceil() as usize).clamp(2, camera.width.min(camera.height).max(2));
     let mut patches = patches(decoded, map, side);
-    // Codes are rounded alike along a projector line, of which a cell has `SIDE`.
+    // The rounding of codes is the same along a projector line, and a cell covers `SIDE` lines.
     let within = percentile(patches.iter().map(|patch| patch.scatter), 0.5) / SIDE.sqrt();
     let fit_error = refine(&mut patches, map, within.max(LEAST)).unwrap_or(fit.error);
     let cells: Vec<Cell> = patches
@@ -69,20 +69,19 @@ pub(super) fn disparity(decoded: &Decoded, fit: &Fit) -> Disparity {
         .collect();
     let lengths = || cells.iter().map(|cell| cell.off[0].hypot(cell.off[1]));
     let (median, upper) = (percentile(lengths(), 0.5), percentile(lengths(), 0.95));
-    // What most cells are off by is no less than noise, where there is nothing else: the median length of a Gaussian in two dimensions
-    // is 1.18 σ.
+    // Where there is only noise, it is the typical displacement: the median length of a two-dimensional Gaussian is 1.18 σ.
     let error = within.min(median / 1.18).hypot(fit_error);
     Disparity { side, median, upper, error, cells }
 }
 
-/// The cells that tell, of so many camera pixels on a side.
+/// The usable cells of `side` × `side` camera pixels.
 fn patches(decoded: &Decoded, map: &LensMap, side: usize) -> Vec<Patch> {
     let (camera, step) = (map.camera, decoded.step as f64);
     let field = [map.projector.width as f64, map.projector.height as f64];
     let (across, down) = (camera.width.div_ceil(side), camera.height.div_ceil(side));
     let mut members: Vec<Vec<[f64; 2]>> = vec![Vec::new(); across * down];
     for seen in decoded.all() {
-        // Of a pixel that looks past the field's border only a part is lit: its centroid is aside.
+        // A pixel that looks across the field's border is lit only in part, which shifts its centroid.
         if (0..2).any(|axis| seen.at[axis] < step || seen.at[axis] > field[axis] - step) {
             continue;
         }
@@ -113,8 +112,8 @@ fn patches(decoded: &Decoded, map: &LensMap, side: usize) -> Vec<Patch> {
     members.iter().enumerate().filter_map(patch).collect()
 }
 
-/// Takes the map that most cells agree on for the common one: single codes, rounded to pixels, leave room for one between two depths.
-/// The standard error of that map; none where there are too few cells for one.
+/// Refits the common map to the cells and updates their displacements: a map fitted to single codes, which are rounded to pixels,
+/// may lie between two depths. Returns the map's standard error, or none where there are too few cells to fit one.
 fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     let seen = |patch: &Patch| [patch.expected[0] + patch.off[0], patch.expected[1] + patch.off[1]];
     let matches: Vec<Match> =
@@ -127,8 +126,7 @@ fn refine(patches: &mut [Patch], map: &LensMap, spread: f64) -> Option<f64> {
     Some(fit.error)
 }
 
-/// What takes a displacement on the projector's raster to the photo's axes, its length unchanged; and projector pixels for a camera
-/// pixel.
+/// The matrix that turns a displacement on the projector's raster to the photo's axes, and the projector pixels per camera pixel.
 fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     let [west, east] = [-0.5, 0.5].map(|by| map.to_projector([x + by, y]));
     let [north, south] = [-0.5, 0.5].map(|by| map.to_projector([x, y + by]));
@@ -140,7 +138,7 @@ fn photo_axes(map: &LensMap, [x, y]: [f64; 2]) -> ([[f64; 2]; 2], f64) {
     ([[d * by, -b * by], [-c * by, a * by]], scale)
 }
 
-/// The value below which the share `rank` lies; 0 of none.
+/// The value below which the share `rank` of the values lies; 0 if there are none.
 pub(super) fn percentile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     if values.is_empty() {
@@ -157,7 +155,7 @@ mod tests {
 
     #[test]
     fn a_displacement_keeps_its_length_and_turns_with_the_camera() {
-        // The camera hangs upside down, and has twice as many pixels.
+        // The camera is mounted upside down and has twice as many pixels.
         let map = LensMap {
             camera: Resolution::new(80, 60),
             projector: Resolution::new(40, 30),

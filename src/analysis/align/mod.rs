@@ -1,18 +1,18 @@
-//! Coaxial alignment: do camera and projector look from one point, and if not, which way must the camera go?
+//! Coaxial alignment: whether camera and projector share one centre of projection, and if not, which way the camera must move.
 //!
-//! A round of structured light tells where each camera pixel looks on the projector's raster. Two devices at one point are joined by
-//! one map, whatever stands before them; where they are apart, what is nearer is displaced against what is farther:
+//! A round of structured light finds where each camera pixel looks on the projector's raster. If both devices share one centre,
+//! one map joins their rasters whatever the scene. If they do not, near surfaces are displaced against far ones:
 //!
 //! | figure | from | file |
 //! |---|---|---|
-//! | disparity | codes against the one map that most of them agree on | `disparity` |
-//! | where the camera stands | what stands out from that map, taken for nearer | `stand` |
-//! | shadow | camera pixels that see the scene, but no light that comes straight from the projector | `shadow` |
+//! | disparity | codes against the one map that fits most of them | `disparity` |
+//! | camera offset | the cells displaced from that map, which are assumed to be nearer | `offset` |
+//! | shadow | camera pixels that see the scene, but no light straight from the projector | `shadow` |
 //! | symmetry | `yᵀ A x` against `xᵀ A y` | [`crate::analysis::audit`] |
 //!
-//! **Near and far cannot be told apart by these figures**: a bump before a wall, seen from the left, has the codes and shadows of a dent,
-//! seen from the right (relief reversal). So the larger part of what is seen is taken for the background, and what stands out from
-//! its map for something before it: a small thing is hung there to align by. A flat scene tells nothing, and all of it is 0.
+//! **These figures cannot distinguish near from far**: a bump seen from the left has the same codes and shadows as a dent seen
+//! from the right (relief reversal). So the larger part of the view is taken as the background, and whatever is displaced from
+//! its map as an object in front of it: hang a small object there to align by. On a flat scene all figures are 0.
 
 mod disparity;
 mod offset;
@@ -28,14 +28,14 @@ use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::measure::calibrate::StructuredLight;
 
-/// How a round is made.
+/// The options of an alignment round.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AlignOptions {
-    /// Random patterns; symmetry is judged by all pairs of them. Fewer than two: it is not judged.
+    /// Number of random patterns; symmetry is judged from all pairs of them, and not at all with fewer than two.
     pub patterns: usize,
-    /// `‖A − Aᵀ‖/‖A‖` (Frobenius) that passes.
+    /// The largest `‖A − Aᵀ‖/‖A‖` (Frobenius) that passes.
     pub asymmetry: f64,
-    /// Share of pixels in shadow that passes.
+    /// The largest share of pixels in shadow that passes.
     pub share: f64,
 }
 
@@ -45,35 +45,35 @@ impl Default for AlignOptions {
     }
 }
 
-/// What a round found.
+/// The result of an alignment round.
 #[derive(Clone, Debug)]
 pub struct Alignment {
-    /// The camera's pixels.
+    /// The camera's resolution.
     pub camera: Resolution,
-    /// Each camera pixel's light under white, in linear DN.
+    /// Each camera pixel's light under white, in linear digital numbers (DN).
     pub white: Vec<f64>,
     /// What each camera pixel sees.
     pub sights: Vec<Sight>,
-    /// Share of the pixels that see the scene in shadow.
+    /// The share of shadow among the pixels that see the scene.
     pub shadow: f64,
-    /// Share of the projector's field where nothing is seen: something black, or a shadow that no light falls into.
+    /// The share of the projector's field where the camera sees nothing: a black surface, or a shadow without any light.
     pub dark: f64,
-    /// What a common map does not explain.
+    /// The displacements that a common map does not explain.
     pub disparity: Disparity,
-    /// Where the camera stands; none where nothing stands out from the map.
+    /// The camera offset; none if no cells are displaced from the map.
     pub stand: Option<CameraOffset>,
-    /// The symmetry score; none where it is not judged.
+    /// The symmetry score; none if it is not judged.
     pub symmetry: Option<Check>,
 }
 
-/// A round: what was found, or why nothing could be.
+/// A round: its result, or why there is none.
 #[derive(Clone, Debug)]
 pub enum Round {
-    /// It tells.
+    /// The round succeeded.
     Found(Box<Alignment>),
-    /// No map could be told: what the rig shows instead, and what to do.
+    /// No map could be fitted.
     Lost {
-        /// What is seen.
+        /// What the rig shows instead.
         fault: String,
         /// What to do.
         help: String,
@@ -81,12 +81,12 @@ pub enum Round {
 }
 
 impl Alignment {
-    /// What a cell must be displaced by to stand out, in projector pixels.
+    /// The least displacement, in projector pixels, that counts as different from the map.
     pub fn least(&self) -> f64 {
         offset::least(&self.disparity)
     }
 
-    /// Whether nothing speaks against the two being at one point.
+    /// Whether no figure contradicts a common centre of projection.
     pub fn is_aligned(&self, options: &AlignOptions) -> bool {
         use crate::analysis::audit::Verdict;
         let is_symmetric = self.symmetry.as_ref().is_none_or(|check| check.verdict != Verdict::Fails);
@@ -97,7 +97,7 @@ impl Alignment {
 /// Takes a round.
 ///
 /// # Errors
-/// Whatever keeps frames from being taken.
+/// Any error of taking frames; an [`Error::Rig`] of the fit is returned as [`Round::Lost`].
 pub fn align(observer: &mut StructuredLight<'_>, options: &AlignOptions) -> Result<Round> {
     let decoded = observer.codes()?;
     let fit = match observer.fit(&decoded) {

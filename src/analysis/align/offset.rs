@@ -1,44 +1,44 @@
-//! Where the camera stands, by what stands out from the common map.
+//! The camera offset, estimated from the cells that are displaced from the common map.
 
 use super::disparity::{Cell, Disparity};
 
-/// A cell stands out when it is so many standard errors off.
+/// A cell counts as displaced beyond this many standard errors, …
 const SIGMAS: f64 = 4.0;
 
-/// ... and so many projector pixels: as much as calibration promises of a map. Indirect light bends codes by up to 0.07 pixels where
-/// surfaces meet, also of a rig that is aligned.
+/// … and beyond this many projector pixels, the accuracy that calibration promises for a map. Indirect light shifts codes by up
+/// to 0.07 pixels where surfaces meet, even in an aligned rig.
 const LEAST: f64 = 0.1;
 
-/// So many cells at least stand out, and such a share of all.
+/// The least number of displaced cells, and their least share of all cells.
 const CELLS: (usize, f64) = (3, 0.01);
 
-/// Such a share of what stands out must do so to one side, for the side to be told.
+/// The share of the displacement that must point to one side before that side is called certain.
 const ONE_SIDED: f64 = 0.8;
 
-/// `tan 22.5°`: what is less aside than that is not said.
+/// `tan 22.5°`: a direction's component below this multiple of the other one is not mentioned.
 const ASIDE: f64 = 0.414;
 
-/// Where the camera stands, as seen from the projector.
+/// The camera's offset as seen from the projector.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct CameraOffset {
-    /// The direction, of length 1: to the right and down in the photo.
+    /// The direction, of length 1, to the right and down in the photo.
     pub toward: [f64; 2],
-    /// How far what stands out is displaced, in projector pixels.
+    /// The typical displacement of the displaced cells, in projector pixels.
     pub size: f64,
-    /// Its standard error.
+    /// The standard error of `size`.
     pub error: f64,
-    /// Whether the side is told; else the camera may as well stand on the other one.
+    /// Whether the side is certain; if not, the camera may equally be on the opposite side.
     pub is_certain: bool,
-    /// Share of the field that stands out.
+    /// The share of displaced cells in the field.
     pub share: f64,
 }
 
-/// What a cell must be off by to stand out, in projector pixels.
+/// The least displacement, in projector pixels, that counts as different from the map.
 pub(super) fn least(disparity: &Disparity) -> f64 {
     (SIGMAS * disparity.error).max(LEAST)
 }
 
-/// By the cells that stand out; none where too few do.
+/// The offset by the displaced cells; none where there are too few.
 pub(super) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     let least = least(disparity);
     let out: Vec<&Cell> =
@@ -63,14 +63,14 @@ pub(super) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     Some(CameraOffset {
         toward: axis.map(|part| side * part),
         size: middle(ahead),
-        // What codes are rounded by does not average out from cell to cell.
+        // The rounding of codes does not average out from cell to cell.
         error: disparity.error,
         is_certain: 0.5 * (1.0 + net.abs() / total) >= ONE_SIDED,
         share,
     })
 }
 
-/// The displacement up to which half of all of it lies: cells at a thing's border are displaced by a part of what the thing is.
+/// The displacement at which the sorted cumulative sum reaches half: cells at an object's border have only a part of its own.
 fn middle(mut displacements: Vec<f64>) -> f64 {
     displacements.sort_by(f64::total_cmp);
     let half = 0.5 * displacements.iter().sum::<f64>();
@@ -83,7 +83,7 @@ fn middle(mut displacements: Vec<f64>) -> f64 {
 }
 
 impl CameraOffset {
-    /// `to the right of the projector and above it`
+    /// The camera's position in words, such as `to the right of the projector and above it`.
     pub fn place(&self) -> String {
         let [right, down] = self.parts();
         let sideways = right.map(|is_right| if is_right { "to the right of" } else { "to the left of" });
@@ -91,12 +91,12 @@ impl CameraOffset {
         match (sideways, upright) {
             (Some(sideways), Some(upright)) => format!("{sideways} the projector and {upright} it"),
             (Some(one), None) | (None, Some(one)) => format!("{one} the projector"),
-            // A direction of length 1 is aside along one axis at least.
+            // A direction of length 1 has a large component along at least one axis.
             (None, None) => "beside the projector".into(),
         }
     }
 
-    /// `left and down`: the way to where the projector is.
+    /// The way to move the camera towards the projector, such as `left and down`.
     pub fn remedy(&self) -> String {
         let [right, down] = self.parts();
         let ways = [
@@ -106,7 +106,7 @@ impl CameraOffset {
         ways.into_iter().flatten().collect::<Vec<_>>().join(" and ")
     }
 
-    /// Whether it is to the right, and below; none where it is hardly either.
+    /// Whether the camera is to the right, and below; none for a component that is too small.
     fn parts(&self) -> [Option<bool>; 2] {
         let [x, y] = self.toward;
         [(x.abs() > ASIDE * y.abs()).then_some(x > 0.0), (y.abs() > ASIDE * x.abs()).then_some(y > 0.0)]
@@ -117,7 +117,7 @@ impl CameraOffset {
 mod tests {
     use super::*;
 
-    /// Cells of which every tenth is off by this, and all by noise of 0.01.
+    /// Cells of which every tenth is displaced by `off`, and all by noise of 0.01.
     fn disparity(off: impl Fn(usize) -> [f64; 2]) -> Disparity {
         let cell = |number: usize| {
             let noise = 0.01 * [1.0, -1.0][number % 2];

@@ -1,34 +1,34 @@
-//! The shadow picture: what the camera sees, but the projector does not light.
+//! The shadow image: what the camera sees but the projector does not light.
 
 use super::disparity::percentile;
 use crate::measure::calibrate::{Decoded, LensMap};
 
-/// A pixel without so much of the usual direct light is not lit.
+/// A pixel with less than this share of the median direct light is not lit, …
 const UNLIT: f64 = 0.05;
 
-/// ... and of its own light under white so much at most is direct.
+/// … and at most this share of its own light under white is direct.
 const INDIRECT: f64 = 0.25;
 
-/// A pixel sees the scene when it has so many standard deviations of light.
+/// A pixel sees the scene if its light exceeds this many standard deviations of the noise, …
 const SIGMAS: f64 = 5.0;
 
-/// ... and such a share of the usual direct light: less is a glimmer.
+/// … and this share of the median direct light; less is negligible.
 const GLIMMER: f64 = 0.01;
 
 /// What a camera pixel sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
-    /// Light that comes straight from the projector.
+    /// Light straight from the projector.
     Lit,
-    /// The scene, by indirect or ambient light, but none that comes straight from the projector.
+    /// The scene by indirect or ambient light, but no light straight from the projector.
     Shadow,
-    /// Nothing: something black, or a shadow that no other light falls into.
+    /// Nothing: a black surface, or a shadow without any light.
     Dark,
-    /// What the projector's field does not reach.
+    /// A place outside the projector's field.
     Outside,
 }
 
-/// What each camera pixel sees. What is displaced by up to `margin` projector pixels may be lit or not at the field's border.
+/// Classifies each camera pixel. Within `margin` projector pixels of the field's border, pixels are outside unless they are lit.
 pub(super) fn sights(decoded: &Decoded, map: &LensMap, margin: f64) -> Vec<Sight> {
     let usual = percentile(decoded.seen.iter().map(|seen| decoded.direct[seen.pixel]), 0.5);
     let margin = margin.max(1.0) + decoded.step as f64;

@@ -1,4 +1,4 @@
-//! The symmetry score of a round: random patterns, all pairs of them.
+//! The symmetry score of a round, from all pairs of random patterns.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -9,8 +9,8 @@ use crate::error::Result;
 use crate::measure::Registration;
 use crate::measure::calibrate::{Decoded, Fit, StructuredLight};
 
-/// By patterns that are lit or dark, pixel by pixel: no response of the projector has to be known. Photos are resampled by the
-/// round's own map. None where hardly anything is seen by it.
+/// The score from patterns whose pixels are fully lit or dark, so that the projector's response need not be known. Photos are
+/// resampled by the round's own map. None where fewer than two projector pixels are seen.
 pub(super) fn symmetry(
     observer: &mut StructuredLight<'_>,
     decoded: &Decoded,
@@ -40,7 +40,7 @@ pub(super) fn symmetry(
         photos.push(resampled(&map, &photo, black, |light| observer.variance(light)));
         patterns.push(pattern);
     }
-    // The black photo, which all have in common, leaves twice a photo less white as one less it: its noise goes with white's.
+    // The black photo is subtracted from all photos, so `2 photo − white` contains it once: its noise is added to white's.
     let white = resampled(&map, &white, black, |light| observer.variance(light));
     let dark = resampled(&map, black, black, |light| observer.variance(light));
     let variance = white.variance.iter().zip(&dark.variance).map(|(white, black)| white + black).collect();
@@ -48,7 +48,7 @@ pub(super) fn symmetry(
     Ok(Some(score(&patterns, &photos, &white, &mask, options.asymmetry)))
 }
 
-/// A photo less black on the projector's pixels, with the photo's own noise.
+/// A photo minus black, resampled to the projector's pixels, with the photo's own noise.
 fn resampled(map: &Registration, photo: &[f64], black: &[f64], variance: impl Fn(f64) -> f64) -> Seen {
     let row = |pixel: usize, of: &dyn Fn(usize, f64) -> f64| -> f64 {
         map.row(pixel).map(|(camera, weight)| of(camera, weight)).sum()

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// How a check ended.
+/// The outcome of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
@@ -10,25 +10,25 @@ pub enum Verdict {
     Passes,
     /// Beyond the bound.
     Fails,
-    /// Nothing to be judged by itself.
+    /// The figure is reported, but not judged.
     Told,
 }
 
 /// One line of an audit. Figures are relative: 0.01 is one per cent.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
-    /// E.g. `additivity`.
+    /// The check's name, e.g. `additivity`.
     pub name: &'static str,
-    /// How it ended.
+    /// Its outcome.
     pub verdict: Verdict,
-    /// What was found.
+    /// The measured figure.
     pub figure: f64,
-    /// Its standard error.
+    /// The figure's standard error.
     pub error: f64,
-    /// What passes; infinite where nothing is judged.
+    /// The largest figure that passes; infinite where nothing is judged.
     #[serde(skip_serializing_if = "is_infinite")]
     pub bound: f64,
-    /// What it means, and what to do where it fails.
+    /// What the figure means, and what to do if the check fails.
     pub meaning: String,
 }
 
@@ -36,11 +36,11 @@ fn is_infinite(bound: &f64) -> bool {
     bound.is_infinite()
 }
 
-/// Standard errors that a figure must lie beyond its bound to fail.
+/// A check fails when its figure exceeds the bound by more than this many standard errors.
 const SIGMAS: f64 = 3.0;
 
 impl Check {
-    /// A figure against a bound.
+    /// A figure judged against a bound.
     pub(super) fn judged(
         name: &'static str,
         figure: f64,
@@ -49,7 +49,7 @@ impl Check {
         passes: &str,
         fails: &str,
     ) -> Self {
-        // What is not a number does not pass.
+        // NaN does not pass.
         let within = figure - SIGMAS * error <= bound;
         let (verdict, meaning) = if within { (Verdict::Passes, passes) } else { (Verdict::Fails, fails) };
         Self { name, verdict, figure, error, bound, meaning: meaning.into() }
@@ -60,7 +60,7 @@ impl Check {
         Self { name, verdict: Verdict::Told, figure, error, bound: f64::INFINITY, meaning }
     }
 
-    /// `additivity     pass   0.12 % ± 0.05 %, at most 1 %: …`
+    /// The check as a line of text: `additivity     pass   0.12 % ± 0.05 %, at most 1 %: …`
     pub fn line(&self) -> String {
         let verdict = match self.verdict {
             Verdict::Passes => "pass",

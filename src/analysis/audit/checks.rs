@@ -1,28 +1,28 @@
-//! The checks, one function each.
+//! The checks of an audit, one function each.
 
 use super::check::{Check, Verdict};
 use super::subject::Seen;
 use crate::analysis::Crosstalk;
 
-/// A pixel without so much of its white light being direct is in shadow.
+/// A pixel is in shadow if less than this share of its light under white is direct.
 const SHADOW: f64 = 0.05;
 
-/// Pixels with less than this share of the brightest pixels' light show nothing to be judged.
+/// Pixels with less than this share of the brightest pixel's light are too dark to be judged.
 const DARK: f64 = 0.02;
 
-/// `√(Σ r² − Σ var) / ‖reference‖`: a deviation without its noise's share, and the noise's own.
+/// `√(Σ r² − Σ var) / ‖reference‖`: the relative deviation without the expected noise, and its standard error.
 fn deviation(residual: &[f64], variance: &[f64], reference: &[f64]) -> (f64, f64) {
     let norm: f64 = reference.iter().map(|value| value * value).sum();
     let squares: f64 = residual.iter().map(|value| value * value).sum();
     let noise: f64 = variance.iter().sum();
-    // The sum of squares of n noisy values is known to √(2 Σ var²); its root, to half of that over the root.
+    // The sum of squares of n noisy values has a standard error of √(2 Σ var²), its root one of half of that over the root.
     let spread = (2.0 * variance.iter().map(|variance| variance * variance).sum::<f64>()).sqrt();
     let excess = (squares - noise).max(0.0);
     let error = spread / (2.0 * excess.max(spread).max(f64::MIN_POSITIVE).sqrt());
     ((excess / norm).sqrt(), if spread > 0.0 { error / norm.sqrt() } else { 0.0 })
 }
 
-/// Root mean square of residuals in units of their predicted standard errors; none where there is no noise.
+/// Root mean square of the residuals in units of their predicted standard errors; none where there is no noise.
 fn z(residual: &[f64], variance: &[f64]) -> Option<f64> {
     let pairs = residual.iter().zip(variance).filter(|(_, variance)| **variance > 0.0);
     let (sum, count) =
@@ -97,8 +97,7 @@ pub(super) fn repeatability(first: &Seen, last: &Seen, bound: f64) -> Check {
     )
 }
 
-/// `‖A − Aᵀ‖/‖A‖` from pairs of signs `x, y`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, and `E (yᵀ A x)² = ‖A‖²`. The photos
-/// are of `(1 + x)/2`.
+/// `‖A − Aᵀ‖/‖A‖` from photos of `(1 + x)/2` for random signs `x`: `E (yᵀ A x − xᵀ A y)² = ‖A − Aᵀ‖²`, `E (yᵀ A x)² = ‖A‖²`.
 pub(in crate::analysis) fn symmetry(
     patterns: &[Vec<f64>],
     photos: &[Seen],
@@ -129,7 +128,7 @@ pub(in crate::analysis) fn symmetry(
         }
     }
     let figure = ((squares - noise).max(0.0) / energy).sqrt();
-    // A mean of squares of `pairs` Gaussians is known to √(2/pairs); noise alone would look like this much.
+    // A mean of squares of `pairs` Gaussians has a relative error of √(2/pairs), and its root one of half of that.
     let error = (squares / energy).sqrt() * (0.5_f64 / pairs).sqrt();
     Check::judged(
         "symmetry",
@@ -142,7 +141,7 @@ pub(in crate::analysis) fn symmetry(
     )
 }
 
-/// Pixels that see light, but hardly any that comes straight from their own projector pixel.
+/// Finds pixels that see light, but hardly any straight from their own projector pixel.
 pub(super) fn shadows(direct: &Seen, white: &Seen, mask: &[bool], bound: f64) -> (Check, Vec<bool>) {
     let brightest = white.values.iter().copied().fold(0.0, f64::max);
     let lit = |pixel: usize| {
@@ -189,7 +188,7 @@ pub(super) fn drift(largest: f64) -> Check {
     Check::told("drift", largest, 0.0, meaning.into())
 }
 
-/// What of the other colours each channel sees, relative to its own.
+/// The largest share of another projector colour that a camera channel sees, relative to its own colour.
 pub(super) fn crosstalk(crosstalk: &Crosstalk) -> Check {
     let others = crosstalk.matrix().iter().enumerate().flat_map(|(channel, row)| {
         row.iter().enumerate().filter(move |(color, _)| *color != channel).map(|(_, entry)| *entry)
@@ -200,14 +199,14 @@ pub(super) fn crosstalk(crosstalk: &Crosstalk) -> Check {
     Check::told("crosstalk", most, 0.0, meaning.into())
 }
 
-/// Some exposure saturates it, but not all.
+/// Reports samples that some exposures saturate, but not all.
 pub(super) fn saturation(share: f64) -> Check {
     let meaning =
         "of the camera's samples of white are saturated in some exposure: the shorter ones count there";
     Check::told("saturation", share, 0.0, meaning.into())
 }
 
-/// The white photo could not be taken.
+/// The failed check when the white photo could not be taken.
 pub(super) fn saturated(fault: &str) -> Check {
     Check {
         name: "saturation",

@@ -1,16 +1,15 @@
-//! Audit: is a source the linear, symmetric operator that every other answer takes it for?
+//! Audit: whether a source is the linear, symmetric operator that all other analyses assume.
 //!
-//! From a few photos of random patterns, each check gives a figure with its standard error, which the photos' predicted noise
-//! says, and a bound:
+//! Each check compares photos of random patterns and gives a figure, its standard error from the photos' noise, and a bound:
 //!
 //! | check | what is compared | what breaks it |
 //! |---|---|---|
-//! | additivity | `A p + A (1 − p)` and `A 1` | black level, ambient light, saturation, a bent camera response |
+//! | additivity | `A p + A (1 − p)` and `A 1` | black level, ambient light, saturation, a nonlinear camera response |
 //! | homogeneity | `A (c p)` and `c A p` | the projector's response (gamma) |
-//! | repeatability | `A p`, first and last | drift |
-//! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, a camera that looks from elsewhere |
-//! | crosstalk | red, green and blue alone, in each channel | a camera channel that sees the projector's other colours |
-//! | direct light | pixels that see light, but none of their own | the same: shadows |
+//! | repeatability | the first and the last `A p` | drift |
+//! | symmetry | `yᵀ A x` and `xᵀ A y` | misregistration, a camera with another centre than the projector |
+//! | crosstalk | each channel under red, green and blue alone | a camera channel that sees the projector's other colours |
+//! | direct light | pixels with light, but without direct light | as for symmetry: shadows |
 //!
 //! O'Toole and Kutulakos, section 8.
 
@@ -29,18 +28,18 @@ use crate::analysis::Crosstalk;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 
-/// How an audit is made.
+/// The options of an audit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AuditOptions {
-    /// Random patterns; symmetry is judged by all pairs of them.
+    /// Number of random patterns; symmetry is judged from all pairs of them.
     pub patterns: usize,
-    /// Relative deviation from additivity, homogeneity and repeatability that passes.
+    /// The largest relative deviation from additivity, homogeneity and repeatability that passes.
     pub tolerance: f64,
-    /// `‖A − Aᵀ‖/‖A‖` (Frobenius) that passes.
+    /// The largest `‖A − Aᵀ‖/‖A‖` (Frobenius) that passes.
     pub asymmetry: f64,
-    /// Share of pixels in shadow, or saturated, that passes.
+    /// The largest share of pixels in shadow that passes.
     pub share: f64,
-    /// Selects the patterns.
+    /// Seed of the random patterns.
     pub seed: u64,
 }
 
@@ -50,32 +49,32 @@ impl Default for AuditOptions {
     }
 }
 
-/// What an audit found.
+/// The result of an audit.
 #[derive(Clone, Debug)]
 pub struct Audit {
-    /// Line by line.
+    /// The checks, in the order of the report.
     pub checks: Vec<Check>,
-    /// Pixels of the pictures.
+    /// The resolution of all images.
     pub resolution: Resolution,
-    /// The white photo; empty where it could not be taken.
+    /// The white photo; empty if it could not be taken.
     pub white: Vec<f64>,
-    /// Share of each pixel's white light that is its own, direct light; empty where it is not known.
+    /// The share of direct light in each pixel's light under white; empty if it is not known.
     pub direct_share: Vec<f64>,
-    /// Pixels that see light, but none of their own.
+    /// Pixels that see light, but no direct light.
     pub shadow: Vec<bool>,
     /// `A p + A (1 − p) − A 1`, relative to the mean of `A 1`.
     pub additivity: Vec<f64>,
-    /// Patterns photographed.
+    /// Number of patterns photographed.
     pub photos: usize,
 }
 
 impl Audit {
-    /// Whether every check passes.
+    /// Whether no check fails.
     pub fn passed(&self) -> bool {
         self.checks.iter().all(|check| check.verdict != Verdict::Fails)
     }
 
-    /// The verdict as a sentence.
+    /// The result as a sentence.
     pub fn sentence(&self) -> String {
         let failed: Vec<&str> = self
             .checks
@@ -90,10 +89,10 @@ impl Audit {
     }
 }
 
-/// Audits `subject`. A camera that is saturated where nothing can be done is a failed check, not an error.
+/// Audits `subject`. A camera that is saturated in every exposure gives a failed check, not an error.
 ///
 /// # Errors
-/// [`Error::Option`] for fewer than two patterns; whatever keeps photos from being taken.
+/// [`Error::Option`] for fewer than two patterns; any error of taking photos.
 pub fn audit(subject: &mut dyn Audited, options: &AuditOptions) -> Result<Audit> {
     if options.patterns < 2 {
         return Err(Error::Option {

@@ -1,4 +1,4 @@
-//! What an audit asks of a source.
+//! The interface between an audit and a source.
 
 use crate::error::Result;
 use crate::image::Resolution;
@@ -8,66 +8,66 @@ use crate::operator::Operator;
 /// A photo of one channel, with the variance of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen {
-    /// Without ambient light.
+    /// The light of each pixel, without ambient light.
     pub values: Vec<f64>,
-    /// All 0 where there is no noise.
+    /// The variance of each pixel; 0 where there is no noise.
     pub variance: Vec<f64>,
 }
 
-/// A source that can be audited: camera and projector of equal rasters, one channel.
+/// A source that can be audited: one channel, with equal rasters of camera and projector.
 pub trait Audited {
-    /// Pixels of patterns and photos.
+    /// The resolution of patterns and photos.
     fn resolution(&self) -> Resolution;
 
     /// The photo of a pattern of values in \[0, 1\].
     ///
     /// # Errors
-    /// Whatever keeps it from being taken.
+    /// Any error of taking the photo.
     fn photograph(&mut self, pattern: &[f64]) -> Result<Seen>;
 
-    /// Which pixels can be seen; the others are never lit.
+    /// Which pixels the camera sees; the others are never lit.
     fn seen(&self) -> Vec<bool>;
 
-    /// The direct light of white, if it is known.
+    /// The direct light under white, if it is known.
     ///
     /// # Errors
-    /// Whatever keeps it from being measured.
+    /// Any error of measuring it.
     fn direct(&mut self) -> Result<Option<Seen>>;
 
-    /// The light that is there without a pattern, if it is known.
+    /// The light without a pattern, if it is known.
     ///
     /// # Errors
-    /// Whatever keeps it from being measured.
+    /// Any error of measuring it.
     fn ambient(&mut self) -> Result<Option<Seen>>;
 
-    /// Share of the camera's samples that some exposure of white saturates; none where there is no camera.
+    /// The share of the camera's samples of white that are saturated in some exposure; none where there is no camera.
     ///
     /// # Errors
-    /// Whatever keeps the white photo from being taken.
+    /// Any error of taking the white photo.
     fn saturated(&mut self) -> Result<Option<f64>>;
 
-    /// Photos of the projector's red, green and blue alone, in each of the camera's channels; none where either is gray.
+    /// Photos of the projector's red, green and blue alone, in each camera channel; none if either device is monochrome.
     ///
     /// # Errors
-    /// Whatever keeps them from being taken.
+    /// Any error of taking them.
     fn primaries(&mut self) -> Result<Option<[[Vec<f64>; 3]; 3]>> {
         Ok(None)
     }
 
-    /// The largest relative change of the lamp's light that was seen, and corrected; none where nobody watched.
+    /// The largest relative change of the lamp's light that was measured and corrected; none if it was not monitored.
     ///
     /// # Errors
-    /// Whatever keeps it from being measured.
+    /// Any error of measuring it.
     fn drift(&mut self) -> Result<Option<f64>>;
 }
 
-/// Operators without noise: a simulated scene's.
+/// Operators without noise, as of a simulated scene.
 pub struct Exact<'a> {
-    /// All light.
+    /// All of the light.
     pub full: &'a mut dyn Operator,
-    /// Direct light under white; none: unknown.
+    /// Direct light under white; none if unknown.
     pub direct: Option<Vec<f64>>,
-    /// Pixels of patterns and photos.
+    /// The resolution of patterns and photos.
     pub resolution: Resolution,
 }
 

@@ -1,4 +1,4 @@
-//! An answer with all that is said of it.
+//! The result of a compensation with its quality figures.
 
 use super::run::{Planes, Solved};
 use super::target::{norm_of, residual_norm};
@@ -7,29 +7,29 @@ use crate::analysis::similarity::similarity;
 use crate::error::Result;
 use crate::krylov::{Constraint, Status};
 
-/// What is projected, and what is then seen, photographed or modelled; a plane for each channel, without ambient light.
+/// A projected pattern and the photos that it gives, taken or modelled; one plane per channel, without ambient light.
 pub(super) struct Answer<'a> {
     pub(super) wish: &'a Target,
     pub(super) options: &'a CompensateOptions,
     pub(super) peak: f64,
-    /// The light wished from the projector.
+    /// The target light from the projector.
     pub(super) b: &'a [Vec<f64>],
-    /// Inside the box.
+    /// The pattern, inside the box.
     pub(super) pattern: Planes,
     pub(super) observed: Planes,
-    /// Of the target itself.
+    /// The photo of the target itself.
     pub(super) uncompensated: Planes,
 }
 
 impl Answer<'_> {
-    /// With what the method that found it says. It is good if it is better than nothing, and within the tolerance or the best inside
-    /// the box; nothing was prepared or compared.
+    /// Completes the result with what the method reports. It is good if it is better than no compensation, and within the
+    /// tolerance or the optimum inside the box. Preparation and comparisons are left empty.
     pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
         let Self { wish, options, peak, b, pattern, observed, uncompensated } = self;
         let scale = norm_of(b);
         let residual = residual_norm(b, &observed) / scale;
         let uncompensated_residual = residual_norm(b, &uncompensated) / scale;
-        // What the method knows by recurrence agrees with a photo to rounding, not to the last bit.
+        // The method's recurrence agrees with a photo only up to rounding.
         let reached = residual <= options.rtol * (1.0 + 1e-6);
         let boxed = options.method.facts().constraint == Constraint::Box;
         let optimal = boxed && solved.status == Status::ConstrainedOptimum;

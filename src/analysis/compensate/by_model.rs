@@ -1,4 +1,4 @@
-//! A new target on a scene that is captured already: compensation by a model of its light, at no or few further photos.
+//! Compensation for a new target on a captured scene: a model of its light replaces most or all further photos.
 
 use super::answer::Answer;
 use super::run::Run;
@@ -8,31 +8,31 @@ use crate::analysis::LowRank;
 use crate::error::Result;
 use crate::krylov::Constraint;
 
-/// Products with the model for each answer; they cost no photo.
+/// Products with the model per answer; they cost no photos.
 const PRODUCTS: usize = 300;
 
-/// A correction that leaves more than this share of the residual is the last one.
+/// Corrections stop after one that leaves more than this share of the residual.
 const STALLED: f64 = 0.98;
 
-/// Takes the photo of a pattern, a plane for each channel of either, without ambient light.
+/// A function that takes the photo of a pattern; one plane per channel for both, without ambient light.
 pub type Photograph<'a> = dyn FnMut(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + 'a;
 
-/// What to project so that the photo is `target` times the peak, by a model `Â` of the light (one for each channel), and corrected by at
-/// most `corrections` photos of the scene itself:
+/// Finds the pattern whose photo is `target` times the peak with a model `Â` of the light (one per channel), corrected by at most
+/// `corrections` photos of the scene itself:
 ///
 /// ```text
 /// x₀ = argmin ‖b − Â x‖,   xₜ = argmin ‖(b − (A xₜ₋₁ − Â xₜ₋₁)) − Â x‖   over floor ≤ x ≤ 1
 /// ```
 ///
-/// Each correction photographs the answer before it and takes what the model missed there off the wish: an error `e` of the model
-/// leaves `e^(t+1)` after `t` photos, as iterative refinement does. `photograph_it` is never called without corrections, and no more
-/// once a photo was hardly better than the one before. [`CompensateOptions::photos`] is of no account.
+/// Each correction photographs the previous answer and subtracts the model's error there from the target: a relative error `e` of
+/// the model becomes `e^(t+1)` after `t` photos, as in iterative refinement. `photograph_it` is called at most `corrections`
+/// times, and no more once a photo is hardly better than the one before. [`CompensateOptions::photos`] is ignored.
 ///
-/// In the answer `observed` is what the corrected model predicts, and `residual` follows from it; `history` has what the photos
-/// themselves showed, of each answer but the last. There is no baseline.
+/// In the result, `observed` is the corrected model's prediction, and `residual` follows from it. `history` holds the residuals
+/// of the photos, one for each answer but the last. There is no baseline.
 ///
 /// # Errors
-/// As [`compensate`](super::compensate()); whatever `photograph_it` fails with.
+/// As [`compensate`](super::compensate()); any error of `photograph_it`.
 pub fn compensate_by_model(
     model: &mut [LowRank],
     wish: &Target,
@@ -62,7 +62,7 @@ pub fn compensate_by_model(
         if history.len() < corrections && !stalled {
             let photo = photograph_it(&pattern)?;
             let residual = residual_norm(&b, &photo) / scale;
-            // The last answer before the end is predicted well enough by the photos of those before it.
+            // The photos of the earlier answers predict the last answer well enough.
             stalled = residual <= options.rtol
                 || history.last().is_some_and(|before| residual > STALLED * before.residual);
             history.push(CompensationRow { photo: history.len() + 1, residual });
@@ -75,7 +75,7 @@ pub fn compensate_by_model(
         let answer =
             Answer { wish, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
         let found = answer.of(solved)?;
-        // No further photo of the model's could make it better, so this is as good as the model.
+        // No further product with the model could improve this: it is as good as the model.
         let good = found.residual < found.uncompensated_residual && (boxed || found.good);
         return Ok(Compensation { good, photos: history.len(), history, ..found });
     }

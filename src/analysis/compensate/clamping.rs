@@ -1,47 +1,47 @@
-//! What clamping does to an answer that leaves the projector's range.
+//! The cost of clamping an answer that leaves the projector's range.
 
 use super::CompensationRow;
 
-/// A method without a box, clamped after each photo, beside one inside the box.
+/// An unconstrained method, clamped after each photo, beside a box-constrained one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clamping {
-    /// The residual of what is seen when the method's answer after each photo is clamped and projected.
+    /// The residual of the photo when the method's answer after each photo is clamped and projected.
     pub displayed: Vec<CompensationRow>,
-    /// That of [`Method::KrylovBox`](crate::krylov::Method::KrylovBox) with as many photos.
+    /// The residuals of [`Method::KrylovBox`](crate::krylov::Method::KrylovBox) with as many photos.
     pub boxed: Vec<CompensationRow>,
-    /// Of the target projected as it is.
+    /// The residual of the target projected without compensation.
     pub uncompensated: f64,
 }
 
 impl Clamping {
-    /// The residual that clamping leaves in the end.
+    /// The final residual after clamping.
     pub fn last(&self) -> f64 {
         self.displayed.last().map_or(f64::INFINITY, |row| row.residual)
     }
 
-    /// The residual that the method inside the box leaves.
+    /// The final residual of the box-constrained method.
     pub fn inside(&self) -> f64 {
         self.boxed.last().map_or(f64::INFINITY, |row| row.residual)
     }
 
-    /// Whether projecting the target as it is would have been better.
+    /// Whether projecting the target without compensation would have been better.
     pub fn is_worse_than_nothing(&self) -> bool {
         self.last() >= self.uncompensated
     }
 
-    /// How many times the residual inside the box that of the clamped answer is.
+    /// The residual after clamping over that of the box-constrained method.
     pub fn price(&self) -> f64 {
         self.last() / self.inside()
     }
 
-    /// The photo after which more of them made what is seen worse, if there is one.
+    /// The photo after which further photos made the clamped result worse, if there is one.
     pub fn turning_point(&self) -> Option<usize> {
         let best = self.displayed.iter().min_by(|a, b| a.residual.total_cmp(&b.residual))?;
-        // A hundredth is no turn.
+        // A difference of 1 % is not counted as worse.
         (self.last() > 1.01 * best.residual).then_some(best.photo)
     }
 
-    /// A warning with its figures, where clamping costs more than a tenth; none otherwise.
+    /// A warning with figures if clamping raises the residual by more than a tenth; none otherwise.
     pub fn warning(&self) -> Option<String> {
         let [last, inside, nothing] = [self.last(), self.inside(), self.uncompensated];
         let turn = self.turning_point().map_or(String::new(), |photo| {

@@ -1,31 +1,31 @@
-//! Every method at equal photos.
+//! A comparison of all methods at equal numbers of photos.
 
 use super::{CompensateOptions, CompensationRow, Prior, Target, compensate_with};
 use crate::error::Result;
 use crate::krylov::{Constraint, METHODS, Method};
 use crate::operator::{Adjoint, Symmetry};
 
-/// One method of a comparison.
+/// The result of one method in a comparison.
 #[derive(Clone, Debug)]
 pub struct MethodRun {
     /// The method.
     pub method: Method,
     /// Its name on the command line.
     pub name: &'static str,
-    /// The residual of its own answer after each photo, as it knows it: the least so far.
+    /// The residual of its unclipped answer after each photo, as the method computes it: the least so far.
     pub history: Vec<CompensationRow>,
-    /// The residual of what is seen: of its answer after each photo, clipped to what can be projected.
+    /// The residual of the photo of its answer after each step, clipped to the projector's range.
     pub displayed: Vec<CompensationRow>,
-    /// Photos taken, those before the method's own not counted.
+    /// Photos taken by the method, without preparation.
     pub photos: usize,
-    /// The relative residual of what is seen in the end.
+    /// The relative residual of the final photo.
     pub residual: f64,
-    /// Structural similarity of what is seen and what is wished; none below 11×11 pixels.
+    /// Structural similarity of the final photo and the target; none below 11×11 pixels.
     pub ssim: Option<f64>,
 }
 
-/// Runs every method that the operators allow (MINRES and CG are for symmetric ones) with as many photos as `options` grant;
-/// `options.method` is not looked at, and its preconditioner is for the methods that take one.
+/// Runs every method that the operators allow (MINRES and CG need symmetry) with the number of photos in `options`.
+/// `options.method` is ignored, and the preconditioner is used only by the methods that take one.
 ///
 /// # Errors
 /// As [`compensate_with`].

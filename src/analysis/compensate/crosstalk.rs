@@ -1,25 +1,25 @@
-//! Crosstalk of colours: each of the projector's three colours is seen by each of the camera's.
+//! Crosstalk of colours: each camera channel also sees the projector's other colours.
 //!
-//! With `M` of 3×3, `M_cp` what camera channel `c` sees of projector colour `p`, a coloured photo is `y_c = A_c Σ_p M_cp x_p`: three
-//! transport matrices behind one mixing matrix. Either the whole is solved as one system for all three colours, inside the box of the
-//! projector's colours; or each channel is solved by itself for `x'_c = Σ_p M_cp x_p`, and un-mixed: as good where the un-mixed
-//! pattern stays inside the box, and worse where it has to be clipped.
+//! If `M_cp` is what camera channel `c` sees of projector colour `p`, a colour photo is `y_c = A_c Σ_p M_cp x_p`: three transport
+//! matrices behind one 3×3 mixing matrix. Either all three colours are solved as one system, inside the box of the projector's
+//! colours, or each channel is solved alone for `x'_c = Σ_p M_cp x_p`, and the result is un-mixed. The latter is as good if the
+//! un-mixed pattern stays inside the box, and worse if it must be clipped.
 
 use crate::error::{Error, Result};
 use crate::observer::Observer;
 use crate::operator::{Adjoint, Operator, Symmetry};
 
-/// A mixing matrix between projector and camera, and what is done about it.
+/// A mixing matrix between projector and camera, and how it is taken into account.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Crosstalk {
     matrix: [[f64; 3]; 3],
     inverse: [[f64; 3]; 3],
-    /// Solve all three colours as one system; otherwise each by itself, un-mixed afterwards.
+    /// Whether all three colours are solved as one system; otherwise each is solved alone and un-mixed afterwards.
     pub coupled: bool,
 }
 
 impl Crosstalk {
-    /// `M`, row by row: a row for each of the camera's channels. Solved as one system.
+    /// The crosstalk of the matrix `M`, one row per camera channel, to be solved as one system.
     ///
     /// # Errors
     /// [`Error::Option`] naming `--crosstalk` when an entry is negative or not finite, or the matrix cannot be inverted.
@@ -42,11 +42,11 @@ impl Crosstalk {
         Ok(Self { matrix, inverse, coupled: true })
     }
 
-    /// From three photos (each of three channels, `n` pixels): of red, green and blue alone. What a channel sees of its own colour counts
-    /// as 1, so that it is part of `A_c`; the others are the least-squares share over all pixels.
+    /// Estimates the matrix from photos of red, green and blue alone (three channels of `n` pixels each). A channel's response to
+    /// its own colour is part of `A_c` and counts as 1; the other entries are least-squares ratios over all pixels.
     ///
     /// # Errors
-    /// As [`Crosstalk::new`]; [`Error::Numerical`] when a channel sees nothing of its own colour.
+    /// As [`Crosstalk::new`]; [`Error::Numerical`] when a channel sees none of its own colour.
     pub fn measured(photos: &[[Vec<f64>; 3]; 3]) -> Result<Self> {
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let mut matrix = [[0.0; 3]; 3];
@@ -59,15 +59,15 @@ impl Crosstalk {
                 )));
             }
             for (primary, entry) in row.iter_mut().enumerate() {
-                // Noise may make a share of nothing negative.
+                // Noise may make a ratio negative where there is no crosstalk.
                 *entry = (dot(&photos[primary][channel], own) / square).max(0.0);
             }
         }
         Self::new(matrix)
     }
 
-    /// The same with rows that add up to 1: for channels of which a product was measured by a gray pattern, so that all that they see of
-    /// white is in `A_c` already.
+    /// The same matrix with rows that add up to 1, for channels whose products were measured with gray patterns: their whole
+    /// response to white is in `A_c` already.
     pub fn relative_to_white(self) -> Result<Self> {
         let matrix = self.matrix.map(|row| {
             let white: f64 = row.iter().sum();
@@ -76,12 +76,12 @@ impl Crosstalk {
         Ok(Self { coupled: self.coupled, ..Self::new(matrix)? })
     }
 
-    /// `M`, row by row.
+    /// The matrix `M`, row by row.
     pub fn matrix(&self) -> &[[f64; 3]; 3] {
         &self.matrix
     }
 
-    /// What each channel sees of white: the sums of the rows.
+    /// Each channel's response to white: the sums of the rows.
     pub(super) fn white(&self) -> [f64; 3] {
         self.matrix.map(|row| row.iter().sum())
     }
@@ -110,7 +110,7 @@ fn product(matrix: &[[f64; 3]; 3], planes: &[Vec<f64>]) -> Vec<Vec<f64>> {
     matrix.iter().map(row).collect()
 }
 
-/// By cofactors; `None` where rounding would be all that is left.
+/// The inverse by cofactors; `None` for a matrix that is singular up to rounding.
 fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     let minor = |row: usize, column: usize| {
         let [a, b] = [(row + 1) % 3, (row + 2) % 3];
@@ -123,7 +123,7 @@ fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
     regular.then(|| std::array::from_fn(|row| std::array::from_fn(|column| minor(column, row) / determinant)))
 }
 
-/// All three colours as one operator of `3n × 3n`: `diag(A_c) (M ⊗ I)`, channel after channel.
+/// All three colours as one operator (`3n × 3n`): `diag(A_c) (M ⊗ I)`, channel after channel.
 pub(super) struct Mixed<'a, O> {
     pub(super) channels: &'a mut [O],
     pub(super) crosstalk: &'a Crosstalk,
@@ -135,7 +135,7 @@ impl<O: Adjoint> Mixed<'_, O> {
     }
 }
 
-/// One vector as three planes.
+/// Splits one vector into `count` planes.
 pub(super) fn planes(vector: &[f64], count: usize) -> Vec<Vec<f64>> {
     vector.chunks(vector.len() / count.max(1)).map(<[f64]>::to_vec).collect()
 }
@@ -150,7 +150,7 @@ impl<O: Adjoint> Operator for Mixed<'_, O> {
     }
 
     fn symmetry(&self) -> Symmetry {
-        // Symmetric only if the mixing commutes with the albedos.
+        // The operator is symmetric only if the mixing commutes with the albedos.
         Symmetry::General
     }
 
@@ -163,7 +163,7 @@ impl<O: Adjoint> Operator for Mixed<'_, O> {
         Ok(())
     }
 
-    // A block is taken one by one: the order of the channels' products is part of a journal.
+    // Blocks are applied one vector at a time: the order of the channels' products is part of a journal.
 
     fn observer(&self) -> &dyn Observer {
         self.channels.first().map_or(&(), |operator| operator.observer())
@@ -196,7 +196,7 @@ mod tests {
         for (a, b) in back.concat().iter().zip(patterns.concat()) {
             assert!((a - b).abs() < 1e-15 * 8.0, "{a} {b}");
         }
-        // A wall whose albedo differs by channel and pixel: the shares do not.
+        // A wall whose albedo, unlike the ratios, differs by channel and pixel.
         let albedo = |channel: usize, pixel: usize| 0.2 + 0.1 * channel as f64 + 0.05 * pixel as f64;
         let photos: [[Vec<f64>; 3]; 3] = std::array::from_fn(|primary| {
             std::array::from_fn(|channel| {

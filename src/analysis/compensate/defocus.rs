@@ -1,36 +1,36 @@
-//! A preconditioner for a lens out of focus: division by a Gaussian's frequencies, where they are not lost.
+//! A preconditioner for an unfocused lens: division by a Gaussian's frequencies where they are not lost.
 //!
 //! ```text
 //! M = D^½ K D^½,    K = C diag(k_μ k_ν) Cᵀ,    k_μ = Σ_j κ_j cos(π j μ / N)
 //! ```
 //!
-//! with `D` the white photo and `K` a Gaussian `κ` on a picture mirrored at its borders, whose eigenvectors are those of the discrete
-//! cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies of which the lens
-//! leaves less than a tenth are raised by no more than ten: the rest is noise. The width is given, or told from one photo.
+//! with the white photo `D` and a Gaussian `K` of kernel `κ` on an image mirrored at its borders, whose eigenvectors are those of
+//! the discrete cosine transform `C` (Strang, *The discrete cosine transform*, 1999, doi:10.1137/S0036144598336745). Frequencies
+//! attenuated below a tenth are amplified by ten at most: the rest is noise. The width is given, or estimated from one photo.
 
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::krylov::{Diagonal, Preconditioner};
 
-/// The least share of a frequency that is taken to be kept.
+/// The least attenuation factor by which a frequency is divided.
 const LEAST: f64 = 0.1;
 
-/// Widths that a photo is held against, in pixels.
+/// The widths, in pixels, that are compared with a photo.
 const WIDTHS: [f64; 14] = [0.0, 0.3, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.5, 8.0];
 
-/// `M⁻¹` of one channel.
+/// The preconditioner `M⁻¹` of one channel.
 #[derive(Clone, Debug)]
 pub(super) struct Defocus {
-    /// Rows are the cosines of one frequency, along a row and along a column of the picture.
+    /// The cosines, one row per frequency, along a row and along a column of the image.
     cosines: [Vec<Vec<f64>>; 2],
-    /// `k_μ k_ν`, row by row, `μ` along rows of the picture.
+    /// The factors `k_μ k_ν`, row by row, with `μ` along rows of the image.
     kept: Vec<f64>,
-    /// `D^-½`.
+    /// The diagonal of `D^-½`.
     scaling: Vec<f64>,
 }
 
 impl Defocus {
-    /// For a white photo (`n`) through a Gaussian of `width` pixels.
+    /// The preconditioner for a white photo (`n`) through a Gaussian of `width` pixels.
     pub(super) fn new(resolution: Resolution, white: Vec<f64>, width: f64) -> Result<Self> {
         let scaling = Diagonal::new(white)?.entries().iter().map(|d| 1.0 / d.sqrt()).collect();
         let cosines = [resolution.width, resolution.height].map(cosines);
@@ -38,8 +38,8 @@ impl Defocus {
         Ok(Self { cosines, kept, scaling })
     }
 
-    /// With the width that explains best what one photo `y = A x` keeps of a random pattern `x`, frequency by frequency; the lowest
-    /// sixteenth of them is left out, as indirect light is there too. Returns the width as well.
+    /// The preconditioner whose width best explains, frequency by frequency, one photo `y = A x` of a random pattern `x`. The
+    /// lowest sixteenth of the frequencies is left out because it also contains indirect light. Returns the width as well.
     pub(super) fn measured(
         resolution: Resolution,
         white: Vec<f64>,
@@ -68,7 +68,7 @@ impl Defocus {
         Ok((found, width))
     }
 
-    /// `Cᵀ x`.
+    /// The cosine transform `Cᵀ x`.
     fn transform(&self, x: &[f64]) -> Vec<f64> {
         let [across, down] = &self.cosines;
         let rows: Vec<f64> =
@@ -76,7 +76,7 @@ impl Defocus {
         columns(&rows, across.len(), |column| down.iter().map(|c| dot(c, column)).collect())
     }
 
-    /// `C x`.
+    /// The inverse transform `C x`.
     fn back(&self, x: &[f64]) -> Vec<f64> {
         let [across, down] = &self.cosines;
         let rows: Vec<f64> = x.chunks(across.len()).flat_map(|row| combined(across, row)).collect();
@@ -84,7 +84,7 @@ impl Defocus {
     }
 }
 
-/// `k_μ k_ν`.
+/// The factors `k_μ k_ν` of a Gaussian of `width` pixels.
 fn spectrum(resolution: Resolution, width: f64) -> Vec<f64> {
     let line = |length: usize| -> Vec<f64> {
         let reach = (4.0 * width).ceil() as usize;
@@ -101,7 +101,7 @@ fn spectrum(resolution: Resolution, width: f64) -> Vec<f64> {
     down.iter().flat_map(|nu| across.iter().map(move |mu| mu * nu)).collect()
 }
 
-/// The orthonormal cosines of a line: `√(2/N) cos(π μ (j + ½)/N)`, the constant one shorter by `√2`.
+/// The orthonormal cosines of a line, `√(2/N) cos(π μ (j + ½)/N)`; the constant one is divided by `√2`.
 fn cosines(length: usize) -> Vec<Vec<f64>> {
     let n = length as f64;
     let row = |mu: usize| {
@@ -115,7 +115,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// `Σ_μ x_μ c_μ`.
+/// The sum `Σ_μ x_μ c_μ`.
 fn combined(cosines: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
     let mut sum = vec![0.0; x.len()];
     for (x, cosine) in x.iter().zip(cosines) {
@@ -124,7 +124,7 @@ fn combined(cosines: &[Vec<f64>], x: &[f64]) -> Vec<f64> {
     sum
 }
 
-/// `work` on each column of a picture that is `width` pixels wide.
+/// Applies `work` to each column of an image that is `width` pixels wide.
 fn columns(picture: &[f64], width: usize, work: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
     let mut result = vec![0.0; picture.len()];
     for x in 0..width {
@@ -169,7 +169,7 @@ mod tests {
     fn undoes_a_gaussian_where_nothing_is_lost_and_tells_its_width() -> Result<()> {
         let resolution = Resolution::new(24, 15);
         let white: Vec<f64> = (0..resolution.pixels()).map(|i| 0.5 + 0.01 * (i % 7) as f64).collect();
-        // Half a pixel leaves a third of the highest frequency.
+        // A Gaussian of half a pixel keeps a third of the highest frequency.
         let (x, width) = (noise(resolution.pixels()), 0.5);
         let root: Vec<f64> = white.iter().map(|d| d.sqrt()).collect();
         let times = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a * b).collect() };
@@ -179,7 +179,7 @@ mod tests {
         let mut back = vec![0.0; x.len()];
         model.apply(&y, &mut back)?;
         for (a, b) in back.iter().zip(&x) {
-            // The kernels agree; a thousand roundings, raised by at most ten.
+            // The kernels are equal; the error is that of a thousand roundings, amplified by ten at most.
             assert!((a - b).abs() < 1e-11, "{a} {b}");
         }
         for width in [0.0, 0.5, 2.0] {

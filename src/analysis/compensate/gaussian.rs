@@ -1,29 +1,29 @@
-//! Gaussians that are applied hundreds of times: symmetric, and quick however wide.
+//! Gaussian blurs that are applied hundreds of times: symmetric, and fast at any width.
 
 use crate::image::{Blur, Resolution};
 
-/// Wider ones, in pixels, are applied to blocks of pixels, so that they are at most so wide in blocks.
+/// Wider Gaussians, in pixels, are applied to blocks of pixels, and are at most this wide in blocks.
 const WIDEST: f64 = 3.0;
 
-/// `K = Kᵀ` of pictures mirrored at their borders: `√B⁻¹ E K' Eᵀ √B⁻¹`, with `Eᵀ` adding up blocks and `B` their numbers of pixels.
+/// The blur `K = Kᵀ` of an image mirrored at its borders: `√B⁻¹ E K' Eᵀ √B⁻¹`. `Eᵀ` sums blocks; `B` holds their pixel counts.
 #[derive(Clone, Debug)]
 pub(super) struct Gaussian {
     resolution: Resolution,
-    /// Pixels a side of a block.
+    /// Side of a block in pixels.
     block: usize,
-    /// `K'`, on blocks; none leaves everything as it is.
+    /// The blur `K'` on blocks; none for the identity.
     blur: Option<Blur>,
 }
 
 impl Gaussian {
-    /// With a standard deviation of `width` pixels.
+    /// A blur with a standard deviation of `width` pixels.
     pub(super) fn new(resolution: Resolution, width: f64) -> Self {
         let block = ((width / WIDEST).ceil() as usize).max(1);
         let blocks = Resolution::new(resolution.width.div_ceil(block), resolution.height.div_ceil(block));
         Self { resolution, block, blur: Blur::new(blocks, width / block as f64) }
     }
 
-    /// `K x`, both of length `n`.
+    /// Computes `K x`, both of length `n`.
     pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
         let Some(blur) = &self.blur else { return x.to_vec() };
         if self.block == 1 {
@@ -60,7 +60,7 @@ mod tests {
             // Rounding of some thousand terms.
             assert!((one - other).abs() < 1e-12 * one.abs(), "{width}: {one} {other}");
         }
-        // A bump in the middle becomes as wide as by the exact kernel, to what blocks leave.
+        // The blurred impulse is as wide as with the exact kernel, up to the error of the blocks.
         let mut bump = vec![0.0; n];
         bump[15 * 53 + 26] = 1.0;
         for width in [2.0, 6.0] {

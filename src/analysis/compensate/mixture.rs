@@ -1,13 +1,13 @@
-//! A lens out of focus as a sum of blurs, told from the photos that are taken anyway.
+//! A model of an unfocused lens as a sum of blurs, fitted to photos that are taken anyway.
 //!
 //! ```text
 //! P = D Σ_m diag(c_m) K_m,   c_m ≥ 0
 //! ```
 //!
-//! with `D` the white photo and `K_m` Gaussians of fixed widths on a picture mirrored at its borders, from no blur at all to one as wide as
-//! indirect light. How much there is of each, `c_m`, varies slowly over the picture, as depth does: it is fitted by non-negative
-//! least squares in windows of a few pixels. The transpose, `Σ_m K_m diag(c_m) D`, no photo could tell where the projector's
-//! lens alone is out of focus.
+//! with the white photo `D` and Gaussians `K_m` of fixed widths on an image mirrored at its borders, from no blur to one as wide
+//! as indirect light. The shares `c_m` vary slowly over the image, as depth does: they are fitted by non-negative least squares
+//! in windows of a few pixels. The model also gives the transpose, `Σ_m K_m diag(c_m) D`, which no photo could measure if only
+//! the projector's lens is out of focus.
 
 use std::sync::Arc;
 
@@ -15,49 +15,49 @@ use super::gaussian::Gaussian;
 use crate::image::Resolution;
 use crate::krylov::{Surrogate, dot};
 
-/// Standard deviations in pixels; those wider than a quarter of the picture are left out.
+/// Standard deviations of the blurs in pixels; those wider than a quarter of the image are left out.
 const WIDTHS: [f64; 9] = [0.0, 0.5, 0.75, 1.25, 2.0, 3.0, 5.0, 10.0, 25.0];
 
-/// Cells of so many pixels a side have shares of their own, …
+/// Side, in pixels, of the cells that have their own shares, …
 const CELL: usize = 8;
 
-/// … fitted to what is within about so many cells.
+/// … and the standard deviation, in cells, of the window that their shares are fitted to.
 const WINDOW: f64 = 1.25;
 
-/// Relative weight of small shares: blurs that are nearly alike in a window have no shares of their own.
+/// Relative weight of the ridge term, which makes the shares of nearly equal blurs unique.
 const RIDGE: f64 = 1e-6;
 
-/// Sweeps of coordinate descent for each cell.
+/// Sweeps of coordinate descent per cell.
 const SWEEPS: usize = 500;
 
-/// One channel's `P`.
+/// The model `P` of one channel.
 #[derive(Clone)]
 pub(crate) struct Mixture {
     resolution: Resolution,
     white: Arc<Vec<f64>>,
     blurs: Arc<Vec<Gaussian>>,
-    /// `c_m`, pixel by pixel; none of a blur that has no share anywhere.
+    /// The shares `c_m` of each pixel; none for a blur without any share.
     shares: Vec<Option<Vec<f64>>>,
 }
 
 impl Mixture {
-    /// For a white photo (`n`); without any blur before it is fitted.
+    /// The model of a white photo (`n`), without blur until it is fitted.
     pub(crate) fn new(resolution: Resolution, white: &[f64]) -> Self {
         let widest = resolution.width.min(resolution.height) as f64 / 4.0;
         let widths = WIDTHS.iter().filter(|width| **width <= widest);
         let blurs: Vec<Gaussian> = widths.map(|&width| Gaussian::new(resolution, width)).collect();
         let mut shares = vec![None; blurs.len()];
         shares[0] = Some(vec![1.0; white.len()]);
-        // Dark pixels are known by noise only.
+        // Dark pixels contain only noise.
         let floor = 1e-3 * white.iter().copied().fold(0.0, f64::max);
         let white = white.iter().map(|value| value.max(floor)).collect();
         Self { resolution, white: Arc::new(white), blurs: Arc::new(blurs), shares }
     }
 
-    /// The normal equations of each cell, `[G, h]`, row by row: those of its window.
+    /// The normal equations `[G, h]` of each cell, row by row, summed over its window.
     fn equations(&self, patterns: &[Vec<f64>], products: &[Vec<f64>], cells: Resolution) -> Vec<Vec<f64>> {
         let count = self.blurs.len();
-        // A plane over the cells for each entry of G and of h.
+        // One plane over the cells for each entry of G and of h.
         let mut planes = vec![vec![0.0; cells.pixels()]; count * (count + 1)];
         let cell_of: Vec<usize> = (0..self.white.len())
             .map(|pixel| {
@@ -84,7 +84,7 @@ impl Mixture {
         (0..cells.pixels()).map(|cell| planes.iter().map(|plane| plane[cell]).collect()).collect()
     }
 
-    /// The value at each pixel between the cells' centres.
+    /// Interpolates values at the cells' centres to all pixels.
     fn between(&self, cells: Resolution, of_cells: &[f64]) -> Vec<f64> {
         let place = |pixel: usize, count: usize| {
             let at = ((pixel as f64 + 0.5) / CELL as f64 - 0.5).clamp(0.0, (count - 1) as f64);
@@ -115,7 +115,7 @@ impl Mixture {
     }
 }
 
-/// `argmin ½ cᵀG c − hᵀc` over `c ≥ 0`, by coordinate descent; `equations` has `[G, h]`, row by row.
+/// Computes `argmin ½ cᵀG c − hᵀc` over `c ≥ 0` by coordinate descent; `equations` holds `[G, h]`, row by row.
 fn non_negative(equations: &[f64], count: usize) -> Vec<f64> {
     let row = |at: usize| &equations[at * (count + 1)..at * (count + 1) + count];
     let trace: f64 = (0..count).map(|at| row(at)[at]).sum();
@@ -190,7 +190,7 @@ mod tests {
         let resolution = Resolution::new(48, 40);
         let n = resolution.pixels();
         let white: Vec<f64> = (0..n).map(|i| 0.5 + 0.01 * (i % 7) as f64).collect();
-        // All of the sharper at the left, all of the wider at the right: members of the family, half of each in the middle.
+        // A member of the model's family: the sharper blur at the left, the wider one at the right, half of each in the middle.
         let truth = |x: &[f64]| -> Vec<f64> {
             let [sharp, wide] = [0.75, 2.0].map(|width| Gaussian::new(resolution, width).apply(x));
             (0..n)
@@ -213,7 +213,7 @@ mod tests {
                 .sqrt()
         };
         let other = noise(n, 5);
-        // Windows ten pixels wide cannot follow shares that change by a fifth within them, but nearly.
+        // Windows of ten pixels cannot follow exactly shares that change by a fifth within them.
         let (before, after) = (missed(&plain, &other), missed(&*fitted, &other));
         assert!(after < 0.1 * before, "{before} {after}");
         // Dot product test: rounding of a few thousand terms.

@@ -1,12 +1,12 @@
-//! Light transport compensation: what to project so that the scene looks as wanted.
+//! Light transport compensation: which pattern makes the scene look like a target.
 //!
-//! | idea | here |
+//! | topic | item |
 //! |---|---|
-//! | what is wished | [`Target`] |
-//! | what is known beside the photos: direct light, shape, crosstalk of colours, a first pattern | [`Prior`] |
-//! | what clamping does, and what a method inside the box does instead | [`Clamping`] |
-//! | every method at equal photos | [`compare_methods`] |
-//! | another target for a scene that is captured already | [`compensate_by_model`] |
+//! | the target | [`Target`] |
+//! | prior knowledge beside the photos: direct light, shape, crosstalk of colours, a first pattern | [`Prior`] |
+//! | the cost of clamping, compared with a box-constrained method | [`Clamping`] |
+//! | all methods at equal numbers of photos | [`compare_methods`] |
+//! | another target for a scene that is already captured | [`compensate_by_model`] |
 
 mod answer;
 mod by_model;
@@ -37,85 +37,82 @@ use answer::Answer;
 use run::{Planes, Run};
 use target::{norm_of, residual_norm};
 
-/// A residual, relative to the wish, after so many photos of the method: the least until then.
+/// The least residual so far, relative to the target light, after a number of the method's photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensationRow {
     /// Photos taken by the method, from 1.
     pub photo: usize,
-    /// `‖b − A x‖ / ‖b‖`; infinite where no pattern has been photographed yet.
+    /// `‖b − A x‖ / ‖b‖`; infinite before the first pattern is photographed.
     pub residual: f64,
 }
 
-/// What to project, and what is then seen. Residuals are `‖b − A x‖ / ‖b‖`, `b` being the light wished less the
-/// ambient light, over all channels.
+/// The pattern to project, and its photos. Residuals are `‖b − A x‖ / ‖b‖` over all channels, `b` the target minus ambient light.
 #[derive(Clone, Debug)]
 pub struct Compensation {
-    /// What to project, in [floor, 1].
+    /// The pattern to project, in [floor, 1].
     pub pattern: Image,
-    /// The method's own answer, where that leaves the box and had to be clipped.
+    /// The method's own answer, if it left the box and was clipped.
     pub unclipped: Option<Image>,
-    /// What is wished, in W/(m² sr), ambient light included: the target times the peak.
+    /// The target light in W/(m² sr), ambient light included: the target times the peak.
     pub target: Image,
     /// The photo of `pattern`, ambient light included.
     pub observed: Image,
-    /// The photo of the target itself, dimmed so that it would be as bright as wished on an even wall.
+    /// The photo of the target itself as a pattern, dimmed so that it would reach the target's brightness on an even wall.
     pub uncompensated: Image,
     /// The radiance that 1 in the target stands for.
     pub peak: f64,
-    /// Of `pattern`, from its photo.
+    /// The residual of `pattern`, from its photo.
     pub residual: f64,
-    /// Of the method's own answer, as the method knows it.
+    /// The residual of the method's own answer, as the method computes it.
     pub unclipped_residual: f64,
-    /// Of `uncompensated`.
+    /// The residual of `uncompensated`.
     pub uncompensated_residual: f64,
-    /// A row for each photo of the method; before clipping.
+    /// One row per photo of the method, before clipping.
     pub history: Vec<CompensationRow>,
-    /// The same for projected Jacobi with as many photos; empty where it is not asked for.
+    /// The same for projected Jacobi with as many photos; empty if no baseline is asked for.
     pub baseline: Vec<CompensationRow>,
-    /// Photos that the method took. Those that only show a result (`observed`, `uncompensated`, and all of the baseline) are
-    /// not among them.
+    /// Photos taken by the method, without those that only show a result (`observed`, `uncompensated`, and all of the baseline).
     pub photos: usize,
-    /// Photos before them: the white one, and one to measure a multiscale preconditioner.
+    /// Photos taken before: the white one, and those that measure a preconditioner or a prior.
     pub preparation: usize,
-    /// How alike `observed` and `target` are, the data range being the peak.
+    /// The similarity of `observed` and `target`, with the peak as the data range.
     pub similarity: Similarity,
-    /// The same of `uncompensated`.
+    /// The similarity of `uncompensated` and `target`.
     pub uncompensated_similarity: Similarity,
-    /// What clipping did, photo by photo; none for an answer inside the box, and where no baseline is asked for.
+    /// The effect of clipping, photo by photo; none for an answer inside the box, or if no baseline is asked for.
     pub clamping: Option<Clamping>,
-    /// Why the method ended; of several channels, the one that went least well.
+    /// Why the method ended; of several channels, the least successful status.
     pub status: Status,
-    /// The pattern is better than none, and within the tolerance or the best inside the box.
+    /// Whether the pattern is better than no compensation, and within the tolerance or the optimum inside the box.
     pub good: bool,
 }
 
-/// What is known beside the photos; by default nothing.
+/// Knowledge beside the photos; none by default.
 #[derive(Clone, Debug, Default)]
 pub struct Prior {
-    /// The direct image under white of each channel (`n`), for [`Precondition::Direct`]; empty: it is measured.
+    /// The direct image under white of each channel (`n`), for [`Precondition::Direct`]; measured if empty.
     pub direct: Vec<Vec<f64>>,
-    /// The direct image that the scene's shape alone predicts (`n`), up to a factor, for [`Precondition::Geometry`].
+    /// The direct image predicted from the scene's shape alone (`n`), up to a factor, for [`Precondition::Geometry`].
     pub geometry: Vec<f64>,
     /// The crosstalk of projector and camera colours; only for three channels.
     pub crosstalk: Option<Crosstalk>,
-    /// Photos that were taken to learn all this.
+    /// Photos taken to obtain this knowledge.
     pub photos: usize,
-    /// Where methods start (a plane for each channel), in place of darkness or the target over the white photo.
+    /// The first pattern of the methods, one plane per channel, instead of darkness or the target over the white photo.
     pub start: Option<Vec<Vec<f64>>>,
 }
 
-/// What to project so that the photo is `target` times the peak: solves `A x = b` in each channel, with `b` the light
-/// wished less the ambient light.
+/// Finds the pattern whose photo is `target` times the peak: solves `A x = b` per channel, where `b` is that minus ambient light.
 ///
-/// `channels` holds one operator (`n × n`) for each of the wish's channels. They are independent systems, and one colour photo is
-/// one product with each; so they are solved one after the other, and the photos are those of the one that took most.
-/// The observer of each channel's operator sees its products, and may stop them; the baseline is not observed.
-/// An answer that leaves [floor, 1] is clipped, as a projector would do: both residuals are reported, and the box
-/// belongs inside the method ([`Method::KrylovBox`]).
+/// `channels` holds one operator (`n × n`) per channel of the target. The channels are independent systems, and one colour photo
+/// is one product with each; so they are solved in turn, and the photos counted are those of the channel that took most. The
+/// observer of each operator sees its products and may stop them; the baseline is not observed. An answer outside [floor, 1] is
+/// clipped, as by a projector, and both residuals are reported; [`Method::KrylovBox`] keeps the box inside the method.
 ///
 /// # Errors
-/// As [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` when none is given and half of the white
-/// photo is black; [`Error::Dimension`] when sizes differ; [`Error::Numerical`] when there is nothing to wish for.
+/// As [`CompensateOptions::check`] and [`solve_adjoint`](crate::krylov::solve_adjoint); [`Error::Option`] naming `--peak` if none
+/// is given and half of the white photo is black; [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if no target light
+/// is left.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
     wish: &Target,
@@ -124,11 +121,11 @@ pub fn compensate<O: Adjoint>(
     compensate_with(channels, wish, options, &Prior::default())
 }
 
-/// As [`compensate`], with what is known beside the photos.
+/// As [`compensate`], with prior knowledge beside the photos.
 ///
 /// # Errors
-/// As [`compensate`]; [`Error::Dimension`] when `prior` has crosstalk and there are not three channels, or a plane of another
-/// size; [`Error::Option`] naming `--precondition` when it lacks what that needs.
+/// As [`compensate`]; [`Error::Dimension`] if `prior` has crosstalk for other than three channels, or planes of another size;
+/// [`Error::Option`] naming `--precondition` if `prior` lacks what the preconditioner needs.
 pub fn compensate_with<O: Adjoint>(
     channels: &mut [O],
     wish: &Target,
@@ -198,14 +195,14 @@ impl Prior {
     }
 }
 
-/// The channels behind the crosstalk of their colours.
+/// The channels together with the crosstalk of their colours.
 struct Scene<'a, O> {
     channels: &'a mut [O],
     prior: &'a Prior,
 }
 
 impl<O: Adjoint> Scene<'_, O> {
-    /// The photo of a pattern in all colours.
+    /// The photo of a pattern, all colours.
     fn photograph(&mut self, patterns: &[Vec<f64>]) -> Result<Planes> {
         let mixed = self.prior.crosstalk.as_ref().map(|crosstalk| crosstalk.mix(patterns));
         let photo = |(operator, pattern): (&mut O, &Vec<f64>)| {
@@ -216,9 +213,9 @@ impl<O: Adjoint> Scene<'_, O> {
         self.channels.iter_mut().zip(mixed.as_deref().unwrap_or(patterns)).map(photo).collect()
     }
 
-    /// What would be seen of each answer, had it been clipped and projected.
+    /// The residuals of the photos of all answers after clipping.
     fn displayed(&mut self, answers: &[Planes], floor: f64, b: &[Vec<f64>]) -> Result<Vec<CompensationRow>> {
-        // With several channels, colour photos are taken one after the other: the order of products is part of a journal.
+        // The photos of several channels are taken one after the other: the order of products is part of a journal.
         let size = match &*self.channels {
             [operator] => operator.block_size().max(1),
             _ => 1,
@@ -236,7 +233,7 @@ impl<O: Adjoint> Scene<'_, O> {
         Ok(rows)
     }
 
-    /// The photos of several patterns; of one channel, as a block.
+    /// The photos of several patterns; as a block if there is one channel.
     fn photographs(&mut self, patterns: Vec<Planes>) -> Result<Vec<Planes>> {
         let [operator] = &mut *self.channels else {
             return patterns.iter().map(|pattern| self.photograph(pattern)).collect();

@@ -1,53 +1,52 @@
-//! What is asked for.
+//! The options of a compensation.
 
 use crate::error::{Error, Result};
 use crate::krylov::{Constraint, Method};
 
-/// What [`compensate`](super::compensate()) is asked for.
+/// The options of [`compensate`](super::compensate()).
 #[derive(Clone, Copy, Debug)]
 pub struct CompensateOptions {
     /// The method. Default: [`Method::KrylovBox`].
     pub method: Method,
-    /// Photos that it may take, beside those of [`Compensation::preparation`](super::Compensation::preparation). Default 20.
+    /// The most photos of the method, besides [`Compensation::preparation`](super::Compensation::preparation). Default 20.
     pub photos: usize,
-    /// Done when what is seen differs from what is wished by at most this share of it (2-norms). Default 1e-3.
+    /// The relative residual (2-norms) at which the method stops. Default 1e-3.
     pub rtol: f64,
-    /// The least that is projected, the paper's `α` in [α, 1]. From 0 to below 1; default 0.
+    /// The least projected value, the paper's `α` in [α, 1]. From 0 to below 1; default 0.
     pub floor: f64,
     /// The radiance that 1 in the target stands for, in W/(m² sr). Default `None`: half the median of the white photo.
     pub peak: Option<f64>,
-    /// How methods without constraint are preconditioned. Default `None`: [`Precondition::Diagonal`] for them on
-    /// symmetric operators, and
-    /// nothing for those inside a box, which scale their steps by the white photo anyway.
+    /// The preconditioner of unconstrained methods. Default `None`: [`Precondition::Diagonal`] if the operator is symmetric.
+    /// Box-constrained methods take none; they scale their steps by the white photo anyway.
     pub precondition: Option<Precondition>,
-    /// The width of the lens' blur, for [`Precondition::Defocus`], in pixels (the standard deviation of a Gaussian). Default `None`: told
-    /// from one photo.
+    /// The standard deviation in pixels of the lens's blur, for [`Precondition::Defocus`]. Default `None`: measured by one photo.
     pub defocus: Option<f64>,
-    /// That some lens is out of focus: [`Method::KrylovBox`] then takes the light for a mixture of blurs, told from its photos, where it has
-    /// not seen better, and no longer knows when it is at the optimum. So it does anyway where the operator is not symmetric. Default false.
+    /// Whether some lens is out of focus. [`Method::KrylovBox`] then models the light that it has not measured as a mixture of
+    /// blurs, fitted to its photos, and cannot recognize the optimum. The same applies if the operator is not symmetric. Default
+    /// false.
     pub out_of_focus: bool,
-    /// The target's values are moved from [0, 1] to [`lift`, 1] before they are wished for, as the paper does so that less light
-    /// has to be taken away. From 0 to below 1; default 0.
+    /// Maps the target from [0, 1] to [`lift`, 1], as in the paper: less light must be removed. From 0 to below 1; default 0.
     pub lift: f64,
-    /// Whether projected Jacobi is given as many photos, to be compared with, and what clipping does is photographed step by step.
-    /// On a rig these photos are dear. Default true.
+    /// Whether projected Jacobi runs with as many photos as a baseline, and the effect of clipping is photographed step by step.
+    /// On a rig these photos are expensive. Default true.
     pub baseline: bool,
 }
 
-/// An approximate inverse from what is known of the scene.
+/// An approximate inverse from prior knowledge of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Precondition {
-    /// None.
+    /// No preconditioner.
     None,
     /// Division by the white photo, `D = A 1`.
     Diagonal,
-    /// That, and a gain for each scale of an image pyramid, measured by one photo more: [`Multiscale::measured`](crate::krylov::Multiscale::measured).
+    /// As `Diagonal`, with a gain per scale of an image pyramid, by one more photo:
+    /// [`Multiscale::measured`](crate::krylov::Multiscale::measured).
     Multiscale,
     /// Division by the direct image: [`Prior::direct`](super::Prior::direct), or measured by 16 photos of shifted squares.
     Direct,
-    /// Division by the direct image that the scene's shape alone predicts: [`Prior::geometry`](super::Prior::geometry).
+    /// Division by the direct image predicted from the scene's shape alone: [`Prior::geometry`](super::Prior::geometry).
     Geometry,
-    /// Division by the white photo and by the frequencies of a lens out of focus: its width given, or measured by one photo more.
+    /// Division by the white photo and the frequencies of an unfocused lens; its width is given or measured by one more photo.
     Defocus,
 }
 
@@ -69,9 +68,9 @@ impl Default for CompensateOptions {
 }
 
 impl CompensateOptions {
-    /// The paper's recipe (section 6): unconstrained residuals are made small by MINRES, or by GMRES where the operator is not
-    /// `symmetric`, preconditioned by the direct image; the target is moved to [α, 1] (`lift`), and what still leaves the projector's
-    /// range is clamped. Five photos.
+    /// The paper's method (section 6): the unconstrained residual is minimized by MINRES, or by GMRES if the operator is not
+    /// `symmetric`, preconditioned by the direct image. The target is mapped to [α, 1] (`lift`), and values outside the
+    /// projector's range are clamped. Five photos.
     pub fn paper(symmetric: bool, lift: f64) -> Self {
         Self {
             method: if symmetric { Method::Minres } else { Method::Gmres },
@@ -83,7 +82,7 @@ impl CompensateOptions {
         }
     }
 
-    /// Refuses values that cannot be used, before any photo.
+    /// Checks all values before any photo is taken.
     ///
     /// # Errors
     /// [`Error::Option`] naming `--photos`, `--rtol`, `--floor`, `--lift`, `--peak`, `--defocus` or `--precondition`.
@@ -124,7 +123,7 @@ impl CompensateOptions {
         Ok(())
     }
 
-    /// What a method without constraint is preconditioned by.
+    /// The preconditioner of an unconstrained method.
     pub(super) fn unconstrained_preconditioning(&self) -> Precondition {
         self.precondition.unwrap_or(Precondition::Diagonal)
     }

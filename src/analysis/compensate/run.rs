@@ -1,4 +1,4 @@
-//! Solving for all channels, by any method, with any preconditioner, mixed colours or not.
+//! The solution of all channels, by any method and preconditioner, with or without crosstalk.
 
 use std::sync::Arc;
 
@@ -17,40 +17,40 @@ use crate::krylov::{
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Adjoint, Operator, Relayed, Symmetry};
 
-/// Squares and shifts by which a direct image that nobody knows is measured: 16 photos.
+/// Squares and shifts that measure an unknown direct image: 16 photos.
 const SQUARES: DirectMethod = DirectMethod::Checkerboards { square: 4, shifts: 4 };
 
 /// Patterns of all channels.
 pub(super) type Planes = Vec<Vec<f64>>;
 
-/// What one method came to.
+/// The result of one method.
 pub(super) struct Solved {
-    /// Its own answer, which may leave the box.
+    /// The method's own answer, which may leave the box.
     pub(super) patterns: Planes,
-    /// Of that answer, as the method knows it.
+    /// The residual of that answer, as the method computes it.
     pub(super) residual: f64,
     pub(super) history: Vec<CompensationRow>,
     pub(super) photos: usize,
     pub(super) status: Status,
-    /// What it would have answered after each photo; only if they are to be kept.
+    /// The answers after each photo, if they are to be stored.
     pub(super) answers: Vec<Planes>,
 }
 
-/// What all channels' systems share.
+/// The common inputs of all channels' systems.
 pub(super) struct Run<'a> {
     pub(super) wish: &'a Target,
     pub(super) white: &'a [Vec<f64>],
     pub(super) b: &'a [Vec<f64>],
     pub(super) options: &'a CompensateOptions,
     pub(super) prior: &'a Prior,
-    /// Whether each product is a photo, so that it pays to work long on the next.
+    /// Whether each product is a photo, so that long computations before the next one pay off.
     pub(super) dear: bool,
-    /// Photos before those of the method.
+    /// Photos taken before those of the method.
     pub(super) preparation: usize,
 }
 
 impl Run<'_> {
-    /// By `method` within `photos`; keeps the answer after each photo if told to.
+    /// Solves with `method` within `photos`; stores the answer after each photo if `keep` is set.
     pub(super) fn solve<O: Adjoint>(
         &mut self,
         channels: &mut [O],
@@ -76,7 +76,7 @@ impl Run<'_> {
                     None => start.clone(),
                 });
                 for (channel, operator) in channels.iter_mut().enumerate() {
-                    // Of mixed light, white is brighter than what each channel is solved for.
+                    // With mixed light, white is brighter than the channel's own pattern of ones.
                     let white = self.white[channel].iter().map(|value| value / whites[channel]).collect();
                     let start = starts.as_ref().map(|starts| starts[channel].clone());
                     let setup = (Some(channel), white, start);
@@ -98,7 +98,7 @@ impl Run<'_> {
         })
     }
 
-    /// Answers of the systems as patterns of the projector's colours.
+    /// Converts the answers of the systems to patterns of the projector's colours.
     fn patterns(&self, answers: Planes) -> Planes {
         match &self.prior.crosstalk {
             Some(crosstalk) if crosstalk.coupled => planes(&answers.concat(), 3),
@@ -107,7 +107,7 @@ impl Run<'_> {
         }
     }
 
-    /// After each photo of all systems; one that ended stays where it was.
+    /// The patterns after each photo of all systems; a system that ended keeps its last answer.
     fn in_lockstep(&self, answers: &[Vec<Vec<f64>>]) -> Vec<Planes> {
         let most = answers.iter().map(Vec::len).max().unwrap_or(0);
         let at = |index: usize| {
@@ -117,7 +117,7 @@ impl Run<'_> {
         (0..most).filter_map(at).map(|answers| self.patterns(answers)).collect()
     }
 
-    /// `upper` is what a channel sees of white, in units of its own colour.
+    /// The options of one system. `upper` is the channel's response to white, in units of its own colour.
     fn solve_options(
         &mut self,
         operator: &mut dyn Adjoint,
@@ -129,7 +129,7 @@ impl Run<'_> {
         let constrained = method.facts().constraint != Constraint::None;
         let preconditioner =
             if constrained { None } else { self.preconditioner(operator, channel, white.clone())? };
-        // A rig that is not symmetric takes no photos of its transpose, which a mixture of blurs has.
+        // A rig that is not symmetric takes no photos of its transpose, but a mixture of blurs has one.
         let blurred = self.options.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
         let surrogate: Option<Arc<dyn Surrogate>> = match method {
             Method::KrylovBox if blurred && self.dear && channel.is_some() => {
@@ -156,7 +156,7 @@ impl Run<'_> {
         channel: Option<usize>,
         white: Vec<f64>,
     ) -> Result<Option<Arc<dyn Preconditioner>>> {
-        // Where the projector stands apart, its pixels are others than those of the white photo.
+        // If projector and camera are apart, projector pixels do not correspond to those of the white photo.
         if self.options.precondition.is_none() && operator.symmetry() != Symmetry::Symmetric {
             return Ok(None);
         }
@@ -189,7 +189,7 @@ impl Run<'_> {
                         found.direct
                     }
                 };
-                // An estimate of no light may be negative.
+                // The estimate may be negative where there is no light.
                 Some(Arc::new(Diagonal::new(direct.into_iter().map(|value| value.max(0.0)).collect())?))
             }
             Precondition::Geometry => {
@@ -209,20 +209,20 @@ impl Run<'_> {
         })
     }
 
-    /// Relative residuals of all systems as one, relative to the whole wish.
+    /// Combines the relative residuals of all systems into one, relative to the whole target light.
     fn total(&self, residuals: impl Iterator<Item = f64>) -> f64 {
         if self.prior.crosstalk.as_ref().is_some_and(|crosstalk| crosstalk.coupled) {
             return residuals.fold(0.0, f64::max);
         }
         let absolute = residuals.zip(self.b).map(|(residual, b)| match norm_of(std::slice::from_ref(b)) {
-            // Of a channel without a wish the residual is absolute.
+            // For a channel without target light the residual is absolute.
             0.0 => residual,
             length => residual * length,
         });
         absolute.map(|residual| residual * residual).sum::<f64>().sqrt() / norm_of(self.b)
     }
 
-    /// The systems' histories as one: one that ended stays where it was.
+    /// Combines the systems' histories into one; a system that ended keeps its last value.
     fn history(&self, solutions: &[Solution]) -> Vec<CompensationRow> {
         let most = solutions.iter().map(|found| found.history.len()).max().unwrap_or(0);
         let at = |found: &Solution, index: usize| {
@@ -238,7 +238,7 @@ impl Run<'_> {
     }
 }
 
-/// Random signs and their photo.
+/// A pattern of random signs and its photo.
 fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
     let probe = Start::default().vector(operator.cols());
     let mut photo = vec![0.0; operator.rows()];
@@ -246,7 +246,7 @@ fn probe(operator: &mut dyn Operator) -> Result<(Vec<f64>, Vec<f64>)> {
     Ok((probe, photo))
 }
 
-/// Solves, and keeps the answer after each photo if told to.
+/// Solves, and stores the answer after each photo if `keep` is set.
 fn kept(
     method: Method,
     operator: &mut dyn Adjoint,
@@ -265,7 +265,7 @@ fn kept(
     Ok((solution, answers))
 }
 
-/// A channel that reached its tolerance says nothing of the others.
+/// The least successful status: one channel within its tolerance does not speak for the others.
 fn least_good(solutions: &[Solution]) -> Status {
     let statuses = || solutions.iter().map(|found| found.stats.status);
     let rank = |status: &Status| match status {

@@ -1,11 +1,11 @@
-//! What the scene should look like.
+//! The target: what the scene should look like.
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::krylov::{dot, norm};
 use crate::operator::Adjoint;
 
-/// A target in [0, 1] and the light that is there without projector, one plane of each for every channel.
+/// A target in [0, 1] and the light without projector; each has one plane per channel.
 #[derive(Clone, Debug)]
 pub struct Target {
     resolution: Resolution,
@@ -14,11 +14,10 @@ pub struct Target {
 }
 
 impl Target {
-    /// A target (a gray one for all channels alike) under `ambient` light in W/(m² sr), whose channels say how many
-    /// systems there are.
+    /// A target under `ambient` light in W/(m² sr), which has one channel per system; a gray target applies to all channels.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the two differ in size, or a coloured target is wished for in gray light.
+    /// [`Error::Dimension`] if the two differ in size, or the target is coloured and the ambient light gray.
     pub fn new(target: &Image, ambient: &Image) -> Result<Self> {
         let resolution = ambient.resolution();
         if target.resolution() != resolution {
@@ -43,13 +42,13 @@ impl Target {
         })
     }
 
-    /// The same with the target's values moved from [0, 1] to [`lift`, 1]: `t ← α + (1 − α) t`.
+    /// The same target with values mapped from [0, 1] to [`lift`, 1]: `t ← α + (1 − α) t`.
     pub(super) fn lifted(&self, lift: f64) -> Self {
         let plane = |plane: &Vec<f64>| plane.iter().map(|value| lift + (1.0 - lift) * value).collect();
         Self { target: self.target.iter().map(plane).collect(), ..self.clone() }
     }
 
-    /// Pixels of patterns and photos.
+    /// The resolution of patterns and photos.
     pub fn resolution(&self) -> Resolution {
         self.resolution
     }
@@ -58,7 +57,7 @@ impl Target {
         self.resolution.pixels()
     }
 
-    /// One operator of `n × n` for each channel.
+    /// Checks that there is one operator (`n × n`) per channel.
     pub(super) fn fits<O: Adjoint>(&self, channels: &[O]) -> Result<()> {
         let mismatch = |what, expected: usize, found: usize| {
             Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
@@ -74,8 +73,7 @@ impl Target {
         }
     }
 
-    /// Half the median of the white photo, ambient light included: on a scene of even brightness this leaves room for
-    /// twice the light.
+    /// The default peak, half the median of the white photo with ambient light: an even scene could then be twice as bright.
     pub(super) fn default_peak(&self, white: &[Vec<f64>]) -> Result<f64> {
         let seen = white.iter().zip(&self.ambient).flat_map(|(w, a)| w.iter().zip(a).map(|(w, a)| w + a));
         match 0.5 * median(seen.collect()) {
@@ -90,8 +88,8 @@ impl Target {
         }
     }
 
-    /// The light wished from the projector: the target times `peak` less the ambient light. It may be negative where
-    /// the ambient light alone is too much; it is not clipped.
+    /// The target light from the projector: the target times `peak`, minus ambient light. It is not clipped, and is negative
+    /// where the ambient light alone is too bright.
     pub(super) fn light(&self, peak: f64) -> Result<Vec<Vec<f64>>> {
         let light: Vec<Vec<f64>> = self
             .target
@@ -107,7 +105,7 @@ impl Target {
         Ok(light)
     }
 
-    /// The target as a pattern, dimmed by peak over median of the white photo (without ambient light).
+    /// The target as a pattern, dimmed by the peak over the median of the white photo (without ambient light).
     pub(super) fn dimmed(&self, white: &[Vec<f64>], peak: f64) -> Result<Vec<Vec<f64>>> {
         let bright = median(white.concat());
         let factor = if bright > 0.0 { peak / bright } else { 1.0 };
@@ -121,7 +119,7 @@ impl Target {
         self.image(&planes)
     }
 
-    /// The photo as it is seen: with ambient light.
+    /// The photo with ambient light added.
     pub(super) fn photo(&self, light: &[Vec<f64>]) -> Result<Image> {
         let planes: Vec<Vec<f64>> = light
             .iter()
@@ -131,7 +129,7 @@ impl Target {
         self.image(&planes)
     }
 
-    /// Planes as an image, narrowed to `f32`.
+    /// Converts planes to an image of `f32`.
     pub(super) fn image(&self, planes: &[Vec<f64>]) -> Result<Image> {
         let samples =
             (0..self.pixels()).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel] as f32));
@@ -154,7 +152,7 @@ pub(super) fn residual_norm(b: &[Vec<f64>], y: &[Vec<f64>]) -> f64 {
     norm_of(&b.iter().zip(y).map(difference).collect::<Vec<_>>())
 }
 
-/// The middle value (the upper of two); 0 of none.
+/// The median (the upper of two middle values); 0 if there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() {

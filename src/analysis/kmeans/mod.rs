@@ -1,6 +1,6 @@
 //! Weighted k-means: groups of points around centres.
 //!
-//! It is written here because the k-means of `linfa-clustering` gives all points the same weight.
+//! The k-means of `linfa-clustering` gives all points the same weight, so it is implemented here.
 
 mod points;
 
@@ -8,44 +8,43 @@ use points::{Assignment, Points};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-/// What [`kmeans`] is asked for.
+/// The options of [`kmeans`].
 #[derive(Clone, Copy, Debug)]
 pub struct KmeansOptions {
-    /// How many groups, `K`.
+    /// The number of groups, `K`.
     pub clusters: usize,
-    /// How many starts; the best result is kept. Default 64/K, at least 8: a start costs in proportion to K, and near
-    /// ties between two groups are common in symmetric scenes.
+    /// The number of starts; the best result is used. Default 64/K, at least 8: a start costs in proportion to K, and near ties
+    /// between two groups are common in symmetric scenes.
     pub restarts: usize,
-    /// Rounds per start at most. Default 100.
+    /// The most rounds per start. Default 100.
     pub rounds: usize,
     /// Seed of the starts.
     pub seed: u64,
 }
 
 impl KmeansOptions {
-    /// `clusters` groups, and else the defaults.
+    /// Options for `clusters` groups, otherwise the defaults.
     pub fn new(clusters: usize, seed: u64) -> Self {
         Self { clusters, restarts: (64 / clusters.max(1)).max(8), rounds: 100, seed }
     }
 }
 
-/// Groups of points.
+/// The result of [`kmeans`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clusters {
     /// The group of each point, below `K`.
     pub labels: Vec<usize>,
-    /// The centre of each group, `K` of length `d`.
+    /// The centre of each group: `K` vectors of length `d`.
     pub centres: Vec<Vec<f64>>,
-    /// `Σ w_i ‖x_i − c(i)‖²`, which is (locally) least.
+    /// The objective `Σ w_i ‖x_i − c(i)‖²` at a local minimum.
     pub inertia: f64,
 }
 
-/// Groups `n` points of `d` coordinates so that `Σ w_i ‖x_i − c(i)‖²` is small, `c(i)` being the weighted mean of the
-/// point's group.
+/// Groups `n` points of `d` coordinates to minimize `Σ w_i ‖x_i − c(i)‖²`; `c(i)` is the weighted mean of the point's group.
 ///
-/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007): a
-/// local minimum, the best of several. A group that runs empty gets the point farthest from its centre; with fewer
-/// than `K` distinct points some groups stay empty. Deterministic for a seed, whatever the number of threads.
+/// Lloyd's algorithm (doi:10.1109/TIT.1982.1056489) from k-means++ starts (Arthur and Vassilvitskii, SODA 2007) finds local
+/// minima; the best of several is returned. An empty group gets the point farthest from its centre; with fewer than `K` distinct
+/// points some groups stay empty. The result depends only on the seed, not on the number of threads.
 ///
 /// `coordinates` holds `d` columns of length `n`; `weights` has length `n` and is not negative.
 pub fn kmeans(coordinates: &[Vec<f64>], weights: &[f64], options: &KmeansOptions) -> Clusters {
@@ -75,7 +74,7 @@ fn lloyd(points: &Points<'_>, mut centres: Vec<Vec<f64>>, rounds: usize) -> Clus
     Clusters { labels: assignment.labels, centres, inertia: assignment.inertia }
 }
 
-/// Each centre to its group's mean; that of an empty group to the point which is farthest from its own.
+/// Moves each centre to the mean of its group, and that of an empty group to the point farthest from its own centre.
 fn move_centres(points: &Points<'_>, assignment: &Assignment, centres: &mut [Vec<f64>]) {
     let mut distances = assignment.distances.clone();
     for (cluster, centre) in centres.iter_mut().enumerate() {
@@ -91,7 +90,7 @@ fn move_centres(points: &Points<'_>, assignment: &Assignment, centres: &mut [Vec
         });
         if distances.get(farthest).is_some_and(|&distance| distance > 0.0) {
             *centre = points.point(farthest);
-            // Not again for the next empty group.
+            // The next empty group must take another point.
             distances[farthest] = 0.0;
         }
     }
@@ -121,7 +120,7 @@ mod tests {
         let clusters = kmeans(&columns, &weights, &KmeansOptions::new(7, 1));
         let label = |i: usize| clusters.labels[i];
         assert!((0..2100).all(|i| label(i) == label(i % 7)), "points of a ring share a label");
-        // Rings of radius ½ about (nearly) their means: ¼ a point, and never more about the mean itself.
+        // Circles of radius ½ around (nearly) their means: ¼ per point, and never more around the exact mean.
         assert!(
             clusters.inertia <= 0.25 * 2100.0 && clusters.inertia > 0.249 * 2100.0,
             "{}",

@@ -1,26 +1,26 @@
-//! Points, and the two things done to all of them at once: drawing first centres, and assigning to the nearest.
+//! Points, and the two operations on all of them: drawing the first centres and assigning points to the nearest centre.
 
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Points in a block: fixed, so that sums are added in the same order for any number of threads.
+/// Points per block; fixed, so that sums are added in the same order for any number of threads.
 const BLOCK: usize = 512;
 
-/// `n` points of `d` coordinates, with weights.
+/// The points: `n` weighted points of `d` coordinates.
 pub(super) struct Points<'a> {
     pub(super) coordinates: &'a [Vec<f64>],
     pub(super) weights: &'a [f64],
 }
 
-/// The outcome of giving each point to its nearest centre.
+/// The assignment of each point to its nearest centre.
 pub(super) struct Assignment {
     pub(super) labels: Vec<usize>,
-    /// Squared distance of each point to its centre.
+    /// The squared distance of each point to its centre.
     pub(super) distances: Vec<f64>,
-    /// Weight of each group.
+    /// The weight of each group.
     pub(super) weights: Vec<f64>,
-    /// Weighted sum of each group's points, `K` of length `d`.
+    /// The weighted sum of each group's points: `K` vectors of length `d`.
     pub(super) sums: Vec<Vec<f64>>,
     pub(super) inertia: f64,
 }
@@ -34,8 +34,7 @@ impl Points<'_> {
         self.coordinates.iter().map(|column| column[index]).collect()
     }
 
-    /// k-means++: each centre is a point drawn with probability proportional to its weighted squared distance to
-    /// those before.
+    /// Draws k-means++ centres, each a point with probability proportional to its weighted squared distance to the earlier ones.
     pub(super) fn start(&self, clusters: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
         let mut centres: Vec<Vec<f64>> = Vec::with_capacity(clusters);
         let mut odds = self.weights.to_vec();
@@ -51,7 +50,7 @@ impl Points<'_> {
         centres
     }
 
-    /// `nearest_i ← min(nearest_i, ‖x_i − centre‖²)`.
+    /// Updates `nearest_i ← min(nearest_i, ‖x_i − centre‖²)`.
     fn lower_distances(&self, centre: &[f64], nearest: &mut [f64]) {
         nearest.par_chunks_mut(BLOCK).enumerate().for_each(|(index, nearest)| {
             let mut squares = [0.0; BLOCK];
@@ -62,7 +61,7 @@ impl Points<'_> {
         });
     }
 
-    /// `‖x_i − centre‖²` of a block's points; column by column, which vectorizes.
+    /// Computes `‖x_i − centre‖²` for a block's points, column by column so that it vectorizes.
     fn squared_distances(&self, first: usize, centre: &[f64], squares: &mut [f64]) {
         squares.fill(0.0);
         for (column, &centre) in self.coordinates.iter().zip(centre) {
@@ -73,7 +72,7 @@ impl Points<'_> {
         }
     }
 
-    /// Each point to its nearest centre.
+    /// Assigns each point to its nearest centre.
     pub(super) fn assign(&self, centres: &[Vec<f64>]) -> Assignment {
         let mut labels = vec![0; self.len()];
         let mut distances = vec![f64::INFINITY; self.len()];
@@ -145,7 +144,7 @@ impl Points<'_> {
     }
 }
 
-/// An index drawn with probability proportional to `odds`; any index when all are zero.
+/// Draws an index with probability proportional to `odds`; any index if all are zero.
 fn draw(odds: &[f64], random: &mut Pcg64) -> usize {
     let total: f64 = odds.iter().sum();
     let mut left = random.random::<f64>() * total;

@@ -1,4 +1,4 @@
-//! The photos of a low-rank model: a Krylov process whose photos are kept.
+//! The photos of a low-rank model: a Krylov process that stores its photos.
 
 use super::LowRank;
 use crate::analysis::probe::smooth_patterns;
@@ -8,25 +8,23 @@ use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start, dot, norm};
 use crate::observer::{Estimate, Step};
 use crate::operator::{Operator, Product, Recorded, Symmetry};
 
-/// How a low-rank model is captured.
+/// The options of a low-rank capture.
 #[derive(Clone, Debug)]
 pub struct LowRankCapture {
-    /// Photos of the process, and so the rank `k` of `W Qᵀ`; at least 1.
+    /// The photos of the process, and so the rank `k` of `W Qᵀ`; at least 1.
     pub photos: usize,
-    /// What is projected first; none: all ones, so that the white photo is among them, and the smooth patterns that global
-    /// light answers to come first.
+    /// The first pattern; none for all ones, which makes the white photo part of the capture and begins with smooth patterns.
     pub start: Option<Start>,
-    /// What is projected beside it before any photo comes back, for a symmetric operator: the rest of a block. One start alone sees
-    /// one vector of each eigenspace, and hardly tells regions apart that exchange no light but are alike, as the cups of a carton;
-    /// [`smooth_starts`] do. An operator that is not symmetric has no use for them.
+    /// Further start vectors of the first block, for a symmetric operator; ignored by others. One start finds one vector per
+    /// eigenspace and hardly separates similar regions without exchange, such as the cups of a carton; [`smooth_starts`] do.
     pub beside: Vec<Vec<f64>>,
 }
 
-/// `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]: random signs blurred by a sixteenth of the width, so that
-/// they are made of what global light answers to and what natural pictures are made of.
+/// Returns `count` smooth random patterns (`n` each) for [`LowRankCapture::beside`]: random signs blurred by a sixteenth of the
+/// width, as both global light and natural images are smooth.
 ///
-/// With 40 photos of a carton at 100×100, eleven of them beside white, checkerboards, stripes and a lit half are relit within 3.2 to
-/// 4.7 %; with white alone, four natural pictures within 2.2 to 5.9 %.
+/// With 40 photos of a carton at 100×100 and eleven such starts besides white, checkerboards, stripes and a half-lit field are
+/// relit within 3.2 to 4.7 %; with white alone, four natural images within 2.2 to 5.9 %.
 pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
     let sigma = (resolution.width as f64 / 16.0).max(1.0);
     smooth_patterns(resolution, std::f64::consts::SQRT_2 * sigma, count, seed)
@@ -38,13 +36,12 @@ impl Default for LowRankCapture {
     }
 }
 
-/// Takes `photos` photos with `operator` (`n × n`, without its direct light) and keeps them as a model; `direct` is the direct image
-/// under white (`n`), or empty where it stays in the operator. The operator's observer sees each photo
-/// ([`Estimate::Unpredicted`]); a break ends the capture with the photos taken so far.
+/// Captures a model from `photos` photos with `operator` (`n × n`, without its direct light). `direct` is the direct image under
+/// white (`n`), or empty if it stays in the operator. The operator's observer sees each photo ([`Estimate::Unpredicted`]); a
+/// break ends the capture with the photos taken so far.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] when the operator is not square or `direct` has another length;
-/// whatever the operator fails with.
+/// [`Error::Option`] naming `--photos`; [`Error::Dimension`] if `operator` is not square or `direct` misfits; as the operator.
 pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCapture) -> Result<LowRank> {
     let n = operator.cols();
     if options.photos == 0 {
@@ -59,7 +56,7 @@ pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCap
     let mut recorder = Recorded::new(operator);
     let basis = if symmetric {
         let mut block = vec![start];
-        // A block wider than the photos would leave those that it starts with unseen.
+        // With a block wider than the number of photos, some start vectors would never be photographed.
         block.extend(options.beside.iter().take(options.photos - 1).cloned());
         run(BlockLanczos::new(&block, &[])?, &mut recorder, (options.photos, symmetric))?
     } else {
@@ -69,7 +66,7 @@ pub fn capture(operator: &mut dyn Operator, direct: &[f64], options: &LowRankCap
     LowRank::new(basis, photos, direct.to_vec(), symmetric)
 }
 
-/// The basis after so many steps, or as many as the space has dimensions.
+/// Runs the process for a number of photos, or until the space is exhausted, and returns its basis.
 fn run(
     mut process: impl Factorization,
     recorder: &mut Recorded<'_, dyn Operator + '_>,
@@ -92,9 +89,9 @@ fn run(
     Ok(process.basis().to_vec())
 }
 
-/// The part of the last photo that the model of the photos before it did not predict, `‖w − Q Wᵀ q‖`, as a share of the strongest photo:
-/// the model's error falls with it. Patterns are of norm 1. Without symmetry, the model predicts nothing for a pattern that is orthogonal
-/// to all before it.
+/// The part of the last photo that the model of the earlier ones did not predict, `‖w − Q Wᵀ q‖` for a pattern `q` of norm 1,
+/// relative to the strongest photo. The model's error falls with it. Without symmetry, the model predicts nothing for a new
+/// orthogonal pattern.
 fn unpredicted(products: &[Product], symmetric: bool) -> f64 {
     let Some((last, before)) = products.split_last() else { return 1.0 };
     let mut rest = last.to.clone();

@@ -1,4 +1,4 @@
-//! The capture of every channel, with direct light kept apart, and how good the model is.
+//! The capture of every channel with separate direct light, and the error of the model.
 
 use super::{ErrorRow, LowRank, LowRankCapture, capture, error_curve, optimal_errors};
 use crate::error::{Error, Result};
@@ -6,32 +6,32 @@ use crate::krylov::{LowRankOptions, Start, randomized_svd};
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::sparse::Csr;
 
-/// Products for the best approximation of each rank, beyond four times the rank: it is then converged to well below a per cent.
+/// Products for the best approximation of each rank, besides four times the rank: its error is then well below one per cent.
 const EXTRA_PRODUCTS: usize = 40;
 
 /// The direct light of a channel of `n` pixels.
 #[derive(Clone, Debug)]
 pub enum DirectPart {
-    /// A diagonal of `n` values: that of a coaxial pinhole rig, whose light comes back to the pixel that it was projected from.
+    /// A diagonal of `n` values, as of a coaxial pinhole rig, where direct light returns to the pixel that projected it.
     Diagonal(Vec<f64>),
-    /// A matrix of `n × n`.
+    /// A matrix (`n × n`).
     Matrix(Csr),
 }
 
-/// The model's error after so many photos, in the Frobenius norm of the global part of the matrix.
+/// The model's error after a number of photos, relative in the Frobenius norm of the global part of the matrix.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct RankRow {
-    /// Photos.
+    /// Number of photos.
     pub photos: usize,
-    /// Of the model; with symmetry, where the rig has it.
+    /// The error of the model, which uses symmetry if the rig has it.
     pub error: f64,
-    /// Of `W Qᵀ` alone.
+    /// The error of `W Qᵀ` alone.
     pub one_sided: f64,
-    /// The least that any matrix of this rank has.
+    /// The least error of any matrix of this rank.
     pub optimal: Option<f64>,
 }
 
-/// Captures every channel: `global` are operators of the light of two bounces and more (`n × n`), `direct` the direct light of each.
+/// Captures every channel; `global` are operators of the light of two and more bounces (`n × n`), `direct` their direct light.
 ///
 /// # Errors
 /// As [`capture()`].
@@ -50,10 +50,10 @@ pub fn capture_channels<O: Adjoint>(
     Ok(found)
 }
 
-/// The direct light of one channel by two products, of white and of random signs, which tell a diagonal from anything else.
+/// Measures the direct light of one channel by products with white and with random signs, which reveal any matrix but a diagonal.
 ///
 /// # Errors
-/// [`Error::Option`] where it is not a diagonal; those of the products.
+/// [`Error::Option`] if it is not a diagonal; any error of the products.
 pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     let n = direct.cols();
     let mut product = |x: &[f64]| -> Result<Vec<f64>> {
@@ -77,11 +77,11 @@ pub fn diagonal_of(direct: &mut dyn Operator) -> Result<DirectPart> {
     })
 }
 
-/// The model's error for each number of photos, of all channels together, against the true matrix. `matrices` are the global part of the
-/// true matrix, one for each channel, and `global` the operators of the same.
+/// The models' error over all channels for each number of photos, against the true matrices. `matrices` are the global parts of
+/// the true matrices, one per channel, and `global` the operators of the same.
 ///
 /// # Errors
-/// Those of the products.
+/// Any error of the products.
 pub fn rank_curve<O: Adjoint>(
     models: &[LowRank],
     matrices: &[Csr],
@@ -91,7 +91,7 @@ pub fn rank_curve<O: Adjoint>(
     let totals: Vec<f64> = matrices.iter().map(total).collect();
     let whole = totals.iter().map(|total| total * total).sum::<f64>();
     let ranks = models.iter().map(LowRank::rank).max().unwrap_or(0);
-    // Where nothing bounces twice, there is nothing to be missed.
+    // Without a second bounce there is no global light and no error.
     if whole == 0.0 || ranks == 0 {
         return Ok(Vec::new());
     }

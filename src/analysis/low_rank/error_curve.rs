@@ -1,25 +1,25 @@
-//! How far a model of each rank is from the true matrix, and how near the best of that rank would come.
+//! The error of a model of each rank against the true matrix, and the least error of any matrix of that rank.
 
 use super::LowRank;
 use crate::error::Result;
 use crate::krylov::{EigsOptions, Start, Which, dot, eigs};
 use crate::operator::Operator;
 
-/// The error after so many photos.
+/// The error after a number of photos.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ErrorRow {
-    /// `k`.
+    /// The number of photos, `k`.
     pub photos: usize,
-    /// `‖G − G_k‖_F / ‖G‖_F`.
+    /// The model's error, `‖G − G_k‖_F / ‖G‖_F`.
     pub error: f64,
-    /// The same of the capture's `W Qᵀ` alone, which needs no symmetry.
+    /// The same for the capture's `W Qᵀ` alone, which needs no symmetry.
     pub one_sided: f64,
 }
 
-/// The error of each rank up to the model's, given `‖G‖_F` of the matrix that it was captured from (without direct light).
+/// The error of each rank up to the model's, given `‖G‖_F` of the captured matrix (without direct light).
 ///
-/// No product is needed: `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`, and for a symmetric matrix, `T = QᵀW`,
-/// `‖G − G_k‖² = ‖G‖² − 2‖W‖² + ‖T‖²`, in the Frobenius norm.
+/// It needs no product: `‖G − W Qᵀ‖² = ‖G‖² − ‖W‖²`, and for a symmetric matrix with `T = QᵀW`, `‖G − G_k‖² = ‖G‖² − 2‖W‖² +
+/// ‖T‖²`, in the Frobenius norm.
 pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     let total = frobenius * frobenius;
     let share = |square: f64| (square.max(0.0) / total).sqrt();
@@ -41,8 +41,8 @@ pub fn error_curve(model: &LowRank, frobenius: f64) -> Vec<ErrorRow> {
     rows
 }
 
-/// The least error that any matrix of each rank up to `ranks` has (Eckart and Young, doi:10.1007/BF02288367), from the eigenvalues
-/// of largest magnitude of a symmetric `G`; takes at most `products` products, of which the answer is as good as they are converged.
+/// The least error of any matrix of each rank up to `ranks` (Eckart and Young, doi:10.1007/BF02288367), from the eigenvalues of
+/// largest magnitude of a symmetric `G`, as far as they converge within `products` products.
 ///
 /// # Errors
 /// As [`eigs`].
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
     use crate::operator::Symmetry;
 
-    /// `G_ij` of a small matrix that looks like nothing in particular.
+    /// `G_ij` of a small matrix without particular structure.
     struct Dense {
         n: usize,
         symmetric: bool,
@@ -136,7 +136,7 @@ mod tests {
                 let entry = |i: usize, j: usize| columns[j][i] - if i == j { direct[i] } else { 0.0 };
                 let missed = square(&|i, j| dense.entry(i, j) - entry(i, j)).sqrt() / frobenius;
                 let told = if symmetric { curve[k - 1].error } else { curve[k - 1].one_sided };
-                // Squares that cancel leave half of the digits.
+                // The cancellation of squares leaves half of the digits.
                 assert!((missed - told).abs() < 1e-7, "{symmetric} {k}: {missed} {told}");
                 for i in 0..n {
                     let row = truncated.dual(&unit(n, i));

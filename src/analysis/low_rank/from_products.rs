@@ -1,23 +1,23 @@
-//! A model from products that were taken for another question.
+//! A low-rank model from products that were taken for another purpose.
 
 use super::LowRank;
 use crate::error::{Error, Result};
 use crate::krylov::{dot, norm};
 use crate::operator::Product;
 
-/// A pattern whose part outside the span of those before it is less than this share of it tells nothing new but noise.
+/// A pattern with less than this share of its norm outside the span of the earlier ones adds nothing but noise.
 const NEW: f64 = 1e-3;
 
-/// The model of these products with all of the light less the direct light, `G x`, in the order in which they were taken; patterns
-/// need not be orthogonal. `direct` as for [`LowRank::new`].
+/// The model of products `G x` with all of the light minus direct light, in the order in which they were taken. The patterns need
+/// not be orthogonal. `direct` is as for [`LowRank::new`].
 ///
 /// # Errors
-/// [`Error::Numerical`] when there is no pattern with light in it; [`Error::Dimension`].
+/// [`Error::Numerical`] if all patterns are dark; [`Error::Dimension`] if lengths differ.
 pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) -> Result<LowRank> {
     let (mut basis, mut photos): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for Product { from: mut pattern, to: mut photo } in products {
         let before = norm(&pattern);
-        // Once leaves rounding errors that the second pass takes out.
+        // The second pass removes the rounding errors of the first.
         for _ in 0..2 {
             for (q, w) in basis.iter().zip(&photos) {
                 let share = dot(q, &pattern);
@@ -41,9 +41,8 @@ pub fn from_products(products: Vec<Product>, direct: Vec<f64>, symmetric: bool) 
     LowRank::new(basis, photos, direct, symmetric)
 }
 
-/// The direct light as a share of the white photo, where nobody measured it: what the operator does to patterns not yet shown,
-/// `θ = vᵀ D^-½ A D^-½ v`, the median over the newer half of the directions that `products` of all the light tell. Direct light
-/// prevails there, as the rest is smooth.
+/// Estimates unmeasured direct light as a share of the white photo: the median of `θ = vᵀ D^-½ A D^-½ v` over the newer half of
+/// the directions `v` of `products` with all of the light. Direct light prevails there, because global light is smooth.
 pub fn estimated_direct(products: &[Product], white: &[f64]) -> Result<Vec<f64>> {
     let floor = 1e-3 * white.iter().copied().fold(0.0, f64::max);
     let root: Vec<f64> = white.iter().map(|white| white.max(floor).sqrt()).collect();
@@ -67,7 +66,7 @@ fn subtract(from: &mut [f64], factor: f64, vector: &[f64]) {
 mod tests {
     use super::*;
 
-    /// `D + u uᵀ`, with an even direct light.
+    /// `D + u uᵀ` with constant direct light.
     fn light(x: &[f64], direct: f64) -> Vec<f64> {
         let u = |i: usize| 0.05 + 0.0005 * i as f64;
         let share: f64 = x.iter().enumerate().map(|(i, x)| u(i) * x).sum();
@@ -78,7 +77,7 @@ mod tests {
     fn patterns_of_any_kind_make_the_model_that_orthonormal_ones_would() -> Result<()> {
         let n = 9;
         let pattern = |k: usize| (0..n).map(|i| ((i * (k + 2)) % 5) as f64 / 5.0).collect::<Vec<f64>>();
-        // The last one is nothing new.
+        // The last pattern depends on the first.
         let mut patterns: Vec<Vec<f64>> = (0..3).map(pattern).collect();
         patterns.push(patterns[0].iter().map(|value| 2.0 * value).collect());
         let products = patterns.iter().map(|x| Product { from: x.clone(), to: light(x, 0.0) }).collect();
@@ -104,7 +103,7 @@ mod tests {
             (0..12).map(|k| Product { to: light(&pattern(k), direct), from: pattern(k) }).collect();
         let white = light(&vec![1.0; n], direct);
         for found in estimated_direct(&products, &white)? {
-            // The white photo is uneven by 12 %, which its share takes over.
+            // The white photo varies by 12 %, and so does the estimate.
             assert!((direct - found).abs() < 0.1 * direct, "{found}");
         }
         Ok(())

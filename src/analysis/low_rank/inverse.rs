@@ -1,45 +1,44 @@
 //! Inverse transport: a photo without its interreflections.
 //!
-//! A photo is `y = A p = D p + G p`. The direct-only image is `z = D p = D A⁻¹ y`, whatever the pattern `p` was, and solves
+//! A photo is `y = A p = D p + G p`. The direct image is `z = D p = D A⁻¹ y` for any pattern `p`, and solves
 //!
 //! ```text
 //! (I + G D⁻¹) z = y
 //! ```
 //!
-//! a system of which all eigenvalues are positive and most are near 1, so that it is solved in a few dozen products. Of a model
-//! these cost no photo. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005),
-//! doi:10.1109/ICCV.2005.25, whose `C₁` is `D A⁻¹`.
+//! All eigenvalues of this system are positive and most are near 1, so it takes a few dozen products; with a model they cost no
+//! photo. Seitz, Matsushita and Kutulakos, *A theory of inverse light transport* (2005), doi:10.1109/ICCV.2005.25; `D A⁻¹` is
+//! their `C₁`.
 
 use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
 use crate::observer::Observer;
 use crate::operator::{Operator, Symmetry, block};
 
-/// Pixels whose direct light is below this share of the greatest get none from the projector as far as can be told: what they
-/// send on is left to the others.
+/// Pixels with less than this share of the greatest direct light count as unlit; other pixels account for the light they send.
 const DARK: f64 = 1e-6;
 
-/// A photo without its interreflections.
+/// The result of [`cancel_interreflections`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cancelled {
-    /// `z = D A⁻¹ y` (`n`).
+    /// The direct image `z = D A⁻¹ y` (`n`).
     pub direct: Vec<f64>,
-    /// `A⁻¹ y` (`n`): the pattern that it was taken under; 0 at pixels without direct light.
+    /// The pattern `A⁻¹ y` (`n`) under which the photo was taken; 0 at pixels without direct light.
     pub pattern: Vec<f64>,
-    /// `‖y − (I + G D⁻¹) z‖ / ‖y‖`.
+    /// The relative residual `‖y − (I + G D⁻¹) z‖ / ‖y‖`.
     pub residual: f64,
-    /// Products with `G`.
+    /// Number of products with `G`.
     pub products: usize,
-    /// Why it ended.
+    /// Why the solver ended.
     pub status: Status,
 }
 
-/// Takes the interreflections out of `photo` (`n`, ambient light subtracted), given the light transport without its direct part,
-/// `global` (`n × n`; [`LowRank::global`](super::LowRank::global), or the true one), and the diagonal of that, `direct` (`n`); within
-/// `products` products with `global`, to a relative residual of 1e-6.
+/// Removes the interreflections from `photo` (`n`, without ambient light). `global` is light transport without its direct part
+/// (`n × n`; [`LowRank::global`](super::LowRank::global) or the true one), and `direct` the diagonal of the direct part (`n`).
+/// Takes at most `products` products with `global`, to a relative residual of 1e-6.
 ///
 /// # Errors
-/// [`Error::Dimension`]; [`Error::Numerical`] when no pixel has direct light; as [`solve`].
+/// [`Error::Dimension`] if sizes differ; [`Error::Numerical`] if no pixel has direct light; as [`solve`].
 pub fn cancel_interreflections(
     global: &mut dyn Operator,
     direct: &[f64],
@@ -77,7 +76,7 @@ pub fn cancel_interreflections(
     })
 }
 
-/// `I + G D⁻¹`.
+/// The operator `I + G D⁻¹`.
 struct Scaled<'a> {
     global: &'a mut dyn Operator,
     inverse: &'a [f64],
@@ -127,7 +126,7 @@ mod tests {
     use super::super::{LowRank, LowRankCapture, capture};
     use super::*;
 
-    /// `G = u uᵀ / 10 + v vᵀ / 20` of 8 pixels: a model of two photos knows all of it.
+    /// `G = u uᵀ / 10 + v vᵀ / 20` of 8 pixels, which a model of two photos represents exactly.
     struct RankTwo;
 
     impl Operator for RankTwo {
@@ -156,7 +155,7 @@ mod tests {
 
     #[test]
     fn any_photo_is_reduced_to_its_direct_light() -> Result<()> {
-        // Pixel 3 is black: it sends nothing back directly, and what it was lit with cannot be known.
+        // Pixel 3 is black: it returns no direct light, and its pattern value cannot be recovered.
         let direct: Vec<f64> = (0..8).map(|i| if i == 3 { 0.0 } else { 1.0 + 0.25 * i as f64 }).collect();
         let model =
             capture(&mut RankTwo, &direct, &LowRankCapture { photos: 2, ..LowRankCapture::default() })?;

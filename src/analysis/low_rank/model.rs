@@ -1,4 +1,4 @@
-//! The model itself: an operator that costs no photo.
+//! The low-rank model as an operator that takes no photos.
 
 use std::sync::Arc;
 
@@ -7,23 +7,23 @@ use crate::krylov::dot;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::sparse::Csr;
 
-/// `A ≈ D + G_k` of `n × n` from `k` photos (see the module). `D` is a diagonal, for a coaxial pinhole rig, or a sparse matrix.
+/// The model `A ≈ D + G_k` (`n × n`) from `k` photos (see the module). `D` is a diagonal (coaxial pinholes) or a sparse matrix.
 #[derive(Clone, Debug)]
 pub struct LowRank {
     basis: Vec<Vec<f64>>,
     photos: Vec<Vec<f64>>,
     direct: Vec<f64>,
-    /// `D` where it is more than a diagonal, and its transpose.
+    /// `D` and its transpose, if `D` is not a diagonal.
     spread: Option<Arc<[Csr; 2]>>,
     symmetric: bool,
 }
 
 impl LowRank {
-    /// The model of `k` orthonormal patterns (`n` each) and their photos (`n` each, without direct light); `direct` has `n`
-    /// entries, or none.
+    /// The model of `k` orthonormal patterns and their photos without direct light (`n` values each); `direct` has `n`, or is
+    /// empty.
     ///
     /// # Errors
-    /// [`Error::Dimension`].
+    /// [`Error::Dimension`] if sizes differ.
     pub fn new(
         basis: Vec<Vec<f64>>,
         photos: Vec<Vec<f64>>,
@@ -45,10 +45,10 @@ impl LowRank {
         Ok(Self { basis, photos, direct, spread: None, symmetric })
     }
 
-    /// The same model with a direct part that is more than a diagonal, as of an open lens or a projector that stands apart.
+    /// The same model with a direct part that is not a diagonal, as with an open lens or a projector apart from the camera.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when it is not `n × n`.
+    /// [`Error::Dimension`] if it is not `n × n`.
     pub fn with_direct_matrix(self, direct: Csr) -> Result<Self> {
         let n = self.cols();
         if (direct.rows(), direct.cols()) != (n, n) {
@@ -62,47 +62,47 @@ impl LowRank {
         Ok(Self { direct: Vec::new(), spread: Some(Arc::new([direct, transposed])), ..self })
     }
 
-    /// `G_k` alone: the model without direct light.
+    /// The model without direct light, `G_k`.
     pub fn global(&self) -> Self {
         Self { direct: Vec::new(), spread: None, ..self.clone() }
     }
 
-    /// The diagonal `D` (`n`); empty where there is none, or more than that.
+    /// The diagonal `D` (`n`); empty if there is none, or if `D` is not a diagonal.
     pub fn direct(&self) -> &[f64] {
         &self.direct
     }
 
-    /// `D` where it is more than a diagonal.
+    /// The matrix `D`, if it is not a diagonal.
     pub fn direct_matrix(&self) -> Option<&Csr> {
         self.spread.as_ref().map(|both| &both[0])
     }
 
-    /// Whether `G_k` is symmetric, and so better than `W Qᵀ`.
+    /// Whether `G_k` is symmetric, and so more accurate than `W Qᵀ`.
     pub fn is_symmetric(&self) -> bool {
         self.symmetric
     }
 
-    /// `D x` (`n`): what comes back after one bounce. Costs no photo.
+    /// The light of one bounce, `D x` (`n`), without a photo.
     pub fn direct_light(&self, pattern: &[f64]) -> Vec<f64> {
         self.direct_product(pattern, 0)
     }
 
-    /// `k`: photos that it was made from.
+    /// The number of photos in the model, `k`.
     pub fn rank(&self) -> usize {
         self.basis.len()
     }
 
-    /// `Q`: the patterns, orthonormal and signed.
+    /// The patterns `Q`, orthonormal and signed.
     pub fn basis(&self) -> &[Vec<f64>] {
         &self.basis
     }
 
-    /// `W = G Q`.
+    /// The photos `W = G Q`.
     pub fn photos(&self) -> &[Vec<f64>] {
         &self.photos
     }
 
-    /// The same model with only the first `rank` photos.
+    /// The same model from the first `rank` photos only.
     pub fn truncated(&self, rank: usize) -> Self {
         let first = |vectors: &[Vec<f64>]| vectors.iter().take(rank).cloned().collect();
         Self {
@@ -114,15 +114,15 @@ impl LowRank {
         }
     }
 
-    /// The photo of a pattern, `A x` (`n`, signed or not): relighting. Costs no photo.
+    /// Relights a pattern: its photo `A x` (`n`; patterns may be signed), without taking one.
     ///
     /// # Panics
-    /// In debug builds, when `x` does not have `n` entries.
+    /// In debug builds, if `x` does not have `n` entries.
     pub fn relight(&self, pattern: &[f64]) -> Vec<f64> {
         self.product(pattern, &self.basis, &self.photos, 0)
     }
 
-    /// The dual photograph, `Aᵀ y`: the scene as the projector would see it, lit from the camera by `y`.
+    /// The dual photograph `Aᵀ y`: the scene seen from the projector and lit from the camera by `y`.
     ///
     /// # Panics
     /// As [`LowRank::relight`].
@@ -133,7 +133,7 @@ impl LowRank {
         self.product(pattern, &self.photos, &self.basis, 1)
     }
 
-    /// The diagonal (`n`): what each pixel sends back to itself.
+    /// The diagonal (`n`): the light that each pixel returns to itself.
     pub fn diagonal(&self) -> Vec<f64> {
         let mut diagonal = match (&self.spread, self.direct.is_empty()) {
             (Some(both), _) => {
@@ -146,7 +146,7 @@ impl LowRank {
             (None, true) => vec![0.0; self.cols()],
             (None, false) => self.direct.clone(),
         };
-        // What Q (Qᵀ W) Qᵀ takes away again, column by column of T.
+        // The subtracted term Q (Qᵀ W) Qᵀ, column by column of T.
         let correction: Vec<Vec<f64>> = match self.symmetric {
             true => self.photos.iter().map(|photo| self.projected(photo)).collect(),
             false => Vec::new(),
@@ -160,7 +160,7 @@ impl LowRank {
         diagonal
     }
 
-    /// `Q Qᵀ y`.
+    /// The projection `Q Qᵀ y`.
     fn projected(&self, y: &[f64]) -> Vec<f64> {
         let mut sum = vec![0.0; y.len()];
         for vector in &self.basis {
@@ -169,7 +169,7 @@ impl LowRank {
         sum
     }
 
-    /// `D x`, or `Dᵀ x` for `side` 1.
+    /// The product `D x`, or `Dᵀ x` for `side` 1.
     fn direct_product(&self, x: &[f64], side: usize) -> Vec<f64> {
         if let Some(both) = &self.spread {
             let row = |row: usize| -> f64 {
@@ -184,7 +184,7 @@ impl LowRank {
         }
     }
 
-    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1), and for a symmetric model `from (toᵀ z)` of the rest `z = x − from (fromᵀ x)`.
+    /// `D x + to (fromᵀ x)` (`Dᵀ x` for `side` 1); a symmetric model adds `from (toᵀ z)` of the rest `z = x − from (fromᵀ x)`.
     fn product(&self, x: &[f64], from: &[Vec<f64>], to: &[Vec<f64>], side: usize) -> Vec<f64> {
         debug_assert!(from.iter().all(|vector| vector.len() == x.len()));
         let mut y = self.direct_product(x, side);

@@ -1,4 +1,4 @@
-//! What a captured model answers without a photo: relit patterns, dual photographs, photos without interreflections.
+//! The applications of a captured model: relit patterns, dual photographs, and photos without interreflections.
 
 use super::{SavedModel, cancel_interreflections};
 use crate::analysis::planes::{Planes, relative_error};
@@ -6,21 +6,21 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::operator::Adjoint;
 
-/// Products with the model, or with the true matrix, for one photo without interreflections.
+/// The most products with the model, or with the true matrix, to remove the interreflections of one photo.
 const PRODUCTS: usize = 200;
 
-/// A pattern relit.
+/// A relit pattern.
 #[derive(Clone, Debug)]
 pub struct Relit {
     /// The pattern's name.
     pub name: String,
-    /// What is projected.
+    /// The pattern.
     pub pattern: Image,
-    /// The photo by the model, ambient light included.
+    /// The photo predicted by the model, ambient light included.
     pub relit: Image,
-    /// The true photo, where the scene is simulated.
+    /// The true photo, if the scene is simulated.
     pub truth: Option<Image>,
-    /// `‖relit − true‖ / ‖true‖` of the projector's light, for each number of photos from 1; empty without the true photo.
+    /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1; empty without the true photo.
     pub errors: Vec<f64>,
 }
 
@@ -29,9 +29,9 @@ pub struct Relit {
 pub struct Dual {
     /// The name of the pattern on the camera's side.
     pub name: String,
-    /// `Aᵀ y`.
+    /// The photograph `Aᵀ y`.
     pub image: Image,
-    /// The relative error, where the scene is simulated.
+    /// Its relative error, if the scene is simulated.
     pub error: Option<f64>,
 }
 
@@ -42,26 +42,26 @@ pub struct Reduced {
     pub name: String,
     /// The photo, without ambient light.
     pub photo: Image,
-    /// `D A⁻¹ y` by the model.
+    /// The direct image `D A⁻¹ y` by the model.
     pub direct: Image,
-    /// The same by the true matrix, where the scene is simulated.
+    /// The same by the true matrix, if the scene is simulated.
     pub truth: Option<Image>,
-    /// `‖direct − true‖ / ‖true‖`.
+    /// The relative error `‖direct − true‖ / ‖true‖`.
     pub error: Option<f64>,
-    /// The share of the photo that the model left unexplained.
+    /// The share of the photo that the model leaves unexplained.
     pub residual: f64,
 }
 
-/// A pattern's plane for a channel: a gray pattern lights all channels.
+/// The pattern's plane for a channel; a gray pattern has one plane for all channels.
 fn plane(pattern: &Image, channel: usize) -> Vec<f64> {
     pattern.plane(channel.min(pattern.channels() - 1))
 }
 
 impl SavedModel {
-    /// The photo of a pattern by the model; `full` are operators of all of the light, one for each channel, where the truth is known.
+    /// Relights a pattern by the model. `full`, if known, are the true operators of all of the light, one per channel.
     ///
     /// # Errors
-    /// Those of `full`'s products.
+    /// Any error of the products with `full`.
     pub fn relight<O: Adjoint>(&self, name: &str, pattern: Image, full: Option<&mut [O]>) -> Result<Relit> {
         let by_rank = |rank: usize| -> Planes {
             let each = self.channels.iter().enumerate();
@@ -87,10 +87,10 @@ impl SavedModel {
         })
     }
 
-    /// The photo of the dual rig under a pattern of the camera's pixels; `full` as for [`SavedModel::relight`].
+    /// The photo of the dual rig under a pattern of camera pixels; `full` as for [`SavedModel::relight`].
     ///
     /// # Errors
-    /// Those of `full`'s products.
+    /// Any error of the products with `full`.
     pub fn dual<O: Adjoint>(&self, name: String, pattern: &Image, full: Option<&mut [O]>) -> Result<Dual> {
         let each = self.channels.iter().enumerate();
         let found: Planes = each.map(|(channel, of)| of.dual(&plane(pattern, channel))).collect();
@@ -106,11 +106,11 @@ impl SavedModel {
         })
     }
 
-    /// A photo without its interreflections; `photo` is without ambient light, `global` are operators of the light of two bounces and
-    /// more, one for each channel, where the truth is known.
+    /// Removes the interreflections from `photo`, which has no ambient light. `global`, if known, are the true operators of the
+    /// light of two and more bounces, one per channel.
     ///
     /// # Errors
-    /// [`Error::Option`] naming `--inverse` where the direct light of a channel is not a diagonal; as [`cancel_interreflections`].
+    /// [`Error::Option`] naming `--inverse` if a channel's direct light is not a diagonal; as [`cancel_interreflections`].
     pub fn reduce<O: Adjoint>(
         &self,
         name: String,
@@ -147,14 +147,14 @@ impl SavedModel {
         })
     }
 
-    /// A photo as the camera sees it: with ambient light.
+    /// The photo with ambient light added.
     fn with_ambient(&self, light: &Planes) -> Result<Image> {
         let planes = crate::analysis::planes::sum(light, &self.ambient.planes());
         Image::from_planes(self.resolution, &planes)
     }
 }
 
-/// What `product` makes of each channel's operator, where there are any.
+/// Applies `product` to each channel's operator, if there are any.
 fn products<O: Adjoint>(
     operators: Option<&mut [O]>,
     product: impl Fn(&mut O, usize) -> Result<Vec<f64>>,

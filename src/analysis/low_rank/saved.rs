@@ -1,4 +1,4 @@
-//! A captured model with what belongs to it, and its way to the disk and back.
+//! A captured model with its metadata, written to and read from disk.
 
 use std::path::Path;
 
@@ -7,30 +7,30 @@ use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::model::{ChannelArrays, DirectArrays, ModelArrays};
 
-/// A captured model of every channel: all that relighting needs, without the source.
+/// A captured model of every channel, with everything that relighting needs.
 #[derive(Clone, Debug)]
 pub struct SavedModel {
-    /// One for each channel.
+    /// The model of each channel.
     pub channels: Vec<LowRank>,
     /// The photo without projector.
     pub ambient: Image,
-    /// Pixels of photos.
+    /// The resolution of photos.
     pub resolution: Resolution,
-    /// Pixels of patterns; as many in all as those of photos.
+    /// The resolution of patterns, with as many pixels in total as photos have.
     pub projector: Resolution,
     /// The unit of photos' values.
     pub unit: String,
-    /// The name of the source that the model was captured from.
+    /// The name of the captured source.
     pub source: String,
 }
 
 impl SavedModel {
-    /// Photos of the capture: the largest rank of the channels. A colour photo is one for each channel.
+    /// The photos of the capture: the largest rank of the channels. A colour photo counts once for all channels.
     pub fn rank(&self) -> usize {
         self.channels.iter().map(LowRank::rank).max().unwrap_or(0)
     }
 
-    /// Writes the model below the run's folder ([`ModelArrays::write`]); returns the files' names, relative to that.
+    /// Writes the model to the run's folder ([`ModelArrays::write`]) and returns the files' names relative to it.
     ///
     /// # Errors
     /// [`crate::Error::Write`].
@@ -56,7 +56,7 @@ impl SavedModel {
         arrays.write(run)
     }
 
-    /// Reads the model that a run left.
+    /// Reads the model of a run.
     ///
     /// # Errors
     /// As [`ModelArrays::read`].
@@ -85,7 +85,7 @@ mod tests {
     use crate::io::{model, npy};
     use crate::sparse::Csr;
 
-    /// Two photos of 3×2 pixels that look like nothing in particular.
+    /// Two photos of 3×2 pixels without particular structure.
     fn low_rank(direct: Vec<f64>) -> Result<LowRank> {
         let unit = |at: usize| (0..6).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
         let photo = |at: usize| (0..6).map(|i| 1.0 / (1.0 + (i * at + i) as f64)).collect::<Vec<f64>>();

@@ -1,4 +1,4 @@
-//! A compensation on the twin.
+//! Planning a compensation on the twin.
 
 use super::twin::{TwinOperator, range_of, shown};
 use super::{Cost, Planner};
@@ -11,35 +11,34 @@ use crate::observer::Observer;
 use crate::operator::{Adjoint, Observed, Operator, Symmetry};
 use crate::transport::Part;
 
-/// Photos that the optimum may take. They cost nothing.
+/// Photos for the optimum, which cost nothing on the twin.
 const OPTIMUM_PHOTOS: usize = 500;
 
-/// What is the best that could be projected, and what the trials are held against. Residuals are relative to the light wished, as seen
-/// without noise when the pattern is on screen.
+/// The optimum that trials are compared with. Residuals are of noise-free photos of what is shown, relative to the target light.
 pub struct CompensationPlan {
     target: Image,
     ambient: Image,
     /// The radiance that 1 in the target stands for, in the twin's units.
     peak: f64,
-    /// Of the best pattern in the box, of any level.
+    /// The residual of the best pattern inside the box, without quantization.
     pub optimum: f64,
-    /// Of the target itself.
+    /// The residual of the target itself as a pattern.
     pub uncompensated: f64,
 }
 
-/// A compensation on the twin, and how good it is.
+/// The result of a compensation on the twin.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct CompensationTrial {
-    /// What it took.
+    /// Its cost.
     pub cost: Cost,
     /// The residual of its pattern.
     pub residual: f64,
-    /// By which share that is more than the optimum's.
+    /// The residual over the optimum's, minus 1.
     pub excess: f64,
 }
 
 impl Planner<'_> {
-    /// The best pattern without any device between. The peak is half the median of the white photo, as by default.
+    /// The best pattern with ideal devices. The peak is half the median of the white photo, the default.
     ///
     /// # Errors
     /// As [`compensate`].
@@ -71,10 +70,10 @@ impl Planner<'_> {
         })
     }
 
-    /// Compensates on the twin with the noise of this seed. `ideal` is [`Planner::ideal_compensation`].
+    /// Compensates on the twin with the noise of `seed`; `ideal` is the result of [`Planner::ideal_compensation`].
     ///
     /// # Errors
-    /// As [`compensate`], and whatever the rig fails with.
+    /// As [`compensate`], and any error of the rig.
     pub fn compensation(
         &self,
         ideal: &CompensationPlan,
@@ -95,7 +94,7 @@ impl Planner<'_> {
         })
     }
 
-    /// `‖b − A x‖ / ‖b‖` on the twin, `x` being what the projector makes of `pattern`.
+    /// `‖b − A x‖ / ‖b‖` on the twin, where `x` is `pattern` as the projector shows it.
     fn residual(&self, ideal: &CompensationPlan, pattern: &Image) -> Result<f64> {
         let mut operator = self.in_range()?;
         let mut light = vec![0.0; operator.rows()];
@@ -112,7 +111,7 @@ impl Planner<'_> {
     }
 }
 
-/// The twin in units of what a pattern of 1 adds to one of 0.
+/// The twin in units of the light that a pattern of 1 adds to a pattern of 0.
 struct InRange<'a> {
     inner: TwinOperator<'a>,
     range: f64,

@@ -1,4 +1,4 @@
-//! Eigenvalues on the twin.
+//! Planning eigenvalues on the twin.
 
 use super::{Cost, Planner};
 use crate::error::Result;
@@ -6,18 +6,18 @@ use crate::krylov::{Eigs, EigsOptions, eigs, norm};
 use crate::operator::{Observed, Operator};
 use crate::transport::Part;
 
-/// Eigenvalues on the twin, and how far they are off.
+/// The eigenvalues on the twin and their errors.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct EigenvaluesTrial {
-    /// What it took.
+    /// Their cost.
     pub cost: Cost,
-    /// The difference of each from that without any device between, relative to the largest one's magnitude. The units are made
-    /// equal by the norms of the white photos.
+    /// The difference of each eigenvalue from the one with ideal devices, relative to the largest magnitude. The norms of the
+    /// white photos convert the units.
     pub errors: Vec<f64>,
 }
 
 impl Planner<'_> {
-    /// The eigenpairs without any device between, by the same method and photos.
+    /// The eigenpairs with ideal devices, by the same method with as many photos.
     ///
     /// # Errors
     /// As [`eigs`].
@@ -25,10 +25,10 @@ impl Planner<'_> {
         eigs(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// The eigenpairs of the twin with the noise of this seed. `ideal` is [`Planner::ideal_eigenpairs`].
+    /// The eigenpairs of the twin with the noise of `seed`; `ideal` is the result of [`Planner::ideal_eigenpairs`].
     ///
     /// # Errors
-    /// As [`eigs`], and whatever the rig fails with.
+    /// As [`eigs`], and any error of the rig.
     pub fn eigenvalues(
         &self,
         part: Part,

@@ -1,9 +1,8 @@
-//! What a question will cost on a rig, and how good its answer will be: asked of the rig's virtual twin before the bench is
-//! booked.
+//! Planning: what an analysis costs on a rig, and how accurate it is, predicted with the rig's virtual twin.
 //!
-//! The twin is a [`VirtualRig`] with every imperfection that its file knows, in front of light transport that is known
-//! exactly. The whole measurement is run on it, with the noise of several seeds; each answer is held against the one
-//! without any device between. Patterns, frames and seconds are those that the twin took.
+//! The twin is a [`VirtualRig`] with all imperfections in its file, in front of exactly known light transport. The whole
+//! measurement runs on it with the noise of several seeds, and each result is compared with that of ideal devices. Patterns,
+//! frames and seconds are those that the twin takes.
 
 mod compensation;
 mod eigenvalues;
@@ -22,27 +21,27 @@ use crate::operator::Operator;
 use crate::rig::VirtualRig;
 use crate::transport::Part;
 
-/// What is planned with.
+/// The inputs of planning.
 #[derive(Clone, Copy)]
 pub struct Planner<'a> {
-    /// The devices.
+    /// The virtual devices.
     pub rig: &'a VirtualRig,
-    /// What they look at.
+    /// The light transport in front of them.
     pub twin: &'a Twin,
-    /// What is known of the devices.
+    /// The calibration of the devices.
     pub calibration: &'a Calibration,
-    /// How they are used.
+    /// The options of the measurement.
     pub measurement: &'a MeasureOptions,
-    /// Watches the trials, and may stop them.
+    /// An observer of the trials, which may stop them.
     pub observer: &'a dyn Observer,
 }
 
-/// What a trial took.
+/// The cost of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Cost {
-    /// Photos that the method asked for: products with the matrix.
+    /// Photos taken by the method: products with the matrix.
     pub photos: u64,
-    /// Different patterns shown, black and white among them.
+    /// Distinct patterns shown, including black and white.
     pub patterns: u64,
     /// Frames taken.
     pub frames: u64,
@@ -51,7 +50,7 @@ pub struct Cost {
 }
 
 impl Planner<'_> {
-    /// The rig, opened with the noise of another seed.
+    /// Opens the rig with the noise of `seed`.
     ///
     /// # Errors
     /// As [`VirtualRig::open`] and [`Measurement::new`].

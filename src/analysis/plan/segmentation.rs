@@ -1,4 +1,4 @@
-//! A segmentation on the twin.
+//! Planning a segmentation on the twin.
 
 use super::{Cost, Planner};
 use crate::analysis::segment::segment;
@@ -7,19 +7,19 @@ use crate::error::Result;
 use crate::operator::Observed;
 use crate::transport::Part;
 
-/// A segmentation on the twin, and how good it is: adjusted Rand indices for each number of groups.
+/// The result of a segmentation on the twin; scores are adjusted Rand indices for each number of groups.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SegmentationTrial {
-    /// What it took.
+    /// Its cost.
     pub cost: Cost,
-    /// Against the groups that the same method finds without any device between.
+    /// The scores against the groups that the same method finds with ideal devices.
     pub agreement: Vec<(usize, f64)>,
-    /// Against the true labels; empty without.
+    /// The scores against the true labels; empty if they are unknown.
     pub truth: Vec<(usize, f64)>,
 }
 
 impl Planner<'_> {
-    /// The groups without any device between, by the same method and photos.
+    /// The groups with ideal devices, by the same method with as many photos.
     ///
     /// # Errors
     /// As [`segment`].
@@ -27,10 +27,10 @@ impl Planner<'_> {
         segment(&mut self.twin.operator(part, 0)?, options)
     }
 
-    /// Segments the twin with the noise of this seed. `ideal` is [`Planner::ideal_segmentation`], `labels` are the true ones.
+    /// Segments the twin with the noise of `seed`. `ideal` is from [`Planner::ideal_segmentation`]; `labels` are the true labels.
     ///
     /// # Errors
-    /// As [`segment`], and whatever the rig fails with.
+    /// As [`segment`], and any error of the rig.
     pub fn segmentation(
         &self,
         part: Part,

@@ -1,4 +1,4 @@
-//! What a virtual rig looks at: light transport that is known exactly.
+//! The twin: exactly known light transport in front of a virtual rig.
 
 use std::sync::Arc;
 
@@ -9,17 +9,17 @@ use crate::rig::{VirtualProjector, VirtualRig};
 use crate::sparse::SparseOperator;
 use crate::transport::{Assembled, ExplicitMatrix, MatrixOperator, Part, Transport};
 
-/// Light transport that many rigs can look at, one after the other.
+/// Light transport that any number of rigs can use, one after the other.
 #[derive(Clone, Debug)]
 pub enum Twin {
     /// A traced scene.
     Traced(Arc<Assembled>),
-    /// A given matrix.
+    /// An explicit matrix.
     Explicit(ExplicitMatrix),
 }
 
 impl Twin {
-    /// For a rig to be opened on.
+    /// The transport that a rig is opened on.
     pub fn transport(&self) -> Box<dyn Transport + Send> {
         match self {
             Self::Traced(traced) => Box::new(Arc::clone(traced)),
@@ -27,10 +27,10 @@ impl Twin {
         }
     }
 
-    /// One channel as the Krylov methods see it, in the matrix's own units.
+    /// One channel as an operator for the Krylov methods, in the matrix's own units.
     ///
     /// # Errors
-    /// None that a well-formed matrix can cause.
+    /// None for a well-formed matrix.
     pub fn operator(&self, part: Part, channel: usize) -> Result<TwinOperator<'_>> {
         Ok(match self {
             Self::Traced(traced) => TwinOperator::Traced(MatrixOperator::new(&**traced, part, channel)),
@@ -40,11 +40,11 @@ impl Twin {
         })
     }
 
-    /// The light that is there without a pattern, in the units of [`Twin::operator`] times [`range_of`]: the scene's own, the
-    /// rig's ambient light, and the projector's black level.
+    /// The light without a pattern, in the units of [`Twin::operator`] times [`range_of`]: the scene's own light, the rig's
+    /// ambient light, and the projector's black level.
     ///
     /// # Errors
-    /// None that a well-formed matrix can cause.
+    /// None for a well-formed matrix.
     pub(super) fn ambient(&self, rig: &VirtualRig, channel: usize) -> Result<Vec<f64>> {
         let mut operator = self.operator(Part::Full, channel)?;
         let mut white = vec![0.0; operator.rows()];
@@ -59,12 +59,12 @@ impl Twin {
     }
 }
 
-/// What a pattern of 1 stands for, in units of the projector's white: its brightest level less its black one.
+/// The light of a pattern of 1, in units of the projector's white: its white level minus its black level.
 pub(super) fn range_of(rig: &VirtualRig) -> f64 {
     1.0 - rig.projector.black_level
 }
 
-/// What the projector makes of a pattern in `[0, 1]`: each pixel at the level nearest in light.
+/// A pattern in `[0, 1]` as the projector shows it: each pixel at the level nearest in light.
 pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
     let response = projector.response();
     let top = (1_u32 << projector.bits) - 1;
@@ -80,9 +80,9 @@ pub(super) fn shown(projector: &VirtualProjector, pattern: &Image) -> Vec<f64> {
 
 /// One channel of a [`Twin`].
 pub enum TwinOperator<'a> {
-    /// Of a traced scene.
+    /// A channel of a traced scene.
     Traced(MatrixOperator<'a>),
-    /// Of a given matrix.
+    /// An explicit matrix.
     Explicit(SparseOperator),
 }
 
@@ -110,7 +110,7 @@ impl Operator for TwinOperator<'_> {
         }
     }
 
-    /// Rigs are coaxial; a given matrix may be symmetric to its own precision only.
+    /// Rigs are coaxial; an explicit matrix may be symmetric only up to its own precision.
     fn symmetry(&self) -> Symmetry {
         match self {
             Self::Traced(operator) => operator.symmetry(),

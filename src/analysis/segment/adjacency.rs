@@ -7,9 +7,8 @@ use crate::operator::{Operator, Symmetry, block};
 
 /// `N = D^-½ W D^-½` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
-/// Its largest eigenvectors `v` give the normalized cut's smallest, `(D − W) u = (1 − λ) D u` with `u = D^-½ v`, so
-/// that no inverse is needed. `λ = 1` with `v = D^½ 1` is known beforehand (Shi and Malik, doi:10.1109/34.868688). A
-/// product is one photo, of the pattern `D^-½ x`.
+/// Its largest eigenvectors `v` give the smallest ones of the normalized cut, `(D − W) u = (1 − λ) D u` with `u = D^-½ v`,
+/// without an inverse. `λ = 1`, `v = D^½ 1` is known (Shi and Malik, doi:10.1109/34.868688). A product is a photo of `D^-½ x`.
 pub struct NormalizedAdjacency<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,
@@ -19,20 +18,20 @@ pub struct NormalizedAdjacency<'a> {
 }
 
 impl<'a> NormalizedAdjacency<'a> {
-    /// On the global operator (`n × n`, symmetric) and its graph.
+    /// The matrix of a global operator (`n × n`, symmetric) and its graph.
     pub fn new(global: &'a mut dyn Operator, graph: &'a Graph) -> Self {
         let inverse_root = graph.degree().iter().map(|d| 1.0 / d.sqrt()).collect();
         let m = graph.pixels().len();
         Self { global, graph, inverse_root, nodes: vec![0.0; m], raster: Raster::new(graph.n()) }
     }
 
-    /// The known eigenvector of eigenvalue 1: `D^½ 1`, length `m`, not normalized.
+    /// The known eigenvector of eigenvalue 1: `D^½ 1` of length `m`, not normalized.
     pub fn known_vector(graph: &Graph) -> Vec<f64> {
         graph.degree().iter().map(|d| d.sqrt()).collect()
     }
 
-    /// A bound on `‖N q − q‖` for the normalized known vector `q`, without a photo. With `e = D 1 − W 1 ≥ 0`, `e ≤ D
-    /// 1` and `Σ e ≤ leak`: `‖N q − q‖² = Σ e_i²/d_i / Σ d ≤ leak / Σ d`.
+    /// A bound on `‖N q − q‖` for the normalized known vector `q`, without a photo. With `e = D 1 − W 1 ≥ 0`, `e ≤ D 1` and `Σ e
+    /// ≤ leak`: `‖N q − q‖² = Σ e_i²/d_i / Σ d ≤ leak / Σ d`.
     pub fn known_residual(graph: &Graph) -> f64 {
         (graph.leak() / graph.degree().iter().sum::<f64>()).sqrt()
     }

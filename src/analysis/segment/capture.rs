@@ -1,4 +1,4 @@
-//! The photos of a segmentation: taken once, for any number of groups, and resumable after a failure.
+//! The photos of a segmentation, taken once for any number of groups; a capture can be resumed after an error.
 
 use super::adjacency::NormalizedAdjacency;
 use super::graph::Graph;
@@ -10,11 +10,11 @@ use crate::krylov::{EigsOptions, Factorization, HistoryRow, Lanczos, Start, Stat
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Operator, Relayed, Symmetry};
 
-/// The photos taken for a segmentation, and what was made of them so far.
+/// The photos of a segmentation and the Krylov process built from them.
 ///
-/// One photo is of white (the degree `D = G 1`), another of the mask if masked pixels have light (see
-/// [`Graph::measure`]), and all others are Lanczos steps. When the operator fails, [`Capture::run`] returns its error
-/// and keeps every photo taken: run it again to go on, or ask [`Capture::segmentation`] for what can be said by now.
+/// The first photo shows the scene under white (the degree `D = G 1`), the second the mask if masked pixels have light (see
+/// [`Graph::measure`]), and all others are Lanczos steps. If the operator fails, [`Capture::run`] returns its error and keeps all
+/// photos: call it again to continue, or call [`Capture::segmentation`] for the result so far.
 #[derive(Clone, Debug)]
 pub struct Capture {
     options: SegmentOptions,
@@ -27,7 +27,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// No photo yet.
+    /// A capture without photos.
     ///
     /// # Errors
     /// [`Error::Option`] naming the option (see [`SegmentOptions`] for the ranges).
@@ -44,7 +44,7 @@ impl Capture {
         })
     }
 
-    /// The options it was made with.
+    /// The options of the capture.
     pub fn options(&self) -> &SegmentOptions {
         &self.options
     }
@@ -54,14 +54,14 @@ impl Capture {
         self.photos_of_degree + self.lanczos.as_ref().map_or(0, Factorization::products)
     }
 
-    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global`
-    /// stops it. `global` is the symmetric `n × n` transport matrix without its direct part. The steps that the observer sees are
-    /// photos, those of the degree included; the eigenvalues are those sought, without the known one.
+    /// Takes photos until the eigenvectors are within the tolerance, the budget is spent, or the observer of `global` stops it.
+    /// `global` is the symmetric transport matrix (`n × n`) without its direct part. The observer's steps count all photos, those
+    /// of the degree included; its eigenvalues exclude the known one.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when `global` is not declared symmetric, sees no light at all, or yields NaN;
-    /// [`Error::Option`] naming `--groups` when there are fewer pixels with light than groups; [`Error::Dimension`]
-    /// when `global` is not square or not that of the photos before; whatever `global` fails with.
+    /// [`Error::Numerical`] if `global` is not declared symmetric, sees no light, or yields NaN; [`Error::Option`] naming
+    /// `--groups` if fewer pixels than groups have light; [`Error::Dimension`] if `global` is not square or differs in size from
+    /// earlier photos; any error of `global`.
     pub fn run<O: Operator + ?Sized>(&mut self, global: &mut O) -> Result<()> {
         let mut global = global;
         self.run_with(&mut global)
@@ -80,7 +80,7 @@ impl Capture {
         let budget = self.options.photos;
         let sign = self.options.cut.sign();
         let history = &mut self.history;
-        // Kept here and not by the eigensolver, so that it outlives a failure.
+        // The history is stored here and not in the eigensolver, so that it survives an error.
         let relay = |observer: &dyn Observer, step: &Step<'_>| {
             let Estimate::Eigenpairs { values, residuals } = step.estimate else {
                 return observer.step(step);
@@ -113,19 +113,19 @@ impl Capture {
         Ok(())
     }
 
-    /// The segmentation from the photos taken so far; takes none, and disturbs nothing: a capture that is stopped by an observer after
-    /// so many photos, asked, and run on, answers each time as one of so many photos would.
+    /// The segmentation from the photos taken so far, without further photos or any change of the capture. A capture that an
+    /// observer stops, and that continues afterwards, gives at each stop the result of a capture with that many photos.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when no eigenvector is there yet (fewer than three photos, or a scene of one pixel).
+    /// [`Error::Numerical`] if there is no eigenvector yet (fewer than three photos, or a scene of one pixel).
     pub fn segmentation(&self) -> Result<Segmentation> {
         self.answer(&self.options)
     }
 
-    /// The same for other numbers of groups.
+    /// The segmentation for other numbers of groups.
     ///
     /// # Errors
-    /// As [`Capture::segmentation`]; [`Error::Option`] naming `--groups` for numbers that cannot be.
+    /// As [`Capture::segmentation`]; [`Error::Option`] naming `--groups` for invalid numbers.
     pub fn regrouped(&self, groups: &[usize]) -> Result<Segmentation> {
         let options = SegmentOptions { groups: groups.to_vec(), ..self.options.clone() };
         options.check()?;
@@ -149,12 +149,12 @@ impl Capture {
         Segmentation::from_vectors(&taken, graph, &pairs, vectors)
     }
 
-    /// A row per Lanczos photo.
+    /// One row per Lanczos photo.
     pub fn history(&self) -> &[HistoryRow] {
         &self.history
     }
 
-    /// How the capture ended; none before [`Capture::run`] has come to an end.
+    /// Why the capture ended; none before [`Capture::run`] has finished.
     pub fn status(&self) -> Option<Status> {
         self.status
     }
@@ -195,7 +195,7 @@ impl Capture {
     }
 }
 
-/// Whether there are as many pixels as groups.
+/// Checks that there are at least as many pixels as groups.
 fn check_enough(graph: &Graph, groups: &[usize]) -> Result<()> {
     let most = groups.iter().copied().max().unwrap_or(0);
     if graph.pixels().len() < most.max(2) {
@@ -219,7 +219,7 @@ fn start(options: &SegmentOptions, graph: &Graph) -> Result<Lanczos> {
         Cut::Normalized => NormalizedAdjacency::known_vector(graph),
         Cut::Average => NegativeLaplacian::known_vector(graph),
     };
-    // Not all ones: a start with the scene's own symmetry never leaves it.
+    // All ones would have the scene's symmetry, and so would the whole Krylov space.
     let start = Start::Rademacher { seed: options.seed }.vector(known.len());
     Lanczos::new(&start, &[known])
 }

@@ -1,20 +1,20 @@
-//! Evidence for groups: each one lit alone, and where its light goes.
+//! Evidence for groups: each is lit alone, to measure where its light goes.
 //!
-//! The photo of a group's own pixels as a pattern shows all pixels that its light reaches. Summed over groups, these photos are the
-//! light exchanged between any two, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
+//! The photo under a group's own pixels shows all pixels that its light reaches. Summed over groups, these photos give the light
+//! exchanged, `E_ab = 1_aᵀ G 1_b`, and the value of the cut, `Σ_a (1 − E_aa / Σ_b E_ab)`, without any model.
 
 use super::segmentation::MASKED;
 use crate::error::{Error, Result};
 use crate::operator::{Operator, each_product};
 
-/// The photos of one segmentation's groups, each lit alone.
+/// The photos of a segmentation's groups, each lit alone.
 #[derive(Clone, Debug)]
 pub struct Evidence {
-    /// How many groups.
+    /// The number of groups.
     pub groups: usize,
-    /// The photo of each (`n`), without the direct light if the operator has none.
+    /// The photo of each group (`n`), without direct light if the operator has none.
     pub photos: Vec<Vec<f64>>,
-    /// `E_ab / Σ_c E_cb`: of the light that group `b` sends to unmasked pixels, the share that arrives in `a`; row `a`, column `b`.
+    /// `E_ab / Σ_c E_cb`: the share of group `b`'s light to unmasked pixels that arrives in group `a`; row `a`, column `b`.
     pub exchange: Vec<Vec<f64>>,
 }
 
@@ -24,16 +24,16 @@ impl Evidence {
         (0..self.groups).map(|group| self.exchange[group][group]).collect()
     }
 
-    /// The normalized cut's value: light that leaves its group, in shares of each group's light, added up. 0 where none leaves.
+    /// The value of the normalized cut: the sum of the shares of light that leave their groups; 0 if none leaves.
     pub fn cut(&self) -> f64 {
         self.kept().iter().map(|kept| 1.0 - kept).sum()
     }
 }
 
-/// Lights each group of `labels` (`n`; 255 is masked and dark) alone: one photo with `operator` for each.
+/// Lights each group of `labels` (`n`; 255 is masked and dark) alone, with one photo each by `operator`.
 ///
 /// # Errors
-/// [`Error::Dimension`] when there is not one label per pixel; whatever the operator fails with.
+/// [`Error::Dimension`] if there is not one label per pixel; any error of the operator.
 pub fn evidence(operator: &mut dyn Operator, labels: &[u8]) -> Result<Evidence> {
     if labels.len() != operator.cols() || labels.len() != operator.rows() {
         return Err(Error::Dimension {

@@ -1,4 +1,4 @@
-//! Pixels as points: what tells them apart is how far they lie from one another in the space of eigenvectors.
+//! A view of chosen pixels as points: their distances in the space of eigenvectors.
 //!
 //! The coordinates are those of [`Embedding`](super::Embedding).
 
@@ -9,19 +9,19 @@ use crate::image::Resolution;
 /// Chosen pixels in the space of eigenvectors.
 #[derive(Clone, Debug)]
 pub struct FeatureView {
-    /// Column and row of each.
+    /// The column and row of each pixel.
     pub pixels: Vec<(usize, usize)>,
-    /// Coordinates of each: the second eigenvector first (`k − 1` numbers).
+    /// The coordinates of each pixel (`k − 1` numbers), starting with the second eigenvector.
     pub coordinates: Vec<Vec<f64>>,
-    /// Distances between them, row by row, relative to the root mean square distance of all pixels from the origin, where one would be that
-    /// exchanges light with all others alike.
+    /// The distances between the pixels, row by row, relative to the root mean square distance of all pixels from the origin. A
+    /// pixel that exchanges light equally with all others would be at the origin.
     pub distances: Vec<Vec<f64>>,
 }
 
-/// Looks at some pixels, given by column and row.
+/// Computes the coordinates and distances of pixels, given by column and row.
 ///
 /// # Errors
-/// [`Error::Option`] naming `--features` for a pixel outside of the raster, or one that is masked and has no place.
+/// [`Error::Option`] naming `--features` for a pixel outside the raster, or a masked one, which has no coordinates.
 pub fn feature_view(
     found: &Segmentation,
     resolution: Resolution,
@@ -41,7 +41,7 @@ pub fn feature_view(
     }
     let coordinates: Vec<Vec<f64>> =
         pixels.iter().map(|&(x, y)| found.feature(y * resolution.width + x)).collect();
-    // Σ w u² of each eigenvector's entries is known, as they are counted.
+    // `within` holds Σ w u² of each eigenvector's clamped entries u.
     let squares = found.embedding.weights.iter().zip(&found.embedding.within);
     let spread = squares.map(|(weight, within)| weight * weight * within).sum::<f64>()
         / found.weights.iter().sum::<f64>();

@@ -1,16 +1,15 @@
-//! The graph of light exchange: pixels are its nodes, and the global light from one to another the weight of an edge.
+//! The graph of light exchange: its nodes are pixels, and its edge weights the global light between them.
 
 use crate::error::{Error, Result};
 use crate::operator::{Operator, block, block_mut};
 
-/// Below this share the light that masked pixels take part in is no reason for another photo: the known eigenvector
-/// is then accurate to its square root, 1e-8.
+/// Below this share, the light of masked pixels needs no second photo: the known eigenvector is accurate to its root, 1e-8.
 const NEGLIGIBLE_LEAK: f64 = 1e-16;
 
-/// The nodes of the graph (the pixels that are not masked, `m` of `n`) and their degrees.
+/// The graph's nodes (the `m` of `n` pixels that are not masked) and their degrees.
 ///
-/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator: `G` is the global part of the transport matrix, `G_m`
-/// its rows and columns of unmasked pixels (a mask on one side only would break the symmetry).
+/// The edge weights `W = G_m + μ 1 1ᵀ` stay in the operator: `G` is the global part of the transport matrix, `G_m` its rows and
+/// columns of unmasked pixels (masking rows or columns alone would break the symmetry).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Graph {
     n: usize,
@@ -21,22 +20,19 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// The graph of pixels that exchange light, from one or two photos; `white` is the first, `G 1`.
+    /// Measures the graph from one or two photos; `white` is the first, `G 1`.
     ///
-    /// Pixels with a degree of at most `mask_below` times the median are masked: they are known by noise only, and a
-    /// tiny degree makes a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels
-    /// above it), so that a dark background does not count.
+    /// Pixels with a degree of at most `mask_below` times the median are masked: they contain only noise, and a tiny degree makes
+    /// a huge entry of `D^-½`. The median is weighted by degree (half of all light is in pixels above it), to ignore dark
+    /// backgrounds.
     ///
-    /// The degree has to match the masked matrix, `D = diag(G_m 1_m)`, and `G 1` also counts the light that the
-    /// masked pixels exchanged with the others. By symmetry this is at most the sum `t` of the masked degrees. If it
-    /// is zero (or `√(t/Σd)` ≤ 1e-8) no more is to be done; otherwise `masked_photo` is asked for the photo of the
-    /// mask as a pattern (1 on pixels kept, 0 elsewhere), whose pixels *are* the degrees. Should that leave some
-    /// pixels of too low degree in turn, they are masked as well without another photo, and [`Graph::leak`] tells
-    /// what light that concerns.
+    /// The degree must match the masked matrix, `D = diag(G_m 1_m)`, but `G 1` includes light exchanged with masked pixels. By
+    /// symmetry this is at most the sum `t` of the masked degrees. If it is zero (or `√(t/Σd)` ≤ 1e-8), `white` suffices.
+    /// Otherwise `masked_photo` takes the photo of the mask as a pattern (1 on kept pixels, 0 elsewhere), whose values *are* the
+    /// degrees. Pixels whose degree is now too low are masked too, without another photo, and [`Graph::leak`] bounds their light.
     ///
     /// # Errors
-    /// [`Error::Numerical`] when `white` holds a NaN or an infinity, or no pixel sees global light. Whatever
-    /// `masked_photo` fails with.
+    /// [`Error::Numerical`] if `white` contains a NaN or an infinity, or no pixel sees global light; any error of `masked_photo`.
     pub fn measure(
         white: &[f64],
         mask_below: f64,
@@ -72,32 +68,32 @@ impl Graph {
         Ok(Self { n, pixels, degree, leak, mu })
     }
 
-    /// All pixels, masked or not.
+    /// The number of all pixels, masked or not.
     pub fn n(&self) -> usize {
         self.n
     }
 
-    /// The index of each node's pixel, ascending (`m` of them).
+    /// The index of each node's pixel in ascending order (`m`).
     pub fn pixels(&self) -> &[usize] {
         &self.pixels
     }
 
-    /// The degree of each node, `μ m` included: length `m`, positive.
+    /// The degree of each node, `μ m` included (`m`, positive).
     pub fn degree(&self) -> &[f64] {
         &self.degree
     }
 
-    /// A bound on the light in `D` that `W 1` lacks, in units of degree: `Σ |D − W 1| ≤ leak`.
+    /// A bound on the light that `D` contains but `W 1` lacks, in units of degree: `Σ |D − W 1| ≤ leak`.
     pub fn leak(&self) -> f64 {
         self.leak
     }
 
-    /// True for masked pixels, length `n`.
+    /// The mask (`n`), true for masked pixels.
     pub fn mask(&self) -> Vec<bool> {
         mask_of(self.n, &self.pixels).into_iter().map(|kept| !kept).collect()
     }
 
-    /// Puts a value per node back into the raster; masked pixels get `masked`.
+    /// Scatters one value per node to the raster; masked pixels get `masked`.
     pub fn scatter<T: Copy>(&self, nodes: &[T], masked: T) -> Vec<T> {
         let mut raster = vec![masked; self.n];
         for (&pixel, &value) in self.pixels.iter().zip(nodes) {
@@ -106,7 +102,7 @@ impl Graph {
         raster
     }
 
-    /// `out ← W x = (G_m + μ 1 1ᵀ) x` on nodes: one photo.
+    /// Computes `out ← W x = (G_m + μ 1 1ᵀ) x` on nodes with one photo.
     pub(super) fn weights_product(
         &self,
         global: &mut dyn Operator,
@@ -120,7 +116,7 @@ impl Graph {
         Ok(())
     }
 
-    /// As [`Graph::weights_product`], for each of `xs` at once.
+    /// As [`Graph::weights_product`], for all of `xs` as a block.
     pub(super) fn weights_block(
         &self,
         global: &mut dyn Operator,
@@ -144,7 +140,7 @@ impl Graph {
     }
 
     fn gather(&self, x: &[f64], photo: &[f64], out: &mut [f64]) {
-        // μ 1 1ᵀ x is arithmetic, not light.
+        // The term μ 1 1ᵀ x is computed, not photographed.
         let everywhere = if self.mu == 0.0 { 0.0 } else { self.mu * x.iter().sum::<f64>() };
         for (value, &pixel) in out.iter_mut().zip(&self.pixels) {
             *value = photo[pixel] + everywhere;
@@ -152,7 +148,7 @@ impl Graph {
     }
 }
 
-/// Room for a pattern (masked pixels stay 0 in it) and its photo.
+/// Buffers for a pattern (masked pixels stay 0) and its photo.
 #[derive(Debug)]
 pub(super) struct Raster {
     pattern: Vec<f64>,
@@ -165,7 +161,7 @@ impl Raster {
     }
 }
 
-/// The degree above which half of all light is.
+/// The median weighted by light: pixels of at least this degree have half of all light.
 fn median_by_light(degree: &[f64]) -> f64 {
     let mut positive: Vec<f64> = degree.iter().copied().filter(|&d| d > 0.0).collect();
     positive.sort_by(|a, b| b.total_cmp(a));

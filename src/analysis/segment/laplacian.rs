@@ -1,15 +1,15 @@
-//! The Laplacian of the graph of light exchange, turned so that its smallest eigenvalues come first.
+//! The Laplacian of the graph of light exchange, negated so that its smallest eigenvalues become the largest.
 
 use super::graph::{Graph, Raster};
 use crate::error::Result;
 use crate::observer::Observer;
 use crate::operator::{Operator, Symmetry};
 
-/// `W − D` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`]: minus the Laplacian.
+/// The negative Laplacian `W − D` (`m × m`), with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
-/// Its largest eigenvalues are minus the smallest of `(D − W) x = λ x`, which the average cut asks for. They lie at
-/// the edge of the spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov subspace).
-/// `λ = 0` with `x = 1` is known beforehand. A product is one photo, of the pattern `x`.
+/// Its largest eigenvalues are the negated smallest of `(D − W) x = λ x`, those of the average cut. They lie at the edge of the
+/// spectrum, where Lanczos finds them without a shift (adding `σ I` would change no Krylov subspace). The pair `λ = 0`, `x = 1`
+/// is known in advance. A product is one photo of the pattern `x`.
 pub struct NegativeLaplacian<'a> {
     global: &'a mut dyn Operator,
     graph: &'a Graph,
@@ -17,12 +17,12 @@ pub struct NegativeLaplacian<'a> {
 }
 
 impl<'a> NegativeLaplacian<'a> {
-    /// On the global operator (`n × n`, symmetric) and its graph.
+    /// The matrix of a global operator (`n × n`, symmetric) and its graph.
     pub fn new(global: &'a mut dyn Operator, graph: &'a Graph) -> Self {
         Self { global, graph, raster: Raster::new(graph.n()) }
     }
 
-    /// The known eigenvector of eigenvalue 0: all ones, length `m`.
+    /// The known eigenvector of eigenvalue 0: all ones, of length `m`.
     pub fn known_vector(graph: &Graph) -> Vec<f64> {
         vec![1.0; graph.pixels().len()]
     }

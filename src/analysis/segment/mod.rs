@@ -1,17 +1,16 @@
 //! Light transport segmentation: groups of pixels that exchange light with one another, and little with the rest.
 //!
-//! Pixels are the nodes of a graph, the global light `G_ij` from one to another the weight of an edge. The normalized
-//! cut (Shi and Malik, doi:10.1109/34.868688) splits it where the light exchanged is little in proportion to each
-//! side's total. Relaxed to real vectors this is the generalized eigenproblem `(D − G) u = (1 − λ) D u`, whose
-//! smallest eigenvectors are the largest of `D^-½ G D^-½`, which Lanczos finds from a few dozen photos. K-means on
-//! them, pixel by pixel, gives the groups ([`Embedding`]); for any number of groups from one capture.
+//! Pixels are the nodes of a graph, and the global light `G_ij` between two of them is the weight of their edge. The normalized
+//! cut (Shi and Malik, doi:10.1109/34.868688) splits the graph where the exchanged light is small relative to each side's total.
+//! Relaxed to real vectors, this is the generalized eigenproblem `(D − G) u = (1 − λ) D u`. Its smallest eigenvectors are the
+//! largest of `D^-½ G D^-½`, which Lanczos finds from a few dozen photos. K-means on their entries ([`Embedding`]) gives any
+//! number of groups from one capture.
 //!
-//! What the cut cannot tell apart is no fault of the groups. Where two surfaces meet in a sharp crease, light goes back and forth at every
-//! scale, and the eigenvalues of the continuous scene are not separate below some value (`docs/segmentation.md`): fine groups then follow
-//! the crease and not the surface.
+//! The cut has limits. Where two surfaces meet in a sharp crease, they exchange light at every scale, and the eigenvalues of the
+//! continuous scene are not separate below some value (`docs/segmentation.md`): fine groups then follow the crease.
 //!
-//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5 (the photos themselves:
-//! *Optical computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165).
+//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5; for the photos, *Optical
+//! computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165.
 
 mod adjacency;
 mod capture;
@@ -42,10 +41,9 @@ pub use truth::Truth;
 use crate::error::Result;
 use crate::operator::Operator;
 
-/// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the
-/// direct part.
+/// Segments a scene within a budget of photos. `global` is its symmetric transport matrix (`n × n`) without the direct part.
 ///
-/// To keep what was taken before an operator failed, use a [`Capture`].
+/// Use a [`Capture`] to keep the photos taken before an operator fails.
 ///
 /// # Errors
 /// As [`Capture::new`], [`Capture::run`] and [`Capture::segmentation`].

@@ -1,19 +1,19 @@
-//! What a segmentation is asked for.
+//! The options of a segmentation.
 
 use crate::error::{Error, Result};
 
-/// How a cut is weighed.
+/// The normalization of a cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Cut {
-    /// Light across the cut in proportion to each side's light: `(D − G) u = (1 − λ) D u`.
+    /// Light across the cut relative to each side's light: `(D − G) u = (1 − λ) D u`.
     #[default]
     Normalized,
-    /// Light across the cut in proportion to each side's number of pixels: `(D − G) u = λ u`.
+    /// Light across the cut relative to each side's number of pixels: `(D − G) u = λ u`.
     Average,
 }
 
 impl Cut {
-    /// From the eigenvalues of the operator that Lanczos sees (largest wanted) to those of the cut.
+    /// The factor from the eigenvalues that Lanczos finds (the largest) to those of the cut.
     pub(super) fn sign(self) -> f64 {
         match self {
             Self::Normalized => 1.0,
@@ -22,24 +22,23 @@ impl Cut {
     }
 }
 
-/// What [`segment`](super::segment()) is asked for.
+/// The options of [`segment`](super::segment()).
 #[derive(Clone, Debug)]
 pub struct SegmentOptions {
-    /// Photos at most, those of the degree included; at least 3. Default 50.
+    /// The most photos, those of the degree included; at least 3. Default 50.
     pub photos: usize,
-    /// Numbers of groups, each from 2 to 254. Default 2, 6 and 10.
+    /// The numbers of groups, each from 2 to 254. Default 2, 6 and 10.
     pub groups: Vec<usize>,
-    /// How many eigenvectors, the known first one included; at least 2. Each Lanczos photo yields one at most.
-    /// Default 10.
+    /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Default 10.
     pub eigenvectors: usize,
-    /// How a cut is weighed.
+    /// The normalization of the cut.
     pub cut: Cut,
-    /// `μ ≥ 0`, added to every edge (in the unit of `G`): the smallest groups are worth less. Default 0.
+    /// The weight `μ ≥ 0` added to every edge (in units of `G`), which makes small groups less likely. Default 0.
     pub mu: f64,
-    /// Pixels with a degree of at most this share of the median are masked (see [`Graph::measure`](super::Graph::measure)); in [0, 1).
-    /// Default 0.01.
+    /// Pixels with at most this share, in [0, 1), of the median degree are masked: [`Graph`](super::Graph::measure). Default
+    /// 0.01.
     pub mask_below: f64,
-    /// Done early when every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
+    /// The capture ends early once every eigenvector's residual is at most this share of the matrix norm. Default 1e-6.
     pub tolerance: f64,
     /// Seed of the Lanczos start and of k-means.
     pub seed: u64,

@@ -1,50 +1,50 @@
-//! How many regions the light itself shows: those that exchange next to no light.
+//! The number of regions in the scene: sets of pixels that exchange almost no light with the rest.
 //!
-//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and one with little exchange an eigenvalue near 1 (von Luxburg,
-//! *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). So `1 − λ` stays small for as many
-//! as there are regions and then jumps; where it jumps farthest is the number suggested.
+//! Each region without exchange adds an eigenvalue 1 of `D^-½ G D^-½`, and one with little exchange an eigenvalue near 1 (von
+//! Luxburg, *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). So `1 − λ` is small
+//! for as many eigenvalues as there are regions and then jumps; the largest jump gives the suggested number.
 //!
-//! A Krylov process sees one vector of an eigenvalue that is repeated *exactly*. That one is a random mixture of the regions'
-//! indicators, the same within each and different from region to region: its levels are counted instead.
+//! A Krylov process finds only one vector of an *exactly* repeated eigenvalue: a random mixture of the regions' indicator
+//! vectors, constant on each region and different between regions. In this case its levels are counted instead.
 //!
-//! Eigenvectors of a few pixels alone ([`Embedding::is_local`](super::Embedding::is_local)) are not among those looked at here.
+//! Localized eigenvectors ([`Embedding::is_local`](super::Embedding::is_local)) are left out.
 
 use super::embedding::LEAST_SHARE;
 
-/// Eigenvalues nearer to 1 than this count as equally near, so that rounding makes no gaps.
+/// Eigenvalues closer to 1 than this count as this close, so that rounding creates no gaps.
 const FLOOR: f64 = 1e-3;
 
-/// An eigenvalue this near to 1 is 1.
+/// An eigenvalue this close to 1 counts as 1.
 const EXACT: f64 = 1e-6;
 
-/// A region that keeps less than this share of its light is none.
+/// A region must keep at least this share of its light.
 const KEPT: f64 = 0.85;
 
-/// The next eigenvalue must be so many times as far from 1 for the count to be called clear.
+/// The next eigenvalue must be this many times as far from 1 for the count to be clear.
 const CLEAR: f64 = 4.0;
 
-/// A number of regions, with its evidence.
+/// A suggested number of regions and its evidence.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Regions {
-    /// The number suggested; at least 1.
+    /// The suggested number; at least 1.
     pub count: usize,
-    /// Eigenvalues before the largest gap, the known 1 included and those of a few pixels alone left out.
+    /// Eigenvalues before the largest gap, with the known 1 and without those of localized eigenvectors.
     pub at_one: usize,
-    /// How far the last of them is from 1.
+    /// The distance from 1 of the last of them.
     pub last: f64,
-    /// How far the one after the gap is from 1, or at least is; none where the capture ends before it.
+    /// The distance from 1 of the eigenvalue after the gap, or a lower bound; none if the capture ends before it.
     pub next: Option<f64>,
-    /// `next` over `last`, the latter not below 0.001.
+    /// The ratio of `next` to `last`, where `last` counts as at least 0.001.
     pub ratio: Option<f64>,
-    /// Levels of the second eigenvector, where its eigenvalue is 1 to six digits: regions without any exchange.
+    /// Levels of the second eigenvector if its eigenvalue is 1 to six digits: regions without any exchange.
     pub levels: Option<usize>,
     /// Whether the gap is wide enough to be trusted.
     pub clear: bool,
 }
 
 impl Regions {
-    /// From the distances `1 − λ` of the eigenvalues that tell of regions, the known one first, and the values of the second eigenvector `u` on `m` nodes
-    /// of these `degrees` (`uᵀ D u = 1`), with its residual.
+    /// The suggestion from `gaps`, the distances `1 − λ` of the eigenvalues (the known one first, without localized ones), and
+    /// from the second eigenvector `u` on `m` nodes of `degrees` (`uᵀ D u = 1`) with its residual.
     pub(super) fn suggested(gaps: &[f64], second: Option<(&[f64], f64)>, degrees: &[f64]) -> Self {
         let floored = |index: usize| gaps[index].max(FLOOR);
         let jump = |index: usize| floored(index + 1) / floored(index);
@@ -72,7 +72,7 @@ impl Regions {
         }
     }
 
-    /// The evidence in a sentence, without its full stop.
+    /// The evidence as a sentence, without its full stop.
     pub fn sentence(&self) -> String {
         let regions = if self.count == 1 { "region" } else { "regions" };
         let mut text = match (self.next, self.ratio) {
@@ -101,8 +101,7 @@ impl Regions {
     }
 }
 
-/// Groups of values closer to one another than `tolerance` standard deviations, of more than one pixel and of a share of the light that
-/// makes a group.
+/// Counts clusters of values with gaps of at most `tolerance` standard deviations, two or more pixels and a group's least light.
 fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
     let all = degrees.iter().sum::<f64>();
     let apart = tolerance / all.sqrt();
@@ -123,7 +122,7 @@ mod tests {
         assert_eq!(count(&[0.0, 0.2, 0.25, 0.3]), 1);
         assert_eq!(count(&[0.0, 0.006, 0.18, 0.19]), 2);
         assert_eq!(count(&[0.0, 1e-9, 0.001, 0.0012, 0.0036, 0.15, 0.16]), 5);
-        // A wide gap far from one tells nothing of regions.
+        // A wide gap far from one gives no information on regions.
         assert_eq!(count(&[0.0, 0.16, 0.99]), 1);
         let unclear = Regions::suggested(&[0.0, 0.05, 0.1, 0.14, 0.2], None, &[]);
         assert!(unclear.clear && unclear.count == 1, "{unclear:?}");

@@ -1,4 +1,4 @@
-//! A segmentation with everything that can be asked beside it: measured direct light, blur, features and evidence.
+//! A segmentation with its optional parts: measured direct light, blur, features and evidence.
 
 use super::{Capture, Evidence, FeatureView, SegmentOptions, Segmentation, evidence, feature_view};
 use crate::analysis::{Blurred, DirectMethod, Separation, WithoutDirect, measure_direct};
@@ -7,48 +7,48 @@ use crate::image::{Blur, Resolution};
 use crate::operator::Operator;
 use crate::transport::Part;
 
-/// What is asked of a segmentation.
+/// The request for a segmentation and its optional parts.
 #[derive(Clone, Debug, Default)]
 pub struct SegmentRequest {
     /// The method, its groups and its photos.
     pub options: SegmentOptions,
-    /// How direct light, which says nothing about groups, is kept apart.
+    /// How direct light, which contains no information on groups, is removed.
     pub direct: DirectLight,
-    /// The standard deviation in pixels of the Gaussian that blurs patterns and photos; 0 is none.
+    /// The standard deviation in pixels of the Gaussian that blurs patterns and photos; 0 for none.
     pub blur: f64,
     /// Pixels, by column and row, whose coordinates in the space of eigenvectors are wanted.
     pub features: Vec<(usize, usize)>,
-    /// Whether each group is lit alone afterwards, one more photo for each, to measure how much of its light stays within it.
+    /// Whether each group is then lit alone, with one more photo each, to measure how much of its light stays within it.
     pub evidence: bool,
 }
 
-/// How direct light is kept apart.
+/// How direct light is removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DirectLight {
-    /// The source leaves it out: a simulator exactly, a rig as its file says.
+    /// The source removes it: a simulator exactly, a rig as its file says.
     #[default]
     Source,
-    /// It is kept, as by a rig that cannot tell it apart.
+    /// It is not removed, as on a rig that cannot separate it.
     Keep,
-    /// It is measured from photos, and subtracted.
+    /// It is measured from photos and subtracted.
     Measured(DirectMethod),
 }
 
-/// A segmentation with what was asked beside it.
+/// A segmentation with the requested optional parts.
 #[derive(Clone, Debug)]
 pub struct Segmented {
     /// The groups.
     pub segmentation: Segmentation,
-    /// Direct light, where it was measured.
+    /// The direct light, if it was measured.
     pub direct: Option<Separation>,
-    /// Light that stays within each group, for each number of groups.
+    /// The evidence for each number of groups.
     pub evidence: Vec<Evidence>,
-    /// Where the chosen pixels lie in the space of eigenvectors.
+    /// The chosen pixels in the space of eigenvectors.
     pub features: Option<FeatureView>,
 }
 
 impl Segmented {
-    /// Photos in all: of direct light, of the graph and of the evidence.
+    /// All photos: of direct light, of the graph and of the evidence.
     pub fn photos(&self) -> usize {
         let direct = self.direct.as_ref().map_or(0, |direct| direct.photos);
         let evidence: usize = self.evidence.iter().map(|evidence| evidence.photos.len()).sum();
@@ -63,7 +63,7 @@ impl From<Segmentation> for Segmented {
 }
 
 impl SegmentRequest {
-    /// Refuses what cannot be, before any photo is taken of so many pixels.
+    /// Checks the request for photos of `resolution`, before any is taken.
     ///
     /// # Errors
     /// As [`Capture::new`]; [`Error::Option`] naming `--blur`, `--features` or `--direct-photos`.
@@ -88,12 +88,12 @@ impl SegmentRequest {
         Ok(())
     }
 
-    /// The part of the light that photos are to be of.
+    /// The part of the light that the operator must contain.
     pub fn part(&self) -> Part {
         if self.direct == DirectLight::Source { Part::Global } else { Part::Full }
     }
 
-    /// Photos in all, at most.
+    /// The most photos in total.
     pub fn photos(&self) -> usize {
         let evidence: usize = if self.evidence { self.options.groups.iter().sum() } else { 0 };
         let direct = match self.direct {
@@ -104,7 +104,7 @@ impl SegmentRequest {
         self.options.photos + evidence + direct
     }
 
-    /// Takes all photos with `operator` (`n × n`), of [`SegmentRequest::part`].
+    /// Takes all photos with `operator` (`n × n`), which contains the light of [`SegmentRequest::part`].
     ///
     /// # Errors
     /// As [`SegmentRequest::check`], [`measure_direct`], [`Capture::run`] and [`evidence()`].

@@ -1,4 +1,4 @@
-//! What is made of eigenvectors.
+//! The segmentation that eigenvectors give.
 
 use super::embedding::{Embedding, mean};
 use super::graph::Graph;
@@ -11,54 +11,52 @@ use crate::krylov::{HistoryRow, RitzPair, Status};
 /// The label of a masked pixel.
 pub const MASKED: u8 = 255;
 
-/// A resolved eigenvector's residual is at most this share of the matrix norm; what the status sentence counts.
+/// The share of the matrix norm below which the status sentence counts an eigenvector's residual as resolved.
 const RESOLVED: f64 = 1e-2;
 
-/// A segmentation of `n` pixels, with `k` eigenvectors: as many as asked for, or fewer when there were not enough
-/// photos.
+/// A segmentation of `n` pixels with `k` eigenvectors: as many as requested, or fewer if there were too few photos.
 #[derive(Clone, Debug)]
 pub struct Segmentation {
-    /// For each number of groups `K` asked for: the label of each pixel (`n`), numbered by first appearance in raster
-    /// order; [`MASKED`] (255) for masked pixels.
+    /// The label of each pixel (`n`) for each requested number of groups `K`. Labels are numbered by first appearance in raster
+    /// order; masked pixels have [`MASKED`] (255).
     pub labels: Vec<(usize, Vec<u8>)>,
-    /// `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending
-    /// from 0, for the average cut. The first is known.
+    /// The `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending from 0,
+    /// for the average cut. The first is known.
     pub eigenvalues: Vec<f64>,
     /// The residual norm of each, for an eigenvector of `D^-½ G D^-½` or `D − G` of norm 1. The first is a bound.
     pub residuals: Vec<f64>,
-    /// `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or
-    /// `uᵀ u = 1` (average cut). The first is the same in all pixels.
+    /// The `k` generalized eigenvectors `u` of length `n`, zero on masked pixels, with `uᵀ D u = 1` (normalized cut) or `uᵀ u =
+    /// 1` (average cut). The first is constant.
     pub eigenvectors: Vec<Vec<f64>>,
-    /// How eigenvectors make the coordinates that k-means groups.
+    /// The map from eigenvectors to the coordinates that k-means groups.
     pub embedding: Embedding,
-    /// What each pixel counts in k-means (`n`): its degree, or 1 for the average cut; 0 on masked pixels.
+    /// The weight of each pixel in k-means (`n`): its degree, or 1 for the average cut; 0 on masked pixels.
     pub weights: Vec<f64>,
-    /// How many regions exchange next to no light, as far as the eigenvalues tell.
+    /// The number of regions with almost no exchange, estimated from the eigenvalues.
     pub regions: Regions,
-    /// The degree `D` of each pixel (`n`), in radiance, `μ m` included; zero on masked pixels.
+    /// The degree `D` of each pixel (`n`) in units of radiance, `μ m` included; zero on masked pixels.
     pub degree: Vec<f64>,
     /// True on masked pixels (`n`).
     pub mask: Vec<bool>,
     /// Photos taken, those of the degree included.
     pub photos: usize,
-    /// A row per Lanczos photo: photos so far, eigenvalues and residuals (without the known pair).
+    /// One row per Lanczos photo: photos so far, eigenvalues and residuals (without the known pair).
     pub history: Vec<HistoryRow>,
-    /// How it ended, as a sentence without its full stop.
+    /// The status as a sentence without its full stop.
     pub status: String,
 }
 
-/// What a capture has come to.
+/// The state of a capture.
 pub(super) struct Taken<'a> {
     pub(super) options: &'a SegmentOptions,
     pub(super) photos: usize,
     pub(super) history: &'a [HistoryRow],
-    /// How it ended, if it did.
+    /// Why the capture ended, if it did.
     pub(super) status: Option<Status>,
 }
 
 impl Segmentation {
-    /// A pixel's coordinates in the space that k-means works in: its values in all eigenvectors but the known one, weighted
-    /// (`k − 1` numbers).
+    /// A pixel's coordinates for k-means: its weighted entries in all eigenvectors but the known one (`k − 1` numbers).
     pub fn feature(&self, pixel: usize) -> Vec<f64> {
         let entries = self.eigenvectors.iter().enumerate().skip(1);
         entries.map(|(index, u)| self.embedding.coordinate(index, u[pixel])).collect()
@@ -98,7 +96,7 @@ impl Segmentation {
             .collect();
         let told: Vec<usize> = (0..vectors.len()).filter(|&index| !embedding.is_local(index)).collect();
         let mut gaps: Vec<f64> = told.iter().map(|&index| embedding.gaps[index]).collect();
-        // Where few pixels have the last of them, the next to tell of regions is no nearer to one.
+        // If the last eigenvector is localized, its eigenvalue still bounds that of the next region.
         gaps.extend(embedding.gaps.last().filter(|_| embedding.is_local(vectors.len() - 1)));
         let second = told.get(1).map(|&index| (vectors[index].as_slice(), pairs[index - 1].residual));
         let regions = Regions::suggested(&gaps, second, &weights);
@@ -139,7 +137,7 @@ impl Segmentation {
     }
 }
 
-/// Renames labels by first appearance.
+/// Renumbers labels by first appearance.
 fn number_by_appearance(labels: &[usize]) -> Vec<u8> {
     let mut names: Vec<usize> = Vec::new();
     labels
@@ -149,7 +147,7 @@ fn number_by_appearance(labels: &[usize]) -> Vec<u8> {
                 names.push(*label);
                 names.len() - 1
             });
-            // Groups number 254 at most.
+            // There are at most 254 groups.
             name as u8
         })
         .collect()

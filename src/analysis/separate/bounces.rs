@@ -1,13 +1,13 @@
-//! The light of each bounce, where the matrix is known.
+//! The light of each bounce of a known matrix.
 
 use crate::analysis::planes::Planes;
 use crate::error::Result;
 use crate::transport::{Bounces, TransportMatrix};
 
-/// The light of two bounces, and of three and more, under white: of a matrix that keeps them in layers of their own.
+/// The light of two bounces, and of three and more, under white, from a matrix that stores them as separate layers.
 ///
 /// # Errors
-/// None that a well-formed matrix can cause.
+/// None for a well-formed matrix.
 pub fn second_and_rest(matrix: &TransportMatrix) -> Result<[Planes; 2]> {
     let (rows, count) = (matrix.resolution().pixels(), matrix.channels().count());
     let mut found = [Bounces::Two, Bounces::Rest].map(|_| vec![vec![0.0; rows]; count]);

@@ -1,4 +1,4 @@
-//! Separation by any of the methods, as a plain value.
+//! Separation by any of the methods, selected by a value.
 
 use super::{Separation, checkerboards, from_capture, random_patterns, sinusoids};
 use crate::analysis::low_rank::{LowRankCapture, capture};
@@ -7,19 +7,19 @@ use crate::image::Resolution;
 use crate::krylov::Start;
 use crate::operator::{Operator, Symmetry};
 
-/// How direct and global light are told apart, with photos.
+/// A method, with its photos, to separate direct from global light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SeparateBy {
-    /// [`checkerboards`] with squares of so many pixels at `shifts²` places.
+    /// [`checkerboards`] with squares of `square` pixels at `shifts²` places.
     Checkerboards {
-        /// Pixels of a square's side.
+        /// Side of a square in pixels.
         square: usize,
-        /// Places in each direction.
+        /// Number of places in each direction.
         shifts: usize,
     },
     /// [`sinusoids`] along rows and along columns.
     Sinusoids {
-        /// Pixels of a wave.
+        /// Period in pixels.
         period: f64,
         /// Photos in each direction.
         phases: usize,
@@ -47,7 +47,7 @@ impl SeparateBy {
         }
     }
 
-    /// The method with its setting, for people.
+    /// The method with its settings in words.
     pub fn in_words(self) -> String {
         match self {
             Self::Checkerboards { square, shifts } => {
@@ -61,7 +61,7 @@ impl SeparateBy {
         }
     }
 
-    /// Photos that it takes, the white one included.
+    /// The number of photos, the white one included.
     pub fn photos(self) -> usize {
         match self {
             Self::Checkerboards { shifts, .. } => shifts * shifts,
@@ -71,11 +71,10 @@ impl SeparateBy {
     }
 }
 
-/// Separates with `operator` (`n × n`, all of its light, of a coaxial rig).
+/// Separates with `operator`, all of the light of a coaxial rig (`n × n`).
 ///
 /// # Errors
-/// [`Error::Option`] naming `--by` when the operator is not symmetric (what a pixel sees directly is then lit by another pixel);
-/// as the method.
+/// [`Error::Option`] naming `--by` if the operator is not symmetric (another pixel then lights what a pixel sees); as the method.
 pub fn separate(
     operator: &mut dyn Operator,
     resolution: Resolution,

@@ -1,4 +1,4 @@
-//! Every method of separation at several photo counts, against the exact bounces.
+//! A comparison of all methods of separation at several numbers of photos with the exact bounces.
 
 use super::{SeparateBy, Separation, from_capture, separate};
 use crate::analysis::low_rank::{LowRankCapture, capture};
@@ -8,23 +8,23 @@ use crate::image::Resolution;
 use crate::krylov::Start;
 use crate::operator::Operator;
 
-/// A method with its setting, against the exact first bounce.
+/// The result of a method and its settings against the exact first bounce.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ComparisonRow {
-    /// Its name.
+    /// The method's name.
     pub method: &'static str,
-    /// Its setting, in words.
+    /// The settings in words.
     pub setting: String,
-    /// Photos.
+    /// Number of photos.
     pub photos: usize,
-    /// `‖direct − exact‖ / ‖exact‖`.
+    /// The relative error `‖direct − exact‖ / ‖exact‖`.
     pub error: f64,
-    /// The same of the global light.
+    /// The relative error of the global light.
     pub global_error: f64,
 }
 
-/// Compares every method. `full` are operators of all of the light (`n × n`), one for each channel; `exact` is the light of one bounce and
-/// that of two bounces and more, under white; `period` is that of the sinusoids in pixels.
+/// Compares all methods. `full` are operators of all of the light (`n × n`), one per channel; `exact` is the light of one bounce,
+/// and of two and more, under white; `period` is that of the sinusoids in pixels.
 ///
 /// # Errors
 /// As [`separate`] and [`capture`].
@@ -57,7 +57,7 @@ pub fn compare_separations<O: Operator>(
         let one = |operator: &mut O| separate(operator, resolution, by, seed);
         row(by, &full.iter_mut().map(one).collect::<Result<Vec<_>>>()?);
     }
-    // One capture answers for all counts: its first photos are those of a shorter one.
+    // One capture serves all counts: its first photos are those of a shorter capture.
     let white = sum(&exact[0], &exact[1]);
     let most = COUNTS[COUNTS.len() - 1];
     let start = Some(Start::Rademacher { seed });

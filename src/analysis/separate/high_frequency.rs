@@ -1,19 +1,19 @@
-//! Separation by shifted patterns of high frequency.
+//! Separation by shifted patterns of high spatial frequency.
 //!
-//! Under a pattern that alternates faster than global light varies, half lit on average, a pixel sees `y = D p + G/2`, where `p` is
-//! the pattern at the pixel itself. Over the shifts `D` is the slope of `y` over `p` and `G` twice the rest: least squares, which is
-//! Nayar's `max − min` for two-valued patterns.
+//! Under a half-lit pattern that alternates faster than global light varies, a pixel sees `y = D p + G/2`, where `p` is the
+//! pattern at the pixel itself. Least squares over the shifts gives `D` as the slope of `y` over `p`, and `G` as twice the
+//! intercept; for two-valued patterns this is Nayar's `max − min`.
 
 use super::Separation;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::operator::{Operator, each_product};
 
-/// Separates by checkerboards with squares of `square` pixels, shifted in both directions by `square·2/shifts` pixels each
-/// time; `shifts²` photos with `operator` (`n × n`, all of its light). Nayar et al. take 5² of squares of 3 pixels and more.
+/// Separates with `shifts²` photos by `operator` (`n × n`, all of the light) of checkerboards of `square` pixels per square,
+/// shifted in steps of `2·square/shifts` pixels in both directions. Nayar et al. take 5² photos with squares of 3 or more pixels.
 ///
 /// # Errors
-/// [`Error::Option`] when `square` or `shifts` cannot be; [`Error::Dimension`]; whatever the operator fails with.
+/// [`Error::Option`] for an invalid `square` or `shifts`; [`Error::Dimension`] if sizes differ; any error of the operator.
 pub fn checkerboards(
     operator: &mut dyn Operator,
     resolution: Resolution,
@@ -40,12 +40,11 @@ pub fn checkerboards(
     Ok(fit.separation())
 }
 
-/// Separates by sinusoids with a period of `period` pixels at `phases` even phases, along rows and along columns: `2·phases`
-/// photos with `operator` (`n × n`).
+/// Separates with `2·phases` photos by `operator` (`n × n`) of sinusoids with a period of `period` pixels at `phases` evenly
+/// spaced phases, along rows and along columns.
 ///
 /// # Errors
-/// [`Error::Option`] when the period is below 2 pixels, or there are fewer than 3 phases; [`Error::Dimension`]; whatever the
-/// operator fails with.
+/// [`Error::Option`] for a period below 2 pixels or fewer than 3 phases; [`Error::Dimension`] if sizes differ; as the operator.
 pub fn sinusoids(
     operator: &mut dyn Operator,
     resolution: Resolution,
@@ -83,7 +82,7 @@ fn pattern(resolution: Resolution, value: impl Fn(usize, usize) -> f64) -> Vec<f
     (0..resolution.height).flat_map(|y| (0..resolution.width).map(move |x| value(x, y))).collect()
 }
 
-/// Pixel by pixel, the line `y = D p + G/2` through the photos so far.
+/// The least-squares line `y = D p + G/2` of each pixel through the photos so far.
 struct Fit {
     photos: usize,
     sums: Vec<Sums>,
@@ -127,7 +126,7 @@ impl Fit {
         let count = self.photos as f64;
         let line = |sums: &Sums| {
             let spread = sums.pp - sums.p * sums.p / count;
-            // Where the pattern never changed nothing can be told apart: all of it is taken for direct light.
+            // If the pattern never changed, nothing can be separated: all light counts as direct.
             let direct = if spread > 1e-9 * count {
                 (sums.py - sums.p * sums.y / count) / spread
             } else {
@@ -146,7 +145,7 @@ mod tests {
     use crate::krylov::dot;
     use crate::operator::Symmetry;
 
-    /// `diag(d) + u uᵀ/n` with `u` of ones: global light that is the same everywhere, as the method assumes.
+    /// `diag(d) + u uᵀ/n` with `u` of ones: constant global light, as the method assumes.
     struct Even;
 
     impl Operator for Even {
@@ -177,7 +176,7 @@ mod tests {
         let found = [
             checkerboards(&mut Even, resolution, 1, 2)?,
             checkerboards(&mut Even, resolution, 2, 4)?,
-            // Periods fit the raster, so that each wave is half lit on average.
+            // The periods divide the raster, so each wave is half lit on average.
             sinusoids(&mut Even, resolution, 4.0, 3)?,
         ];
         for (separation, photos) in found.iter().zip([4, 16, 6]) {

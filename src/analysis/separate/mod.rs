@@ -1,16 +1,16 @@
-//! Separation: which light came straight from the projector, and which by way of other surfaces.
+//! Separation of direct light, straight from the projector, from global light, which reached other surfaces first.
 //!
-//! | by | photos | exact where |
+//! | method | photos | accuracy |
 //! |---|---|---|
-//! | [`checkerboards`] | `shifts²` | global light does not see the squares |
-//! | [`sinusoids`] | 3 or more a direction | global light does not see the waves |
-//! | [`random_patterns`] | any number | always on average; the noise falls as `1/√photos` |
-//! | [`from_capture`] | the white one | roughly, from the photos of a Krylov capture |
+//! | [`checkerboards`] | `shifts²` | exact if global light does not resolve the squares |
+//! | [`sinusoids`] | 3 or more per direction | exact if global light does not resolve the waves |
+//! | [`random_patterns`] | any number | unbiased; the noise falls as `1/√photos` |
+//! | [`from_capture`] | the white one | approximate, from the photos of a Krylov capture |
 //!
-//! The first two are those of Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene
-//! using high frequency illumination* (2006), doi:10.1145/1141911.1141977; they fail where global light is sharp, as behind a mirror.
-//! The other two estimate the diagonal of `A`, which a coaxial rig's direct light is (and so see mirrors as they are).
-//! A simulator knows each bounce and needs none of this: [`crate::transport::Part`], [`crate::transport::Layer`].
+//! The first two are by Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using
+//! high frequency illumination* (2006), doi:10.1145/1141911.1141977; they fail where global light is sharp, as with a mirror. The
+//! others estimate the diagonal of `A`, the direct light of a coaxial rig, and so handle mirrors. A simulator stores each bounce
+//! and needs no separation: [`crate::transport::Part`], [`crate::transport::Layer`].
 
 mod bounces;
 mod by;
@@ -26,14 +26,14 @@ pub use high_frequency::{checkerboards, sinusoids};
 pub use near_far::{NearFar, NearFarOptions, near_far};
 pub use statistical::{from_capture, random_patterns};
 
-/// Direct and global light under an all-ones pattern.
+/// Direct and global light under white, an all-ones pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Separation {
-    /// One bounce (`n`).
+    /// The light of one bounce (`n`).
     pub direct: Vec<f64>,
-    /// Two bounces and more (`n`).
+    /// The light of two and more bounces (`n`).
     pub global: Vec<f64>,
-    /// Standard errors of `direct` (`n`), where the method can tell them.
+    /// Standard errors of `direct` (`n`), if the method gives them.
     pub standard_error: Option<Vec<f64>>,
     /// Photos taken, the white one included.
     pub photos: usize,

@@ -1,4 +1,4 @@
-//! Global light by how far from its own pixel it comes back.
+//! The split of global light by the distance at which it returns.
 
 use crate::analysis::planes::{Planes, difference, norm, relative_error};
 use crate::analysis::probe::{Probing, probe};
@@ -7,36 +7,36 @@ use crate::image::Resolution;
 use crate::operator::Operator;
 use crate::sparse::Csr;
 
-/// Global light by how far from its own pixel it comes back.
+/// Global light, split by the distance from its own pixel at which it returns.
 #[derive(Clone, Debug)]
 pub struct NearFar {
-    /// Weighted by `exp(−d²/2σ²)` of the distance `d` in pixels.
+    /// Light weighted by `exp(−d²/2σ²)` of the distance `d` in pixels.
     pub near: Planes,
-    /// The rest.
+    /// All other global light.
     pub far: Planes,
     /// `σ` in pixels.
     pub sigma: f64,
-    /// Photos of random patterns that it took.
+    /// Number of photos of random patterns.
     pub photos: usize,
-    /// The root mean square of the standard errors of `near`, relative to that of `near`.
+    /// The norm of the standard errors of `near` relative to the norm of `near`.
     pub noise: f64,
-    /// The relative error of `near` against the matrix, where there is one.
+    /// The relative error of `near` against the matrix, if it is known.
     pub error: Option<f64>,
 }
 
-/// Which near light is asked for, by how many photos.
+/// The options of [`near_far()`].
 #[derive(Clone, Copy, Debug)]
 pub struct NearFarOptions {
     /// `σ` in pixels.
     pub sigma: f64,
-    /// Photos of random patterns for each channel.
+    /// Photos of random patterns per channel.
     pub photos: usize,
-    /// Selects the patterns.
+    /// Seed of the random patterns.
     pub seed: u64,
 }
 
-/// Probes the near part of `light`, the global light of each channel under white. `global` are operators of it (`n × n`), `matrices` the true
-/// matrices of the same where they are known.
+/// Probes the near part of `light`, each channel's global light under white, with operators `global` of that light (`n × n`).
+/// `matrices` are the true ones, if known.
 ///
 /// # Errors
 /// As [`probe`].

@@ -1,5 +1,5 @@
-//! Separation by estimating the diagonal of `A`: for coaxial pinholes the direct light, and with it the global light that returns to
-//! the very pixel that it started from (4 % of it in a zigzag at 64×64, most of that along the folds; less with more pixels).
+//! Separation by estimating the diagonal of `A`: for coaxial pinholes the direct light, plus the global light that returns to its
+//! own pixel (4 % of it in a zigzag at 64×64, most of that along the folds; less with more pixels).
 
 use super::Separation;
 use crate::analysis::LowRank;
@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 use crate::krylov::diagonal;
 use crate::operator::Operator;
 
-/// Separates with `photos ≥ 2` patterns of random signs and the white one; a signed pattern is one product with `operator` (`n × n`).
-/// Without bias, whatever the scene; the variance of a pixel is `Σ_{j≠i} A_ij² / photos`.
+/// Separates with `photos ≥ 2` patterns of random signs and the white one; a signed pattern is one product with `operator` (`n ×
+/// n`). The result is unbiased for any scene; a pixel's variance is `Σ_{j≠i} A_ij² / photos`.
 ///
 /// # Errors
 /// As [`diagonal`].
@@ -25,15 +25,14 @@ pub fn random_patterns(operator: &mut dyn Operator, photos: usize, seed: u64) ->
     })
 }
 
-/// Separates by photos that were taken for another question: `W = A Q` of patterns `Q` that a Krylov process on all of the light left
-/// behind. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`; divided by that of `Q Qᵀ` it estimates the diagonal of `A`, at no photo but
-/// the white one, and like [`random_patterns`] as far as the patterns look random to a pixel's neighbours: use
-/// [`Start::Rademacher`](crate::krylov::Start). More photos hardly help: at each pixel all patterns of a process carry the signs of its
-/// start, so that what they confuse once they confuse again (in a room with a mirror ball, a quarter of the light at 4 photos and at 128).
-/// Where photos are free to choose, choose [`random_patterns`].
+/// Separates with the photos `W = A Q` of a Krylov process on all of the light. `Σ_k q_k ∘ W_k` is the diagonal of `A Q Qᵀ`;
+/// divided by that of `Q Qᵀ`, it estimates the diagonal of `A` with no photo but the white one. It works like [`random_patterns`]
+/// as far as the patterns are random between neighbouring pixels: use [`Start::Rademacher`](crate::krylov::Start). More photos
+/// hardly help: at each pixel, all patterns of a process carry the signs of its start, so their errors repeat (in a room with a
+/// mirror ball, a quarter of the light at 4 photos and at 128). If new photos can be taken, use [`random_patterns`].
 ///
 /// # Errors
-/// [`Error::Dimension`] when the white photo (`n`) is not of the model's size.
+/// [`Error::Dimension`] if the white photo (`n`) and the model differ in size.
 pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
     let n = model.cols();
     if white.len() != n {
@@ -50,7 +49,7 @@ pub fn from_capture(model: &LowRank, white: &[f64]) -> Result<Separation> {
             squares[i] += pattern[i] * pattern[i];
         }
     }
-    // A pixel that no pattern lit is not known to send anything back.
+    // A pixel that no pattern lit counts as without direct light.
     let direct: Vec<f64> =
         products.iter().zip(&squares).map(|(p, s)| if *s > 0.0 { p / s } else { 0.0 }).collect();
     let global = white.iter().zip(&direct).map(|(white, direct)| white - direct).collect();

@@ -1,4 +1,4 @@
-//! The page of the paper's figures made again: what the paper says, what was measured, and whether that agrees.
+//! The page of reproduced figures: the paper's statements, the measured numbers, and whether they agree.
 
 mod numbers;
 mod pictures;
@@ -13,21 +13,21 @@ use crate::report::html::{Block, Measured, Outcome, Report, Section, Verdict};
 use crate::report::plot::{LinePlot, Series};
 use crate::report::run::{self, Files};
 
-/// Figures made again, with what belongs beside them. One figure may be there several times, by several rigs.
+/// Reproduced figures for one page. A figure may occur several times, from different rigs.
 #[derive(Clone, Debug)]
 pub struct Gallery<'a> {
-    /// The figures.
+    /// The reproductions.
     pub made: &'a [Reproduced],
-    /// Whether they are smaller than the paper's: said on the page.
+    /// Whether the figures are smaller than the paper's; the page says so.
     pub quick: bool,
 }
 
 impl Gallery<'_> {
-    /// Writes `report.html`, `figures.json` and every picture into `folder`; `seconds` is what the run took so far. Returns the
-    /// files' names.
+    /// Writes `report.html`, `figures.json` and every picture into `folder` and returns their names. `seconds` is the run's
+    /// duration so far.
     ///
     /// # Errors
-    /// [`Error::Write`] naming the file; [`Error::Dimension`] where a picture has not as many values as pixels.
+    /// [`Error::Write`] naming the file; [`Error::Dimension`] when a picture's values do not match its resolution.
     pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
         let mut files = Files::new(folder);
         let mut sections = vec![self.overview()];
@@ -52,7 +52,7 @@ impl Gallery<'_> {
         Ok(files.names)
     }
 
-    /// Whether all is as it has to be, in a sentence.
+    /// Whether all numbers meet their bounds, in a sentence.
     pub fn verdict(&self) -> Verdict {
         let judged =
             || self.made.iter().flat_map(|made| &made.checks).filter(|check| numbers::is_judged(check));
@@ -71,7 +71,7 @@ impl Gallery<'_> {
         Verdict { outcome: if short.is_empty() { Outcome::Good } else { Outcome::Short }, sentence }
     }
 
-    /// All numbers, for machines.
+    /// All numbers as JSON.
     pub fn summary(&self) -> serde_json::Value {
         self.made.iter().map(numbers::json).collect()
     }

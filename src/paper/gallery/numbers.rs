@@ -1,4 +1,4 @@
-//! Numbers and their bounds, in words and for machines.
+//! Numbers and their bounds, as text and as JSON.
 
 use serde_json::{Value, json};
 
@@ -10,7 +10,7 @@ pub(super) fn is_judged(check: &Check) -> bool {
     check.limit != Limit::Stated
 }
 
-/// `met`, or how many of how many are not.
+/// `met`, or the number of missed bounds.
 pub(super) fn verdict(made: &Reproduced) -> Verdict {
     let judged = made.checks.iter().filter(|check| is_judged(check)).count();
     let missed = made.checks.iter().filter(|check| !check.is_met()).count();
@@ -21,7 +21,7 @@ pub(super) fn verdict(made: &Reproduced) -> Verdict {
     }
 }
 
-/// For the page.
+/// A number for the page.
 pub(super) fn number(check: &Check) -> Number {
     let bound = match check.limit {
         Limit::AtLeast(limit) => format!("at least {} wanted", digits(limit)),
@@ -38,7 +38,7 @@ pub(super) fn number(check: &Check) -> Number {
     Number { what: check.what.clone(), value: digits(check.value), wanted, outcome }
 }
 
-/// For machines. What is not finite is null there.
+/// A figure's numbers as JSON; values that are not finite become null.
 pub(super) fn json(made: &Reproduced) -> Value {
     let check = |check: &Check| {
         let (bound, limit) = match check.limit {
@@ -59,7 +59,7 @@ pub(super) fn json(made: &Reproduced) -> Value {
     })
 }
 
-/// Four significant digits, counts as they are.
+/// A number with four significant digits; counts are written in full.
 fn digits(value: f64) -> String {
     let text = match value.abs() {
         _ if value.is_nan() => "none".into(),

@@ -1,4 +1,4 @@
-//! Planes of values as pictures with their legends.
+//! Panels painted as pictures with legends.
 
 use crate::error::Result;
 use crate::io::tone::{develop, exposure};
@@ -9,7 +9,7 @@ use crate::report::html::{Figure, Legend, Sheet};
 use crate::report::palette::paint_labels;
 use crate::report::spectrum::narrowed;
 
-/// A panel as the page shows it.
+/// A panel as a figure of the page.
 pub(super) fn figure(panel: &Panel) -> Result<Figure> {
     let resolution = panel.resolution;
     let (raster, legend) = match &panel.content {
@@ -31,7 +31,7 @@ pub(super) fn figure(panel: &Panel) -> Result<Figure> {
     Ok(Figure { png: raster.encode_png()?, caption: panel.caption.clone(), legend })
 }
 
-/// The photos of a strip, numbered from 1: each pattern above its photo.
+/// The contact sheet of a figure's photos, numbered from 1, each below its pattern.
 pub(super) fn sheet(strip: &crate::paper::Strip) -> Result<Sheet> {
     let mut photos = ContactSheet::new([strip.resolution; 2], 1);
     strip.shots.iter().try_for_each(|shot| photos.push(0, &shot.pattern, &shot.photo, false))?;

@@ -1,4 +1,4 @@
-//! Plots and tables of a compensation: convergence, what clamping does, every method at equal photos, and likeness.
+//! Plots and tables of a compensation: convergence, the effect of clamping, all methods at equal photo counts, and similarity.
 
 use super::CompensationRun;
 use crate::analysis::{Clamping, CompensationRow, MethodRun, Similarity};
@@ -33,7 +33,7 @@ pub(super) fn convergence(run: &CompensationRun<'_>) -> Section {
     }
 }
 
-/// What a method without a box is worth when its answers are clamped.
+/// Residuals of an unconstrained method whose answers are clamped to the projector's range.
 pub(super) fn clamping(run: &CompensationRun<'_>, clamping: &Clamping) -> Section {
     let (own, displayed, boxed) =
         (rows(&run.found.history), rows(&clamping.displayed), rows(&clamping.boxed));
@@ -53,7 +53,7 @@ pub(super) fn clamping(run: &CompensationRun<'_>, clamping: &Clamping) -> Sectio
     }
 }
 
-/// Every method at equal photos.
+/// Residuals of every method at equal photo counts.
 pub(super) fn methods(run: &CompensationRun<'_>, methods: &[MethodRun]) -> Section {
     let histories: Vec<Vec<Row>> = methods.iter().map(|method| rows(&method.displayed)).collect();
     let lines: Vec<(&str, &[Row])> =
@@ -84,7 +84,7 @@ pub(super) fn methods(run: &CompensationRun<'_>, methods: &[MethodRun]) -> Secti
     }
 }
 
-/// How alike what is seen and what is wished are.
+/// Table of the similarity of the observed photos to the target.
 pub(super) fn similarity(run: &CompensationRun<'_>) -> Block {
     let found = run.found;
     let row = |name: &str, residual: f64, similarity: &Similarity| {
@@ -101,7 +101,7 @@ pub(super) fn similarity(run: &CompensationRun<'_>) -> Block {
     }
 }
 
-/// `methods.csv`: the residual of what is seen by each method after each photo.
+/// Content of `methods.csv`: the residual of each method's displayed photo after each photo.
 pub(super) fn csv(methods: &[MethodRun]) -> String {
     let mut text = String::from("method,photo,relative_residual_displayed\n");
     for method in methods {

@@ -1,4 +1,4 @@
-//! The files and the page of a light transport compensation.
+//! Files and report page of a light transport compensation.
 
 mod figures;
 
@@ -19,7 +19,7 @@ use crate::io::tone::exposure;
 use crate::io::{atomic, picture};
 use crate::measure::RunManifest;
 
-/// A finished compensation with what belongs beside it.
+/// A finished compensation and the context that its report needs.
 #[derive(Clone, Debug)]
 pub struct CompensationRun<'a> {
     /// The page's title.
@@ -28,31 +28,31 @@ pub struct CompensationRun<'a> {
     pub found: &'a Compensation,
     /// The method's name.
     pub method: &'a str,
-    /// The least that was to be projected.
+    /// The smallest pattern value that was allowed.
     pub floor: f64,
-    /// What else was asked for.
+    /// Optional results.
     pub extras: CompensationExtras<'a>,
-    /// What photos are in.
+    /// Unit of the photos' values.
     pub unit: &'a str,
-    /// Every photo in order; none where a model answered.
+    /// Contact sheet of all photos; `None` if a model answered without photos.
     pub strip: Option<&'a ContactSheet>,
 }
 
-/// What else was asked for; by default nothing.
+/// Optional results; empty by default.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CompensationExtras<'a> {
-    /// Every method at equal photos.
+    /// Residuals of every method at equal photo counts.
     pub methods: &'a [MethodRun],
-    /// The target's values were moved to [`lift`, 1].
+    /// The target's values were mapped to [`lift`, 1].
     pub lift: f64,
 }
 
 impl CompensationRun<'_> {
-    /// Writes arrays, pictures, `residuals.csv` and `report.html` into `folder`; `seconds` is what the run took so
-    /// far. Returns the files' names.
+    /// Writes arrays, pictures, `residuals.csv` and `report.html` into `folder` and returns their names. `seconds` is the run's
+    /// duration so far.
     ///
-    /// The `.png` of the compensation holds the pattern itself (sRGB, to be read back as such); those of target,
-    /// observed and uncompensated photo are developed alike.
+    /// The `.png` of the compensation holds the pattern itself (sRGB, readable as a pattern). The `.png` files of the target, the
+    /// observed and the uncompensated photo share one exposure.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
@@ -92,7 +92,7 @@ impl CompensationRun<'_> {
         Ok(files.names)
     }
 
-    /// How it ended, in one or two sentences.
+    /// The result in one or two sentences.
     pub fn sentence(&self) -> String {
         let found = self.found;
         let mut text = format!(
@@ -160,7 +160,7 @@ impl CompensationRun<'_> {
             text: "Photos are developed alike. Errors are of all channels together.".into(),
             blocks: vec![Block::Figures(figures), figures::similarity(self)],
         }];
-        // A model of the light answers without a photo.
+        // A run that is answered by a model has no photos, hence no convergence history.
         if !found.history.is_empty() {
             sections.push(figures::convergence(self));
         }
@@ -184,10 +184,10 @@ impl CompensationRun<'_> {
     }
 }
 
-/// What the photos of a compensation are.
+/// Explains the order of the photos.
 const ORDER: &str = "White comes first, then those that measure a preconditioner, if any, then those of the method; those that only show or compare (the result, the uncompensated target, other methods) come last.";
 
-/// Pixel by pixel, the mean over the channels of `a − b`.
+/// The mean of `a − b` over the channels, for each pixel.
 fn difference(a: &Image, b: &Image) -> Vec<f64> {
     let channels = a.channels();
     let pixels = a.samples().chunks_exact(channels).zip(b.samples().chunks_exact(channels));

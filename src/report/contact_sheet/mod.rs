@@ -1,5 +1,4 @@
-//! Every photo of a run in the order in which they were taken, each pattern above its photo, as the paper's Figs. 9 and 10 show
-//! them.
+//! Contact sheet: every photo of a run in order, each below its pattern, as in Figs. 9 and 10 of the paper.
 
 mod sheet;
 mod thumb;
@@ -9,31 +8,31 @@ use crate::error::Result;
 use crate::image::Resolution;
 use thumb::Thumb;
 
-/// A page shows so many photos at most; of longer runs the first.
+/// Maximum number of photos on a page; longer runs show the first ones.
 pub const LONGEST: usize = 512;
 
-/// Photos kept as small pictures, as they come.
+/// A run's patterns and photos, kept as small pictures while they are taken.
 #[derive(Clone, Debug)]
 pub struct ContactSheet {
-    /// Pixels of patterns and of photos.
+    /// Resolutions of patterns and of photos.
     sizes: [Resolution; 2],
     channels: usize,
-    /// How many photos each channel has.
+    /// Number of photos of each channel.
     counts: Vec<usize>,
     shots: Vec<[Thumb; 2]>,
 }
 
 impl ContactSheet {
-    /// An empty strip of photos in so many channels, one or three; `[patterns, photos]` are their pixels.
+    /// An empty contact sheet for `channels` (one or three) channels; `sizes` are the resolutions `[patterns, photos]`.
     pub fn new(sizes: [Resolution; 2], channels: usize) -> Self {
         Self { sizes, channels: channels.max(1), counts: vec![0; channels.max(1)], shots: Vec::new() }
     }
 
-    /// Keeps what a channel was asked, and what it answered; either may be signed. The `k`-th of each channel together make the
-    /// `k`-th photo, since one colour photo is a product with each. If `dual`, the pattern is on the camera's side.
+    /// Adds a channel's pattern and photo; either may be signed. The `k`-th photos of all channels form the `k`-th colour photo.
+    /// `dual` says that the pattern is on the camera's side (a product with the transpose).
     ///
     /// # Errors
-    /// [`crate::Error::Dimension`] when there are not as many values as pixels.
+    /// [`crate::Error::Dimension`] when the number of values differs from the number of pixels.
     pub fn push(&mut self, channel: usize, pattern: &[f64], photo: &[f64], dual: bool) -> Result<()> {
         let channel = channel.min(self.channels - 1);
         let index = self.counts[channel];
@@ -52,17 +51,17 @@ impl ContactSheet {
         Ok(())
     }
 
-    /// Photos so far, those among them that a page would leave out.
+    /// Number of photos so far, including those beyond [`LONGEST`].
     pub fn len(&self) -> usize {
         self.counts.iter().copied().max().unwrap_or(0)
     }
 
-    /// Whether there is none.
+    /// Whether there are no photos yet.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// All pictures on one sheet. Each is exposed for itself; below each photo stands what its brightest colour is.
+    /// All pictures on one sheet, each with its own exposure; each photo's label gives the value of its brightest colour.
     ///
     /// # Errors
     /// [`crate::Error::Dimension`] when there is no photo.
@@ -70,7 +69,7 @@ impl ContactSheet {
         sheet::sheet(&self.shots)
     }
 
-    /// The part of a page that shows it; none without a photo. `unit` is that of the photos, `order` says what came when.
+    /// The page section with the sheet; `None` without photos. `unit` is the photos' unit, `order` explains their order.
     ///
     /// # Errors
     /// As [`ContactSheet::sheet`].
@@ -96,5 +95,5 @@ impl ContactSheet {
     }
 }
 
-/// What colours mean in a picture with negative values.
+/// Explains the colours of a picture with negative values.
 pub const SIGNED: &str = "What is negative is blue, what is positive red: a rig shows such a pattern by photos of patterns that are not negative.";

@@ -1,4 +1,4 @@
-//! Many small pictures in one PNG file: a page of hundreds of photos stays small, and a browser decodes one image.
+//! Many small pictures in one PNG file: a page with hundreds of photos stays small, and a browser decodes one image.
 
 use rayon::prelude::*;
 
@@ -8,13 +8,13 @@ use crate::image::Resolution;
 use crate::io::raster::Raster;
 use crate::report::html::{Frame, Sheet, brief};
 
-/// Frames in a row of the sheet.
+/// Number of frames in a row of the sheet.
 const ROW: usize = 16;
 
-/// So many pictures are as large as they come; of more, each side is halved.
+/// Maximum number of photos that are shown at full thumbnail size; with more photos each side is halved.
 const LARGE: usize = 128;
 
-/// Paints photos, of a run of any length.
+/// Paints all photos onto one sheet.
 pub(super) fn sheet(shots: &[[Thumb; 2]]) -> Result<Sheet> {
     let side = if shots.len() > LARGE { SIDE / 2 } else { SIDE };
     let paint = |shot: &[Thumb; 2]| {

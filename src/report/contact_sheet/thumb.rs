@@ -1,4 +1,4 @@
-//! A small picture of light, or of signed values.
+//! Thumbnails of light or of signed values.
 
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
@@ -7,10 +7,10 @@ use crate::io::tone::{develop, exposure};
 use crate::report::colormap::{paint_signed, robust_range};
 use crate::report::planes::mean;
 
-/// Pixels of a side at most.
+/// Maximum side of a thumbnail, in pixels.
 pub(super) const SIDE: usize = 64;
 
-/// Planes of values, one for each channel, of a picture made smaller by averaging squares.
+/// A thumbnail: one plane of values per channel, reduced by averaging square blocks of pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Thumb {
     pub(super) size: Resolution,
@@ -18,13 +18,13 @@ pub(super) struct Thumb {
 }
 
 impl Thumb {
-    /// What nobody has set is black.
+    /// A black thumbnail; channels that are not set stay black.
     pub(super) fn black(size: Resolution, channels: usize) -> Self {
         let size = reduced(size, factor(size, SIDE));
         Self { size, planes: vec![vec![0.0; size.pixels()]; channels] }
     }
 
-    /// Sets a channel from a plane of this size.
+    /// Sets a channel from a full-size plane.
     pub(super) fn set(&mut self, channel: usize, size: Resolution, values: &[f64]) -> Result<()> {
         if values.len() != size.pixels() {
             return Err(Error::Dimension {
@@ -37,7 +37,7 @@ impl Thumb {
         Ok(())
     }
 
-    /// The same, made smaller still.
+    /// The thumbnail reduced to at most `side` pixels per side.
     pub(super) fn within(&self, side: usize) -> Self {
         let factor = factor(self.size, side);
         Self {
@@ -46,7 +46,7 @@ impl Thumb {
         }
     }
 
-    /// Light as the eye sees it; where there are negative values, the signed scale. And what the end of the scale stands for.
+    /// The picture and the value of its brightest colour: developed light, or the signed colour map if any value is negative.
     pub(super) fn paint(&self) -> Result<(Raster, f64)> {
         if self.planes.iter().flatten().any(|&value| value < 0.0) {
             let values = mean(&self.planes);
@@ -59,7 +59,7 @@ impl Thumb {
     }
 }
 
-/// How many pixels of a side become one.
+/// Number of source pixels per side of one thumbnail pixel.
 fn factor(size: Resolution, side: usize) -> usize {
     size.width.max(size.height).div_ceil(side).max(1)
 }
@@ -68,7 +68,7 @@ fn reduced(size: Resolution, factor: usize) -> Resolution {
     Resolution::new(size.width.div_ceil(factor), size.height.div_ceil(factor))
 }
 
-/// Means of squares of `factor` pixels a side, of what there is of them at the right and lower edge.
+/// Means of blocks of `factor × factor` pixels; blocks at the right and lower edge may be smaller.
 fn averaged(size: Resolution, factor: usize, values: &[f64]) -> Vec<f64> {
     if factor == 1 {
         return values.to_vec();

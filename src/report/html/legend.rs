@@ -1,23 +1,23 @@
-//! What the colours of a picture mean.
+//! Legends: the meaning of a picture's colours.
 
 use crate::io::srgb;
 use crate::report::{colormap, palette};
 
-/// What the colours of a figure mean.
+/// The legend of a figure.
 #[derive(Clone, Debug, Default)]
 pub enum Legend {
-    /// They need no explanation.
+    /// No legend.
     #[default]
     None,
-    /// Colours with names.
+    /// Named colours.
     Swatches(Vec<Swatch>),
     /// A continuous scale.
     Scale {
-        /// The colours from left to right.
+        /// Colours from left to right.
         colors: Vec<[u8; 3]>,
-        /// Numbers below it, from left to right.
+        /// Numbers below the colours, from left to right.
         labels: Vec<String>,
-        /// What they are in; empty for what has no unit, such as entries of a vector of norm 1.
+        /// Unit of the numbers; empty for dimensionless values, such as the entries of a unit vector.
         unit: String,
     },
 }
@@ -25,14 +25,14 @@ pub enum Legend {
 /// A colour and its name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Swatch {
-    /// sRGB.
+    /// The colour, sRGB.
     pub color: [u8; 3],
-    /// What it stands for.
+    /// The meaning of the colour.
     pub text: String,
 }
 
 impl Legend {
-    /// The groups of a label image with their share of its pixels: `group 1: 34 %`. Masked pixels come last.
+    /// The groups of a label image with their shares of the pixels: `group 1: 34 %`. Masked pixels come last.
     pub fn of_labels(labels: &[u8]) -> Self {
         let mut counts = [0_usize; 256];
         for &label in labels {
@@ -49,27 +49,27 @@ impl Legend {
         Self::Swatches((0..=255).zip(counts).filter(|&(_, count)| count > 0).map(swatch).collect())
     }
 
-    /// The scale of [`colormap::paint_signed`], −`range` to `range`.
+    /// The colour scale of [`colormap::paint_signed`], −`range` to `range`.
     pub fn signed(range: f64) -> Self {
         let colors = (-8..=8).map(|step| colormap::signed_color(f64::from(step) / 8.0)).collect();
         let end = brief(range);
         Self::Scale { colors, labels: vec![format!("\u{2212}{end}"), "0".into(), end], unit: String::new() }
     }
 
-    /// The scale of [`develop`](crate::io::tone::develop) for gray light, 0 to `white`.
+    /// The gray scale of [`develop`](crate::io::tone::develop), 0 to `white`.
     pub fn light(white: f64) -> Self {
         let gray = |step: i32| [srgb::encode_srgb(step as f32 / 16.0); 3];
         let labels = vec!["0".into(), brief(white)];
         Self::Scale { colors: (0..=16).map(gray).collect(), labels, unit: String::new() }
     }
 
-    /// The scale of [`colormap::paint_sequential`], `low` to `high`.
+    /// The colour scale of [`colormap::paint_sequential`], `low` to `high`.
     pub fn sequential(low: f64, high: f64) -> Self {
         let colors = (0..=16).map(|step| colormap::sequential_color(f64::from(step) / 16.0)).collect();
         Self::Scale { colors, labels: vec![brief(low), brief(high)], unit: String::new() }
     }
 
-    /// The same scale with its unit; what is no scale has none.
+    /// The same scale with a unit; legends that are no scale are unchanged.
     #[must_use]
     pub fn with_unit(self, of: &str) -> Self {
         match self {
@@ -79,7 +79,7 @@ impl Legend {
     }
 }
 
-/// `34 %`, and more digits where these would be lost.
+/// A percentage such as `34 %`, with more digits where rounding would hide a difference from 0 or 100 %.
 fn percent(fraction: f64) -> String {
     match 100.0 * fraction {
         percent if (99.5..100.0).contains(&percent) => format!("{percent:.1}\u{202f}%"),
@@ -89,7 +89,7 @@ fn percent(fraction: f64) -> String {
     }
 }
 
-/// A number for a legend: three significant digits.
+/// A number for a legend, with three significant digits.
 pub(in crate::report) fn brief(value: f64) -> String {
     let text = match value.abs() {
         0.0 => "0".into(),

@@ -1,5 +1,5 @@
-//! `report.html`: one self-contained page with what a run found. Nothing is fetched from elsewhere; a small script enlarges
-//! pictures and reads pixels out, and without it all is there to be read.
+//! `report.html`: one self-contained page with the results of a run. The page loads nothing from elsewhere. A small script zooms
+//! pictures and reads out pixels; everything else works without it.
 
 mod legend;
 mod sheet;
@@ -16,132 +16,132 @@ pub(super) use legend::brief;
 pub use legend::{Legend, Swatch};
 pub use sheet::{Frame, Sheet};
 
-/// A page. All text is plain and is escaped.
+/// A page. All text is plain text and is escaped.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// What was run on what, e.g. `segment · two rooms`.
+    /// The command and its subject, e.g. `segment · two rooms`.
     pub title: String,
-    /// The answer in a sentence.
+    /// The result in one sentence.
     pub verdict: Verdict,
-    /// Names and values of what the reader should know first: photos, size, seed, time.
+    /// Names and values of the run's main facts: photos, size, seed, time.
     pub facts: Vec<(String, String)>,
     /// The body.
     pub sections: Vec<Section>,
-    /// Below everything, e.g. the command line that makes the same page again.
+    /// Text at the end, e.g. the command line that produces the same page again.
     pub footer: String,
 }
 
-/// The answer in a sentence, and whether it is good enough.
+/// The result in one sentence, and whether it is good enough.
 #[derive(Clone, Debug, Default)]
 pub struct Verdict {
-    /// How it is marked.
+    /// Selects how the sentence is marked.
     pub outcome: Outcome,
-    /// A sentence.
+    /// The sentence.
     pub sentence: String,
 }
 
-/// How good an answer is; the exit status says the same.
+/// How good a result is; the exit status says the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outcome {
-    /// As good as was asked for.
+    /// As good as requested.
     #[default]
     Good,
-    /// Done, but not good enough.
+    /// Completed, but not good enough.
     Short,
-    /// Not done.
+    /// Not completed.
     Failed,
 }
 
-/// A part of the page with its heading.
+/// A section of the page.
 #[derive(Clone, Debug, Default)]
 pub struct Section {
     /// The heading.
     pub title: String,
-    /// A paragraph below it; may be empty.
+    /// A paragraph below the heading; may be empty.
     pub text: String,
     /// Pictures, plots and tables.
     pub blocks: Vec<Block>,
 }
 
-/// What stands in a section.
+/// A block of a section.
 #[derive(Clone, Debug)]
 pub enum Block {
-    /// Pictures side by side.
+    /// Pictures beside one another.
     Figures(Vec<Figure>),
-    /// One plot over the whole width.
+    /// One plot over the full width.
     Plot {
-        /// An SVG document, as [`plot`](super::plot) makes them. It is embedded as it is: never pass foreign text.
+        /// An SVG document, as made by [`plot`](super::plot). It is embedded unescaped: never pass text from elsewhere.
         svg: String,
-        /// Below it; may be empty.
+        /// Text below the plot; may be empty.
         caption: String,
     },
-    /// A table; columns of numbers are aligned to the right.
+    /// A table; columns of numbers are right-aligned.
     Table {
-        /// One per column.
+        /// One header per column.
         headers: Vec<String>,
         /// Cells, row by row.
         rows: Vec<Vec<String>>,
-        /// Above it; may be empty.
+        /// Text above the table; may be empty.
         caption: String,
     },
-    /// What somebody says, beside what was measured.
+    /// A statement from the literature beside our measurements.
     Claim {
-        /// Who, and what.
+        /// The source and the statement.
         statement: [String; 2],
-        /// What was measured, by whom or what.
+        /// Our measurements.
         measured: Vec<Measured>,
     },
     /// Many small pictures in order.
     ContactSheet {
-        /// Above them; may be empty.
+        /// Text above the pictures; may be empty.
         caption: String,
-        /// All of them.
+        /// The pictures.
         sheet: Sheet,
     },
 }
 
-/// Numbers beside a statement.
+/// Measured numbers beside a statement.
 #[derive(Clone, Debug, Default)]
 pub struct Measured {
-    /// By whom or what.
+    /// Which rig or method measured.
     pub title: String,
     /// How it was measured.
     pub text: String,
-    /// Whether they are what was said, in a word or two.
+    /// Whether the numbers confirm the statement, in a word or two.
     pub verdict: Verdict,
-    /// One after the other.
+    /// The numbers in order.
     pub numbers: Vec<Number>,
 }
 
-/// A number with what it has to be.
+/// A measured number with its bound.
 #[derive(Clone, Debug, Default)]
 pub struct Number {
-    /// What it is, with its unit.
+    /// Quantity and unit.
     pub what: String,
-    /// The number.
+    /// The value, formatted.
     pub value: String,
-    /// What it has to be, and by how much it is not; empty where it is only stated.
+    /// The bound and by how much the value misses it; empty if the value has no bound.
     pub wanted: String,
-    /// How good it is; `None` where it is only stated.
+    /// Whether the value meets the bound; `None` if it has no bound.
     pub outcome: Option<Outcome>,
 }
 
-/// A picture, shown without smoothing so that small ones keep their pixels.
+/// A picture, shown without interpolation so that small pictures keep sharp pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
-    /// A PNG file's bytes.
+    /// Bytes of a PNG file.
     pub png: Vec<u8>,
-    /// Below it.
+    /// Text below the picture.
     pub caption: String,
-    /// What its colours mean.
+    /// The meaning of its colours.
     pub legend: Legend,
 }
 
 impl Report {
-    /// The page's text. The same report gives the same bytes.
+    /// The page's HTML. Equal reports give equal bytes.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the template refuses to be filled.
+    /// [`Error::Numerical`] if the template cannot be rendered.
     pub fn render(&self) -> Result<String> {
         Page { report: self }
             .render()
@@ -176,7 +176,7 @@ impl Page<'_> {
         number.outcome.as_ref().map_or("stated", |outcome| self.outcome(outcome))
     }
 
-    /// Zoom and pixel read-out: what the page does not depend on.
+    /// Zoom and pixel read-out; the page also works without this script.
     fn script(&self) -> &'static str {
         include_str!("../report.js")
     }
@@ -185,20 +185,20 @@ impl Page<'_> {
         STANDARD.encode(png)
     }
 
-    /// Within HTML the namespace is understood, and the page then names no address at all.
+    /// Inline SVG in HTML needs no namespace; without it the page contains no URL at all.
     fn inline(&self, svg: &str) -> String {
         svg.replacen(r#" xmlns="http://www.w3.org/2000/svg""#, "", 1)
     }
 
-    /// The class of a column: whether every cell in it is a number or empty, with at least one number.
+    /// CSS class of a column: `number` if every cell is a number or empty, and at least one is a number.
     fn column(&self, rows: &[Vec<String>], column: usize) -> &'static str {
         let mut cells =
             rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();
         if cells.peek().is_some() && cells.all(|cell| is_number(cell)) { "number" } else { "" }
     }
 
-    /// Whether a table needs more width than a phone has: about 350 pixels, at 7 a letter and 12 between columns. Texts are broken,
-    /// but not into less than 14 letters a line, nor within a word.
+    /// Whether a table is wider than a phone's 350 pixels, at 7 pixels per letter and 12 between columns. Text wraps between
+    /// words, to lines of at least 14 letters.
     fn is_wide(&self, headers: &[String], rows: &[Vec<String>]) -> bool {
         let length = |text: &str| text.chars().count();
         let column = |index: usize| {
@@ -228,7 +228,7 @@ impl Page<'_> {
     }
 }
 
-/// Whether a cell reads as a number: `12`, `−0.5`, `3.1e-4`, `97.3 %`, `1.2 s`, `–` (none).
+/// Whether a cell is a number: `12`, `−0.5`, `3.1e-4`, `97.3 %`, `1.2 s`, `–` (none).
 fn is_number(cell: &str) -> bool {
     let normal = cell.trim().replace('\u{2212}', "-");
     let first = normal.split_whitespace().next().unwrap_or_default().trim_end_matches('%');

@@ -1,25 +1,25 @@
 //! Many pictures in one file.
 
-/// Pictures on one sheet, and where each of them lies.
+/// Pictures on one sheet and the position of each.
 #[derive(Clone, Debug, Default)]
 pub struct Sheet {
-    /// A PNG file's bytes.
+    /// Bytes of a PNG file.
     pub png: Vec<u8>,
-    /// Its pixels.
+    /// Width in pixels.
     pub width: usize,
-    /// Its pixels.
+    /// Height in pixels.
     pub height: usize,
-    /// In order.
+    /// The frames in order.
     pub frames: Vec<Frame>,
 }
 
-/// A pattern above its photo.
+/// One frame: a pattern above its photo.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Frame {
-    /// Left, top, width and height on the sheet, and what it shows, in words.
+    /// Left, top, width and height of each picture on the sheet, and its description.
     pub pictures: Vec<([usize; 4], String)>,
-    /// The photo's number, from 1.
+    /// Number of the photo, from 1.
     pub number: usize,
-    /// What its brightest colour stands for.
+    /// What the photo's brightest colour stands for.
     pub range: String,
 }

@@ -1,4 +1,4 @@
-//! How the errors of a model fall as photos are taken.
+//! Error curves of a low-rank model over the number of photos.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ use crate::report::plot::{LinePlot, Series};
 use crate::report::run::Files;
 
 impl RelightingRun<'_> {
-    /// The relit photos' errors after each photo.
+    /// Error of each relit photo after each photo of the capture.
     pub(super) fn errors_by_rank(&self, files: &mut Files<'_>) -> Result<Block> {
         let known: Vec<(usize, &Relit)> =
             self.relit.iter().enumerate().filter(|(_, relit)| relit.errors.len() > 1).collect();
@@ -46,7 +46,7 @@ impl RelightingRun<'_> {
         Ok(Block::Plot { svg: plot.render(), caption: caption.into() })
     }
 
-    /// The matrix's error after each photo.
+    /// Error of the model matrix after each photo.
     pub(super) fn curve_section(&self, files: &mut Files<'_>) -> Result<Section> {
         let mut csv = "photos,error,one_sided_error,optimal_error\n".to_owned();
         for row in self.curve {
@@ -96,7 +96,7 @@ impl RelightingRun<'_> {
     }
 }
 
-/// A file's name without its folders.
+/// The file name without its folders.
 fn short(name: &str) -> &str {
     name.rsplit('/').next().unwrap_or(name)
 }

@@ -1,4 +1,4 @@
-//! The files and the page of low-rank relighting.
+//! Files and report page of low-rank relighting.
 
 mod curves;
 
@@ -18,34 +18,34 @@ use crate::io::tone::exposure;
 use crate::io::{atomic, picture};
 use crate::measure::RunManifest;
 
-/// What a low-rank model answered, with what belongs beside it.
+/// Results of a low-rank model and the context that their report needs.
 #[derive(Clone, Debug)]
 pub struct RelightingRun<'a> {
     /// The page's title.
     pub title: String,
-    /// Photos that this run took.
+    /// Number of photos that this run took.
     pub photos: usize,
-    /// Photos that the model was captured from.
+    /// Number of photos that the model was captured from.
     pub rank: usize,
-    /// What the values are in.
+    /// Unit of the values.
     pub unit: &'a str,
-    /// Patterns relit.
+    /// Relit photos.
     pub relit: &'a [Relit],
-    /// Dual photographs: the scene as the projector would see it, lit from the camera.
+    /// Dual photographs: the scene from the projector's viewpoint, lit from the camera.
     pub duals: &'a [Dual],
-    /// Photos without their interreflections.
+    /// Photos with their interreflections removed.
     pub reduced: &'a [Reduced],
-    /// The model's error against the true matrix for each rank; empty where that is not known.
+    /// Error of the model against the true matrix for each rank; empty if the true matrix is unknown.
     pub curve: &'a [RankRow],
-    /// Whether it is as good as was asked for.
+    /// Whether the result meets the requested accuracy.
     pub good: bool,
-    /// Every photo of the capture in order; none where a model that was there answered.
+    /// Contact sheet of the capture; `None` if the model already existed.
     pub strip: Option<&'a ContactSheet>,
 }
 
 impl RelightingRun<'_> {
-    /// Writes images, `error-curve.csv`, `relighting-errors.csv` and `report.html` into `folder`; `seconds` is what the run took so
-    /// far. Returns the files' names. Relit and true photos are developed alike.
+    /// Writes images, `error-curve.csv`, `relighting-errors.csv` and `report.html` into `folder` and returns their names.
+    /// `seconds` is the run's duration so far. Relit and true photos share one exposure.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
@@ -79,7 +79,7 @@ impl RelightingRun<'_> {
         Ok(files.names)
     }
 
-    /// How it ended, in a sentence or two.
+    /// The result in one or two sentences.
     pub fn sentence(&self) -> String {
         let count = match self.relit.len() {
             1 => "1 pattern".to_owned(),
@@ -107,7 +107,7 @@ impl RelightingRun<'_> {
         text
     }
 
-    /// The greatest error of all relit photos, where it is known.
+    /// The largest error of all relit photos; `None` if no true photo is known.
     pub fn worst(&self) -> Option<f64> {
         self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
     }
@@ -193,7 +193,7 @@ impl RelightingRun<'_> {
         figure::signed(found.resolution(), &error, robust_range(&error, None), self.unit, caption)
     }
 
-    /// Writes an image in all three formats, developed by `scale` for people.
+    /// Writes an image in all three formats; `scale` is the exposure of the `.png`.
     fn image(
         &self,
         files: &mut Files<'_>,
@@ -211,5 +211,5 @@ impl RelightingRun<'_> {
     }
 }
 
-/// What the photos of a capture are.
+/// Explains the order of the photos.
 const ORDER: &str = "White and smooth random patterns come first, then photos that are projected back. Direct light, which is kept apart, is not in them.";

@@ -1,4 +1,4 @@
-//! Groups lit alone, and the light that they exchange.
+//! Photos of single groups that are lit alone, and the light that the groups exchange.
 
 use super::SegmentationRun;
 use crate::analysis::Evidence;

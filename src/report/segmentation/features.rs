@@ -1,4 +1,4 @@
-//! Pixels as points in the space of eigenvectors: where chosen ones lie, and how far from one another.
+//! Pixels as points in the space of eigenvectors: coordinates of chosen pixels and the distances between them.
 
 use std::fmt::Write;
 
@@ -8,7 +8,7 @@ use crate::report::html::{Block, Section};
 use crate::report::palette::{MASKED as GRAY, label_color};
 use crate::report::scatter::ScatterPlot;
 
-/// Points in a plot, at most: more would hide one another, and make the page large.
+/// Maximum number of points in a plot: more would overlap and enlarge the page.
 const POINTS: usize = 2500;
 
 /// The names of chosen pixels: A, B, …, Z, AA, …
@@ -24,7 +24,7 @@ fn name(mut index: usize) -> String {
     }
 }
 
-/// Coordinates of the chosen pixels.
+/// Content of `features.csv`: the coordinates of the chosen pixels.
 pub(super) fn csv(view: &FeatureView) -> String {
     let count = view.coordinates.first().map_or(0, Vec::len);
     let mut text = String::from("pixel,x,y");
@@ -53,7 +53,7 @@ pub(super) fn section(run: &SegmentationRun<'_>, view: &FeatureView) -> Section 
     }
 }
 
-/// The plane of two eigenvectors, counted from the second.
+/// Scatter plot over two eigenvectors; index 0 is the second eigenvector.
 fn scatter(run: &SegmentationRun<'_>, view: &FeatureView, [x, y]: [usize; 2]) -> Option<Block> {
     let found = run.segmentation;
     let coordinate = |axis: usize, pixel: usize| -> Option<f64> {
@@ -62,7 +62,7 @@ fn scatter(run: &SegmentationRun<'_>, view: &FeatureView, [x, y]: [usize; 2]) ->
     coordinate(y, 0)?;
     let (groups, labels) = found.labels.first()?;
     let shown: Vec<usize> = (0..labels.len()).filter(|&pixel| !found.mask[pixel]).collect();
-    // Neither a row nor a column: a stride that shares no factor with the width goes through all of them.
+    // A fixed stride over the shown pixels; unless it shares a factor with the width, it visits all columns.
     let stride = shown.len().div_ceil(POINTS);
     let points = shown.iter().step_by(stride.max(1)).filter_map(|&pixel| {
         let color = if labels[pixel] == MASKED { GRAY } else { label_color(labels[pixel]) };

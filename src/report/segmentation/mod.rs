@@ -1,4 +1,4 @@
-//! The files and the page of a light transport segmentation.
+//! Files and report page of a light transport segmentation.
 
 mod evidence;
 mod features;
@@ -18,42 +18,42 @@ use crate::io::tone::exposure;
 use crate::io::{exr, npy, picture};
 use crate::measure::RunManifest;
 
-/// A finished segmentation with what belongs beside it.
+/// A finished segmentation and the context that its report needs.
 #[derive(Clone, Debug)]
 pub struct SegmentationRun<'a> {
     /// The page's title.
     pub title: String,
     /// The result.
     pub segmentation: &'a Segmentation,
-    /// Its pixels.
+    /// Resolution of the segmentation.
     pub resolution: Resolution,
     /// The photo under a white pattern.
     pub white: &'a Image,
-    /// True labels, where the scene has them.
+    /// True labels, if the scene has them.
     pub truth: Option<&'a Truth>,
-    /// Adjusted Rand index for each number of groups; empty without truth.
+    /// Adjusted Rand index for each number of groups; empty without true labels.
     pub scores: &'a [(usize, f64)],
-    /// What else was asked for.
+    /// Optional results.
     pub extras: SegmentationExtras<'a>,
-    /// What photos are in.
+    /// Unit of the photos' values.
     pub unit: &'a str,
-    /// Every photo in order.
+    /// Contact sheet of all photos.
     pub strip: &'a ContactSheet,
 }
 
-/// What else was asked for; by default nothing.
+/// Optional results; empty by default.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SegmentationExtras<'a> {
-    /// Direct light that was measured by photos, and is not in the graph.
+    /// Direct light that was measured by photos and excluded from the graph.
     pub direct: Option<&'a Separation>,
     /// Chosen pixels in the space of eigenvectors.
     pub features: Option<&'a FeatureView>,
-    /// The photos of groups lit alone, for some of the numbers of groups.
+    /// Photos of each group lit alone, for some of the numbers of groups.
     pub evidence: &'a [Evidence],
 }
 
 impl SegmentationExtras<'_> {
-    /// Photos taken for them.
+    /// Number of photos taken for the optional results.
     pub fn photos(&self) -> usize {
         let evidence: usize = self.evidence.iter().map(|of| of.photos.len()).sum();
         evidence + self.direct.map_or(0, |direct| direct.photos)
@@ -61,7 +61,7 @@ impl SegmentationExtras<'_> {
 }
 
 impl SegmentationRun<'_> {
-    /// Writes arrays, pictures and `report.html` into `folder`; `seconds` is what the run took so far. Returns the files' names.
+    /// Writes arrays, pictures and `report.html` into `folder` and returns their names. `seconds` is the run's duration so far.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
@@ -177,7 +177,7 @@ impl SegmentationRun<'_> {
             text: format!("{}. From these eigenvalues {}.", found.status, found.regions.sentence()),
             blocks: vec![
                 spectrum::stems(&found.eigenvalues, &found.residuals, "Eigenvalues; bars are residual norms. As many at one as there are regions that exchange no light."),
-                // The known first pair has no history.
+                // The first pair is known in advance and has no history.
                 spectrum::convergence(&found.history, 2),
                 spectrum::table(&found.eigenvalues, &found.residuals, &self.local()),
             ],
@@ -200,7 +200,7 @@ impl SegmentationRun<'_> {
         })
     }
 
-    /// A column that marks eigenvectors of a few pixels alone, where there are any.
+    /// A table column that marks localized eigenvectors; empty if there are none.
     fn local(&self) -> Vec<(&'static str, Vec<String>)> {
         let embedding = &self.segmentation.embedding;
         let mark = |index| if embedding.is_local(index) { "a few pixels alone" } else { "regions" };
@@ -223,17 +223,17 @@ impl SegmentationRun<'_> {
     }
 }
 
-/// The colour and the name of each region that some pixel sees.
+/// Colour and name of each region that some pixel sees.
 fn swatches(truth: &Truth) -> Vec<Swatch> {
     let seen = |region: &u8| truth.labels.contains(region);
     let name = |region: u8| truth.regions.get(usize::from(region)).cloned().unwrap_or_default();
     (0..MASKED).filter(seen).map(|region| Swatch { color: label_color(region), text: name(region) }).collect()
 }
 
-/// What the photos of a segmentation are.
+/// Explains the order of the photos.
 const ORDER: &str = "Those of direct light come first, where it was measured; then white, which is what each pixel gets from all others; then those of the Krylov process, and of groups lit alone.";
 
-/// Every picture of the run, by its file's name.
+/// All pictures of the run with their file names.
 struct Pictures {
     white: Figure,
     truth: Option<Figure>,

@@ -1,7 +1,7 @@
-//! Images in the viewer tev, while they come.
+//! Live images in the image viewer tev.
 //!
-//! A thread of its own talks to the viewer, so that whoever takes photos never waits for it: of what it has not sent yet, only the
-//! newest of each image and channel is kept. A viewer that is not there, or goes away, is a warning, once.
+//! A background thread sends the images, so that the capture never waits. Of each image and channel it keeps only the newest
+//! unsent version. A viewer that is missing or disconnects causes one warning.
 
 pub mod packet;
 
@@ -13,31 +13,31 @@ use std::time::{Duration, Instant};
 
 use crate::image::Resolution;
 
-/// How long a viewer may take to answer, or to accept what is sent, before it counts as gone.
+/// Time limit for the viewer to answer or to accept data; then it counts as disconnected.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// How long the end of a run waits for the last image to be sent.
+/// Time limit for sending the remaining images at the end of a run.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// Images and channels that may wait; with more, the oldest is left out.
+/// Maximum number of unsent planes; with more, the oldest is dropped.
 const WAITING: usize = 16;
 
-/// A channel of an image.
+/// One channel of an image.
 #[derive(Clone, Debug)]
 pub struct Plane {
     /// The image's name.
     pub name: String,
-    /// Its pixels.
+    /// The image's resolution.
     pub size: Resolution,
-    /// The names of all its channels.
+    /// Names of all channels of the image.
     pub channels: &'static [&'static str],
-    /// Which of them this is.
+    /// Index of this channel.
     pub channel: usize,
-    /// As many values as pixels, row by row from the top left.
+    /// One value per pixel, row by row from the top left.
     pub values: Vec<f32>,
 }
 
-/// A connection to the viewer, made in the background. Dropped, it sends what still waits, for a second at most.
+/// A background connection to the viewer. Dropping it sends what is still queued, for at most one second.
 pub struct Viewer(Arc<Shared>);
 
 #[derive(Default)]
@@ -49,14 +49,14 @@ struct Shared {
 #[derive(Default)]
 struct Queue {
     waiting: VecDeque<Plane>,
-    /// Nothing more will come.
+    /// No more planes will be added.
     closed: bool,
-    /// Nobody sends any more.
+    /// The sending thread has ended.
     ended: bool,
 }
 
 impl Viewer {
-    /// Talks to the viewer at `address`, `HOST:PORT`. `warn` is told, once, that it is not there or has gone.
+    /// Connects to the viewer at `address` (`HOST:PORT`). `warn` is called at most once, when the connection fails.
     pub fn new(address: &str, warn: impl FnOnce(&io::Error) + Send + 'static) -> Self {
         let shared = Arc::new(Shared::default());
         let (address, own) = (address.to_owned(), Arc::clone(&shared));
@@ -69,14 +69,14 @@ impl Viewer {
             queue.waiting.clear();
             own.changed.notify_all();
         };
-        // Without a thread there is no viewer; what it would have said is lost with it.
+        // Without a thread there is no viewer, and no warning either.
         if std::thread::Builder::new().name("viewer".into()).spawn(work).is_err() {
             shared.queue().ended = true;
         }
         Self(shared)
     }
 
-    /// Shows a channel of an image as soon as the viewer is ready for it. Never waits.
+    /// Queues a channel of an image for sending. Never waits.
     pub fn show(&self, plane: Plane) {
         let mut queue = self.0.queue();
         if queue.ended {
@@ -109,12 +109,12 @@ impl Drop for Viewer {
 }
 
 impl Shared {
-    /// Nothing that holds the lock can panic half-way through a change.
+    /// The lock may be poisoned safely: no code can panic in the middle of a change.
     fn queue(&self) -> MutexGuard<'_, Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The next plane; none when nothing more will come.
+    /// Waits for the next plane; `None` when no more will come.
     fn next(&self) -> Option<Plane> {
         let mut queue = self.queue();
         loop {
@@ -132,7 +132,7 @@ impl Shared {
         let mut known = BTreeSet::new();
         while let Some(plane) = self.next() {
             if known.insert(plane.name.clone()) {
-                // One that an earlier run left has other pixels, perhaps.
+                // An image of this name from an earlier run may have another resolution.
                 stream.write_all(&packet::close_image(&plane.name))?;
                 stream.write_all(&packet::create_image(&plane.name, plane.size, plane.channels))?;
             }
@@ -143,7 +143,7 @@ impl Shared {
     }
 }
 
-/// The first of the host's addresses that answers.
+/// Connects to the first address of the host that answers.
 fn connect(address: &str) -> io::Result<TcpStream> {
     let mut failure = io::Error::new(io::ErrorKind::NotFound, "the host has no address");
     for address in address.to_socket_addrs()? {

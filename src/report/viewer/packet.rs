@@ -1,14 +1,14 @@
-//! The packets of the image viewer tev, over TCP: a little-endian `u32` length that counts itself, a type, and fields. Texts end
-//! with a zero byte.
+//! TCP packets of the image viewer tev: a little-endian `u32` length that includes itself, a type, and fields. Strings end with a
+//! zero byte.
 
 use crate::image::Resolution;
 
 const CLOSE_IMAGE: u8 = 2;
 const CREATE_IMAGE: u8 = 4;
-/// The third form of `UpdateImage`: several channels, each with an offset and a stride.
+/// The third version of `UpdateImage`: several channels, each with an offset and a stride.
 const UPDATE_IMAGE: u8 = 6;
 
-/// A black image of this name in place of any that has it.
+/// Creates a black image and replaces any image of this name.
 pub fn create_image(name: &str, size: Resolution, channels: &[&str]) -> Vec<u8> {
     let mut packet = Packet::new(CREATE_IMAGE);
     packet.flag(false).text(name).int(size.width).int(size.height).int(channels.len());
@@ -18,18 +18,18 @@ pub fn create_image(name: &str, size: Resolution, channels: &[&str]) -> Vec<u8> 
     packet.finished()
 }
 
-/// All pixels of one channel, row by row from the top left.
+/// Sends all pixels of one channel, row by row from the top left.
 pub fn update_image(name: &str, size: Resolution, channel: &str, values: &[f32]) -> Vec<u8> {
     let mut packet = Packet::new(UPDATE_IMAGE);
     packet.flag(false).text(name).int(1).text(channel);
     packet.int(0).int(0).int(size.width).int(size.height);
-    // From the first value on, one after the other.
+    // Offset 0 and stride 1: consecutive values.
     packet.long(0).long(1);
     values.iter().for_each(|value| packet.0.extend(value.to_le_bytes()));
     packet.finished()
 }
 
-/// The image of this name goes.
+/// Closes the image of this name.
 pub fn close_image(name: &str) -> Vec<u8> {
     let mut packet = Packet::new(CLOSE_IMAGE);
     packet.text(name);
@@ -48,7 +48,7 @@ impl Packet {
         self
     }
 
-    /// A zero byte within it would end it early.
+    /// Zero bytes inside the string would end it early and are removed.
     fn text(&mut self, text: &str) -> &mut Self {
         self.0.extend(text.bytes().filter(|&byte| byte != 0));
         self.0.push(0);

@@ -1,9 +1,9 @@
-//! Checks of an `.obj` file, statement by statement, before `tobj` reads its geometry.
+//! Validation of an `.obj` file, statement by statement, before `tobj` reads its geometry.
 //!
-//! `tobj` names no lines in its errors, takes numbers that are not finite and indices that do not exist, makes up texture coordinates and
-//! normals for corners without any, and mixes up colours where only some vertices have one. What passes the check is handed to it as
-//! plain text that leaves nothing of this open: `v x y z r g b`, `vt u v`, `vn x y z` and `f`. Groups and materials are noted here,
-//! because `tobj` knows no material that is in no library.
+//! `tobj` reports errors without line numbers, accepts numbers that are not finite and indices that do not exist, invents texture
+//! coordinates and normals for corners without them, and mixes up colours if only some vertices have one. Therefore valid
+//! statements are rewritten as unambiguous text for `tobj`: `v x y z r g b`, `vt u v`, `vn x y z` and `f`. Groups and materials
+//! are recorded here, because `tobj` ignores materials that no library defines.
 
 use std::fmt::Write;
 
@@ -14,13 +14,13 @@ use crate::error::Result;
 use crate::scene::source::{Warnings, fault};
 use crate::scene::triangle::MAX_TRIANGLES;
 
-/// Kinds of statements that are named in warnings, at most.
+/// Maximum number of unknown statement kinds that warnings name.
 const MAX_UNKNOWN: usize = 16;
 
-/// What a corner refers to, in the order of its indices.
+/// What the indices of a corner refer to, in order.
 const ELEMENTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
-/// Faces one after the other in the same group and of the same material.
+/// Consecutive faces of the same group and material.
 #[derive(Clone, Copy)]
 pub(super) struct Run {
     pub faces: usize,
@@ -30,23 +30,23 @@ pub(super) struct Run {
     pub material: Option<u32>,
 }
 
-/// What the statements so far say.
+/// The content of the statements read so far.
 #[derive(Default)]
 pub(super) struct Checked {
-    /// The geometry, for `tobj`.
+    /// The geometry as plain text for `tobj`.
     pub plain: String,
-    /// Whether each corner refers to a texture coordinate and to a normal.
+    /// Whether each corner has a texture coordinate and a normal.
     pub given: Vec<[bool; 2]>,
     pub runs: Vec<Run>,
     /// Names of the groups that have faces.
     pub groups: IndexSet<String>,
-    /// Names of the materials that are asked for.
+    /// Names of the materials that faces use.
     pub materials: IndexSet<String>,
-    /// What follows each `mtllib`.
+    /// The arguments of each `mtllib`.
     pub libraries: IndexSet<String>,
     group: String,
     material: Option<u32>,
-    /// Elements of each kind so far.
+    /// Number of elements of each kind so far.
     counts: [usize; 3],
     triangles: usize,
     unknown: usize,
@@ -101,7 +101,7 @@ impl Checked {
         self.counts[kind] += 1;
         self.plain.push_str(keyword);
         for number in numbers {
-            // Writing to a string cannot fail, and a number is written with all its digits.
+            // Writing to a string cannot fail, and `{number}` keeps the exact value.
             let _ = write!(self.plain, " {number}");
         }
         self.plain.push('\n');
@@ -138,7 +138,7 @@ impl Checked {
         Ok(())
     }
 
-    /// Checks `v`, `v/vt`, `v//vn` or `v/vt/vn`: whether there is a texture coordinate, and a normal.
+    /// Checks a corner `v`, `v/vt`, `v//vn` or `v/vt/vn` and returns whether it has a texture coordinate and a normal.
     fn corner(&self, line: &Line<'_>, word: &str) -> Result<[bool; 2]> {
         let mut given = [false; 3];
         let mut indices = word.split('/');
@@ -157,12 +157,12 @@ impl Checked {
     }
 }
 
-/// Whether an index, which counts from 1 or backwards from −1, is one of `count` elements.
+/// Whether an index, counted from 1 or backwards from −1, refers to one of `count` elements.
 fn exists(index: &str, count: usize) -> bool {
     index.parse::<i64>().is_ok_and(|index| (1..=count as u64).contains(&index.unsigned_abs()))
 }
 
-/// The index of a name among those met, which it joins.
+/// The index of a name in `names`; a new name is added.
 fn index_of(names: &mut IndexSet<String>, name: &str) -> u32 {
     names.get_index_of(name).unwrap_or_else(|| names.insert_full(name.into()).0) as u32
 }

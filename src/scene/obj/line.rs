@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::scene::source::fault;
 
-/// One statement, continued lines joined.
+/// One statement, with continued lines joined.
 pub(super) struct Line<'a> {
     pub path: &'a Path,
     number: usize,
@@ -14,7 +14,7 @@ pub(super) struct Line<'a> {
     pub rest: &'a str,
 }
 
-/// Calls `each` with every statement of a file.
+/// Calls `each` for every statement of a file.
 pub(super) fn statements(
     path: &Path,
     text: &str,
@@ -47,12 +47,12 @@ impl Line<'_> {
         )
     }
 
-    /// The arguments up to a comment.
+    /// The arguments before a comment.
     pub(super) fn words(&self) -> impl Iterator<Item = &str> {
         self.rest.split_whitespace().take_while(|word| !word.starts_with('#'))
     }
 
-    /// The arguments, all of them finite numbers.
+    /// The arguments as finite numbers.
     pub(super) fn numbers(&self) -> Result<Vec<f32>> {
         self.words()
             .map(|word| match word.parse::<f32>() {
@@ -62,7 +62,7 @@ impl Line<'_> {
             .collect()
     }
 
-    /// The one argument.
+    /// The only argument, a finite number.
     pub(super) fn number(&self) -> Result<f32> {
         match self.numbers()?.as_slice() {
             [number] => Ok(*number),
@@ -71,7 +71,7 @@ impl Line<'_> {
     }
 }
 
-/// The beginning of a word, for a message of one line.
+/// The beginning of a word, short enough for a one-line message.
 pub(super) fn shortened(word: &str) -> String {
     match word.char_indices().nth(40) {
         Some((end, _)) => format!("{}…", &word[..end]),

@@ -1,4 +1,4 @@
-//! Pictures of `.mtl` materials: their options, and the opacity map that goes into the base colour's alpha.
+//! Textures of `.mtl` materials: map options, and the opacity map that becomes the base colour's alpha.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::scene::picture::{Picture, Pictures};
 use crate::scene::source::{self, ContentHash, fault};
 use crate::scene::{Texture, TextureRef, Wrap};
 
-/// The textures of the materials so far.
+/// The textures of the materials read so far.
 pub(super) struct Maps<'a> {
     scene: &'a Path,
     pub textures: Vec<Texture>,
@@ -18,7 +18,7 @@ pub(super) struct Maps<'a> {
     pictures: Pictures,
 }
 
-/// A map as its statement gives it.
+/// The arguments of a map statement.
 #[derive(Clone, PartialEq)]
 struct Map {
     file: PathBuf,
@@ -32,7 +32,7 @@ impl<'a> Maps<'a> {
         Self { scene, textures: Vec::new(), index_of: HashMap::new(), pictures: Pictures::default() }
     }
 
-    /// A map that stands for itself.
+    /// The texture of a single map.
     pub(super) fn single(
         &mut self,
         material: &str,
@@ -42,7 +42,7 @@ impl<'a> Maps<'a> {
         self.base(material, map, None, hash)
     }
 
-    /// The base colour's texture: `map_Kd` with `map_d` in its alpha.
+    /// The base colour's texture: `map_Kd` with `map_d` as its alpha.
     pub(super) fn base(
         &mut self,
         material: &str,
@@ -82,7 +82,7 @@ impl<'a> Maps<'a> {
                 texture
             }
         };
-        // The format's v runs upwards: v′ = 1 − (scale · (1 − v) + offset).
+        // In the format, v points upwards: v′ = 1 − (scale · (1 − v) + offset).
         let Vec2 { x: scale_u, y: scale_v } = placed.scale;
         let offset = Vec2::new(placed.offset.x, 1.0 - scale_v - placed.offset.y);
         let transform =
@@ -102,10 +102,10 @@ impl<'a> Maps<'a> {
         let color = color.map(|file| self.read(material, file, hash)).transpose()?;
         let opacity = opacity.map(|file| self.read(material, file, hash)).transpose()?;
         Ok(match (color, opacity) {
-            // A picture that is its own opacity map has it in its alpha.
+            // A picture that is its own opacity map holds the opacity in its alpha.
             (Some(color), None) if same => color,
             (Some(mut color), None) => {
-                // Alpha counts only where a map_d says so.
+                // Without a `map_d`, the picture's alpha is ignored.
                 color.texels.iter_mut().for_each(|texel| texel[3] = 255);
                 color
             }
@@ -127,7 +127,7 @@ impl<'a> Maps<'a> {
             .map_err(|what| fault(file, format!("the picture {}", what.fault), what.help))
     }
 
-    /// `-o u v w -s u v w … FILE`.
+    /// Parses the arguments `-o u v w -s u v w … FILE`.
     fn parse(&self, material: &str, text: &str) -> Result<Map> {
         let bad = |what: &str| {
             fault(
@@ -141,7 +141,7 @@ impl<'a> Maps<'a> {
         while let Some(option) = rest.strip_prefix('-') {
             let (name, arguments) = option.split_once(char::is_whitespace).unwrap_or((option, ""));
             rest = arguments.trim_start();
-            // A turbulence option moves the picture at random, and a channel or a type make another picture of it.
+            // Unsupported: turbulence distorts the picture at random, and channel or type options change its content.
             let most = match name {
                 "o" | "s" => 3,
                 "clamp" | "blendu" | "blendv" | "cc" | "bm" | "boost" | "texres" => 1,
@@ -181,7 +181,7 @@ impl<'a> Maps<'a> {
     }
 }
 
-/// The nearest texel's opacity for each texel, where the pictures differ in size.
+/// Adds `opacity` as alpha, sampled at the nearest texel if the pictures differ in size.
 fn with_opacity(mut color: Picture, opacity: &Picture) -> Picture {
     let alpha = opacity_channel(opacity);
     let [width, height] = [color.width as usize, color.height as usize];
@@ -194,7 +194,7 @@ fn with_opacity(mut color: Picture, opacity: &Picture) -> Picture {
     color
 }
 
-/// Where a picture has its opacity: in its alpha if it has any, in its brightness otherwise.
+/// The channel that holds a picture's opacity: its alpha unless that is constantly opaque, otherwise its brightness.
 fn opacity_channel(picture: &Picture) -> fn([u8; 4]) -> u8 {
     if picture.texels.iter().any(|texel| texel[3] != 255) {
         |texel| texel[3]

@@ -1,13 +1,13 @@
-//! From `.mtl` entries to materials.
+//! Conversion of `.mtl` entries to materials.
 //!
-//! The format has no physical meaning of its own; it is read like this. Colours are linear, pictures sRGB.
+//! The format has no physical definition; it is interpreted as follows. Colours are linear, pictures are sRGB.
 //!
 //! | `.mtl` | material |
 //! |---|---|
-//! | none, or one that no library has | matte, 0.8 |
+//! | none, or not defined in any library | matte, 0.8 |
 //! | `Kd`, `map_Kd` | base colour |
-//! | `Ks` with `illum` 2 or more (or no `illum`) | coat whose reflectance at normal incidence is `2 Ks ((n−1)/(n+1))²`: 0.5 is the plastic of `n` = 1.5, as exporters write it |
-//! | `Ks` with `Kd` 0 | metal of base colour `Ks` |
+//! | `Ks` with `illum` 2 or more (or no `illum`) | coat with reflectance `2 Ks ((n−1)/(n+1))²` at normal incidence: `Ks` 0.5 is plastic of `n` = 1.5, as exporters write it |
+//! | `Ks` with `Kd` 0 | metal with base colour `Ks` |
 //! | `Ns` | microfacet width `α = √(2/(Ns+2))` |
 //! | `Pr`, `Pm` | roughness and metallic, instead of the above |
 //! | `Ni` above 1 | index of refraction; 1.5 otherwise |
@@ -29,24 +29,24 @@ use crate::error::Result;
 use crate::scene::source::{self, ContentHash, Warnings, fault};
 use crate::scene::{AlphaMode, Material, Texture, Volume};
 
-/// The materials that faces ask for.
+/// The materials that faces refer to.
 pub(super) struct Materials {
     pub list: Vec<Material>,
     pub textures: Vec<Texture>,
-    /// By index into [`Checked::materials`].
+    /// Index into `list`, for each index into [`Checked::materials`].
     index_of: Vec<u32>,
-    /// Of faces without a material, and of those whose material no library has.
+    /// Index of the default material, for faces without a material or with an undefined one.
     matte: u32,
 }
 
 impl Materials {
-    /// Index of the material of a face.
+    /// Index of a face's material.
     pub(super) fn of(&self, face: Option<u32>) -> u32 {
         face.and_then(|face| self.index_of.get(face as usize).copied()).unwrap_or(self.matte)
     }
 }
 
-/// Reads the libraries of the file, and makes of their entries what its faces ask for.
+/// Reads the libraries of the file and converts the entries that its faces use.
 pub(super) fn load(
     path: &Path,
     checked: &Checked,
@@ -78,7 +78,7 @@ pub(super) fn load(
     Ok(Materials { list, textures: maps.textures, index_of, matte })
 }
 
-/// The library files. A name may have spaces, and a line several names.
+/// The library files. A name may contain spaces, and a line may hold several names.
 fn libraries(path: &Path, lines: &IndexSet<String>) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for line in lines {
@@ -129,9 +129,9 @@ fn convert(entry: &tobj::Material, maps: &mut Maps<'_>, hash: &mut ContentHash) 
     let roughness = match (roughness, entry.shininess) {
         (Some(roughness), _) => roughness,
         _ if glass => 0.0,
-        // The square root of the microfacet width.
+        // Roughness is the square root of the microfacet width `α`.
         (None, Some(exponent)) => (2.0 / (exponent + 2.0)).sqrt().sqrt(),
-        // Models from 3 on trace reflections.
+        // Illumination models from 3 on trace reflections.
         (None, None) => f32::from(u8::from(model.is_none_or(|model| model < 3))),
     };
     let mut material = Material {
@@ -139,7 +139,7 @@ fn convert(entry: &tobj::Material, maps: &mut Maps<'_>, hash: &mut ContentHash) 
         base_color: diffuse,
         roughness,
         metallic: metallic.unwrap_or(0.0),
-        // An index of 1 is what exporters write when they know none.
+        // Exporters write an index of 1 if they do not know it.
         ior: entry.optical_density.filter(|ior| *ior > 1.0).unwrap_or(1.5),
         emission: entry.emissive.map_or(Vec3::ZERO, Vec3::from),
         ..Material::default()

@@ -1,4 +1,4 @@
-//! The faces of an `.obj` file, as `tobj` reads them.
+//! Faces of an `.obj` file, read by `tobj`.
 
 use std::path::Path;
 
@@ -14,33 +14,33 @@ use crate::scene::triangle::Triangle;
 pub(super) struct Corner {
     pub position: Vec3,
     pub color: [u16; 4],
-    /// With `v` downwards, as pictures are stored.
+    /// Texture coordinate with `v` pointing downwards, as pictures are stored.
     pub texcoord: Option<Vec2>,
-    /// A unit vector; zero for what has no direction.
+    /// A unit vector; zero if the file's normal has no direction.
     pub normal: Option<Vec3>,
 }
 
 /// A polygon of the file.
 pub(super) struct Face {
-    /// Three or more.
+    /// Three or more corners.
     pub corners: Vec<Corner>,
     /// Index into [`Checked::groups`].
     pub group: u32,
-    /// Index into [`Checked::materials`], if the face asks for one.
+    /// Index into [`Checked::materials`], if the face has a material.
     pub material: Option<u32>,
 }
 
-/// The faces in the order of the file.
+/// Iterates over the faces in the order of the file.
 pub(super) fn faces<'a>(path: &Path, checked: &'a Checked) -> Result<impl Iterator<Item = Face> + 'a> {
     let options = tobj::LoadOptions::default();
     let (models, _) = tobj::load_obj_buf(&mut checked.plain.as_bytes(), &options, |_| Ok(Default::default()))
         .map_err(|error| fault(path, error.to_string(), "export the scene again"))?;
-    // Without groups and materials everything is one model.
+    // Without groups and materials the whole file is one model.
     let mesh = models.into_iter().next().map(|model| model.mesh).unwrap_or_default();
     let mut first = 0;
     let runs = checked.runs.iter().flat_map(|run| std::iter::repeat_n(run, run.faces));
     Ok(runs.enumerate().map(move |(index, run)| {
-        // The numbers of corners are left out where all faces are triangles.
+        // `face_arities` is empty if all faces are triangles.
         let count = mesh.face_arities.get(index).map_or(3, |&count| count as usize);
         let corners = (first..first + count).map(|at| corner(&mesh, at, checked.given[at])).collect();
         first += count;
@@ -64,7 +64,7 @@ fn corner(mesh: &tobj::Mesh, at: usize, [has_texcoord, has_normal]: [bool; 2]) -
     }
 }
 
-/// The triangles of a face: a fan around its first corner.
+/// Splits a face into a fan of triangles around its first corner.
 pub(super) fn triangulate(corners: &[Corner]) -> impl Iterator<Item = [Corner; 3]> {
     (1..corners.len().saturating_sub(1)).map(|at| [corners[0], corners[at], corners[at + 1]])
 }

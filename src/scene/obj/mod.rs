@@ -1,16 +1,16 @@
-//! Loading Wavefront `.obj` with its `.mtl` libraries, by `tobj` behind checks of its own (see [`check`]).
+//! Loads Wavefront `.obj` files with `.mtl` libraries, using `tobj` after validation (see [`check`]).
 //!
 //! | statement | here |
 //! |---|---|
-//! | `v`, `vt`, `vn`, `f` | triangles; faces of more corners become fans around their first one |
-//! | `v` with three more numbers | vertex colours, linear |
-//! | `o`, `g` | regions, by the name that was given last |
+//! | `v`, `vt`, `vn`, `f` | triangles; faces with more corners become fans around their first corner |
+//! | `v` with three more numbers | linear vertex colours |
+//! | `o`, `g` | regions, named by the latest such statement |
 //! | `usemtl`, `mtllib` | see [`materials`] |
-//! | `s` | no effect: normals come from `vn` alone |
-//! | `l`, `p`, free-form surfaces, all else | ignored with a warning |
+//! | `s` | ignored: normals come from `vn` only |
+//! | `l`, `p`, free-form surfaces, all others | ignored with a warning |
 //!
-//! The format knows no camera: it comes from a camera file. Lengths are metres, surfaces have two sides. Whatever the bytes,
-//! loading ends with a scene or an [`enum@Error`].
+//! The format has no camera; the camera file provides it. Lengths are in metres, and surfaces are two-sided. For any input bytes,
+//! loading returns a scene or an [`enum@Error`].
 
 mod check;
 mod line;
@@ -33,7 +33,7 @@ use mesh::{Corner, Face};
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
 ///
 /// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used.
+/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content is unusable.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = std::fs::read(path).map_err(Error::reading(path))?;
     let mut hash = ContentHash::default();

@@ -1,7 +1,7 @@
-//! Material libraries, as `tobj` reads them.
+//! Material libraries, read by `tobj`.
 //!
-//! `tobj` names no lines in its errors, takes any number, and panics on a colour of fewer than three. The statements are therefore
-//! checked first; `tobj` is given those that are supported, each colour with three numbers, and `Tr` as `d`.
+//! `tobj` reports errors without line numbers, accepts any number, and panics on a colour with fewer than three numbers. The
+//! statements are therefore checked first. `tobj` gets only supported ones, each colour with three numbers, and `Tr` as `d`.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::line::{Line, shortened, statements};
 use crate::error::Result;
 use crate::scene::source::{Warnings, fault};
 
-/// The materials of a library in its order. What `tobj` does not know is in their `unknown_param`: `Tf`, `Pr`, `Pm`, `map_Ke`, `norm`.
+/// The materials of a library in order. Statements unknown to `tobj` are in `unknown_param`: `Tf`, `Pr`, `Pm`, `map_Ke`, `norm`.
 pub(super) fn read(path: &Path, text: &str, warnings: &mut Warnings) -> Result<Vec<tobj::Material>> {
     let mut checked = String::new();
     let mut material = None;
@@ -39,7 +39,7 @@ pub(super) fn read(path: &Path, text: &str, warnings: &mut Warnings) -> Result<V
     Ok(materials)
 }
 
-/// The statement for `tobj`, empty if it has no effect; `None` if it is not supported.
+/// The statement for `tobj`; empty if it has no effect, `None` if it is not supported.
 fn check(line: &Line<'_>) -> Result<Option<String>> {
     let keyword = line.keyword;
     Ok(Some(match keyword {
@@ -63,13 +63,13 @@ fn check(line: &Line<'_>) -> Result<Option<String>> {
             return Err(line.fault(&format!("`{keyword}` names no picture")));
         }
         "map_Kd" | "map_d" | "map_Ke" | "norm" => format!("{keyword} {}", line.rest),
-        // Ambient light is not made up here, and a reflection's sharpness belongs to environment maps.
+        // Ambient colour has no counterpart here, and `sharpness` applies to environment maps only.
         "Ka" | "map_Ka" | "sharpness" | "map_aat" => String::new(),
         _ => return Ok(None),
     }))
 }
 
-/// `r g b`, or one number for all three.
+/// A colour `r g b`, or one number for all three channels.
 fn color(line: &Line<'_>) -> Result<[f32; 3]> {
     if line.rest.starts_with("spectral") || line.rest.starts_with("xyz") {
         return Err(line.fault("only RGB colours are supported"));
