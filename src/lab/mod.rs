@@ -53,6 +53,7 @@ pub use answers::{
 };
 pub use builder::LabBuilder;
 pub use folder::{RunFolder, RunOptions};
+pub use model::open_model;
 pub(crate) use observing::Log;
 pub use observing::SharedObserver;
 pub use operator::LabOperator;

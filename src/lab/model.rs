@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::notes::journal_folder;
 use super::run::{RunPhotos, RunSource};
 use super::source::Source;
 use super::{Lab, Log, SharedObserver};
@@ -9,6 +10,7 @@ use crate::analysis::LowRank;
 use crate::analysis::low_rank::{SavedModel, estimated_direct, from_products};
 use crate::error::{Error, Result};
 use crate::io::{manifest, model};
+use crate::journal::Journal;
 use crate::measure::RunManifest;
 use crate::operator::{Adjoint, Operator, Product};
 use crate::sparse::{Csr, SparseOperator};
@@ -79,8 +81,7 @@ impl Lab {
     pub fn model(&self) -> Result<SavedModel> {
         match &self.source {
             Source::Model(source) => Ok(source.model.clone()),
-            Source::Run(run) if model::is_in(&run.folder) => SavedModel::read(&run.folder),
-            Source::Run(run) => from_photos(run, &self.observer),
+            Source::Run(run) => open_model(&run.folder, &self.observer),
             _ => Err(Error::Data {
                 path: self.name().into(),
                 fault: "it holds no model, and no photos to make one of".into(),
@@ -103,6 +104,24 @@ impl Lab {
             _ => false,
         }
     }
+}
+
+/// The low-rank model in the folder of a run: the one that the run left, or one from all the photos that it took. No photo is taken.
+///
+/// # Errors
+/// [`Error::Data`] where there is neither; [`Error::Journal`] where the photos do not suffice.
+pub fn open_model(folder: &Path, observer: &SharedObserver) -> Result<SavedModel> {
+    if model::is_in(folder) {
+        return SavedModel::read(folder);
+    }
+    if Journal::is_in(&journal_folder(folder)) {
+        return from_photos(&RunSource::open(folder)?, observer);
+    }
+    Err(Error::Data {
+        path: folder.to_path_buf(),
+        fault: "there is no model in this folder, and there are no photos to make one of".into(),
+        help: "give the folder of a `krylux relight` run, or of another run that kept its photos".into(),
+    })
 }
 
 /// The model of each channel from all that the run's journal holds.

@@ -212,7 +212,8 @@ impl Source {
 pub(super) fn scenes_only(option: &str) -> Error {
     Error::Option {
         option: option.into(),
-        fault: "the photos of this source are neither replayed from a traced matrix nor traced".into(),
+        fault: "the photos of a rig, a run or a matrix are neither replayed from a traced matrix nor traced"
+            .into(),
         help: "leave it out, or give a scene".into(),
     }
 }

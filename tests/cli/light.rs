@@ -238,10 +238,7 @@ fn a_captured_scene_is_relit_later_without_a_photo_and_without_a_device() {
     let error = relative(&bench.plane("later/direct-only-1.npy"), &expected);
     // The model's own error, of a few per cent of the photo, and no interreflections: without them the photo itself is off by 0.2.
     assert!(error < 0.05 && relative(&truth, &expected) > 2.0 * error, "{error}");
-    bench.assert_error(
-        &["relight", &out, "--spp", "3", "-o", &bench.name("x")],
-        &["--spp", "captured already"],
-    );
+    bench.assert_error(&["relight", &out, "--spp", "3", "-o", &bench.name("x")], &["--spp", "taken already"]);
     bench.assert_error(&["relight", &out, "--photos", "3", "-o", &bench.name("x")], &["--photos"]);
 }
 

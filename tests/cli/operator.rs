@@ -80,7 +80,7 @@ fn a_second_run_takes_the_matrix_from_the_cache_bit_by_bit() {
     std::fs::write(&file, damaged).expect("the folder is writable");
     let output = bench.run(&[matrix.as_slice(), &[&second]].concat());
     let note = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success() && note.contains("damaged") && note.contains("made anew"), "{note}");
+    assert!(output.status.success() && note.contains("damaged") && note.contains("assembled anew"), "{note}");
     assert!(bytes(&first) == bytes(&second));
     assert!(bench.text(&[matrix.as_slice(), &[&second]].concat()).contains("from the cache"));
 

@@ -283,7 +283,7 @@ fn a_finished_run_answers_again_and_other_questions_without_the_rig() {
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("no rig is attached") && said.contains("--resume -o run"), "{said}");
     let output = bench.run(&["segment", "again", "-o", "never"]);
-    assert!(text(&output.stderr).contains("there is no run in it whose photos were kept"));
+    assert!(text(&output.stderr).contains("it holds no run whose photos were kept"));
 }
 
 #[test]

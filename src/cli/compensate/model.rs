@@ -1,5 +1,8 @@
 //! A new target on a scene that an earlier run captured: answered by the model that the run left.
 
+use std::path::Path;
+use std::sync::Arc;
+
 use super::{Args, conclude};
 use crate::analysis::compensate::compensate_by_model;
 use crate::analysis::low_rank::SavedModel;
@@ -7,9 +10,8 @@ use crate::analysis::{CompensateOptions, Target};
 use crate::cli::Outcome;
 use crate::cli::console::Console;
 use crate::cli::opening::{Opening, in_run};
-use crate::cli::options::SourceArgs;
 use crate::error::{Error, Result};
-use crate::lab::{ChannelChoice, Compensated};
+use crate::lab::{ChannelChoice, Compensated, SharedObserver, open_model};
 use crate::transport::Channels;
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
@@ -41,15 +43,9 @@ fn by_model_alone(args: &Args, options: &CompensateOptions, console: &Console) -
 }
 
 /// Answers by a model, corrected by photos of the source.
-fn corrected(
-    args: &Args,
-    folder: &std::path::Path,
-    options: &CompensateOptions,
-    console: &Console,
-) -> Result<Outcome> {
-    let of_model = SourceArgs { source: folder.to_path_buf(), view: Default::default() };
-    let trace = Default::default();
-    let mut model = Opening::new(&of_model, &trace).channels(ChannelChoice::Native).open(console)?.model()?;
+fn corrected(args: &Args, folder: &Path, options: &CompensateOptions, console: &Console) -> Result<Outcome> {
+    let observer = SharedObserver(Arc::new(console.clone()));
+    let mut model = open_model(folder, &observer)?;
     let target = target(args, &model)?;
     let channels = Channels::of(model.channels.len());
     let opening = Opening::new(&args.source, &args.trace).operator(&args.operator).channels(channels);

@@ -153,7 +153,7 @@ fn a_file_of_another_kind_is_recognized() {
     assert!(refused("kind = \"hardware\"\n")[0].contains("missing field `projector`"));
     assert_eq!(refused("kind = \"hardwear\"\n")[0], "unknown kind \"hardwear\"; did you mean \"hardware\"?");
     assert_eq!(refused("kind = \"vitrual\"\n")[0], "unknown kind \"vitrual\"; did you mean \"virtual\"?");
-    assert!(refused("kind = 3\n")[0].contains("no text"));
+    assert!(refused("kind = 3\n")[0].contains("not a string"));
     assert!(refused("kind = \"virtual\"\n")[0].contains("missing field `scene`"));
     assert!(matches!(RigFile::load(Path::new("/nowhere/rig.toml")), Err(Error::Read { .. })));
     assert!(matches!(RigFile::load(Path::new("/")), Err(Error::Data { .. })), "a folder");

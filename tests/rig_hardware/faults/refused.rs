@@ -62,7 +62,7 @@ fn exposures_that_the_camera_cannot_do_are_named_with_those_that_it_can() {
     );
     run.replace("exposures = [1e-6, 1.0]", "exposures = [1e-4, 1.0]");
     run.replace("direct_square", "exposures = [1.5]\ndirect_square");
-    refused(&run, &["[measurement] exposures: 1.5 s", "camera's exposures", "from 0.0001 to 1"]);
+    refused(&run, &["[measurement] exposures: 1.5 s", "camera's range", "from 0.0001 to 1"]);
 }
 
 #[test]

@@ -19,7 +19,7 @@ fn found(variable: Option<&str>, path: &Path) -> String {
     let mut command = Command::new(std::env::current_exe().expect("this program has a file"));
     command.args([
         "--exact",
-        "helper::a_program_that_is_not_krylux_finds_the_helper_or_is_told_how",
+        "x11::helper::a_program_that_is_not_krylux_finds_the_helper_or_is_told_how",
         "--nocapture",
     ]);
     command.env(INNER, "1").env("PATH", path).env_remove(Helper::VARIABLE);
