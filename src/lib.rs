@@ -7,7 +7,7 @@
 //!
 //! # Five lines
 //!
-//! [`lab`] is the door: [`open`] takes a scene, a rig file, the folder of an earlier run, or a matrix.
+//! [`lab`] is the door: [`open()`] takes a scene, a rig file, the folder of an earlier run, or a matrix.
 //!
 //! ```
 //! use krylux::analysis::{SegmentOptions, segment::segment};

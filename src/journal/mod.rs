@@ -3,7 +3,7 @@
 //! Photos are expensive, so a run appends each photo to its journal before it uses it. A run that was killed
 //! at any moment can be resumed from its journal without taking a photo twice. A finished run can be replayed
 //! from its journal, with the same or another analysis, without the rig. A journal stores keys and bytes;
-//! their meaning is defined by the writers ([`crate::measure::Journaled`] for a rig,
+//! their meaning is defined by the writers ([`crate::measure::JournaledFrames`] for a rig,
 //! [`crate::transport::JournaledOperator`] for a scene).
 //!
 //! # File format

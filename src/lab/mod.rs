@@ -21,7 +21,7 @@
 //! ```
 //!
 //! [`Lab::builder`] sets what differs from the defaults: pixels, light paths, channels, a folder whose journal keeps every photo, an
-//! [`Observer`] that is told of progress and can stop everything.
+//! [`Observer`](crate::observer::Observer) that is told of progress and can stop everything.
 
 mod answers;
 mod builder;

@@ -19,7 +19,7 @@ pub struct FrameFigures {
     pub saturated: f64,
     /// The share of the samples whose count is 0.
     pub black: f64,
-    /// The [focus score](crate::measure::focus) of this frame and the one before; none of the first frame.
+    /// The [focus score](crate::measure::focus()) of this frame and the one before; none of the first frame.
     pub focus: Option<f64>,
     /// The best focus score so far.
     pub best_focus: Option<f64>,
