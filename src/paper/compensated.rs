@@ -1,6 +1,6 @@
 //! Pictures and plot of a compensation.
 
-use super::contest::{Entry, Wish, clamped};
+use super::contest::{Entry, TargetLight, clamped};
 use super::figure::{Content, Curve, Curves, Panel};
 use super::stage::Stage;
 
@@ -9,20 +9,22 @@ pub(super) fn percent(share: f64) -> f64 {
 }
 
 /// Panels of target, photos with and without compensation, projected pattern, and errors; all photos share one exposure.
-pub(super) fn panels(stage: &Stage, wish: &Wish, plain: &[f64], best: &Entry) -> Vec<Panel> {
+pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], best: &Entry) -> Vec<Panel> {
     let panel = |name: &str, caption: String, content: Content| Panel {
         name: name.into(),
         caption,
         resolution: stage.resolution,
         content,
     };
-    let light = |values: Vec<f64>| Content::Light { values, white: Some(wish.peak) };
+    let light = |values: Vec<f64>| Content::Light { values, white: Some(target_light.peak) };
     let pattern = clamped(&best.pattern);
     let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
-    let error = |photo: &[f64]| -> Vec<f64> { photo.iter().zip(&wish.light).map(|(y, b)| y - b).collect() };
-    let residual = |pattern: &[f64]| format!("residual {:.2} %", percent(wish.residual(stage, pattern)));
+    let error =
+        |photo: &[f64]| -> Vec<f64> { photo.iter().zip(&target_light.light).map(|(y, b)| y - b).collect() };
+    let residual =
+        |pattern: &[f64]| format!("residual {:.2} %", percent(target_light.residual(stage, pattern)));
     vec![
-        panel("wish", "What is wished, W/(m² sr)".into(), light(wish.light.clone())),
+        panel("target", "The target, W/(m² sr)".into(), light(target_light.light.clone())),
         panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
         panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
         panel(
@@ -32,10 +34,10 @@ pub(super) fn panels(stage: &Stage, wish: &Wish, plain: &[f64], best: &Entry) ->
         ),
         panel(
             "error-before",
-            "Projected as it is less wished, W/(m² sr)".into(),
+            "Projected as it is less the target, W/(m² sr)".into(),
             Content::Signed(error(&before)),
         ),
-        panel("error-after", "Compensated less wished, W/(m² sr)".into(), Content::Signed(error(&seen))),
+        panel("error-after", "Compensated less the target, W/(m² sr)".into(), Content::Signed(error(&seen))),
     ]
 }
 

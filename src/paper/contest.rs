@@ -15,7 +15,7 @@ use crate::operator::{Adjoint, Observed, Operator, Recorded, Symmetry};
 use crate::transport::Part;
 
 /// The target of a compensation, in W/(m² sr), and the photo under white that sets its scale.
-pub(super) struct Wish {
+pub(super) struct TargetLight {
     pub(super) light: Vec<f64>,
     pub(super) peak: f64,
     white: Vec<f64>,
@@ -23,7 +23,7 @@ pub(super) struct Wish {
     unit: f64,
 }
 
-impl Wish {
+impl TargetLight {
     /// Scales `target` (values in [0, 1]) by half the median of the white photo: all but its brightest parts are feasible.
     pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
         let mut white = vec![0.0; target.len()];
@@ -86,20 +86,20 @@ fn at(residuals: &[f64], photos: usize) -> f64 {
 pub(super) fn enter(
     stage: &Stage,
     operator: &mut dyn Adjoint,
-    wish: &Wish,
+    target_light: &TargetLight,
     (method, scaled): (Method, bool),
     photos: usize,
 ) -> Result<Entry> {
-    let mut options = wish.options(method, photos)?;
+    let mut options = target_light.options(method, photos)?;
     if scaled {
         // The measurements of very dark pixels are mostly noise, hence the floor.
-        let floor = 1e-3 * wish.white.iter().copied().fold(0.0, f64::max);
-        let white = wish.white.iter().map(|value| value.max(floor)).collect();
+        let floor = 1e-3 * target_light.white.iter().copied().fold(0.0, f64::max);
+        let white = target_light.white.iter().map(|value| value.max(floor)).collect();
         options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
     }
     let blurred = stage.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
     if method == Method::KrylovBox && blurred {
-        options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &wish.white)));
+        options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &target_light.white)));
     }
     let mut entry =
         Entry { answered: Vec::new(), displayed: Vec::new(), pattern: Vec::new(), shots: Vec::new() };
@@ -109,12 +109,12 @@ pub(super) fn enter(
         let answer = iterate();
         // A step may take no photo; in methods of photo pairs a step takes two.
         while (entry.answered.len() as u64) < step.done {
-            entry.answered.push(wish.residual(stage, &answer));
-            entry.displayed.push(wish.residual(stage, &clamped(&answer)));
+            entry.answered.push(target_light.residual(stage, &answer));
+            entry.displayed.push(target_light.residual(stage, &clamped(&answer)));
         }
         ControlFlow::Continue(())
     });
-    let wanted: Vec<f64> = wish.light.iter().map(|light| wish.unit * light).collect();
+    let wanted: Vec<f64> = target_light.light.iter().map(|light| target_light.unit * light).collect();
     let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
     entry.pattern = found.x;
     entry.shots = recorded.products.into_iter().map(Shot::from).collect();
@@ -123,7 +123,7 @@ pub(super) fn enter(
 
 /// Compared methods at equal photo counts, with no compensation and the optimum as references.
 pub(super) struct Contest {
-    pub(super) wish: Wish,
+    pub(super) target_light: TargetLight,
     /// The paper's method: a Krylov method whose last answer is clamped.
     pub(super) recipe: Entry,
     /// The same method, preconditioned by the white photo.
@@ -148,21 +148,22 @@ impl Contest {
         photos: usize,
         products: usize,
     ) -> Result<Self> {
-        let (wish, [recipe, scaled, boxed, jacobi]) = bench.with_rig(stage, Part::Full, |operator| {
-            let wish = Wish::new(stage, operator, target)?;
-            let mut enter = |method| enter(stage, operator, &wish, method, photos);
-            let entries = [
-                enter((recipe, false))?,
-                enter((recipe, true))?,
-                enter((Method::KrylovBox, false))?,
-                enter((Method::Jacobi, false))?,
-            ];
-            Ok((wish, entries))
-        })?;
-        let (bound, optimum) = optimum(stage, &wish, products)?;
+        let (target_light, [recipe, scaled, boxed, jacobi]) =
+            bench.with_rig(stage, Part::Full, |operator| {
+                let target_light = TargetLight::new(stage, operator, target)?;
+                let mut enter = |method| enter(stage, operator, &target_light, method, photos);
+                let entries = [
+                    enter((recipe, false))?,
+                    enter((recipe, true))?,
+                    enter((Method::KrylovBox, false))?,
+                    enter((Method::Jacobi, false))?,
+                ];
+                Ok((target_light, entries))
+            })?;
+        let (bound, optimum) = optimum(stage, &target_light, products)?;
         let plain = clamped(&target.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
-        let uncompensated = wish.residual(stage, &plain);
-        Ok(Self { wish, recipe, scaled, boxed, jacobi, bound, optimum, plain, uncompensated })
+        let uncompensated = target_light.residual(stage, &plain);
+        Ok(Self { target_light, recipe, scaled, boxed, jacobi, bound, optimum, plain, uncompensated })
     }
 }
 
@@ -175,18 +176,18 @@ pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
 ///
 /// By convexity `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`; the minimum of the right side over the box is a sum over pixels (the
 /// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only how tight the bound is.
-pub(super) fn optimum(stage: &Stage, wish: &Wish, products: usize) -> Result<(f64, f64)> {
+pub(super) fn optimum(stage: &Stage, target_light: &TargetLight, products: usize) -> Result<(f64, f64)> {
     let operator = &mut stage.ideal(Part::Full);
-    let mut options = wish.options(Method::Fista, products)?;
+    let mut options = target_light.options(Method::Fista, products)?;
     options.diagonal = Some(stage.photo(&vec![1.0; stage.pixels()]));
-    let x = solve_adjoint(Method::Fista, operator, &wish.light, &options)?.x;
+    let x = solve_adjoint(Method::Fista, operator, &target_light.light, &options)?.x;
     let (mut seen, mut gradient) = (vec![0.0; x.len()], vec![0.0; x.len()]);
     operator.apply(&x, &mut seen)?;
-    let misfit: Vec<f64> = wish.light.iter().zip(&seen).map(|(b, y)| b - y).collect();
+    let misfit: Vec<f64> = target_light.light.iter().zip(&seen).map(|(b, y)| b - y).collect();
     operator.apply_adjoint(&misfit, &mut gradient)?;
     let gap: f64 = x.iter().zip(&gradient).map(|(x, g)| if *g > 0.0 { g * (1.0 - x) } else { -g * x }).sum();
     let square = dot(&misfit, &misfit);
-    let scale = norm(&wish.light);
+    let scale = norm(&target_light.light);
     Ok(((square - 2.0 * gap).max(0.0).sqrt() / scale, square.sqrt() / scale))
 }
 

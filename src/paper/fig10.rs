@@ -3,7 +3,7 @@
 use super::bench::Bench;
 use super::check::Check;
 use super::compensated::percent;
-use super::contest::{Wish, enter};
+use super::contest::{TargetLight, enter};
 use super::fig11::{PHOTOS, SIDE};
 use super::figure::{Figure, Reproduced, Strip};
 use super::stage::Set;
@@ -31,8 +31,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         ),
     ] {
         let entry = bench.with_rig(&stage, Part::Full, |operator| {
-            let wish = Wish::new(&stage, operator, &target)?;
-            enter(&stage, operator, &wish, (method, false), PHOTOS)
+            let target_light = TargetLight::new(&stage, operator, &target)?;
+            enter(&stage, operator, &target_light, (method, false), PHOTOS)
         })?;
         checks.push(Check::at_most(
             format!("photos taken by {name}"),

@@ -23,7 +23,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
     let contest = Contest::hold(bench, &stage, &picture(side), Method::Minres, MORE, OPTIMUM)?;
-    let Contest { wish, recipe, scaled, boxed, jacobi, .. } = &contest;
+    let Contest { target_light, recipe, scaled, boxed, jacobi, .. } = &contest;
     let checks = vec![
         Check::at_most(
             "residual without a box, 5 photos of MINRES, %",
@@ -55,14 +55,14 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         line("projected Jacobi", &jacobi.displayed),
     ];
     let short = bench.with_rig(&stage, Part::Full, |operator| {
-        enter(&stage, operator, wish, (Method::KrylovBox, false), PHOTOS)
+        enter(&stage, operator, target_light, (Method::KrylovBox, false), PHOTOS)
     })?;
     Ok(Reproduced {
         figure: Figure::Fig11,
         rig: bench.rig(),
         setting: format!("corner, {}, 5 photos beside the white one", stage.resolution),
         checks,
-        panels: panels(&stage, wish, &contest.plain, &short),
+        panels: panels(&stage, target_light, &contest.plain, &short),
         plots: vec![residuals(lines, contest.uncompensated, contest.optimum)],
         strips: Vec::new(),
         photos: 1 + PHOTOS,

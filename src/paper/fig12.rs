@@ -3,7 +3,7 @@
 use super::bench::Bench;
 use super::check::Check;
 use super::compensated::{panels, percent, residuals};
-use super::contest::{Contest, Entry, Wish, clamped, enter, line, optimum};
+use super::contest::{Contest, Entry, TargetLight, clamped, enter, line, optimum};
 use super::figure::{Figure, Reproduced};
 use super::stage::Set;
 use super::target::picture;
@@ -23,7 +23,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Defocused, side)?;
     let target = picture(side);
     let contest = Contest::hold(bench, &stage, &target, Method::Gmres, PHOTOS, OPTIMUM)?;
-    let Contest { wish, recipe, scaled, boxed, jacobi, .. } = &contest;
+    let Contest { target_light, recipe, scaled, boxed, jacobi, .. } = &contest;
     let worst = |clamped: &Entry| {
         (1..=PHOTOS)
             .map(|k| boxed.displayed_at(k) / clamped.displayed_at(k))
@@ -82,7 +82,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             stage.resolution
         ),
         checks,
-        panels: panels(&stage, wish, &contest.plain, boxed),
+        panels: panels(&stage, target_light, &contest.plain, boxed),
         plots: vec![residuals(lines, contest.uncompensated, contest.optimum)],
         strips: Vec::new(),
         photos: 2 * (1 + PHOTOS),
@@ -93,12 +93,12 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
 /// Ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.
 fn both_lenses(bench: &mut Bench, target: &[f64]) -> Result<f64> {
     let stage = bench.stage(Set::BothDefocused, bench.side(SIDE))?;
-    let (wish, boxed) = bench.with_rig(&stage, Part::Full, |operator| {
-        let wish = Wish::new(&stage, operator, target)?;
-        let boxed = enter(&stage, operator, &wish, (Method::KrylovBox, false), PHOTOS)?;
-        Ok((wish, boxed))
+    let (target_light, boxed) = bench.with_rig(&stage, Part::Full, |operator| {
+        let target_light = TargetLight::new(&stage, operator, target)?;
+        let boxed = enter(&stage, operator, &target_light, (Method::KrylovBox, false), PHOTOS)?;
+        Ok((target_light, boxed))
     })?;
-    let (bound, _) = optimum(&stage, &wish, OPTIMUM)?;
+    let (bound, _) = optimum(&stage, &target_light, OPTIMUM)?;
     Ok(boxed.displayed_at(PHOTOS) / bound)
 }
 

@@ -91,7 +91,16 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         setting: format!("corner, {}, a projector of one bit and a camera of 12", stage.resolution),
         checks,
         panels: panels(&stage, &pattern, &truth, &plain, &decomposed),
-        plots: vec![Curves {
+        plots: vec![curves(bright, dim)],
+        strips: Vec::new(),
+        photos: 1 + PLANES as usize,
+        seconds: 0.0,
+    })
+}
+
+/// The error of the photo for each number of bit planes.
+fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Curves {
+    Curves {
             caption: "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read \
                       noise: more bit planes are worse than fewer."
                 .into(),
@@ -103,11 +112,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
                 Curve { name: "dim, with noise".into(), points: dim },
             ],
             marks: Vec::new(),
-        }],
-        strips: Vec::new(),
-        photos: 1 + PLANES as usize,
-        seconds: 0.0,
-    })
+        }
 }
 
 /// `½ + ½ sin` along the rows.

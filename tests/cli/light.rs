@@ -309,7 +309,7 @@ fn crosstalk_of_a_colour_rig_is_measured_by_three_photos_and_taken_out() {
         (said, relative(&read(&photo), &read(&bench.name(&format!("{name}/target.npy")))))
     };
     let ((said, with), (_, without)) = (seen("with", &["--crosstalk", "measure"]), seen("without", &[]));
-    println!("crosstalk: {with:.4} of the wish with, {without:.4} without");
+    println!("crosstalk: {with:.4} of the target with, {without:.4} without");
     assert_eq!(said["photos_before"], 4, "white, red, green and blue");
     assert!(with < 0.25 * without && with < 0.03, "{with} {without}");
     let found = bench.run(&["audit", &rig, "-o", &bench.name("audit"), "--json"]);
@@ -368,8 +368,8 @@ fn a_new_target_on_a_captured_scene_takes_no_photo_or_a_few() {
     assert_eq!(none["photos"], 0);
     // What the model promises holds on the scene itself, within the model's error: some per cent of a photo.
     let seen = photograph(&bench, &corner, &bench.name("none/compensation.npy"), &traced, "seen.npy");
-    let wished = bench.plane("none/target.npy");
-    let error = relative(&seen, &wished);
+    let wanted = bench.plane("none/target.npy");
+    let error = relative(&seen, &wanted);
     assert!((error - number(&none["relative_residual"])).abs() < 0.04, "{error} {none}");
     assert!(error < number(&none["relative_residual_uncompensated"]), "{none}");
     // Photos correct what the model does not know.
@@ -388,7 +388,7 @@ fn a_new_target_on_a_captured_scene_takes_no_photo_or_a_few() {
     let few = bench.json(&[&arguments[..], &traced].concat());
     assert!((1..=3).contains(&few["photos"].as_u64().expect("a number")), "{few}");
     let seen = photograph(&bench, &corner, &bench.name("few/compensation.npy"), &traced, "seen.npy");
-    let corrected = relative(&seen, &wished);
+    let corrected = relative(&seen, &wanted);
     assert!(corrected <= error * 1.001, "{corrected} after {error}");
     assert!((corrected - number(&few["relative_residual"])).abs() < 2e-3, "{corrected} {few}");
     let wrong =

@@ -19,19 +19,19 @@ fn rig(folder: &TempDir) -> String {
 }
 
 /// A target of a gray disc.
-fn wish(folder: &TempDir) -> String {
-    let path = folder.path().join("wish.npy");
+fn target(folder: &TempDir) -> String {
+    let path = folder.path().join("target.npy");
     let values: Vec<f32> = (0..SIDE * SIDE).map(|pixel| if pixel % 3 == 0 { 0.8 } else { 0.4 }).collect();
     npy::write_npy(&path, &[SIDE, SIDE], &values).expect("the folder can be written");
     path.display().to_string()
 }
 
 /// The arguments of every verb whose photos are seen, by its name.
-fn verbs(wish: &str) -> Vec<Vec<String>> {
+fn verbs(target: &str) -> Vec<Vec<String>> {
     let words = |line: &str| line.split(' ').map(str::to_owned).collect::<Vec<_>>();
     vec![
         words("segment --photos 9 --groups 2 --eigenvectors 4"),
-        words(&format!("compensate --photos 4 --target {wish}")),
+        words(&format!("compensate --photos 4 --target {target}")),
         words("eigs --photos 7 --count 2"),
         words("relight --photos 8 --block 2"),
         words("separate --by random --photos 11"),
@@ -72,8 +72,8 @@ fn updates(mut sent: &[u8]) -> BTreeMap<String, usize> {
 #[test]
 fn every_page_shows_all_photos_in_order() {
     let folder = folder();
-    let (rig, wish) = (rig(&folder), wish(&folder));
-    for arguments in verbs(&wish) {
+    let (rig, target) = (rig(&folder), target(&folder));
+    for arguments in verbs(&target) {
         let out = inside(&folder, &arguments[0]);
         take(&arguments, &rig, &out, &[]);
         let page = page(&out);
@@ -104,8 +104,8 @@ fn every_page_shows_all_photos_in_order() {
 #[test]
 fn a_viewer_sees_every_pattern_and_photo_or_the_newest_of_them() {
     let folder = folder();
-    let (rig, wish) = (rig(&folder), wish(&folder));
-    for arguments in verbs(&wish) {
+    let (rig, target) = (rig(&folder), target(&folder));
+    for arguments in verbs(&target) {
         let listener = TcpListener::bind("127.0.0.1:0").expect("some port is free");
         let address = listener.local_addr().expect("it is bound").to_string();
         let reader = std::thread::spawn(move || {
@@ -152,8 +152,8 @@ fn without_a_viewer_there_is_one_warning_and_the_same_answer() {
 #[test]
 fn a_run_asked_anew_takes_as_many_photos_as_it_holds() {
     let folder = folder();
-    let (rig, wish) = (rig(&folder), wish(&folder));
-    for arguments in verbs(&wish) {
+    let (rig, target) = (rig(&folder), target(&folder));
+    for arguments in verbs(&target) {
         let [out, again] = ["", "-again"].map(|end| inside(&folder, &format!("{}{end}", arguments[0])));
         let first = take(&arguments, &rig, &out, &[]);
         let at = arguments.iter().position(|word| word == "--photos").expect("each says how many");

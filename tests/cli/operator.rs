@@ -221,9 +221,9 @@ fn a_rig_apart_is_compensated_by_its_transpose_and_refused_where_symmetry_is_nee
     let target = bench.path("target.npy");
     let resolution = krylux::image::Resolution::new(24, 24);
     // Where the projector's light arrives.
-    let wish: Vec<f32> = (0..24 * 24).map(|pixel| if pixel % 24 > 8 { 0.5 } else { 0.0 }).collect();
-    let wish = krylux::image::Image::new(resolution, 1, wish).expect("one sample a pixel");
-    npy::write_image(Path::new(&target), &wish).expect("the folder is there");
+    let lit: Vec<f32> = (0..24 * 24).map(|pixel| if pixel % 24 > 8 { 0.5 } else { 0.0 }).collect();
+    let lit = krylux::image::Image::new(resolution, 1, lit).expect("one sample a pixel");
+    npy::write_image(Path::new(&target), &lit).expect("the folder is there");
     for operator in ["replay", "retrace"] {
         let folder = bench.path(operator);
         let command = [

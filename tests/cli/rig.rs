@@ -107,9 +107,9 @@ fn eigenvalues_and_photos_of_a_rig_are_those_of_its_matrix() {
 fn compensation_on_a_rig_takes_no_photos_for_comparison() {
     let folder = folder();
     let (rig, target, out) = (rig(&folder, ""), folder.path().join("target.npy"), inside(&folder, "run"));
-    let wish: Vec<f64> =
+    let striped: Vec<f64> =
         (0..SIDE * SIDE).map(|pixel| 0.8 + 0.2 * f64::from(u8::from(pixel % 2 == 0))).collect();
-    npy::write_npy(&target, &[SIDE, SIDE], &wish).expect("the folder can be written");
+    npy::write_npy(&target, &[SIDE, SIDE], &striped).expect("the folder can be written");
     let target = target.display().to_string();
     let said =
         summary(&["compensate", &rig, "--target", &target, "--photos", "8", "--rtol", "0.02", "-o", &out]);

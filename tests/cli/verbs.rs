@@ -292,8 +292,8 @@ fn compensate_leaves_everything_a_reader_needs() {
     }
     // The residual is what the files say: in the dark, relative to the target.
     let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
-    let (seen, wished) = (image("observed.npy"), image("target.npy"));
-    let misfit = norm(&mut seen.iter().zip(&wished).map(|(a, b)| a - b)) / norm(&mut wished.iter().copied());
+    let (seen, wanted) = (image("observed.npy"), image("target.npy"));
+    let misfit = norm(&mut seen.iter().zip(&wanted).map(|(a, b)| a - b)) / norm(&mut wanted.iter().copied());
     assert!((misfit - residual).abs() < 1e-6, "f32 in the files: {misfit} {residual}");
     let rows = std::fs::read_to_string(out.join("residuals.csv")).expect("it is written");
     assert!(rows.starts_with("photo,relative_residual\n1,"), "{rows}");

@@ -9,7 +9,7 @@ use crate::krylov::{Constraint, Status};
 
 /// A projected pattern and the photos that it gives, taken or modelled; one plane per channel, without ambient light.
 pub(super) struct Answer<'a> {
-    pub(super) wish: &'a Target,
+    pub(super) target: &'a Target,
     pub(super) options: &'a CompensateOptions,
     pub(super) peak: f64,
     /// The target light from the projector.
@@ -25,7 +25,7 @@ impl Answer<'_> {
     /// Completes the result with what the method reports. It is good if it is better than no compensation, and within the
     /// tolerance or the optimum inside the box. Preparation and comparisons are left empty.
     pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
-        let Self { wish, options, peak, b, pattern, observed, uncompensated } = self;
+        let Self { target, options, peak, b, pattern, observed, uncompensated } = self;
         let scale = norm_of(b);
         let residual = residual_norm(b, &observed) / scale;
         let uncompensated_residual = residual_norm(b, &uncompensated) / scale;
@@ -33,14 +33,14 @@ impl Answer<'_> {
         let reached = residual <= options.rtol * (1.0 + 1e-6);
         let boxed = options.method.facts().constraint == Constraint::Box;
         let optimal = boxed && solved.status == Status::ConstrainedOptimum;
-        let (target, observed) = (wish.radiance(peak)?, wish.photo(&observed)?);
-        let uncompensated = wish.photo(&uncompensated)?;
+        let (radiance, observed) = (target.radiance(peak)?, target.photo(&observed)?);
+        let uncompensated = target.photo(&uncompensated)?;
         Ok(Compensation {
-            unclipped: if pattern == solved.patterns { None } else { Some(wish.image(&solved.patterns)?) },
-            pattern: wish.image(&pattern)?,
-            similarity: similarity(&observed, &target, peak)?,
-            uncompensated_similarity: similarity(&uncompensated, &target, peak)?,
-            target,
+            unclipped: if pattern == solved.patterns { None } else { Some(target.image(&solved.patterns)?) },
+            pattern: target.image(&pattern)?,
+            similarity: similarity(&observed, &radiance, peak)?,
+            uncompensated_similarity: similarity(&uncompensated, &radiance, peak)?,
+            target: radiance,
             observed,
             uncompensated,
             peak,

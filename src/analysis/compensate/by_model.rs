@@ -35,27 +35,27 @@ pub type Photograph<'a> = dyn FnMut(&[Vec<f64>]) -> Result<Vec<Vec<f64>>> + 'a;
 /// As [`compensate`](super::compensate()); any error of `photograph_it`.
 pub fn compensate_by_model(
     model: &mut [LowRank],
-    wish: &Target,
+    target: &Target,
     options: &CompensateOptions,
     corrections: usize,
     photograph_it: &mut Photograph<'_>,
 ) -> Result<Compensation> {
     options.check()?;
-    let wish = &wish.lifted(options.lift);
-    wish.fits(model)?;
+    let target = &target.lifted(options.lift);
+    target.fits(model)?;
     let prior = Prior::default();
     let mut scene = Scene { channels: model, prior: &prior };
-    let white = scene.photograph(&vec![vec![1.0; wish.pixels()]; scene.channels.len()])?;
-    let peak = options.peak.map_or_else(|| wish.default_peak(&white), Ok)?;
-    let b = wish.light(peak)?;
+    let white = scene.photograph(&vec![vec![1.0; target.pixels()]; scene.channels.len()])?;
+    let peak = options.peak.map_or_else(|| target.default_peak(&white), Ok)?;
+    let b = target.light(peak)?;
     let scale = norm_of(&b);
-    let mut missed: Vec<Vec<f64>> = vec![vec![0.0; wish.pixels()]; scene.channels.len()];
+    let mut missed: Vec<Vec<f64>> = vec![vec![0.0; target.pixels()]; scene.channels.len()];
     let mut history: Vec<CompensationRow> = Vec::new();
     let mut stalled = false;
     loop {
         let goal = combined(&b, &missed, |b, missed| b - missed);
         let mut run =
-            Run { wish, white: &white, b: &goal, options, prior: &prior, dear: false, preparation: 0 };
+            Run { target, white: &white, b: &goal, options, prior: &prior, dear: false, preparation: 0 };
         let solved = run.solve(scene.channels, options.method, PRODUCTS, false)?;
         let pattern = clipped(&solved.patterns, options.floor);
         let modelled = scene.photograph(&pattern)?;
@@ -70,10 +70,10 @@ pub fn compensate_by_model(
             continue;
         }
         let predicted = combined(&modelled, &missed, |modelled, missed| modelled + missed);
-        let plain = scene.photograph(&clipped(&wish.dimmed(&white, peak)?, options.floor))?;
+        let plain = scene.photograph(&clipped(&target.dimmed(&white, peak)?, options.floor))?;
         let boxed = options.method.facts().constraint == Constraint::Box;
         let answer =
-            Answer { wish, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
+            Answer { target, options, peak, b: &b, pattern, observed: predicted, uncompensated: plain };
         let found = answer.of(solved)?;
         // No further product with the model could improve this: it is as good as the model.
         let good = found.residual < found.uncompensated_residual && (boxed || found.good);

@@ -31,7 +31,7 @@ pub struct MethodRun {
 /// As [`compensate_with`].
 pub fn compare_methods<O: Adjoint>(
     channels: &mut [O],
-    wish: &Target,
+    target: &Target,
     options: &CompensateOptions,
     prior: &Prior,
 ) -> Result<Vec<MethodRun>> {
@@ -46,7 +46,7 @@ pub fn compare_methods<O: Adjoint>(
             baseline: facts.constraint != Constraint::Box,
             ..*options
         };
-        let found = compensate_with(channels, wish, &options, prior)?;
+        let found = compensate_with(channels, target, &options, prior)?;
         let displayed = match found.clamping {
             Some(clamping) => clamping.displayed,
             None => found.history.clone(),

@@ -115,10 +115,10 @@ pub struct Prior {
 /// is left.
 pub fn compensate<O: Adjoint>(
     channels: &mut [O],
-    wish: &Target,
+    target: &Target,
     options: &CompensateOptions,
 ) -> Result<Compensation> {
-    compensate_with(channels, wish, options, &Prior::default())
+    compensate_with(channels, target, options, &Prior::default())
 }
 
 /// As [`compensate`], with prior knowledge beside the photos.
@@ -128,20 +128,20 @@ pub fn compensate<O: Adjoint>(
 /// [`Error::Option`] naming `--precondition` if `prior` lacks what the preconditioner needs.
 pub fn compensate_with<O: Adjoint>(
     channels: &mut [O],
-    wish: &Target,
+    target: &Target,
     options: &CompensateOptions,
     prior: &Prior,
 ) -> Result<Compensation> {
     options.check()?;
-    let wish = &wish.lifted(options.lift);
-    wish.fits(channels)?;
-    prior.fits(wish, channels.len())?;
+    let target = &target.lifted(options.lift);
+    target.fits(channels)?;
+    prior.fits(target, channels.len())?;
     let mut scene = Scene { channels, prior };
-    let ones = vec![vec![1.0; wish.pixels()]; scene.channels.len()];
+    let ones = vec![vec![1.0; target.pixels()]; scene.channels.len()];
     let white = scene.photograph(&ones)?;
-    let peak = options.peak.map_or_else(|| wish.default_peak(&white), Ok)?;
-    let b = wish.light(peak)?;
-    let mut run = Run { wish, white: &white, b: &b, options, prior, dear: true, preparation: 1 };
+    let peak = options.peak.map_or_else(|| target.default_peak(&white), Ok)?;
+    let b = target.light(peak)?;
+    let mut run = Run { target, white: &white, b: &b, options, prior, dear: true, preparation: 1 };
     let keep = options.method.facts().constraint != Constraint::Box && options.baseline;
     let solved = run.solve(scene.channels, options.method, options.photos, keep)?;
     let preparation = run.preparation;
@@ -154,14 +154,14 @@ pub fn compensate_with<O: Adjoint>(
 
     let pattern = clipped(&solved.patterns, options.floor);
     let observed = scene.photograph(&pattern)?;
-    let plain = clipped(&wish.dimmed(&white, peak)?, options.floor);
+    let plain = clipped(&target.dimmed(&white, peak)?, options.floor);
     let uncompensated = scene.photograph(&plain)?;
     let keep = keep && pattern != solved.patterns;
     let displayed = match keep {
         true => scene.displayed(&solved.answers, options.floor, &b)?,
         false => Vec::new(),
     };
-    let answer = Answer { wish, options, peak, b: &b, pattern, observed, uncompensated };
+    let answer = Answer { target, options, peak, b: &b, pattern, observed, uncompensated };
     let found = answer.of(solved)?;
     let clamping = if keep {
         let boxed = run.solve(&mut unobserved(scene.channels), Method::KrylovBox, again, false)?.history;
@@ -173,7 +173,7 @@ pub fn compensate_with<O: Adjoint>(
 }
 
 impl Prior {
-    fn fits(&self, wish: &Target, channels: usize) -> Result<()> {
+    fn fits(&self, target: &Target, channels: usize) -> Result<()> {
         let mismatch = |what, expected: usize, found: usize| {
             Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() })
         };
@@ -188,8 +188,8 @@ impl Prior {
         }
         let geometry = Some(&self.geometry).filter(|plane| !plane.is_empty());
         let mut planes = self.direct.iter().chain(geometry).chain(self.start.iter().flatten());
-        match planes.find(|plane| plane.len() != wish.pixels()) {
-            Some(plane) => mismatch("pixels of what is known beforehand", wish.pixels(), plane.len()),
+        match planes.find(|plane| plane.len() != target.pixels()) {
+            Some(plane) => mismatch("pixels of what is known beforehand", target.pixels(), plane.len()),
             None => Ok(()),
         }
     }

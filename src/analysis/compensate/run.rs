@@ -38,7 +38,7 @@ pub(super) struct Solved {
 
 /// The common inputs of all channels' systems.
 pub(super) struct Run<'a> {
-    pub(super) wish: &'a Target,
+    pub(super) target: &'a Target,
     pub(super) white: &'a [Vec<f64>],
     pub(super) b: &'a [Vec<f64>],
     pub(super) options: &'a CompensateOptions,
@@ -133,7 +133,7 @@ impl Run<'_> {
         let blurred = self.options.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
         let surrogate: Option<Arc<dyn Surrogate>> = match method {
             Method::KrylovBox if blurred && self.dear && channel.is_some() => {
-                Some(Arc::new(Mixture::new(self.wish.resolution(), &white)))
+                Some(Arc::new(Mixture::new(self.target.resolution(), &white)))
             }
             _ => None,
         };
@@ -163,7 +163,7 @@ impl Run<'_> {
         let refuse = |fault: &str, help: &str| {
             Err(Error::Option { option: "--precondition".into(), fault: fault.into(), help: help.into() })
         };
-        let size = self.wish.resolution();
+        let size = self.target.resolution();
         let kind = self.options.unconstrained_preconditioning();
         let Some(channel) = channel.or((kind <= Precondition::Diagonal).then_some(0)) else {
             return refuse(

@@ -81,7 +81,7 @@ impl Target {
             peak => Err(Error::Option {
                 option: "--peak".into(),
                 fault: format!(
-                    "half the median of the white photo is {peak}, which is no radiance to wish for"
+                    "half the median of the white photo is {peak}, which is no radiance for a target"
                 ),
                 help: "give the radiance that 1 in the target stands for".into(),
             }),

@@ -50,7 +50,7 @@ impl Planner<'_> {
         let resolution = self.rig.scene.size();
         let ambient: Vec<f32> = self.twin.ambient(self.rig, 0)?.iter().map(|&value| value as f32).collect();
         let ambient = Image::new(resolution, 1, ambient)?;
-        let wish = Target::new(target, &ambient)?;
+        let above_ambient = Target::new(target, &ambient)?;
         let optimum = CompensateOptions {
             method: Method::KrylovBox,
             photos: OPTIMUM_PHOTOS,
@@ -60,7 +60,7 @@ impl Planner<'_> {
             baseline: false,
             ..*options
         };
-        let found = compensate(&mut [self.in_range()?], &wish, &optimum)?;
+        let found = compensate(&mut [self.in_range()?], &above_ambient, &optimum)?;
         Ok(CompensationPlan {
             target: target.clone(),
             ambient,
@@ -82,10 +82,10 @@ impl Planner<'_> {
     ) -> Result<CompensationTrial> {
         let mut measurement = self.measure(seed)?.in_luma();
         let ambient = measurement.ambient()?.to_image()?;
-        let wish = Target::new(&ideal.target, &ambient)?;
+        let target = Target::new(&ideal.target, &ambient)?;
         let options = CompensateOptions { peak: None, baseline: false, ..*options };
         let mut operator = measurement.operator(Part::Full, 0);
-        let found = compensate(&mut [Observed::new(&mut operator, self.observer)], &wish, &options)?;
+        let found = compensate(&mut [Observed::new(&mut operator, self.observer)], &target, &options)?;
         let residual = self.residual(ideal, &found.pattern)?;
         Ok(CompensationTrial {
             cost: Cost::of(&measurement, found.photos),
@@ -99,11 +99,11 @@ impl Planner<'_> {
         let mut operator = self.in_range()?;
         let mut light = vec![0.0; operator.rows()];
         operator.apply(&shown(&self.rig.projector, pattern), &mut light)?;
-        let wished: Vec<f64> = (ideal.target.plane(0).iter().zip(ideal.ambient.plane(0)))
+        let wanted: Vec<f64> = (ideal.target.plane(0).iter().zip(ideal.ambient.plane(0)))
             .map(|(target, ambient)| target * ideal.peak - ambient)
             .collect();
-        let error: f64 = wished.iter().zip(&light).map(|(b, y)| (b - y) * (b - y)).sum();
-        Ok((error / wished.iter().map(|b| b * b).sum::<f64>()).sqrt())
+        let error: f64 = wanted.iter().zip(&light).map(|(b, y)| (b - y) * (b - y)).sum();
+        Ok((error / wanted.iter().map(|b| b * b).sum::<f64>()).sqrt())
     }
 
     fn in_range(&self) -> Result<InRange<'_>> {

@@ -19,23 +19,6 @@ pub enum Advance {
     Ended(Status),
 }
 
-/// A method for `A x = b` as a state that takes steps.
-pub trait Solver {
-    /// One step: at most one product with `A` or `Aᵀ` of `operator`, which must be the same from step to
-    /// step.
-    ///
-    /// # Errors
-    /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as
-    /// before the step, and the step can be taken again, with the same bits. [`Error::Dimension`] when the
-    /// operator does not fit; [`Error::Numerical`] when it is not declared symmetric and the method needs
-    /// that. The error of the preconditioner; a product may be lost then.
-    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
-    /// Products and residuals so far.
-    fn tally(&self) -> Tally;
-    /// The best iterate so far, of length `cols`; its residual norm is [`Tally::best`]. Takes no product.
-    fn solution(&self) -> Vec<f64>;
-}
-
 /// One product of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveRow {
@@ -177,4 +160,21 @@ impl Adjoint for ForwardOnly<'_> {
         self.check_symmetric()?;
         self.apply_block(ys, xs)
     }
+}
+
+/// A method for `A x = b` as a state that takes steps.
+pub trait Solver {
+    /// One step: at most one product with `A` or `Aᵀ` of `operator`, which must be the same from step to
+    /// step.
+    ///
+    /// # Errors
+    /// The error of the product, and [`Error::Numerical`] for a product that holds NaN. The state is then as
+    /// before the step, and the step can be taken again, with the same bits. [`Error::Dimension`] when the
+    /// operator does not fit; [`Error::Numerical`] when it is not declared symmetric and the method needs
+    /// that. The error of the preconditioner; a product may be lost then.
+    fn step(&mut self, operator: &mut dyn Adjoint) -> Result<Advance>;
+    /// Products and residuals so far.
+    fn tally(&self) -> Tally;
+    /// The best iterate so far, of length `cols`; its residual norm is [`Tally::best`]. Takes no product.
+    fn solution(&self) -> Vec<f64>;
 }

@@ -28,7 +28,7 @@ pub(super) fn convergence(run: &CompensationRun<'_>) -> Section {
     };
     Section {
         title: "Convergence".into(),
-        text: "Residuals are relative to the light wished. The photos that show target and result, and those of the baseline, are not the method's and are not counted.".into(),
+        text: "Residuals are relative to the light of the target. The photos that show target and result, and those of the baseline, are not the method's and are not counted.".into(),
         blocks: vec![residuals::plot("photos", &lines, marks, caption)],
     }
 }
@@ -97,7 +97,7 @@ pub(super) fn similarity(run: &CompensationRun<'_>) -> Block {
             row("compensated", found.residual, &found.similarity),
             row("uncompensated", found.uncompensated_residual, &found.uncompensated_similarity),
         ],
-        caption: "What is seen against what is wished; the data range is the peak".into(),
+        caption: "What is seen against the target; the data range is the peak".into(),
     }
 }
 

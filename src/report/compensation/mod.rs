@@ -122,7 +122,7 @@ impl CompensationRun<'_> {
         };
         let scale = exposure(&found.target);
         let mut pictures = vec![
-            ("target", plain(&found.target, scale, "What is wished".into())?),
+            ("target", plain(&found.target, scale, "The target".into())?),
             (
                 "observed",
                 plain(&found.observed, scale, format!("What is seen: residual {:.4}", found.residual))?,
@@ -139,7 +139,7 @@ impl CompensationRun<'_> {
         ];
         let errors = [&found.observed, &found.uncompensated].map(|photo| difference(photo, &found.target));
         let range = robust_range(&errors.concat(), None);
-        let captions = ["Seen less wished", "Uncompensated less wished"];
+        let captions = ["Seen less the target", "Uncompensated less the target"];
         for ((error, caption), name) in errors.iter().zip(captions).zip(["error", "error-uncompensated"]) {
             pictures
                 .push((name, figure::signed(found.target.resolution(), error, range, self.unit, caption)?));
