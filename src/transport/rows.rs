@@ -73,8 +73,9 @@ impl<const C: usize> Chunk<C> {
         self.rows.iter().zip(starts).map(|(&row, start)| (row, start..row.end))
     }
 
-    /// The chunk of these rows.
-    fn join(rows: Vec<Finished<C>>) -> Self {
+    /// The chunk of these rows. Rows without entries are left out: their endpoint is not known.
+    fn join(mut rows: Vec<Finished<C>>) -> Self {
+        rows.retain(|row| !row.entries.is_empty());
         let count = rows.iter().map(|row| row.entries.len()).sum();
         let mut chunk = Self {
             rows: Vec::with_capacity(rows.len()),
