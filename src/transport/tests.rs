@@ -166,3 +166,16 @@ fn a_connection_of_two_other_pixels_is_refused() {
     let mut rows = Rows::<1>::new(SAMPLES, false);
     assert!(rows.add_paths(&[(0, 0, vec![stray])], &|rgb| [rgb[0]]).is_err());
 }
+
+#[test]
+fn a_projector_of_more_pixels_than_the_camera_may_have_pixels_that_light_nothing() {
+    let rig = RigShape { camera: Resolution::new(2, 1), projector: Resolution::new(4, 1), symmetric: false };
+    let lit = Connection { camera: 1, projector: 0, bounces: 2, value: [3.0; 3] };
+    // The last two pixels of the projector are beyond the camera's, and light nothing.
+    let camera = (0..2).map(|pixel| (pixel, 0, Vec::new())).collect();
+    let projector = (0..4).map(|pixel| (pixel, 0, if pixel == 0 { vec![lit] } else { Vec::new() })).collect();
+    let paths: [Paths; 2] = [camera, projector];
+    let of_layers = matrix(rig, &paths, false).layers.iter().map(Layer::nonzeros).sum::<usize>();
+    assert_eq!(of_layers, 1);
+    assert_eq!(dense(rig, &paths, Part::Full)[4] * f64::from(SAMPLES), 3.0);
+}
