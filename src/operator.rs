@@ -8,6 +8,7 @@ mod recorded;
 
 pub use closure::Closure;
 pub use each::each_product;
+pub(crate) use forward::delegate;
 pub use observed::{Observed, Relayed};
 pub use recorded::{Product, Recorded};
 
@@ -59,6 +60,14 @@ pub trait Operator {
     /// default `()`, which does nothing. An operator around another one returns the observer of that one.
     fn observer(&self) -> &dyn Observer {
         &()
+    }
+
+    /// The standard errors of the products with `xs` that were taken last, in order: the expected `‖y − A x‖₂`
+    /// due to noise. `xs` are the vectors of the last [`Operator::apply`], [`Operator::apply_block`], or of the
+    /// same with the transpose. Empty by default: the products are exact, or their errors are not known.
+    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+        let _ = xs;
+        Vec::new()
     }
 }
 

@@ -5,8 +5,7 @@
 use super::separate::{Separation, checkerboards, random_patterns};
 use crate::error::{Error, Result};
 use crate::image::{Blur, Resolution};
-use crate::observer::Observer;
-use crate::operator::{Operator, Symmetry, block, block_mut};
+use crate::operator::{Operator, block, block_mut, delegate};
 
 /// How the direct light is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,16 +72,14 @@ impl<'a> WithoutDirect<'a> {
 }
 
 impl Operator for WithoutDirect<'_> {
+    delegate!(operator: symmetry, block_size, observer, standard_errors);
+
     fn rows(&self) -> usize {
         self.direct.len()
     }
 
     fn cols(&self) -> usize {
         self.direct.len()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
@@ -95,14 +92,6 @@ impl Operator for WithoutDirect<'_> {
         self.operator.apply_block(xs, ys)?;
         xs.iter().zip(ys).for_each(|(x, y)| self.subtract(x, y));
         Ok(())
-    }
-
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
-    }
-
-    fn observer(&self) -> &dyn Observer {
-        self.operator.observer()
     }
 }
 
@@ -134,16 +123,14 @@ impl<'a> Blurred<'a> {
 }
 
 impl Operator for Blurred<'_> {
+    delegate!(operator: symmetry, block_size, observer);
+
     fn rows(&self) -> usize {
         self.photo.len()
     }
 
     fn cols(&self) -> usize {
         self.photo.len()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
@@ -162,12 +149,11 @@ impl Operator for Blurred<'_> {
         Ok(())
     }
 
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
-    }
-
-    fn observer(&self) -> &dyn Observer {
-        self.operator.observer()
+    /// Those of the photos, reduced by the blur as noise is that is the same in all pixels.
+    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+        let ones = vec![1.0; self.photo.len()];
+        let left = self.blur.variance(&ones).iter().sum::<f64>() / ones.len() as f64;
+        self.operator.standard_errors(xs).into_iter().map(|error| left.sqrt() * error).collect()
     }
 }
 

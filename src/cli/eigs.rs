@@ -13,6 +13,7 @@ use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::krylov::{EigsMethod, EigsOptions, Start, Which};
+use crate::lab::text::percent;
 use crate::lab::{Eigenpairs, Lab};
 use crate::transport::Part;
 
@@ -56,9 +57,10 @@ pub(super) struct Question {
     /// Photos (products with the matrix) to take at most [default: 50, or as many as the run that is SOURCE might take]
     #[arg(long, value_name = "N")]
     photos: Option<usize>,
-    /// Done when each residual norm is at most this share of the matrix norm
-    #[arg(long, value_name = "X", default_value_t = 1e-8)]
-    tolerance: f64,
+    /// Done when each residual norm is at most this share of the matrix norm; exit with 1 if that is not reached. Without
+    /// it, the photos end where they would tell no more: at 1e-8, or where the noise of the photos is larger
+    #[arg(long, value_name = "X")]
+    tolerance: Option<f64>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -103,7 +105,7 @@ impl Question {
                 WhichArg::Li => Which::LargestImaginary,
             },
             products: self.photos.or(photos_of_run).unwrap_or(50),
-            tolerance: self.tolerance,
+            tolerance: self.tolerance.unwrap_or(EigsOptions::default().tolerance),
             method: match self.method {
                 MethodArg::Power => EigsMethod::Power,
                 MethodArg::Lanczos => EigsMethod::Lanczos,
@@ -128,10 +130,13 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
-    let options = args.question.options(lab.seed(), lab.photos_of_run());
+    let mut options = args.question.options(lab.seed(), lab.photos_of_run());
     if let Some(run) = lab.run() {
         run.manifest.seed = Some(args.trace.overrides().vector_seed());
         run.manifest.photos_allowed = Some(options.products);
+    }
+    if args.question.tolerance.is_none() {
+        options.noise = lab.product_noise(args.question.part())?.unwrap_or(0.0);
     }
     let found = lab.eigs(args.question.part(), &options)?;
     let pairs = Eigenpairs { found: &found, wanted: options.count };
@@ -143,28 +148,41 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
         "imaginary_parts": found.imaginary_values,
         "residuals": found.residuals,
         "bounds": found.bounds,
-        "verdicts": pairs.statuses(),
+        "standard_errors": found.standard_errors,
+        "statuses": pairs.statuses(),
+        "asymmetry": found.asymmetry,
     });
-    let ending = Ending { run: &args.run, is_good: pairs.is_good(), summary };
+    // Only a tolerance that was asked for can be missed.
+    let is_good = args.question.tolerance.is_none() || pairs.is_good();
+    let ending = Ending { run: &args.run, is_good, summary };
     Ok(finish(lab, console, &pairs, ending)?.1)
 }
 
 fn say(pairs: &Eigenpairs<'_>, console: &Console) -> Result<()> {
     let found = pairs.found;
     console.say(format_args!("photos    {}: {}", found.stats.products, found.stats.status))?;
-    console.say("           eigenvalue   residual   error at most")?;
+    if found.asymmetry > 1e-12 {
+        console.say(format_args!("symmetry  {} % off, as measured", percent(found.asymmetry)))?;
+    }
+    console.say("           eigenvalue   noise      residual   error at most")?;
     for (index, status) in pairs.statuses().iter().enumerate() {
         let imaginary = match found.imaginary_values[index] {
             0.0 => String::new(),
             value => format!(" {value:+.8} i"),
         };
         console.say(format_args!(
-            "  {:>6}  {:>11.8}{imaginary}   {:.1e}    {:.1e}   {status}",
+            "  {:>6}  {:>11.8}{imaginary}   {}    {:.1e}    {:.1e}   {status}",
             index + 1,
             found.values[index],
+            noise(found.standard_errors[index]),
             found.residuals[index],
             found.bounds[index]
         ))?;
     }
     Ok(())
+}
+
+/// A standard error that is known.
+fn noise(error: f64) -> String {
+    if error > 0.0 { format!("±{error:.1e}") } else { "-       ".into() }
 }

@@ -24,6 +24,8 @@ pub struct LabOperator {
     /// Where photos are recorded for the report; `None` for products that are no photos of the run.
     sheet: Option<Arc<Mutex<ContactSheet>>>,
     photos: usize,
+    /// The standard errors of the products of the last call, where the source knows them.
+    errors: Vec<f64>,
 }
 
 impl LabOperator {
@@ -36,7 +38,16 @@ impl LabOperator {
     ) -> Self {
         let (transport, sheet) = (Arc::clone(transport), sheet.map(Arc::clone));
         let shape = lock(&transport).shape();
-        Self { transport, shape, part, channel, observer: observer.clone(), sheet, photos: 0 }
+        Self {
+            transport,
+            shape,
+            part,
+            channel,
+            observer: observer.clone(),
+            sheet,
+            photos: 0,
+            errors: Vec::new(),
+        }
     }
 
     /// The part of the light.
@@ -55,7 +66,7 @@ impl LabOperator {
     }
 
     fn products(&mut self, direction: Direction, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        lock(&self.transport).products((self.part, self.channel), direction, xs, ys)?;
+        self.errors = lock(&self.transport).products((self.part, self.channel), direction, xs, ys)?;
         self.photos += xs.len();
         let Some(sheet) = &self.sheet else { return Ok(()) };
         let is_dual = direction == Direction::Adjoint;
@@ -104,6 +115,10 @@ impl Operator for LabOperator {
             Some(_) => &*self.observer.0,
             None => &(),
         }
+    }
+
+    fn standard_errors(&self, _: &[&[f64]]) -> Vec<f64> {
+        self.errors.clone()
     }
 }
 

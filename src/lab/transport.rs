@@ -238,18 +238,21 @@ impl LightTransport {
         self.rig().map(|rig| rig.record(is_complete)).transpose()
     }
 
-    /// Products of one part and channel with several vectors.
+    /// Products of one part and channel with several vectors, and their standard errors where the source knows them.
     pub(super) fn products(
         &mut self,
         (part, channel): (Part, usize),
         direction: Direction,
         xs: &[&[f64]],
         ys: &mut [&mut [f64]],
-    ) -> Result<()> {
+    ) -> Result<Vec<f64>> {
         let Self { engine, journal, shape, observer } = self;
-        let apply = |operator: &mut dyn Adjoint, ys: &mut [&mut [f64]]| match direction {
-            Direction::Forward => operator.apply_block(xs, ys),
-            Direction::Adjoint => operator.apply_adjoint_block(xs, ys),
+        let apply = |operator: &mut dyn Adjoint, ys: &mut [&mut [f64]]| {
+            match direction {
+                Direction::Forward => operator.apply_block(xs, ys),
+                Direction::Adjoint => operator.apply_adjoint_block(xs, ys),
+            }?;
+            Ok(operator.standard_errors(xs))
         };
         let Some(journal) = journal else {
             return engine.with_operator(part, channel, |operator| apply(operator, ys));

@@ -16,13 +16,15 @@ pub struct MeasuredOperator<'a> {
     pub(super) measurement: &'a mut Measurement,
     pub(super) part: Part,
     pub(super) channel: usize,
+    /// The standard errors of the products of the last call.
+    errors: Vec<f64>,
 }
 
 impl Measurement {
     /// The operator of one part and one channel of the rig's matrix.
     pub fn operator(&mut self, part: Part, channel: usize) -> MeasuredOperator<'_> {
         debug_assert!(channel < self.channels());
-        MeasuredOperator { measurement: self, part, channel }
+        MeasuredOperator { measurement: self, part, channel, errors: Vec::new() }
     }
 }
 
@@ -30,12 +32,6 @@ impl MeasuredOperator<'_> {
     /// The last product, with the variance of each entry.
     pub fn last_product(&self) -> Option<&Plane> {
         self.measurement.last_product()
-    }
-
-    /// The standard error of the last product, `√Σ variance`: the expected value of `‖y − A x‖₂` due to
-    /// noise. It is 0 before the first product.
-    pub fn standard_error(&self) -> f64 {
-        self.last_product().map_or(0.0, Plane::standard_error)
     }
 
     /// The measured rig.
@@ -58,15 +54,28 @@ impl Operator for MeasuredOperator<'_> {
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        if y.len() != self.rows() {
-            return Err(Error::Dimension {
-                what: "entries of the product",
-                expected: self.rows().to_string(),
-                found: y.len().to_string(),
-            });
+        self.apply_block(&[x], &mut [y])
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.errors.clear();
+        for (x, y) in xs.iter().zip(ys) {
+            if y.len() != self.rows() {
+                return Err(Error::Dimension {
+                    what: "entries of the product",
+                    expected: self.rows().to_string(),
+                    found: y.len().to_string(),
+                });
+            }
+            let product = self.measurement.product(self.part, self.channel, x)?;
+            y.copy_from_slice(&product.values);
+            self.errors.push(product.standard_error());
         }
-        y.copy_from_slice(&self.measurement.product(self.part, self.channel, x)?.values);
         Ok(())
+    }
+
+    fn standard_errors(&self, _: &[&[f64]]) -> Vec<f64> {
+        self.errors.clone()
     }
 }
 

@@ -1,4 +1,4 @@
-//! References and boxes of operators are operators.
+//! References and boxes of operators are operators; an operator around another one forwards what it does not change.
 
 use super::{Adjoint, Operator, Symmetry};
 use crate::error::Result;
@@ -34,6 +34,10 @@ macro_rules! forward {
             fn observer(&self) -> &dyn Observer {
                 (**self).observer()
             }
+
+            fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+                (**self).standard_errors(xs)
+            }
         }
 
         impl<O: Adjoint + ?Sized> Adjoint for $pointer {
@@ -49,3 +53,49 @@ macro_rules! forward {
 }
 
 forward!(&mut O, Box<O>);
+
+/// Methods of [`Operator`] that an operator around another one forwards to it: in the `impl`, the field that holds the other
+/// operator, and the names of the methods.
+macro_rules! delegate {
+    ($field:tt: $($method:ident),+ $(,)?) => { $( $crate::operator::delegate!(@$method $field); )+ };
+    (@rows $field:tt) => {
+        fn rows(&self) -> usize {
+            self.$field.rows()
+        }
+    };
+    (@cols $field:tt) => {
+        fn cols(&self) -> usize {
+            self.$field.cols()
+        }
+    };
+    (@symmetry $field:tt) => {
+        fn symmetry(&self) -> $crate::operator::Symmetry {
+            self.$field.symmetry()
+        }
+    };
+    (@apply $field:tt) => {
+        fn apply(&mut self, x: &[f64], y: &mut [f64]) -> $crate::error::Result<()> {
+            self.$field.apply(x, y)
+        }
+        fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> $crate::error::Result<()> {
+            self.$field.apply_block(xs, ys)
+        }
+    };
+    (@block_size $field:tt) => {
+        fn block_size(&self) -> usize {
+            self.$field.block_size()
+        }
+    };
+    (@observer $field:tt) => {
+        fn observer(&self) -> &dyn $crate::observer::Observer {
+            self.$field.observer()
+        }
+    };
+    (@standard_errors $field:tt) => {
+        fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+            self.$field.standard_errors(xs)
+        }
+    };
+}
+
+pub(crate) use delegate;

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 
-use super::{Adjoint, Operator, Symmetry};
+use super::{Adjoint, Operator, delegate};
 use crate::error::Result;
 use crate::observer::{Level, Observer, PhotoTaken, Step};
 
@@ -42,29 +42,7 @@ impl<'a, O: ?Sized> Observed<'a, O> {
 }
 
 impl<O: Operator + ?Sized> Operator for Observed<'_, O> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)
-    }
-
-    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.operator.apply_block(xs, ys)
-    }
-
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
-    }
+    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors);
 
     fn observer(&self) -> &dyn Observer {
         self.observer
@@ -127,29 +105,7 @@ where
     O: Operator + ?Sized,
     F: FnMut(&dyn Observer, &Step<'_>) -> ControlFlow<()>,
 {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)
-    }
-
-    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.operator.apply_block(xs, ys)
-    }
-
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
-    }
+    delegate!(operator: rows, cols, symmetry, apply, block_size, standard_errors);
 
     fn observer(&self) -> &dyn Observer {
         self

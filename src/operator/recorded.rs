@@ -1,8 +1,7 @@
 //! An operator that records its products.
 
-use super::{Adjoint, Operator, Symmetry};
+use super::{Adjoint, Operator, delegate};
 use crate::error::Result;
-use crate::observer::Observer;
 
 /// An operator that records each product: what was multiplied, and the result.
 pub struct Recorded<'a, O: ?Sized> {
@@ -32,17 +31,7 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
 }
 
 impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
+    delegate!(operator: rows, cols, symmetry, block_size, observer, standard_errors);
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.operator.apply(x, y)?;
@@ -54,14 +43,6 @@ impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
         self.operator.apply_block(xs, ys)?;
         xs.iter().zip(ys).for_each(|(x, y)| self.record(x, y));
         Ok(())
-    }
-
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
-    }
-
-    fn observer(&self) -> &dyn Observer {
-        self.operator.observer()
     }
 }
 

@@ -156,6 +156,20 @@ impl TransportMatrix {
         });
     }
 
+    /// The Frobenius norm of the `part` of one channel. Entries that several layers share count apart, which matters
+    /// only where single and multiple scattering link the same pixels.
+    pub fn frobenius_norm(&self, part: Part, channel: usize) -> f64 {
+        let square = |&value: &f32| f64::from(value) * f64::from(value);
+        let mut squares = 0.0;
+        for layer in self.layers.iter().filter(|layer| part.has(layer.bounces())) {
+            squares += layer.to_rows().weights[channel].iter().map(square).sum::<f64>();
+        }
+        if part.holds(1) {
+            squares += self.direct[channel].iter().map(square).sum::<f64>();
+        }
+        squares.sqrt()
+    }
+
     /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. An entry
     /// that several layers share is their sum, rounded to `f32`.
     ///

@@ -12,8 +12,7 @@
 
 use crate::error::{Error, Result};
 use crate::krylov::{Method, SolveOptions, Status, solve};
-use crate::observer::Observer;
-use crate::operator::{Operator, Symmetry, block};
+use crate::operator::{Operator, Symmetry, block, delegate};
 
 /// Pixels with less than this share of the greatest direct light count as unlit; other pixels account for the light they send.
 const DARK: f64 = 1e-6;
@@ -83,6 +82,8 @@ struct Scaled<'a> {
 }
 
 impl Operator for Scaled<'_> {
+    delegate!(global: block_size, observer);
+
     fn rows(&self) -> usize {
         self.inverse.len()
     }
@@ -110,14 +111,6 @@ impl Operator for Scaled<'_> {
             y.iter_mut().zip(*x).for_each(|(y, x)| *y += x);
         }
         Ok(())
-    }
-
-    fn block_size(&self) -> usize {
-        self.global.block_size()
-    }
-
-    fn observer(&self) -> &dyn Observer {
-        self.global.observer()
     }
 }
 

@@ -7,8 +7,7 @@ use crate::analysis::{CompensateOptions, Target};
 use crate::error::Result;
 use crate::image::Image;
 use crate::krylov::Method;
-use crate::observer::Observer;
-use crate::operator::{Adjoint, Observed, Operator, Symmetry};
+use crate::operator::{Adjoint, Observed, Operator, delegate};
 use crate::transport::Part;
 
 /// Photos for the optimum, which cost nothing on the twin.
@@ -118,17 +117,7 @@ struct InRange<'a> {
 }
 
 impl Operator for InRange<'_> {
-    fn rows(&self) -> usize {
-        self.inner.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.inner.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.inner.symmetry()
-    }
+    delegate!(inner: rows, cols, symmetry, block_size, observer);
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.inner.apply(x, y)?;
@@ -140,14 +129,6 @@ impl Operator for InRange<'_> {
         self.inner.apply_block(xs, ys)?;
         ys.iter_mut().flat_map(|y| y.iter_mut()).for_each(|value| *value *= self.range);
         Ok(())
-    }
-
-    fn block_size(&self) -> usize {
-        self.inner.block_size()
-    }
-
-    fn observer(&self) -> &dyn Observer {
-        self.inner.observer()
     }
 }
 

@@ -2,8 +2,7 @@
 
 use super::graph::{Graph, Raster};
 use crate::error::Result;
-use crate::observer::Observer;
-use crate::operator::{Operator, Symmetry, block};
+use crate::operator::{Operator, block, delegate};
 
 /// `N = D^-½ W D^-½` of `m × m`, with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
@@ -38,16 +37,14 @@ impl<'a> NormalizedAdjacency<'a> {
 }
 
 impl Operator for NormalizedAdjacency<'_> {
+    delegate!(global: symmetry, block_size, observer);
+
     fn rows(&self) -> usize {
         self.nodes.len()
     }
 
     fn cols(&self) -> usize {
         self.nodes.len()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.global.symmetry()
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
@@ -72,11 +69,10 @@ impl Operator for NormalizedAdjacency<'_> {
         Ok(())
     }
 
-    fn block_size(&self) -> usize {
-        self.global.block_size()
-    }
-
-    fn observer(&self) -> &dyn Observer {
-        self.global.observer()
+    /// Those of the photos, scaled as if their noise were the same in all pixels.
+    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+        let squares: f64 = self.inverse_root.iter().map(|scale| scale * scale).sum();
+        let scale = (squares / self.nodes.len() as f64).sqrt();
+        self.global.standard_errors(xs).into_iter().map(|error| scale * error).collect()
     }
 }

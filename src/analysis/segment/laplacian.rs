@@ -2,8 +2,7 @@
 
 use super::graph::{Graph, Raster};
 use crate::error::Result;
-use crate::observer::Observer;
-use crate::operator::{Operator, Symmetry};
+use crate::operator::{Operator, delegate};
 
 /// The negative Laplacian `W − D` (`m × m`), with `W = G_m + μ 1 1ᵀ` and `D = diag(W 1)`, on the nodes of a [`Graph`].
 ///
@@ -34,16 +33,14 @@ impl<'a> NegativeLaplacian<'a> {
 }
 
 impl Operator for NegativeLaplacian<'_> {
+    delegate!(global: symmetry, block_size, observer, standard_errors);
+
     fn rows(&self) -> usize {
         self.graph.pixels().len()
     }
 
     fn cols(&self) -> usize {
         self.graph.pixels().len()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.global.symmetry()
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
@@ -56,14 +53,6 @@ impl Operator for NegativeLaplacian<'_> {
         self.graph.weights_block(self.global, xs, ys)?;
         xs.iter().zip(ys).for_each(|(x, y)| subtract_degrees(self.graph, x, y));
         Ok(())
-    }
-
-    fn block_size(&self) -> usize {
-        self.global.block_size()
-    }
-
-    fn observer(&self) -> &dyn Observer {
-        self.global.observer()
     }
 }
 

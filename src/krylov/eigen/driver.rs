@@ -45,11 +45,11 @@ pub(super) fn drive(
         if factorization.is_exhausted() {
             break Status::SpaceExhausted;
         }
-        if let Some(status) = good_enough(&pairs, options, factorization.scale()) {
+        if let Some(status) = good_enough(&pairs, options, (factorization.scale(), factorization.n())) {
             break status;
         }
         if factorization.products() >= options.products {
-            break Status::BudgetSpent;
+            break spent(&pairs, options, factorization.scale());
         }
         let waiting = factorization.expansion().pending();
         if factorization.steps() + waiting >= most {
@@ -77,7 +77,8 @@ pub(super) fn drive(
         .iter()
         .map(|pair| if pair.is_real() { Vec::new() } else { factorization.ritz_vector_imaginary(pair) });
     let imaginary = imaginary.collect();
-    let found = Found { pairs: &pairs, vectors, imaginary, scale: factorization.scale() };
+    let (scale, rows) = (factorization.scale(), factorization.n());
+    let found = Found { pairs: &pairs, vectors, imaginary, scale, rows };
     Ok(found.eigs(options, factorization.asymmetry(), recorder.history, stats))
 }
 
@@ -88,19 +89,31 @@ fn is_near(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> bool {
     pairs.len() >= options.count && pairs.iter().all(|pair| pair.residual <= NEAR * target.max(pair.rounding))
 }
 
-/// Why these pairs need no further product, if they need none.
-pub(super) fn good_enough(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Option<Status> {
+/// Why these pairs of an operator of this norm and of `n` rows need no further product, if they need none.
+pub(super) fn good_enough(
+    pairs: &[RitzPair],
+    options: &EigsOptions,
+    (scale, n): (f64, usize),
+) -> Option<Status> {
     if pairs.len() < options.count {
         return None;
     }
     let wanted = options.tolerance * scale;
-    let statuses = || pairs.iter().map(|pair| pair.status(wanted, options.noise));
-    if statuses().all(|status| status == PairStatus::Converged) {
-        Some(Status::ReachedTolerance)
-    } else if statuses().all(|status| status != PairStatus::NotResolved) {
-        Some(Status::NoiseFloor)
+    if pairs.iter().all(|pair| pair.status(wanted, options.noise) == PairStatus::Converged) {
+        return Some(Status::ReachedTolerance);
+    }
+    let is_settled = |pair: &RitzPair| pair.is_settled(options.noise, n);
+    (options.tolerance > 0.0 && pairs.iter().all(is_settled)).then_some(Status::NoiseFloor)
+}
+
+/// The status of pairs for which no product is left.
+pub(super) fn spent(pairs: &[RitzPair], options: &EigsOptions, scale: f64) -> Status {
+    let wanted = options.tolerance * scale;
+    let limited = |pair: &RitzPair| pair.status(wanted, options.noise) != PairStatus::NotResolved;
+    if pairs.len() >= options.count && pairs.iter().all(limited) {
+        Status::NoiseFloor
     } else {
-        None
+        Status::BudgetSpent
     }
 }
 
@@ -140,6 +153,8 @@ pub(super) struct Found<'a> {
     pub(super) vectors: Vec<Vec<f64>>,
     pub(super) imaginary: Vec<Vec<f64>>,
     pub(super) scale: f64,
+    /// `n` of the `n × n` operator.
+    pub(super) rows: usize,
 }
 
 impl Found<'_> {
@@ -156,6 +171,7 @@ impl Found<'_> {
             values: each(&|pair| pair.value),
             imaginary_values: each(&|pair| pair.imaginary),
             residuals: each(&|pair| pair.residual),
+            standard_errors: each(&|pair| pair.standard_error(options.noise, self.rows)),
             bounds: each(&|pair| pair.bound(options.noise)),
             gap_bounds: each(&|pair| pair.gap_bound(options.noise)),
             statuses: self.pairs.iter().map(|pair| pair.status(wanted, options.noise)).collect(),

@@ -39,8 +39,10 @@ pub struct EigsOptions {
     /// The most basis vectors to keep, without the known ones, by thick restarts (Lanczos and block Lanczos);
     /// at least `count + 2 × block + 1`. Restarts slow convergence, but take no product. Default: no restart.
     pub max_basis: Option<usize>,
-    /// The norm of the error of a product with a vector of norm 1. Done when all residuals are down to it.
-    /// Default 0.
+    /// The norm of the error of a product with a vector of norm 1, for an operator that does not state its own
+    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)). Done when all residuals are down
+    /// to the noise, and more products would change no eigenvalue by more than its standard error. A tolerance of 0
+    /// uses the whole budget all the same. Default 0.
     pub noise: f64,
     /// The first vector, or the first block ([`Start::block`]). Default: random signs of seed 0.
     pub start: Start,
@@ -78,6 +80,9 @@ pub struct Eigs {
     pub imaginary_vectors: Vec<Vec<f64>>,
     /// `‖A y − θ y‖` of each pair, from the products taken.
     pub residuals: Vec<f64>,
+    /// The standard error of each value due to the noise of the products, that of the options or stated by the operator:
+    /// [`RitzPair::standard_error`](super::super::RitzPair::standard_error). 0 where none is known.
+    pub standard_errors: Vec<f64>,
     /// A bound on the distance of each value to an eigenvalue:
     /// [`RitzPair::bound`](super::super::RitzPair::bound), rigorous for symmetric operators.
     pub bounds: Vec<f64>,

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::super::basis::{dot, norm};
 use super::super::factor::{Factorization, Lanczos, RitzPair, Which, point_upwards};
 use super::super::stats::{Stats, Status};
-use super::driver::{Found, Recorder, good_enough};
+use super::driver::{Found, Recorder, good_enough, spent};
 use super::options::{Eigs, EigsOptions};
 use crate::error::{Error, Result};
 use crate::operator::{Operator, Symmetry};
@@ -39,11 +39,11 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
     let mut recorder = Recorder::new(options);
     let mut products = 0;
     let status = loop {
-        if let Some(status) = good_enough(&pairs, options, scale) {
+        if let Some(status) = good_enough(&pairs, options, (scale, n)) {
             break status;
         }
         if products >= options.products {
-            break Status::BudgetSpent;
+            break spent(&pairs, options, scale);
         }
         operator.apply(&x, &mut product)?;
         products += 1;
@@ -57,7 +57,8 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
         let value = dot(&x, &product);
         // ‖A x − θ x‖, summed as a vector: the difference of squares would lose half the digits.
         let residual = distance(&product, &x, value);
-        pairs = vec![pair(value, residual, scale, n, operator.symmetry())];
+        let noise = operator.standard_errors(&[&x]).first().copied().unwrap_or(0.0);
+        pairs = vec![pair([value, residual, noise], scale, n, operator.symmetry())];
         best.clone_from(&x);
         let flow = recorder.row(operator, products, &pairs);
         for vector in known {
@@ -74,11 +75,11 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
         x.iter_mut().zip(&product).for_each(|(next, value)| *next = value / length);
     };
     point_upwards(&mut best);
-    let found = Found { pairs: &pairs, vectors: vec![best], imaginary: vec![Vec::new()], scale };
+    let found = Found { pairs: &pairs, vectors: vec![best], imaginary: vec![Vec::new()], scale, rows: n };
     Ok(found.eigs(options, 0.0, recorder.history, Stats { products, status }))
 }
 
-fn pair(value: f64, residual: f64, scale: f64, n: usize, symmetry: Symmetry) -> RitzPair {
+fn pair([value, residual, noise]: [f64; 3], scale: f64, n: usize, symmetry: Symmetry) -> RitzPair {
     RitzPair {
         value,
         imaginary: 0.0,
@@ -87,6 +88,7 @@ fn pair(value: f64, residual: f64, scale: f64, n: usize, symmetry: Symmetry) -> 
         // The left eigenvector is not known.
         condition: if symmetry == Symmetry::Symmetric { 1.0 } else { f64::INFINITY },
         rounding: f64::EPSILON * scale * (10.0 + (n as f64).sqrt()),
+        noise,
         coefficients: vec![1.0],
         imaginary_coefficients: Vec::new(),
     }

@@ -4,8 +4,7 @@ use super::super::basis::{Basis, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::start::Start;
 use crate::error::{Error, Result};
-use crate::observer::Observer;
-use crate::operator::{self, Adjoint, Operator, Symmetry, block, block_mut};
+use crate::operator::{self, Adjoint, Operator, Symmetry, block, block_mut, delegate};
 
 /// A mean of independent random estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,26 +73,10 @@ impl<'a> SelfAdjoint<'a> {
 }
 
 impl Operator for SelfAdjoint<'_> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
+    delegate!(operator: rows, cols, apply, block_size, observer, standard_errors);
+
     fn symmetry(&self) -> Symmetry {
         Symmetry::Symmetric
-    }
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)
-    }
-    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.operator.apply_block(xs, ys)
-    }
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
-    }
-    fn observer(&self) -> &dyn Observer {
-        self.operator.observer()
     }
 }
 

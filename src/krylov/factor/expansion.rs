@@ -49,6 +49,8 @@ pub struct Expansion {
     pub(super) block: usize,
     /// For each step, the coefficients of `A v_j` on `Q, v_1, …`, up to the vector that the step appended.
     pub(super) columns: Vec<Vec<f64>>,
+    /// For each step, the standard error of `A v_j` ([`Operator::standard_errors`]); 0 where it is not known.
+    pub(super) errors: Vec<f64>,
     /// A bound on the Frobenius norm of the part of `A V` that restarts discarded; rounding errors for
     /// symmetric products. A single bound, since rotations leave it unchanged; bounds for each column would
     /// grow with every restart.
@@ -60,7 +62,7 @@ pub struct Expansion {
     pub(super) draws: u64,
     pub(super) work: Vec<f64>,
     /// Products with the first waiting vectors, which a block has taken before their steps.
-    pub(super) ready: VecDeque<Vec<f64>>,
+    pub(super) ready: VecDeque<(Vec<f64>, f64)>,
 }
 
 impl Expansion {
@@ -97,6 +99,7 @@ impl Expansion {
             known,
             block: starts.len().min(n),
             columns: Vec::new(),
+            errors: Vec::new(),
             leak: 0.0,
             products: 0,
             scale: 0.0,
@@ -133,7 +136,9 @@ impl Expansion {
         self.fits(operator)?;
         let mut products = vec![vec![0.0; self.n()]; count];
         operator.apply_block(&block(&self.waiting()[..count]), &mut block_mut(&mut products))?;
-        self.ready = products.into();
+        let errors = operator.standard_errors(&block(&self.waiting()[..count]));
+        let errors = errors.into_iter().chain(std::iter::repeat(0.0));
+        self.ready = products.into_iter().zip(errors).collect();
         Ok(())
     }
 
@@ -144,10 +149,16 @@ impl Expansion {
         self.fits(operator)?;
         let waiting = &self.basis.columns()[self.known + self.steps()..];
         let Some(next) = waiting.first() else { return Ok(Step::Exhausted) };
-        match self.ready.pop_front() {
-            Some(product) => self.work = product,
-            None => operator.apply(next, &mut self.work)?,
-        }
+        let error = match self.ready.pop_front() {
+            Some((product, error)) => {
+                self.work = product;
+                error
+            }
+            None => {
+                operator.apply(next, &mut self.work)?;
+                operator.standard_errors(&[next]).first().copied().unwrap_or(0.0)
+            }
+        };
         let length = norm(&self.work);
         if !length.is_finite() {
             // The step can be taken again, with a new product.
@@ -161,6 +172,7 @@ impl Expansion {
         // Nothing can fail from here on.
         self.products += 1;
         self.scale = self.scale.max(length);
+        self.errors.push(error);
         let mut removed = orthogonalize(&self.basis, &mut self.work, recent);
         // The rest of A v is at most the rounding errors of a product of n terms.
         let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
@@ -223,6 +235,15 @@ impl Expansion {
     /// The largest `‖A v_j‖` so far, a lower bound of `‖A‖₂`.
     pub fn scale(&self) -> f64 {
         self.scale
+    }
+
+    /// The standard error of `A V s` due to the noise of the products, `√Σ (s_j ‖e_j‖)²` for independent errors
+    /// `e_j` of the products `A v_j`; `imaginary` is the imaginary part of `s`, or empty. 0 where the operator does
+    /// not state its errors.
+    pub(super) fn noise(&self, s: &[f64], imaginary: &[f64]) -> f64 {
+        let imaginary = imaginary.iter().chain(std::iter::repeat(&0.0));
+        let squares = self.errors.iter().zip(s.iter().zip(imaginary));
+        squares.map(|(error, (re, im))| error * error * (re * re + im * im)).sum::<f64>().sqrt()
     }
 
     /// The departure of the products from symmetry: `‖H − Hᵀ‖_F / ‖H‖_F` for `H = VᵀAV`. About 1e-16 for a

@@ -4,15 +4,15 @@ use super::super::basis::norm;
 use super::Expansion;
 
 impl Expansion {
-    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of the lower triangle of `H`, with their
-    /// values; the waiting vectors are kept. `H` becomes `diag(values)` with the couplings to the waiting
-    /// vectors below.
+    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of `(H + Hᵀ)/2`, with their values; the waiting
+    /// vectors are kept. `H` becomes `diag(values)` with the couplings to the waiting vectors below.
     pub(super) fn restart(&mut self, kept: &[(f64, &[f64])]) {
         let (m, pending) = (self.steps(), self.pending());
         let parts: Vec<Outside> = kept.iter().map(|(_, s)| self.outside(s)).collect();
         // Each part includes what earlier restarts discarded; count it once.
         let lost: Vec<f64> = parts.iter().map(|part| part.asymmetric - self.leak).collect();
         self.leak += norm(&lost);
+        self.errors = kept.iter().map(|(_, s)| self.noise(s, &[])).collect();
         let vectors: Vec<&[f64]> = kept.iter().map(|(_, s)| *s).collect();
         self.basis.rotate(self.known, self.known + m, &vectors);
         self.columns.clear();
@@ -25,8 +25,7 @@ impl Expansion {
         }
     }
 
-    /// The components of `A V s − V T s` for `s` of norm 1, with `T` the symmetric matrix of the lower
-    /// triangle of `H`.
+    /// The components of `A V s − V T s` for `s` of norm 1, with `T = (H + Hᵀ)/2`.
     pub(super) fn outside(&self, s: &[f64]) -> Outside {
         let m = self.steps();
         let mut known = vec![0.0; self.known];
@@ -36,8 +35,8 @@ impl Expansion {
             for (sum, entry) in known.iter_mut().zip(column) {
                 *sum += entry * s[j];
             }
-            for (i, sum) in inside.iter_mut().enumerate().take(j) {
-                *sum += (self.entry(i, j) - self.entry(j, i)) * s[j];
+            for (i, sum) in inside.iter_mut().enumerate() {
+                *sum += 0.5 * (self.entry(i, j) - self.entry(j, i)) * s[j];
             }
             for (sum, entry) in waiting.iter_mut().zip(column.iter().skip(self.known + m)) {
                 *sum += entry * s[j];

@@ -11,7 +11,7 @@ use super::Expansion;
 use crate::error::{Error, Result};
 
 const MAGIC: &[u8; 8] = b"KRYLUXFZ";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Floats written or read at a time.
 const CHUNK: usize = 8192;
 
@@ -55,9 +55,10 @@ impl<W: Write> Sink<W> {
         }
         self.bytes(&state.draws.to_le_bytes())?;
         self.floats(&[state.scale, state.leak])?;
-        for column in &state.columns {
+        for (column, error) in state.columns.iter().zip(&state.errors) {
             self.bytes(&(column.len() as u64).to_le_bytes())?;
             self.floats(column)?;
+            self.floats(&[*error])?;
         }
         for column in state.basis.columns() {
             self.floats(column)?;
@@ -114,20 +115,21 @@ impl<R: Read> Source<R> {
             return Err(damaged("the counts contradict each other"));
         }
         let (scale, leak) = (self.float()?, self.float()?);
-        let mut columns = Vec::new();
+        let (mut columns, mut errors) = (Vec::new(), Vec::new());
         for step in 0..steps {
             let length = self.u64()?;
             if length > total as u64 || length <= (known + step) as u64 {
                 return Err(damaged("the counts contradict each other"));
             }
             columns.push(self.floats(length as usize)?);
+            errors.push(self.float()?);
         }
         let mut basis = Basis::new(n);
         for _ in 0..total {
             basis.push_scaled(&self.floats(n)?, 1.0);
         }
         let (work, ready) = (vec![0.0; n], VecDeque::new());
-        Ok(Expansion { basis, known, block, columns, leak, products, scale, draws, work, ready })
+        Ok(Expansion { basis, known, block, columns, errors, leak, products, scale, draws, work, ready })
     }
 
     fn bytes(&mut self, bytes: &mut [u8]) -> Result<()> {

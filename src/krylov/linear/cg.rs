@@ -38,7 +38,8 @@ pub struct Cg {
     rho: f64,
     /// Whether `p` was computed from the current residual.
     directed: bool,
-    symmetry_tolerance: f64,
+    /// The relative noise of a product, from the options.
+    noise: f64,
 }
 
 impl Cg {
@@ -60,16 +61,17 @@ impl Cg {
             p: vec![0.0; n],
             rho: 0.0,
             directed: false,
-            symmetry_tolerance: symmetry_tolerance(options),
+            noise: options.noise,
         })
     }
 }
 
-/// The relative departure from symmetry that is tolerated. Rounding causes departures of 1e-16 times a growth
-/// that stays small before convergence, so anything above 1e-6 is not rounding. Relative noise causes
-/// departures of its own size.
-pub(super) fn symmetry_tolerance(options: &SolveOptions) -> f64 {
-    (10.0 * options.noise).max(1e-6)
+/// The departure from symmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`, where `y` is the product
+/// with `v` that was just taken. Rounding causes departures of 1e-16 times a growth that stays small before
+/// convergence, so anything above 1e-6 is not rounding. Noise causes departures of its own size.
+pub(super) fn symmetry_tolerance(noise: f64, operator: &dyn Adjoint, v: &[f64], y: &[f64]) -> f64 {
+    let stated = operator.standard_errors(&[v]).first().map_or(0.0, |error| error / norm(y));
+    (10.0 * noise.max(stated)).max(1e-6)
 }
 
 impl Solver for Cg {
@@ -100,7 +102,8 @@ impl Solver for Cg {
         system.tally.product(operator, &self.p, &mut system.work)?;
         let curvature = dot(&self.p, &system.work);
         let asymmetry = (dot(&self.z, &system.work) - curvature).abs();
-        if asymmetry > self.symmetry_tolerance * norm(&self.z) * norm(&system.work) {
+        let tolerance = symmetry_tolerance(self.noise, operator, &self.p, &system.work);
+        if asymmetry > tolerance * norm(&self.z) * norm(&system.work) {
             return Ok(Advance::Ended(Status::NotSymmetric));
         }
         if curvature <= f64::EPSILON * norm(&self.p) * norm(&system.work) {

@@ -64,7 +64,8 @@ pub struct Minres {
     /// A lower bound of the preconditioned operator's norm.
     scale: f64,
     started: bool,
-    symmetry_tolerance: f64,
+    /// The relative noise of a product, from the options.
+    noise: f64,
 }
 
 impl Minres {
@@ -93,7 +94,7 @@ impl Minres {
             sines: [0.0; 2],
             scale: 0.0,
             started: false,
-            symmetry_tolerance: symmetry_tolerance(options),
+            noise: options.noise,
         })
     }
 
@@ -139,7 +140,8 @@ impl Solver for Minres {
         let length = norm(next);
         let alpha = dot(next, &self.z);
         let asymmetry = if self.beta > 0.0 { (dot(next, &self.z_old) - self.beta).abs() } else { 0.0 };
-        if asymmetry > self.symmetry_tolerance * length * norm(&self.z_old) {
+        let tolerance = symmetry_tolerance(self.noise, operator, &self.z, next);
+        if asymmetry > tolerance * length * norm(&self.z_old) {
             return Ok(Advance::Ended(Status::NotSymmetric));
         }
         let beta = self.beta;

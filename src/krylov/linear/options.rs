@@ -32,7 +32,9 @@ pub struct SolveOptions {
     /// The relative noise `δ` of a product, which is within `δ ‖A v‖` of `A v`. Steps below
     /// `‖b − A x‖ ≤ δ ‖b‖` would fit noise, so the method stops there (the discrepancy principle: Morozov
     /// (1966); for inexact products: Simoncini and Szyld (2003), doi:10.1137/S1064827502406415). Read by all
-    /// methods; CG and MINRES also tolerate this departure from symmetry. Default 0.
+    /// methods; CG and MINRES also tolerate this departure from symmetry. For an operator that does not state its
+    /// noise: a stated one ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)) counts as
+    /// well, unless `rtol` and `atol` are 0. Default 0.
     pub noise: f64,
     /// The first iterate, of length `cols`; its residual takes a product. Read by all methods. Default
     /// `None`: zero, whose residual is `b`, or `b / diagonal` for the methods with bounds, clipped to them.

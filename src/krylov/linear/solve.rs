@@ -7,8 +7,8 @@ use super::super::stats::{Stats, Status};
 use super::options::SolveOptions;
 use super::system::Tally;
 use crate::error::{Error, Result};
-use crate::observer::{Estimate, Observer, Step};
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::observer::{Estimate, Step};
+use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,7 +69,9 @@ fn drive(solver: &mut dyn Solver, operator: &mut dyn Adjoint, options: &SolveOpt
         if tally.best <= options.target(tally.rhs_norm) {
             break Status::ReachedTolerance;
         }
-        if tally.best <= options.noise * tally.rhs_norm {
+        // A tolerance of zero asks for the whole budget, whatever noise the operator states.
+        let stated = if options.target(tally.rhs_norm) > 0.0 { tally.noise } else { 0.0 };
+        if tally.best <= options.noise.max(stated) * tally.rhs_norm {
             break Status::NoiseFloor;
         }
         if tally.products >= options.products {
@@ -128,27 +130,7 @@ impl ForwardOnly<'_> {
 }
 
 impl Operator for ForwardOnly<'_> {
-    fn rows(&self) -> usize {
-        self.0.rows()
-    }
-    fn cols(&self) -> usize {
-        self.0.cols()
-    }
-    fn symmetry(&self) -> Symmetry {
-        self.0.symmetry()
-    }
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.0.apply(x, y)
-    }
-    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.0.apply_block(xs, ys)
-    }
-    fn block_size(&self) -> usize {
-        self.0.block_size()
-    }
-    fn observer(&self) -> &dyn Observer {
-        self.0.observer()
-    }
+    delegate!(0: rows, cols, symmetry, apply, block_size, observer, standard_errors);
 }
 
 impl Adjoint for ForwardOnly<'_> {

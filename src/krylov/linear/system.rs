@@ -18,6 +18,9 @@ pub struct Tally {
     pub residual: f64,
     /// The smallest residual norm so far: that of the solution that would be returned now.
     pub best: f64,
+    /// The relative noise `‖y − A v‖ / ‖y‖` of the least noisy product so far, from the errors that the operator
+    /// states ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)); 0 where it states none.
+    pub noise: f64,
 }
 
 impl Tally {
@@ -29,23 +32,29 @@ impl Tally {
     /// Takes `y = A x`, counts it and checks it for NaN. A product that fails is not counted.
     pub(crate) fn product(&mut self, operator: &mut dyn Adjoint, x: &[f64], y: &mut [f64]) -> Result<()> {
         operator.apply(x, y)?;
-        self.count(y)
+        self.count(operator, x, y)
     }
 
     /// Takes `x = Aᵀ y`, as [`Tally::product`].
     pub(crate) fn adjoint(&mut self, operator: &mut dyn Adjoint, y: &[f64], x: &mut [f64]) -> Result<()> {
         operator.apply_adjoint(y, x)?;
-        self.count(x)
+        self.count(operator, y, x)
     }
 
-    fn count(&mut self, product: &[f64]) -> Result<()> {
-        if !norm(product).is_finite() {
+    fn count(&mut self, operator: &dyn Adjoint, of: &[f64], product: &[f64]) -> Result<()> {
+        let length = norm(product);
+        if !length.is_finite() {
             return Err(Error::Numerical(format!(
                 "product {} with the operator holds a NaN or an infinity",
                 self.products + 1
             )));
         }
         self.products += 1;
+        let error = operator.standard_errors(&[of]).first().copied().unwrap_or(0.0);
+        if error > 0.0 && length > 0.0 {
+            let noise = error / length;
+            self.noise = if self.noise > 0.0 { self.noise.min(noise) } else { noise };
+        }
         Ok(())
     }
 }
@@ -88,7 +97,7 @@ impl System {
             r: b.to_vec(),
             best: x.clone(),
             x,
-            tally: Tally { products: 0, rhs_norm, residual, best: residual },
+            tally: Tally { products: 0, rhs_norm, residual, best: residual, noise: 0.0 },
             pending,
             work: vec![0.0; b.len()],
         })

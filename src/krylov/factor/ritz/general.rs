@@ -58,6 +58,7 @@ pub(in super::super) fn ritz(state: &Expansion, which: Which, count: usize) -> R
                 gap: 0.0,
                 condition: if condition.is_finite() { condition.max(1.0) } else { f64::INFINITY },
                 rounding,
+                noise: state.noise(&coefficients, &imaginary_coefficients),
                 coefficients,
                 imaginary_coefficients,
             }

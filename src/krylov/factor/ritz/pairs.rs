@@ -83,6 +83,9 @@ pub struct RitzPair {
     pub condition: f64,
     /// Rounding errors to allow for in `θ`, a small multiple of `ε ‖A‖`.
     pub rounding: f64,
+    /// The standard error `‖E s‖` of `A y` from the stated errors of the products
+    /// ([`Operator::standard_errors`](crate::operator::Operator::standard_errors)): 0 where they are not stated.
+    pub noise: f64,
     /// `s` (its real part), of length `m`; of norm 1 with the imaginary part.
     pub coefficients: Vec<f64>,
     /// The imaginary part of `s`; empty for a real pair.
@@ -104,8 +107,9 @@ impl RitzPair {
 
     /// The status for a residual that should be at most `wanted`, when each product with a unit vector has an
     /// error of norm `noise`, independent from product to product (then `‖E s‖` is about `noise` for any `s`
-    /// of norm 1).
+    /// of norm 1), or the error that the operator states, whichever is larger.
     pub fn status(&self, wanted: f64, noise: f64) -> PairStatus {
+        let noise = noise.max(self.noise);
         if self.residual <= wanted && noise <= wanted {
             PairStatus::Converged
         } else if self.residual <= noise {
@@ -115,14 +119,33 @@ impl RitzPair {
         }
     }
 
+    /// The standard error of `θ` when each product with a unit vector has an error of norm `noise`, or that which the
+    /// operator states, whichever is larger. `θ` changes by `yᵀ E s`: an error of norm `‖E s‖` that is spread evenly
+    /// over the `n` entries has the component `‖E s‖/√n` along `y`.
+    pub fn standard_error(&self, noise: f64, n: usize) -> f64 {
+        evenly(noise.max(self.noise), n)
+    }
+
+    /// Whether more products would gain nothing: the residual is within the noise of the products (`noise` for each
+    /// with a unit vector, or what the operator states), and `θ` would change by less than the standard error that
+    /// this noise leaves in it. An eigenvalue averages over all `n` entries, so that its error is far below that of
+    /// the vector, and is still worth improving when the residual is within the noise.
+    pub(in super::super::super) fn is_settled(&self, noise: f64, n: usize) -> bool {
+        let noise = noise.max(self.noise);
+        let unconverged =
+            if self.gap > self.residual { self.residual * (self.residual / self.gap) } else { self.residual };
+        self.residual <= noise && unconverged <= evenly(noise, n)
+    }
+
     /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`, where every product with a
     /// unit vector has an error of norm `noise` at most. Then `‖E s‖ ≤ noise · ‖s‖₁` (Simoncini and Szyld,
-    /// doi:10.1137/S1064827502406415), in any case.
+    /// doi:10.1137/S1064827502406415), in any case. Errors that the operator states are standard errors of
+    /// independent products: two of them are added.
     pub fn true_residual(&self, noise: f64) -> f64 {
         let parts =
             self.coefficients.iter().zip(self.imaginary_coefficients.iter().chain(std::iter::repeat(&0.0)));
         let sum: f64 = parts.map(|(re, im)| re.hypot(*im)).sum();
-        self.residual + noise * sum
+        self.residual + noise * sum + 2.0 * self.noise
     }
 
     /// A bound on the distance of `θ` to the nearest eigenvalue. For a symmetric operator it is rigorous
@@ -143,4 +166,9 @@ impl RitzPair {
             self.bound(noise)
         }
     }
+}
+
+/// The component, along any one direction, of an error of this norm that is spread evenly over `n` entries.
+fn evenly(norm: f64, n: usize) -> f64 {
+    norm / (n.max(1) as f64).sqrt()
 }

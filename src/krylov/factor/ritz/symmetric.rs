@@ -7,8 +7,9 @@ use super::super::Expansion;
 use super::pairs::{RitzPair, Which};
 use crate::error::{Error, Result};
 
-/// The wanted Ritz pairs. `T` is the lower triangle of `H`, mirrored; the difference of the upper triangle is
-/// part of the residuals.
+/// The wanted Ritz pairs, of the symmetric part `T = (H + Hᵀ)/2` of `H = Vᵀ A V`; the other part, which noise and
+/// a rig's departures from symmetry leave, is part of the residuals. Both triangles hold a measurement of the
+/// same number, and their mean has less noise than either.
 pub(in super::super) fn ritz(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
     let mut pairs = all(state, which)?;
     let residuals: Vec<(f64, f64)> = pairs.iter().map(|pair| (pair.value, pair.residual)).collect();
@@ -46,7 +47,7 @@ fn all(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
     if m == 0 {
         return Ok(Vec::new());
     }
-    let projected = Mat::from_fn(m, m, |i, j| state.entry(i.max(j), i.min(j)));
+    let projected = Mat::from_fn(m, m, |i, j| 0.5 * (state.entry(i, j) + state.entry(j, i)));
     let decomposition = projected.self_adjoint_eigen(Side::Lower).map_err(|_| {
         Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} symmetric matrix"))
     })?;
@@ -67,6 +68,7 @@ fn all(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
                 gap: f64::INFINITY,
                 condition: 1.0,
                 rounding,
+                noise: state.noise(&coefficients, &[]),
                 coefficients,
                 imaginary_coefficients: Vec::new(),
             }
