@@ -160,6 +160,7 @@ impl Operator for Blurred<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::Symmetry;
 
     /// `A_ij = i j + δ_ij`; a non-symmetric variant adds a constant for `i < j`.
     struct Dense(f64);

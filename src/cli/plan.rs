@@ -117,8 +117,10 @@ fn of_segment(
     seeds: &[u64],
     console: &Console,
 ) -> Result<Trials> {
-    let (part, options) = (question.part(), question.options(args.trace.overrides().vector_seed(), None));
+    let (part, mut options) = (question.part(), question.options(args.trace.overrides().vector_seed(), None));
+    options.resolution = Some(planner.rig.scene.size());
     let ideal = planner.ideal_segmentation(part, &options)?;
+    options.groups = ideal.labels.iter().map(|(groups, _)| *groups).collect();
     let trials =
         each(seeds, console, &mut |seed| planner.segmentation(part, &options, &ideal, labels, seed))?;
     let mut figures = Vec::new();

@@ -49,9 +49,13 @@ pub(super) struct Question {
     /// Photos to take at most [default: 50, or as many as the run that is SOURCE might take]
     #[arg(long, value_name = "N")]
     photos: Option<usize>,
-    /// Numbers of groups, all from the same photos
-    #[arg(long, value_name = "K,K,...", value_delimiter = ',', default_value = "2,6,10")]
+    /// Numbers of groups, all from the same photos [default: as many as the light shows regions]
+    #[arg(long, value_name = "K,K,...", value_delimiter = ',')]
     groups: Vec<usize>,
+    /// Patterns that the photos start from: at least as many as regions; 1 is the paper's process, and that of runs before
+    /// version 0.2 [default: a quarter of the photos, from 1 to 12]
+    #[arg(long, value_name = "N")]
+    starts: Option<usize>,
     /// Eigenvectors that the groups are made from
     #[arg(long, value_name = "N", default_value_t = 10)]
     eigenvectors: usize,
@@ -82,6 +86,8 @@ impl Question {
             photos: self.photos.or(photos_of_run).unwrap_or(50),
             groups: self.groups.clone(),
             eigenvectors: self.eigenvectors,
+            // Fewer photos of a run than it has ask for the same patterns.
+            starts: self.starts.or(photos_of_run.map(SegmentOptions::automatic_starts)),
             cut: match self.cut {
                 CutArg::Normalized => Cut::Normalized,
                 CutArg::Average => Cut::Average,

@@ -130,7 +130,7 @@ where
 mod tests {
     use super::*;
     use crate::observer::{Estimate, OnStep};
-    use crate::operator::Closure;
+    use crate::operator::{Closure, Symmetry};
 
     #[test]
     fn a_relay_changes_what_the_observer_sees() {

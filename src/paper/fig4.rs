@@ -89,7 +89,13 @@ fn folded(mut panel: Panel) -> Panel {
 }
 
 fn asked(groups: &[usize]) -> SegmentOptions {
-    SegmentOptions { photos: PHOTOS, tolerance: 0.0, groups: groups.to_vec(), ..SegmentOptions::default() }
+    SegmentOptions {
+        photos: PHOTOS,
+        tolerance: 0.0,
+        starts: Some(1),
+        groups: groups.to_vec(),
+        ..SegmentOptions::default()
+    }
 }
 
 fn labels(found: &Segmentation, groups: usize) -> &[u8] {

@@ -23,7 +23,8 @@ const CHOSEN: [(&str, [f64; 2]); 4] = [
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
-    let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
+    let options =
+        SegmentOptions { photos: PHOTOS, tolerance: 0.0, starts: Some(1), ..SegmentOptions::default() };
     let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
     let features = features(&found);
     let chosen = CHOSEN.map(|(name, [x, y])| {

@@ -24,6 +24,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         photos: PHOTOS,
         tolerance: 0.0,
         groups: GROUPS.to_vec(),
+        starts: Some(1),
         ..SegmentOptions::default()
     };
     let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;

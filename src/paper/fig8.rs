@@ -90,6 +90,7 @@ fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::sync::Arc<Stage
         tolerance: 0.0,
         eigenvectors: EIGENVECTORS,
         groups: vec![CELLS, EIGENVECTORS],
+        resolution: Some(stage.resolution),
         ..SegmentOptions::default()
     };
     let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;

@@ -17,7 +17,8 @@ const PHOTOS: usize = 50;
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
-    let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
+    let options =
+        SegmentOptions { photos: PHOTOS, tolerance: 0.0, starts: Some(1), ..SegmentOptions::default() };
     let (photos, degree, shots) = bench.with_rig(&stage, Part::Global, |operator| {
         let mut recorded = Recorded::new(operator);
         let found = segment(&mut recorded, &options)?;

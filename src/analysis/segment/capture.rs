@@ -5,8 +5,11 @@ use super::graph::Graph;
 use super::laplacian::NegativeLaplacian;
 use super::options::{Cut, SegmentOptions};
 use super::segmentation::{Segmentation, Taken};
+use crate::analysis::low_rank::smooth_starts;
 use crate::error::{Error, Result};
-use crate::krylov::{EigsOptions, Factorization, HistoryRow, Lanczos, Start, Status, Which, eigs_from};
+use crate::krylov::{
+    BlockLanczos, Eigs, EigsOptions, Factorization, HistoryRow, Start, Status, Which, eigs_from,
+};
 use crate::observer::{Estimate, Observer, Step};
 use crate::operator::{Operator, Relayed, Symmetry};
 
@@ -21,7 +24,7 @@ pub struct Capture {
     photos_of_degree: usize,
     white: Option<Vec<f64>>,
     graph: Option<Graph>,
-    lanczos: Option<Lanczos>,
+    lanczos: Option<BlockLanczos>,
     history: Vec<HistoryRow>,
     status: Option<Status>,
 }
@@ -71,12 +74,47 @@ impl Capture {
         self.status = None;
         self.measure_graph(global)?;
         let Some(graph) = &self.graph else { return Ok(()) };
-        let lanczos = match &mut self.lanczos {
-            Some(lanczos) => lanczos,
-            none => none.insert(start(&self.options, graph)?),
+        if self.lanczos.is_none() {
+            let starts = starts(&self.options, graph, 0);
+            self.lanczos = Some(BlockLanczos::new(&starts, &[known_vector(self.options.cut, graph)])?);
+        }
+        loop {
+            let block = self.lanczos.as_ref().map_or(0, BlockLanczos::block);
+            let photos = self.options.photos - self.photos_of_degree;
+            // After as many rounds as the default gives each start, it is known whether there were enough.
+            let stage = photos.min(ROUNDS * block);
+            let found = self.take(global, stage)?;
+            self.status = Some(found.stats.status);
+            let is_over = matches!(found.stats.status, Status::Stopped | Status::SpaceExhausted);
+            let taken = self.lanczos.as_ref().map_or(0, Factorization::products);
+            let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };
+            if is_over || taken >= photos || taken < stage {
+                return Ok(());
+            }
+            let is_enough_left = photos - taken >= ROUNDS * self.options.start_count();
+            if !is_enough_left || self.options.starts.is_some() || !is_saturated(lanczos, self.options.cut)? {
+                break;
+            }
+            lanczos.widen(&starts(&self.options, graph, block))?;
+        }
+        let found = self.take(global, self.options.photos - self.photos_of_degree)?;
+        self.status = Some(found.stats.status);
+        Ok(())
+    }
+
+    /// Takes photos until there are `most` of the Krylov process, or no more are needed.
+    fn take(&mut self, global: &mut dyn Operator, most: usize) -> Result<Eigs> {
+        let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else {
+            return Err(too_early());
         };
         let degree_photos = self.photos_of_degree;
-        let options = question(&self.options, degree_photos);
+        let options = EigsOptions {
+            count: self.options.eigenvectors - 1,
+            which: Which::LargestAlgebraic,
+            products: most,
+            tolerance: self.options.tolerance,
+            ..EigsOptions::default()
+        };
         let budget = self.options.photos;
         let sign = self.options.cut.sign();
         let history = &mut self.history;
@@ -99,18 +137,16 @@ impl Capture {
             history.push(row);
             flow
         };
-        let found = match self.options.cut {
+        match self.options.cut {
             Cut::Normalized => {
                 let mut operator = NormalizedAdjacency::new(global, graph);
-                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)?
+                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
             }
             Cut::Average => {
                 let mut operator = NegativeLaplacian::new(global, graph);
-                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)?
+                eigs_from(lanczos, &mut Relayed::new(&mut operator, relay), &options)
             }
-        };
-        self.status = Some(found.stats.status);
-        Ok(())
+        }
     }
 
     /// The segmentation from the photos taken so far, without further photos or any change of the capture. A capture that an
@@ -136,16 +172,22 @@ impl Capture {
     }
 
     fn answer(&self, options: &SegmentOptions) -> Result<Segmentation> {
-        let too_early =
-            || Error::Numerical("the capture ended before a first eigenvector could be computed".into());
         let graph = self.graph.as_ref().ok_or_else(too_early)?;
         let lanczos = self.lanczos.as_ref().ok_or_else(too_early)?;
         if lanczos.steps() == 0 {
             return Err(too_early());
         }
-        let pairs = lanczos.ritz(Which::LargestAlgebraic, options.eigenvectors - 1)?;
+        // One more than the starts can find copies of an eigenvalue: the gap after the regions is then seen.
+        let wanted = (options.eigenvectors - 1).max(lanczos.block() + 1);
+        let pairs = lanczos.ritz(Which::LargestAlgebraic, wanted)?;
         let vectors: Vec<Vec<f64>> = pairs.iter().map(|pair| lanczos.ritz_vector(pair)).collect();
-        let taken = Taken { options, photos: self.photos(), history: &self.history, status: self.status };
+        let taken = Taken {
+            options,
+            photos: self.photos(),
+            history: &self.history,
+            status: self.status,
+            starts: lanczos.block(),
+        };
         Segmentation::from_vectors(&taken, graph, &pairs, vectors)
     }
 
@@ -214,22 +256,47 @@ fn photo(global: &mut dyn Operator, pattern: &[f64]) -> Result<Vec<f64>> {
     Ok(photo)
 }
 
-fn start(options: &SegmentOptions, graph: &Graph) -> Result<Lanczos> {
-    let known = match options.cut {
-        Cut::Normalized => NormalizedAdjacency::known_vector(graph),
-        Cut::Average => NegativeLaplacian::known_vector(graph),
-    };
-    // All ones would have the scene's symmetry, and so would the whole Krylov space.
-    let start = Start::Rademacher { seed: options.seed }.vector(known.len());
-    Lanczos::new(&start, &[known])
+fn too_early() -> Error {
+    Error::Numerical("the capture ended before a first eigenvector could be computed".into())
 }
 
-fn question(options: &SegmentOptions, degree_photos: usize) -> EigsOptions {
-    EigsOptions {
-        count: options.eigenvectors - 1,
-        which: Which::LargestAlgebraic,
-        products: options.photos - degree_photos,
-        tolerance: options.tolerance,
-        ..EigsOptions::default()
+/// The photos that each starting pattern gets before it is decided whether there were enough of them.
+const ROUNDS: usize = 4;
+
+/// An eigenvalue of the normalized cut above this may belong to a region.
+const MAY_BE_REGION: f64 = 0.85;
+
+/// Whether as many eigenvalues as starting patterns may belong to regions, so that further regions may have been missed. The
+/// average cut has no scale to tell by.
+fn is_saturated(lanczos: &BlockLanczos, cut: Cut) -> Result<bool> {
+    let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.block())?;
+    Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= MAY_BE_REGION))
+}
+
+fn known_vector(cut: Cut, graph: &Graph) -> Vec<f64> {
+    match cut {
+        Cut::Normalized => NormalizedAdjacency::known_vector(graph),
+        Cut::Average => NegativeLaplacian::known_vector(graph),
+    }
+}
+
+/// The next starting patterns, after `before` others: random, since ones would have the scene's symmetry, and so would the whole
+/// Krylov space; smooth where the pixels are known. The eigenvectors of regions are constant on them, times those of the known
+/// vector.
+fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64>> {
+    let (m, count) = (graph.pixels().len(), options.start_count());
+    let known = known_vector(options.cut, graph);
+    match options.resolution.filter(|resolution| resolution.pixels() == graph.n() && count > 1) {
+        None => {
+            let seed = options.seed.wrapping_add(before as u64);
+            Start::Rademacher { seed }.block(m, count)
+        }
+        Some(resolution) => {
+            let patterns = smooth_starts(resolution, before + count, options.seed);
+            let nodes = |pattern: &Vec<f64>| {
+                graph.pixels().iter().zip(&known).map(|(&pixel, known)| pattern[pixel] * known).collect()
+            };
+            patterns[before..].iter().map(nodes).collect()
+        }
     }
 }

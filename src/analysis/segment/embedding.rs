@@ -71,6 +71,14 @@ impl Embedding {
         }
     }
 
+    /// Leaves out all eigenvectors but the first `count`.
+    pub(super) fn truncate(&mut self, count: usize) {
+        self.weights.truncate(count);
+        self.ranges.truncate(count);
+        self.within.truncate(count);
+        self.gaps.truncate(count);
+    }
+
     /// A pixel's coordinate along an eigenvector, from its entry in it.
     pub fn coordinate(&self, eigenvector: usize, entry: f64) -> f64 {
         let (low, high) = self.ranges[eigenvector];

@@ -1,6 +1,7 @@
 //! The options of a segmentation.
 
 use crate::error::{Error, Result};
+use crate::image::Resolution;
 
 /// The normalization of a cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,10 +28,19 @@ impl Cut {
 pub struct SegmentOptions {
     /// The most photos, those of the degree included; at least 3. Default 50.
     pub photos: usize,
-    /// The numbers of groups, each from 2 to 254. Default 2, 6 and 10.
+    /// The numbers of groups, each from 2 to 254. Default none: as many groups as the light shows regions, or two where it shows
+    /// one.
     pub groups: Vec<usize>,
-    /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Default 10.
+    /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Where no number of
+    /// groups is given, there are at least as many as regions. Default 10.
     pub eigenvectors: usize,
+    /// The patterns that the Krylov process starts from. Each finds one region of those that exchange the same small amount of
+    /// light, so there must be as many as regions; each then has only its share of the photos. `Some(1)` is the paper's process.
+    /// Default none: [`SegmentOptions::automatic_starts`].
+    pub starts: Option<usize>,
+    /// The pixels of patterns and photos, by which the starting patterns are made smooth: regions have an extent, noise has none.
+    /// Default none: random signs, pixel by pixel.
+    pub resolution: Option<Resolution>,
     /// The normalization of the cut.
     pub cut: Cut,
     /// The weight `μ ≥ 0` added to every edge (in units of `G`), which makes small groups less likely. Default 0.
@@ -48,8 +58,10 @@ impl Default for SegmentOptions {
     fn default() -> Self {
         Self {
             photos: 50,
-            groups: vec![2, 6, 10],
+            groups: Vec::new(),
             eigenvectors: 10,
+            starts: None,
+            resolution: None,
             cut: Cut::default(),
             mu: 0.0,
             mask_below: 0.01,
@@ -63,6 +75,16 @@ impl SegmentOptions {
     /// The default options with these numbers of groups, all from the same photos.
     pub fn groups(groups: impl IntoIterator<Item = usize>) -> Self {
         Self { groups: groups.into_iter().collect(), ..Self::default() }
+    }
+
+    /// The patterns to start from within so many photos: each gets four photos, and there are 1 to 12.
+    pub fn automatic_starts(photos: usize) -> usize {
+        (photos.saturating_sub(2) / 4).clamp(1, 12)
+    }
+
+    /// The patterns to start from.
+    pub(super) fn start_count(&self) -> usize {
+        self.starts.unwrap_or(Self::automatic_starts(self.photos))
     }
 
     pub(super) fn check(&self) -> Result<()> {
@@ -85,6 +107,9 @@ impl SegmentOptions {
                 format!("{} is too few: the first is the same in all pixels", self.eigenvectors),
                 "ask for at least 2, better 10",
             );
+        }
+        if self.starts == Some(0) {
+            return refuse("--starts", "no pattern to start from".into(), "give at least 1, better 12");
         }
         if !(self.mu >= 0.0 && self.mu.is_finite()) {
             return refuse("--mu", format!("{} is not a weight", self.mu), "give a number from 0 on");

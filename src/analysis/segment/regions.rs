@@ -4,8 +4,9 @@
 //! Luxburg, *A tutorial on spectral clustering*, 2007, doi:10.1007/s11222-007-9033-z, sections 3 and 8.3). So `1 − λ` is small
 //! for as many eigenvalues as there are regions and then jumps; the largest jump gives the suggested number.
 //!
-//! A Krylov process finds only one vector of an *exactly* repeated eigenvalue: a random mixture of the regions' indicator
-//! vectors, constant on each region and different between regions. In this case its levels are counted instead.
+//! A Krylov process finds as many vectors of a repeated eigenvalue as it has starting vectors. Where all of them are near 1, there
+//! may be more regions, and the number is a lower bound. The one vector of an *exactly* repeated eigenvalue is a random mixture of
+//! the regions' indicator vectors, constant on each region and different between regions: its levels are counted as well.
 //!
 //! Localized eigenvectors ([`Embedding::is_local`](super::Embedding::is_local)) are left out.
 
@@ -20,7 +21,7 @@ const EXACT: f64 = 1e-6;
 /// A region must keep at least this share of its light.
 const KEPT: f64 = 0.85;
 
-/// The next eigenvalue must be this many times as far from 1 for the count to be clear.
+/// The next eigenvalue must be this many times as far from 1 for the count to be clear, and keep too little light for a region.
 const CLEAR: f64 = 4.0;
 
 /// A suggested number of regions and its evidence.
@@ -38,14 +39,25 @@ pub struct Regions {
     pub ratio: Option<f64>,
     /// Levels of the second eigenvector if its eigenvalue is 1 to six digits: regions without any exchange.
     pub levels: Option<usize>,
-    /// Whether the gap is wide enough to be trusted.
+    /// Whether there may be more regions than `count`: each starting pattern has found one, or the gap after the last was not
+    /// seen.
+    pub at_least: bool,
+    /// Whether the gap is wide enough to be trusted, and the number is not only a lower bound.
     pub clear: bool,
 }
 
 impl Regions {
-    /// The suggestion from `gaps`, the distances `1 − λ` of the eigenvalues (the known one first, without localized ones), and
-    /// from the second eigenvector `u` on `m` nodes of `degrees` (`uᵀ D u = 1`) with its residual.
-    pub(super) fn suggested(gaps: &[f64], second: Option<(&[f64], f64)>, degrees: &[f64]) -> Self {
+    /// The suggestion from `gaps`, the distances `1 − λ` of the eigenvalues with the residuals of their eigenvectors (the known
+    /// one first, without localized ones), and from the second eigenvector `u` on `m` nodes of `degrees` (`uᵀ D u = 1`) with its residual. The Krylov process began from
+    /// so many `starts`.
+    pub(super) fn suggested(
+        gaps: &[(f64, f64)],
+        second: Option<(&[f64], f64)>,
+        degrees: &[f64],
+        starts: usize,
+    ) -> Self {
+        let residuals: Vec<f64> = gaps.iter().map(|(_, residual)| *residual).collect();
+        let gaps: Vec<f64> = gaps.iter().map(|(gap, _)| *gap).collect();
         let floored = |index: usize| gaps[index].max(FLOOR);
         let jump = |index: usize| floored(index + 1) / floored(index);
         let jumps = (0..gaps.len().saturating_sub(1)).take_while(|&index| gaps[index] <= 1.0 - KEPT);
@@ -61,6 +73,11 @@ impl Regions {
             _ => None,
         };
         let unseen = levels.map_or(0, |levels| levels.saturating_sub(exact));
+        // The known eigenvalue takes no start. A single start splits what differs a little, and its levels tell the rest.
+        let at_least = next.is_none() || (starts > 1 && last >= starts) || (starts == 1 && last > 1);
+        // An eigenvector with a residual may still come that much nearer to one.
+        let is_far =
+            |next: f64| next > 1.0 - KEPT && next - residuals[last + 1] >= CLEAR * gaps[last].max(FLOOR);
         Self {
             count: last + 1 + unseen,
             at_one: last + 1,
@@ -68,7 +85,8 @@ impl Regions {
             next,
             ratio,
             levels,
-            clear: ratio.is_some_and(|ratio| ratio >= CLEAR),
+            at_least,
+            clear: !at_least && next.is_some_and(is_far),
         }
     }
 
@@ -77,7 +95,8 @@ impl Regions {
         let regions = if self.count == 1 { "region" } else { "regions" };
         let mut text = match (self.next, self.ratio) {
             (Some(next), Some(ratio)) => format!(
-                "the light shows {} independent {regions}: {} eigenvalue(s) within {:.4} of one, the next {next:.4} from it ({ratio:.0} times as far)",
+                "the light shows {}{} independent {regions}: {} eigenvalue(s) within {:.4} of one, the next {next:.4} from it ({ratio:.0} times as far)",
+                if self.at_least { "at least " } else { "" },
                 self.count,
                 self.at_one,
                 self.last.abs()
@@ -94,7 +113,9 @@ impl Regions {
                 "; the eigenvector at one has {levels} levels, and so many regions exchange nothing at all"
             );
         }
-        if self.next.is_some() && !self.clear {
+        if self.next.is_some() && self.at_least {
+            text += "; each starting pattern has found one, so there may be more: allow more --photos, or give --starts";
+        } else if self.next.is_some() && !self.clear {
             text += "; the gap is not clear, so this is a guess";
         }
         text
@@ -116,25 +137,46 @@ fn count_levels(vector: &[f64], degrees: &[f64], tolerance: f64) -> usize {
 mod tests {
     use super::*;
 
+    fn exact(gaps: &[f64]) -> Vec<(f64, f64)> {
+        gaps.iter().map(|&gap| (gap, 0.0)).collect()
+    }
+
+    #[test]
+    fn a_gap_that_an_unconverged_eigenvector_may_still_close_is_not_clear() {
+        let with_residual =
+            |residual| Regions::suggested(&[(0.0, 0.0), (0.01, 1e-3), (0.2, residual)], None, &[], 12);
+        assert!(with_residual(0.1).clear && !with_residual(0.19).clear);
+        assert_eq!(with_residual(0.19).count, 2);
+    }
+
     #[test]
     fn the_widest_gap_near_one_is_the_number_of_regions() {
-        let count = |gaps: &[f64]| Regions::suggested(gaps, None, &[]).count;
+        let suggested = |gaps: &[f64]| Regions::suggested(&exact(gaps), None, &[], 12);
+        let count = |gaps: &[f64]| suggested(gaps).count;
         assert_eq!(count(&[0.0, 0.2, 0.25, 0.3]), 1);
         assert_eq!(count(&[0.0, 0.006, 0.18, 0.19]), 2);
         assert_eq!(count(&[0.0, 1e-9, 0.001, 0.0012, 0.0036, 0.15, 0.16]), 5);
         // A wide gap far from one gives no information on regions.
         assert_eq!(count(&[0.0, 0.16, 0.99]), 1);
-        let unclear = Regions::suggested(&[0.0, 0.05, 0.1, 0.14, 0.2], None, &[]);
-        assert!(unclear.clear && unclear.count == 1, "{unclear:?}");
-        let open = Regions::suggested(&[0.0], None, &[]);
+        let unclear = suggested(&[0.0, 0.05, 0.1, 0.14, 0.2]);
+        assert!(!unclear.clear && unclear.count == 1, "{unclear:?}");
+        let open = suggested(&[0.0]);
         assert!(open.next.is_none() && open.sentence().contains("at least 1"), "{}", open.sentence());
+    }
+
+    #[test]
+    fn as_many_regions_as_starts_are_a_lower_bound() {
+        let gaps = [0.0, 0.001, 0.002, 0.001, 0.3];
+        let [few, enough] = [3, 4].map(|starts| Regions::suggested(&exact(&gaps), None, &[], starts));
+        assert!(few.at_least && !few.clear && few.sentence().contains("at least 4"), "{}", few.sentence());
+        assert!(!enough.at_least && enough.clear && enough.count == 4, "{}", enough.sentence());
     }
 
     #[test]
     fn regions_without_any_exchange_are_the_levels_of_one_eigenvector() {
         let vector: Vec<f64> = (0..3000).map(|i| f64::from((i % 4) as u8) * 0.01 + 1e-9 * i as f64).collect();
         let degrees = vec![1.0; 3000];
-        let found = Regions::suggested(&[0.0, 0.0, 0.003, 0.2], Some((&vector, 1e-9)), &degrees);
+        let found = Regions::suggested(&exact(&[0.0, 0.0, 0.003, 0.2]), Some((&vector, 1e-9)), &degrees, 4);
         assert_eq!((found.count, found.at_one, found.levels), (5, 3, Some(4)));
         assert!(found.sentence().contains("4 levels"), "{}", found.sentence());
     }

@@ -10,7 +10,7 @@ use crate::transport::Part;
 /// The request for a segmentation and its optional parts.
 #[derive(Clone, Debug, Default)]
 pub struct SegmentRequest {
-    /// The method, its groups and its photos.
+    /// The method, its groups and its photos; [`SegmentRequest::run`] fills in the pixels.
     pub options: SegmentOptions,
     /// How direct light, which contains no information on groups, is removed.
     pub direct: DirectLight,
@@ -95,7 +95,12 @@ impl SegmentRequest {
 
     /// The most photos in total.
     pub fn photos(&self) -> usize {
-        let evidence: usize = if self.evidence { self.options.groups.iter().sum() } else { 0 };
+        // Where the number of groups is not known yet, it is at most one more than the starting patterns.
+        let groups = match self.options.groups.as_slice() {
+            [] => self.options.start_count() + 1,
+            groups => groups.iter().sum(),
+        };
+        let evidence = if self.evidence { groups } else { 0 };
         let direct = match self.direct {
             DirectLight::Source | DirectLight::Keep => 0,
             DirectLight::Measured(DirectMethod::Checkerboards { shifts, .. }) => shifts * shifts,
@@ -131,13 +136,18 @@ impl SegmentRequest {
         resolution: Resolution,
     ) -> Result<(Segmentation, Vec<Evidence>)> {
         match Blur::new(resolution, self.blur) {
-            Some(blur) => self.groups(&mut Blurred::new(operator, blur)?),
-            None => self.groups(operator),
+            Some(blur) => self.groups(&mut Blurred::new(operator, blur)?, resolution),
+            None => self.groups(operator, resolution),
         }
     }
 
-    fn groups(&self, operator: &mut dyn Operator) -> Result<(Segmentation, Vec<Evidence>)> {
-        let mut capture = Capture::new(self.options.clone())?;
+    fn groups(
+        &self,
+        operator: &mut dyn Operator,
+        resolution: Resolution,
+    ) -> Result<(Segmentation, Vec<Evidence>)> {
+        let options = SegmentOptions { resolution: Some(resolution), ..self.options.clone() };
+        let mut capture = Capture::new(options)?;
         capture.run(operator)?;
         let segmentation = capture.segmentation()?;
         let counts = segmentation.labels.iter().filter(|_| self.evidence);

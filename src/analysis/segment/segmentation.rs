@@ -53,6 +53,8 @@ pub(super) struct Taken<'a> {
     pub(super) history: &'a [HistoryRow],
     /// Why the capture ended, if it did.
     pub(super) status: Option<Status>,
+    /// The patterns that the Krylov process has started from.
+    pub(super) starts: usize,
 }
 
 impl Segmentation {
@@ -90,21 +92,32 @@ impl Segmentation {
             Cut::Normalized => graph.degree().to_vec(),
             Cut::Average => vec![1.0; graph.degree().len()],
         };
-        let embedding = Embedding::new(options.cut, graph, pairs, &vectors, &weights);
+        let mut embedding = Embedding::new(options.cut, graph, pairs, &vectors, &weights);
         let features: Vec<Vec<f64>> = (1..vectors.len())
             .map(|index| vectors[index].iter().map(|&entry| embedding.coordinate(index, entry)).collect())
             .collect();
         let told: Vec<usize> = (0..vectors.len()).filter(|&index| !embedding.is_local(index)).collect();
-        let mut gaps: Vec<f64> = told.iter().map(|&index| embedding.gaps[index]).collect();
+        let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
+        let gap = |index: usize| {
+            (embedding.gaps[index], index.checked_sub(1).map_or(0.0, |pair| pairs[pair].residual / norm))
+        };
+        let mut gaps: Vec<(f64, f64)> = told.iter().map(|&index| gap(index)).collect();
         // If the last eigenvector is localized, its eigenvalue still bounds that of the next region.
-        gaps.extend(embedding.gaps.last().filter(|_| embedding.is_local(vectors.len() - 1)));
+        gaps.extend(Some(vectors.len() - 1).filter(|&last| embedding.is_local(last)).map(gap));
         let second = told.get(1).map(|&index| (vectors[index].as_slice(), pairs[index - 1].residual));
-        let regions = Regions::suggested(&gaps, second, &weights);
-        let labels = options.groups.iter().map(|&groups| {
-            let clusters = kmeans(&features, &weights, &KmeansOptions::new(groups, options.seed));
+        let regions = Regions::suggested(&gaps, second, &weights, taken.starts);
+        let groups =
+            if options.groups.is_empty() { &[regions.count.clamp(2, 254)] } else { &options.groups[..] };
+        // The eigenvectors after those asked for only served to count the regions.
+        let most = if options.groups.is_empty() { regions.count } else { 0 };
+        let kept = vectors.len().min(options.eigenvectors.max(most));
+        vectors.truncate(kept);
+        let (pairs, features) = (&pairs[..kept - 1], &features[..kept - 1]);
+        embedding.truncate(kept);
+        let labels = groups.iter().map(|&groups| {
+            let clusters = kmeans(features, &weights, &KmeansOptions::new(groups, options.seed));
             (groups, graph.scatter(&number_by_appearance(&clusters.labels), MASKED))
         });
-        let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
         let resolved = 1 + pairs.iter().filter(|pair| pair.is_resolved(RESOLVED, norm)).count();
         let sign = options.cut.sign();
         let ended = taken.status.map_or("the capture broke off".into(), |status| status.to_string());
@@ -126,7 +139,7 @@ impl Segmentation {
             status: format!(
                 "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}{}",
                 taken.photos,
-                options.eigenvectors,
+                kept,
                 match embedding.local() {
                     0 => String::new(),
                     local => format!(", and {local} are localized"),

@@ -50,7 +50,17 @@ impl BlockLanczos {
         Ok(Self { expansion: Expansion::new(starts, deflate)? })
     }
 
-    /// `b`, as at the start. [`Expansion::pending`] tells how many are left.
+    /// Widens the block by vectors (length `n` each) that start with the next step, to find further copies of an
+    /// eigenvalue. What the process knows stays; vectors that lie in the span of the basis are left out.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`](crate::Error::Dimension) when a length differs; [`Error::Numerical`](crate::Error::Numerical)
+    /// for NaN or an infinity.
+    pub fn widen(&mut self, starts: &[Vec<f64>]) -> Result<()> {
+        self.expansion.widen(starts)
+    }
+
+    /// `b`: the starting vectors so far. [`Expansion::pending`] tells how many are left.
     pub fn block(&self) -> usize {
         self.expansion.block
     }

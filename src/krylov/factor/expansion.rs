@@ -113,6 +113,24 @@ impl Expansion {
         Ok(process)
     }
 
+    /// Adds starting vectors to those that wait for their product.
+    pub(super) fn widen(&mut self, starts: &[Vec<f64>]) -> Result<()> {
+        for start in starts {
+            if start.len() != self.n() {
+                return Err(Error::Dimension {
+                    what: "a start vector's length",
+                    expected: self.n().to_string(),
+                    found: start.len().to_string(),
+                });
+            }
+            if self.basis.len() < self.n() {
+                append(&mut self.basis, start)?;
+            }
+        }
+        self.block = (self.block + starts.len()).min(self.n());
+        Ok(())
+    }
+
     /// Refuses an operator of another size.
     fn fits(&self, operator: &dyn Operator) -> Result<()> {
         let n = self.n();
