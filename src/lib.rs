@@ -90,23 +90,24 @@
 //! ```text
 //! cli       → paper, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, error
 //! paper     → report, analysis, measure, rig, transport, render, scene, krylov, io, sparse, operator, observer, image, error
-//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, error
+//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, file, error
 //! report    → analysis, measure, rig, krylov, io, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error
 //! cache     → transport, render, scene, gpu, io, image, error
-//! measure   → rig, transport, render, io, operator, journal, image, error
+//! measure   → rig, transport, render, io, operator, journal, image, file, error
 //! rig       → transport, image, error
 //! transport → render, gpu, io, sparse, operator, journal, observer, image, error
 //! render    → scene, gpu, observer, image, error
-//! scene     → image, error
+//! scene     → image, file, error
 //! gpu       → error
 //! krylov    → operator, observer, error
-//! io        → sparse, image, error
+//! io        → sparse, image, file, error
 //! sparse    → operator, error
 //! operator  → observer, error
-//! journal   → error
+//! journal   → file, error
 //! observer  →
 //! image     → error
+//! file      → error
 //! error     →
 //! ```
 //! <!-- rooms: end -->
@@ -115,6 +116,7 @@ pub mod analysis;
 pub mod cache;
 pub mod cli;
 pub mod error;
+mod file;
 pub mod gpu;
 pub mod image;
 pub mod io;

@@ -6,7 +6,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs, count, number};
 use super::trace::TraceArgs;
 use crate::analysis::audit::AuditOptions;
 use crate::error::{Error, Result};
@@ -22,13 +22,13 @@ pub(super) struct Args {
     #[command(flatten)]
     operator: OperatorArgs,
     /// Random patterns; symmetry is judged by all pairs of them
-    #[arg(long, value_name = "N", default_value_t = 6)]
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = count::<usize>)]
     patterns: usize,
     /// Relative deviation from additivity, homogeneity and repeatability that passes
-    #[arg(long, value_name = "X", default_value_t = 0.01)]
+    #[arg(long, value_name = "X", default_value_t = 0.01, value_parser = number::<f64>)]
     tolerance: f64,
     /// Asymmetry |A − Aᵀ|/|A| that passes
-    #[arg(long, value_name = "X", default_value_t = 0.1)]
+    #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = number::<f64>)]
     asymmetry: f64,
     #[command(flatten)]
     run: RunArgs,

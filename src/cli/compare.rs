@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::options::OutputArgs;
+use super::options::{OutputArgs, number};
 use crate::analysis::similarity::{Similarity, data_range, similarity};
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -24,19 +24,19 @@ pub(super) struct Args {
     #[arg(value_name = "B")]
     reference: PathBuf,
     /// The data range of PSNR and SSIM [default: from the least to the greatest value of B]
-    #[arg(long, value_name = "L")]
+    #[arg(long, value_name = "L", value_parser = number::<f64>)]
     range: Option<f64>,
     /// Exit status 1 if the RMSE is above this
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
     max_rmse: Option<f64>,
     /// Exit status 1 if the RMSE is above this share of B's root mean square
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
     max_relative_rmse: Option<f64>,
     /// Exit status 1 if the PSNR is below this, in dB
-    #[arg(long, value_name = "DB")]
+    #[arg(long, value_name = "DB", value_parser = number::<f64>)]
     min_psnr: Option<f64>,
     /// Exit status 1 if SSIM is below this
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
     min_ssim: Option<f64>,
     /// Where A − B goes: .npy and .exr keep the values, .png shows them in blue (below) and red (above); may be given
     /// several times

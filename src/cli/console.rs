@@ -19,21 +19,26 @@ pub(super) struct Console {
     quiet: bool,
     verbose: bool,
     interrupted: Arc<AtomicBool>,
+    /// Whether any work has asked so far if it shall stop.
+    asked: Arc<AtomicBool>,
     progress: Arc<Mutex<Progress>>,
 }
 
 impl Console {
-    /// Watches for Ctrl-C from now on: the first one asks to stop, the second one stops the program.
+    /// Watches for Ctrl-C from now on: the first one asks to stop, the second one stops the program. So does the first one before any work
+    /// that can be stopped has begun: while files are read.
     pub(super) fn new() -> Self {
         let interrupted = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&interrupted);
+        let asked = Arc::new(AtomicBool::new(false));
+        let flags = [&interrupted, &asked].map(Arc::clone);
         let handler = ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::SeqCst) {
+            let [interrupted, asked] = &flags;
+            if interrupted.swap(true, Ordering::SeqCst) || !asked.load(Ordering::SeqCst) {
                 std::process::exit(130);
             }
         });
         let progress = Arc::default();
-        let console = Self { json: false, quiet: false, verbose: false, interrupted, progress };
+        let console = Self { json: false, quiet: false, verbose: false, interrupted, asked, progress };
         if handler.is_err() {
             console.note("note: Ctrl-C cannot be handled here; it will stop krylux at once");
         }
@@ -54,7 +59,7 @@ impl Console {
             return Ok(());
         }
         self.progress().clear();
-        written(writeln!(std::io::stdout().lock(), "{line}"))
+        written(writeln!(std::io::stdout().lock(), "{}", shown(line)))
     }
 
     /// The machine-readable summary on stdout; nothing without `--json`.
@@ -72,7 +77,7 @@ impl Console {
     pub(super) fn note(&self, line: impl Display) {
         if !self.quiet {
             self.progress().clear();
-            let _ = writeln!(std::io::stderr().lock(), "{line}");
+            let _ = writeln!(std::io::stderr().lock(), "{}", shown(line));
         }
     }
 
@@ -86,11 +91,12 @@ impl Console {
     /// The error that ends the program.
     pub(super) fn error(&self, error: &Error) {
         self.progress().clear();
-        let _ = writeln!(std::io::stderr().lock(), "krylux: error: {error}");
+        let _ = writeln!(std::io::stderr().lock(), "krylux: error: {}", shown(error));
     }
 
     /// Whether the user has asked to stop.
     pub(super) fn check(&self) -> ControlFlow<()> {
+        self.asked.store(true, Ordering::SeqCst);
         if self.interrupted.load(Ordering::SeqCst) {
             ControlFlow::Break(())
         } else {
@@ -153,10 +159,34 @@ impl Observer for Console {
     }
 }
 
+/// A line as it is shown: control characters in names from files are escaped, so that they do not change the terminal.
+fn shown(line: impl Display) -> String {
+    let line = line.to_string();
+    if !line.contains(|c: char| c.is_control() && c != '\n') {
+        return line;
+    }
+    let escaped =
+        |c: char| if c.is_control() && c != '\n' { c.escape_default().collect() } else { c.to_string() };
+    line.chars().map(escaped).collect()
+}
+
 /// A reader of our output who has gone is not an error.
 fn written(done: std::io::Result<()>) -> Result<()> {
     match done {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::writing("standard output")(error)),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shown;
+
+    #[test]
+    fn names_from_files_do_not_change_the_terminal() {
+        assert_eq!(
+            shown("a\u{1b}[2Jb\r\u{7f}\u{9b}é\n  help: x"),
+            "a\\u{1b}[2Jb\\r\\u{7f}\\u{9b}é\n  help: x"
+        );
     }
 }

@@ -8,7 +8,7 @@ use super::console::Console;
 use super::matrix::PartArg;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
@@ -46,20 +46,20 @@ pub(super) struct Question {
     #[arg(long, value_enum, default_value = "lanczos")]
     method: MethodArg,
     /// Vectors in the block of block-lanczos: as many copies of a repeated eigenvalue are found
-    #[arg(long, value_name = "N", default_value_t = 2)]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count::<usize>)]
     block: usize,
     /// How many eigenpairs
-    #[arg(long, value_name = "N", default_value_t = 6)]
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = count::<usize>)]
     count: usize,
     /// At which end of the spectrum
     #[arg(long, value_enum, default_value = "la")]
     which: WhichArg,
     /// Photos (products with the matrix) to take at most [default: 50, or as many as the run that is SOURCE might take]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// Done when each residual norm is at most this share of the matrix norm; exit with 1 if that is not reached. Without
     /// it, the photos end where they would tell no more: at 1e-8, or where the noise of the photos is larger
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
     tolerance: Option<f64>,
 }
 

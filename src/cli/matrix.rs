@@ -8,7 +8,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, channel_suffixes, in_journal, merge};
-use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
+use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs, count};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
@@ -31,7 +31,7 @@ pub(super) struct Args {
     #[arg(long, conflicts_with = "part")]
     split_bounces: bool,
     /// Photos that a rig may take: one for each of its projector's pixels, and a few more [default: 4096]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// One matrix weighted by luminance, or three, in files named FILE.r, FILE.g and FILE.b
     #[arg(long, value_enum, default_value = "luma")]

@@ -114,10 +114,53 @@ pub fn main() -> ExitCode {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
+    use std::any::TypeId;
+
+    use clap::builder::ValueParser;
+    use clap::{Arg, Command, CommandFactory};
 
     #[test]
     fn the_command_line_is_consistent() {
         super::Cli::command().debug_assert();
+    }
+
+    /// The parser of every option of a command and its subcommands whose value has one of these types.
+    fn options(command: &Command, types: &[TypeId]) -> Vec<(String, ValueParser)> {
+        let of = |argument: &Arg| {
+            let parser = argument.get_value_parser().clone();
+            let is_one = types.iter().any(|of| parser.type_id() == *of);
+            is_one.then(|| (format!("{} {argument}", command.get_name()), parser))
+        };
+        let own = command.get_arguments().filter_map(of);
+        own.chain(command.get_subcommands().flat_map(|verb| options(verb, types))).collect()
+    }
+
+    /// Asserts that each of more than 20 options takes one text and refuses another.
+    fn assert_bounded(types: &[TypeId], [taken, refused]: [&str; 2]) {
+        let mut command = super::Cli::command();
+        command.build();
+        let options = options(&command, types);
+        assert!(options.len() > 20, "{options:?}");
+        for (name, parser) in options {
+            let takes = |text: &str| {
+                let alone = Command::new("test").arg(Arg::new("x").long("x").value_parser(parser.clone()));
+                alone.try_get_matches_from(["test", &format!("--x={text}")]).is_ok()
+            };
+            assert!(takes(taken) && !takes(refused), "{name}");
+        }
+    }
+
+    #[test]
+    fn no_option_takes_nan_for_a_number() {
+        let numbers = [TypeId::of::<f64>(), TypeId::of::<f32>()];
+        assert_bounded(&numbers, ["0.5", "nan"]);
+        assert_bounded(&numbers, ["1e3", "-NaN"]);
+    }
+
+    #[test]
+    fn no_option_takes_a_count_whose_products_overflow() {
+        let counts = [TypeId::of::<usize>(), TypeId::of::<u64>()];
+        assert_bounded(&counts, ["7", "18446744073709551615"]);
+        assert_bounded(&counts, ["7", "1000000000"]);
     }
 }

@@ -1,6 +1,7 @@
 //! Options that several verbs share.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
@@ -35,7 +36,7 @@ pub(super) struct RunArgs {
     /// Where the run goes [default: out/SOURCE-VERB]
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     pub(super) folder: Option<PathBuf>,
-    /// Write into a folder that holds an earlier run, and throw its photos away
+    /// Write into a folder that holds an earlier run, whose photos are thrown away when the new run is whole
     #[arg(long)]
     pub(super) overwrite: bool,
     /// Open the report when it is written
@@ -53,7 +54,7 @@ pub(super) struct KeepArgs {
     /// given as SOURCE afterwards
     #[arg(long = "journal", value_name = "DIR")]
     folder: Option<PathBuf>,
-    /// Start --journal anew where it holds an earlier run, and throw its photos away
+    /// Start --journal anew where it holds an earlier run, whose photos are thrown away when the new run is whole
     #[arg(long, requires = "folder")]
     overwrite: bool,
     /// Go on with the run in --journal: no photo that is there is taken again
@@ -118,4 +119,20 @@ pub(super) fn method(name: &str) -> Result<Method, String> {
         let names: Vec<&str> = METHODS.iter().map(|facts| facts.name).collect();
         format!("expected one of {}", names.join(", "))
     })
+}
+
+/// A number of any option, which may be infinite: NaN would pass every bound that it is compared with.
+pub(super) fn number<T: FromStr + Into<f64> + Copy>(text: &str) -> Result<T, String> {
+    let number = text.trim().parse::<T>().ok().filter(|&number| !number.into().is_nan());
+    number.ok_or_else(|| format!("`{text}` is not a number; write one as in 0.5 or 1e-6"))
+}
+
+/// The largest number of photos, pixels or the like that an option takes: so many columns has the matrix of 4096×4096 pixels.
+const MAX_COUNT: u64 = 1 << 24;
+
+/// A number of photos, pixels or the like. It is bounded, so that sums and products of such numbers do not overflow.
+pub(super) fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
+    let count = text.trim().parse().ok().filter(|&count: &u64| count <= MAX_COUNT);
+    let count = count.and_then(|count| T::try_from(count).ok());
+    count.ok_or_else(|| format!("`{text}` is not a whole number from 0 to {MAX_COUNT}"))
 }

@@ -7,7 +7,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
+use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::Probing;
@@ -28,11 +28,11 @@ pub(super) struct Args {
     #[arg(long, value_enum, value_name = "NAME", default_value = "indirect")]
     paths: PathsArg,
     /// Near light is weighted by exp(−d²/2σ²) of the distance d in pixels [default: a sixteenth of the width]
-    #[arg(long, value_name = "σ")]
+    #[arg(long, value_name = "σ", value_parser = number::<f64>)]
     sigma: Option<f64>,
     /// Random patterns; near-indirect takes two photos for each, and indirect and far a white one more [default: 100, or as many as
     /// the run that is SOURCE might take]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     #[command(flatten)]
     operator: OperatorArgs,

@@ -8,7 +8,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
+use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, count, number};
 use super::pattern::Pattern;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -35,11 +35,11 @@ pub(super) struct Args {
     #[arg(long, value_enum)]
     channels: Option<ChannelsArg>,
     /// Photos of the capture [default: 40, or as many as the run that is SOURCE might take]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// Patterns of the capture that are chosen beforehand, white and smooth random ones; the others are photos projected back. 1 is
     /// white alone, as for rigs that are not coaxial [default: 12]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     block: Option<usize>,
     /// Relight with it: white, black, left, checker:N, stripes:N, pixel:X,Y, or a .npy, .exr or .png file; may be given several
     /// times [default: white]
@@ -52,7 +52,7 @@ pub(super) struct Args {
     #[arg(long = "inverse", value_name = "PHOTO")]
     photographs: Vec<PathBuf>,
     /// Exit status 1 if a relit photo differs from the true one by more than this share of it (scenes only)
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
     max_error: Option<f64>,
     #[command(flatten)]
     operator: OperatorArgs,

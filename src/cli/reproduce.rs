@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         });
     }
     let observer = SharedObserver(Arc::new(console.clone()));
-    let mut folder = RunFolder::create(&(&args.run).into(), "reproduce", &observer)?;
+    let mut folder = RunFolder::create(&(&args.run).into(), "reproduce", None, &observer)?;
     match reproduce(args, console, &mut folder) {
         Ok((outcome, message)) => {
             folder.close(Ok(&message))?;

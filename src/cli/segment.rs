@@ -9,7 +9,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs};
+use super::options::{OutputArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::segment::{DirectLight, SegmentRequest, Segmented, Truth};
@@ -33,7 +33,7 @@ pub(super) struct Args {
     light: LightArgs,
     /// Exit with 1 if the groups agree less than this with the scene's true labels (adjusted Rand index, at the number of
     /// groups that the labels have)
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
     min_rand_index: Option<f64>,
     #[command(flatten)]
     run: RunArgs,
@@ -47,29 +47,29 @@ pub(super) struct Args {
 #[derive(clap::Args)]
 pub(super) struct Question {
     /// Photos to take at most [default: 50, or as many as the run that is SOURCE might take]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// Numbers of groups, all from the same photos [default: as many as the light shows regions]
-    #[arg(long, value_name = "K,K,...", value_delimiter = ',')]
+    #[arg(long, value_name = "K,K,...", value_delimiter = ',', value_parser = count::<usize>)]
     groups: Vec<usize>,
     /// Patterns that the photos start from: at least as many as regions; 1 is the paper's process, and that of runs before
     /// version 0.2 [default: a quarter of the photos, from 1 to 12]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     starts: Option<usize>,
     /// Eigenvectors that the groups are made from
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = count::<usize>)]
     eigenvectors: usize,
     /// Weigh the light across a cut against each side's light, or against its number of pixels
     #[arg(long, value_enum, default_value = "normalized")]
     cut: CutArg,
     /// Added to every edge of the graph, in units of A: very small groups are worth less
-    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    #[arg(long, value_name = "X", default_value_t = 0.0, value_parser = number::<f64>)]
     mu: f64,
     /// Keep the direct light, as a rig that cannot tell it apart would: the same as --direct keep
     #[arg(long)]
     keep_direct: bool,
     /// Mask pixels with less than this share of the median global light
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = number::<f64>)]
     mask_below: f64,
 }
 
@@ -112,13 +112,13 @@ struct LightArgs {
     #[arg(long, value_enum, default_value = "source", conflicts_with = "keep_direct")]
     direct: DirectArg,
     /// Photos of direct light where it is measured: of random patterns, or of squares shifted to as many places
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = count::<usize>)]
     direct_photos: usize,
     /// Pixels of a square's side, for --direct patterns
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = count::<usize>)]
     direct_square: usize,
     /// Blur patterns and photos alike by a Gaussian of so many pixels: less noise, and still symmetric
-    #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.0, value_parser = number::<f64>)]
     blur: f64,
     /// Show where these pixels lie in the space of eigenvectors, and how far apart
     #[arg(long, value_name = "X,Y;X,Y;...", value_delimiter = ';')]

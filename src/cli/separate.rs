@@ -7,7 +7,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
+use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::separate::{NearFarOptions, SeparateBy};
@@ -28,36 +28,36 @@ pub(super) struct Args {
     #[arg(long, value_enum, value_name = "NAME")]
     by: Option<ByArg>,
     /// Pixels of a checkerboard's squares
-    #[arg(long, value_name = "N", default_value_t = 2)]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = count::<usize>)]
     square: usize,
     /// Places that checkerboards are shifted to in each direction: as many photos squared
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = count::<usize>)]
     shifts: usize,
     /// Pixels of a sinusoid's wave
-    #[arg(long, value_name = "X", default_value_t = 4.0)]
+    #[arg(long, value_name = "X", default_value_t = 4.0, value_parser = number::<f64>)]
     period: f64,
     /// Photos of a sinusoid in each of two directions
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = count::<usize>)]
     phases: usize,
     /// Photos of random patterns or of the capture, beside the white one [default: 40, or as many as the run that is SOURCE might
     /// take]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// The second bounce, and three and more, as images (scenes only)
     #[arg(long)]
     bounces: bool,
     /// Near indirect light is weighted by exp(−d²/2σ²) of the distance d in pixels [default: a sixteenth of the width]
-    #[arg(long, value_name = "σ")]
+    #[arg(long, value_name = "σ", value_parser = number::<f64>)]
     sigma: Option<f64>,
     /// Photos of random patterns that tell near from far indirect light; 0 leaves it out [default: 100 on scenes, 0 on
     /// rigs]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     probes: Option<usize>,
     /// All methods at several photo counts against the exact first bounce (scenes only)
     #[arg(long)]
     compare: bool,
     /// Exit status 1 if the direct light differs from the exact first bounce by more than this share of it (scenes only)
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
     max_error: Option<f64>,
     #[command(flatten)]
     operator: OperatorArgs,

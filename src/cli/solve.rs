@@ -1,5 +1,6 @@
 //! `krylux solve`: a linear system from files, so that anyone can check the solvers against others.
 
+use std::cmp::Ordering;
 use std::path::PathBuf;
 
 use serde_json::json;
@@ -7,7 +8,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
-use super::options::{OutputArgs, RunArgs, ViewArgs, method};
+use super::options::{OutputArgs, RunArgs, ViewArgs, count, method, number};
 use super::trace::TraceArgs;
 use crate::error::{Error, Result};
 use crate::io::npy;
@@ -28,16 +29,16 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME", default_value = "gmres", value_parser = method)]
     method: Method,
     /// Products with the matrix or its transpose at most
-    #[arg(long, value_name = "N", default_value_t = 50)]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = count::<usize>)]
     photos: usize,
     /// Done when |b − A x| is at most this share of |b|
-    #[arg(long, value_name = "X", default_value_t = 1e-6)]
+    #[arg(long, value_name = "X", default_value_t = 1e-6, value_parser = number::<f64>)]
     rtol: f64,
     /// The box's lower bound, for methods inside a box
-    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    #[arg(long, value_name = "X", default_value_t = 0.0, value_parser = number::<f64>)]
     lower: f64,
     /// The box's upper bound, for methods inside a box
-    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = number::<f64>)]
     upper: f64,
     #[command(flatten)]
     run: RunArgs,
@@ -46,6 +47,13 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if args.lower.partial_cmp(&args.upper) != Some(Ordering::Less) {
+        return Err(Error::Option {
+            option: "--lower".into(),
+            fault: format!("{} is not below --upper {}", args.lower, args.upper),
+            help: "give a lower bound below the upper one".into(),
+        });
+    }
     let (view, trace) = (ViewArgs::default(), TraceArgs::default());
     let opening = Opening {
         source: &args.matrix,

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 
 use super::operator::CacheArgs;
+use super::options::number;
 use crate::image::Resolution;
 use crate::lab::TraceOverrides;
 use crate::render::Sampler;
@@ -52,7 +53,7 @@ pub(super) struct TraceArgs {
     gather_photons: Option<u32>,
     /// How far around a point such chains count: 1 is what a pixel sees through its chain; smaller is sharper, and noisier
     /// [default: 1]
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", value_parser = number::<f32>)]
     gather_radius: Option<f32>,
     /// Pixels of a projector that stands apart from the camera [default: as many as the camera's]
     #[arg(long, value_name = "N|WxH")]

@@ -14,6 +14,7 @@ use ::exr::prelude::{
 
 use super::atomic;
 use crate::error::{Error, Result};
+use crate::file;
 use crate::image::{Image, Resolution};
 
 /// The largest number of samples of all channels of a file: 8192² pixels in four channels. A file that claims
@@ -82,7 +83,7 @@ fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::ex
 /// [`Error::Read`]; [`Error::Data`] when the file is malformed or has no such layer. The message lists the
 /// layers.
 pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
-    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+    let bytes = file::read(path)?;
     let unusable = |fault: String| Error::Data {
         path: path.to_path_buf(),
         fault,

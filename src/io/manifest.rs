@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{atomic, clock};
 use crate::error::{Error, Result};
+use crate::file;
 
 /// The version of the manifest's format.
 pub const FORMAT: u32 = 1;
@@ -192,7 +193,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
     /// # Errors
     /// [`Error::Read`]; [`Error::Data`] when the file is not a manifest or has another format version.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        let bytes = file::read(path)?;
         let unusable = |fault: String| Error::Data {
             path: path.to_path_buf(),
             fault,

@@ -3,7 +3,7 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `model.json` | the format's version, the sizes and the source |
+//! | `model.json` | the format's version, the sizes, the source, and the BLAKE3 digest of every file |
 //! | `patterns-C.npy` | `Q` of channel `C`: `k×H×W` of the projector's pixels, `f64` |
 //! | `photos-C.npy` | `W = G Q`: `k×H×W` of the camera's pixels, `f64` |
 //! | `direct-C.npy` or `.npz` | the direct light: an image `H×W`, or a sparse matrix if it is not diagonal |
@@ -13,19 +13,23 @@
 //! `A x = d*x + W @ (Q.T @ x) + Q @ (W.T @ (x − Q @ (Q.T @ x)))`. The last term belongs to symmetric models
 //! only.
 //!
+//! Every file that is read back must have its digest; the record has one of itself.
+//!
 //! This module reads and writes the arrays; [`crate::analysis::low_rank`] defines their meaning.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::{atomic, npy, sparse};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::image::{Image, Resolution};
 use crate::sparse::Csr;
 
 /// The version of the format.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 const FOLDER: &str = "model";
 const RECORD: &str = "model.json";
 
@@ -71,15 +75,26 @@ pub enum DirectArrays {
 }
 
 #[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Record {
     krylux_model: u32,
     version: String,
+    /// The digest of this record with an empty digest.
+    digest: String,
     source: String,
     resolution: Resolution,
     projector: Resolution,
     unit: String,
     symmetric: bool,
     channels: Vec<ChannelRecord>,
+    /// The digest of each other file in the folder, by its name.
+    files: BTreeMap<String, String>,
+}
+
+/// Only what says whether the rest of a record can be read.
+#[derive(Deserialize)]
+struct Version {
+    krylux_model: u32,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -101,10 +116,15 @@ pub fn is_in(run: &Path) -> bool {
     record_path(run).is_file()
 }
 
+/// The folder of the model in the run's folder `run`.
+pub fn folder(run: &Path) -> PathBuf {
+    run.join(FOLDER)
+}
+
 /// The path of the model's record, `model/model.json`, in the run's folder `run`. Runs that use the model
 /// depend on this file.
 pub fn record_path(run: &Path) -> PathBuf {
-    run.join(FOLDER).join(RECORD)
+    folder(run).join(RECORD)
 }
 
 impl ModelArrays {
@@ -114,7 +134,7 @@ impl ModelArrays {
     /// # Errors
     /// [`Error::Write`].
     pub fn write(&self, run: &Path) -> Result<Vec<String>> {
-        let folder = run.join(FOLDER);
+        let folder = folder(run);
         std::fs::create_dir_all(&folder).map_err(Error::writing(&folder))?;
         let mut names = Vec::new();
         let mut path = |name: String| -> PathBuf {
@@ -143,52 +163,63 @@ impl ModelArrays {
             channels.push(ChannelRecord { photos: patterns.len(), direct: kind });
         }
         npy::write_image(&path("ambient.npy".into()), &self.ambient)?;
-        let record = Record {
+        let mut files = BTreeMap::new();
+        for name in &names {
+            let file = run.join(name);
+            let name = name.trim_start_matches(FOLDER).trim_start_matches('/');
+            files.insert(name.to_owned(), digest_of_file(&file)?);
+        }
+        let mut record = Record {
             krylux_model: FORMAT,
             version: env!("CARGO_PKG_VERSION").into(),
+            digest: String::new(),
             source: self.source.clone(),
             resolution: self.resolution,
             projector: self.projector,
             unit: self.unit.clone(),
             symmetric: self.symmetric,
             channels,
+            files,
         };
-        let path = path(RECORD.into());
+        let path = record_path(run);
+        record.digest = record.own_digest(&path)?;
         let text =
             serde_json::to_string_pretty(&record).map_err(|error| Error::writing(&path)(error.into()))?;
         atomic::write_bytes(&path, text.as_bytes())?;
+        names.push(format!("{FOLDER}/{RECORD}"));
         Ok(names)
     }
 
     /// Reads the model in the run's folder `run`.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Data`] naming the file when it is malformed, when its size differs from the
-    /// record's, or when it has a value that is not finite.
+    /// [`Error::Read`]; [`Error::Data`] naming the file when its digest is another one than when it was written, when it is
+    /// malformed, when its size differs from the record's, or when it has a value that is not finite.
     pub fn read(run: &Path) -> Result<Self> {
-        let folder = run.join(FOLDER);
+        let folder = folder(run);
         let path = folder.join(RECORD);
         let record = read_record(&path)?;
+        let whole = |name: String| record.whole_file(&folder, &name);
         let mut channels = Vec::new();
         for (channel, of) in record.channels.iter().enumerate() {
             let stack = |name: &str, size: Resolution| -> Result<Vec<Vec<f64>>> {
-                let path = folder.join(format!("{name}-{channel}.npy"));
+                let path = whole(format!("{name}-{channel}.npy"))?;
                 let values = numbers(&path, &[of.photos, size.height, size.width])?;
                 Ok(values.chunks(size.pixels().max(1)).map(<[f64]>::to_vec).collect())
             };
             let Resolution { width, height } = record.resolution;
-            let direct = |extension| folder.join(format!("direct-{channel}.{extension}"));
+            let direct = |extension| whole(format!("direct-{channel}.{extension}"));
             channels.push(ChannelArrays {
                 patterns: stack("patterns", record.projector)?,
                 photos: stack("photos", record.resolution)?,
                 direct: match of.direct {
                     DirectRecord::None => DirectArrays::None,
-                    DirectRecord::Image => DirectArrays::Image(numbers(&direct("npy"), &[height, width])?),
-                    DirectRecord::Matrix => DirectArrays::Matrix(sparse::read(&direct("npz"))?),
+                    DirectRecord::Image => DirectArrays::Image(numbers(&direct("npy")?, &[height, width])?),
+                    DirectRecord::Matrix => DirectArrays::Matrix(sparse::read(&direct("npz")?)?),
                 },
             });
         }
-        let ambient = npy::read_image(&folder.join("ambient.npy"))?;
+        let ambient = npy::read_image(&whole("ambient.npy".into())?)?;
         if channels.is_empty() || ambient.channels() != channels.len() {
             let fault = format!("it has {} channels, but ambient.npy {}", channels.len(), ambient.channels());
             return Err(unusable(&path, fault));
@@ -201,13 +232,44 @@ impl ModelArrays {
     }
 }
 
-fn read_record(path: &Path) -> Result<Record> {
-    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
-    let record: Record = serde_json::from_slice(&bytes).map_err(|error| unusable(path, error.to_string()))?;
-    match record.krylux_model {
-        FORMAT => Ok(record),
-        other => Err(unusable(path, format!("its format is {other}, but this krylux reads format {FORMAT}"))),
+impl Record {
+    /// The digest of the record at `path`.
+    fn own_digest(&self, path: &Path) -> Result<String> {
+        let mut record = serde_json::to_value(self).map_err(|error| Error::writing(path)(error.into()))?;
+        record["digest"] = "".into();
+        Ok(blake3::hash(record.to_string().as_bytes()).to_string())
     }
+
+    /// The path of a file of the model whose bytes are those that were written.
+    fn whole_file(&self, folder: &Path, name: &str) -> Result<PathBuf> {
+        let path = folder.join(name);
+        if self.files.get(name) != Some(&digest_of_file(&path)?) {
+            return Err(unusable(&path, "it is not what was written: its digest is another one".into()));
+        }
+        Ok(path)
+    }
+}
+
+fn digest_of_file(path: &Path) -> Result<String> {
+    let content = file::open(path)?;
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(content).map_err(Error::reading(path))?;
+    Ok(hasher.finalize().to_string())
+}
+
+fn read_record(path: &Path) -> Result<Record> {
+    let bytes = file::read(path)?;
+    let malformed = |error: serde_json::Error| unusable(path, error.to_string());
+    let Version { krylux_model } = serde_json::from_slice(&bytes).map_err(malformed)?;
+    if krylux_model != FORMAT {
+        let fault = format!("its format is {krylux_model}, but this krylux reads format {FORMAT}");
+        return Err(unusable(path, fault));
+    }
+    let record: Record = serde_json::from_slice(&bytes).map_err(malformed)?;
+    if record.own_digest(path)? != record.digest {
+        return Err(unusable(path, "it is not what was written: its digest is another one".into()));
+    }
+    Ok(record)
 }
 
 /// Reads an array and checks that it has this shape and finite values.
@@ -227,5 +289,48 @@ fn unusable(path: &Path, fault: String) -> Error {
         path: path.to_path_buf(),
         fault,
         help: "capture the model anew with `krylux relight SCENE`".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flipped_bit_of_a_model_is_noticed() -> Result<()> {
+        let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
+        let resolution = Resolution::new(2, 2);
+        let values = |scale: f64| vec![vec![scale, 2.0 * scale, 3.0 * scale, 5.0 * scale]];
+        let matrix = Csr::new(4, vec![0, 1, 2, 3, 4], vec![0, 2, 1, 3], vec![0.5; 4])?;
+        let direct =
+            [DirectArrays::Matrix(matrix), DirectArrays::Image(values(0.1).concat()), DirectArrays::None];
+        let channels =
+            direct.map(|direct| ChannelArrays { patterns: values(0.2), photos: values(0.3), direct });
+        let model = ModelArrays {
+            channels: channels.into(),
+            ambient: Image::filled(resolution, 3, 0.25),
+            resolution,
+            projector: resolution,
+            unit: "DN/s".into(),
+            source: "test".into(),
+            symmetric: true,
+        };
+        let names = model.write(folder.path())?;
+        let whole = format!("{:?}", ModelArrays::read(folder.path())?);
+        for name in names {
+            let path = folder.path().join(name);
+            let bytes = std::fs::read(&path).map_err(Error::reading(&path))?;
+            for at in 0..bytes.len() {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= 1 << (at % 8);
+                std::fs::write(&path, damaged).map_err(Error::writing(&path))?;
+                // White space of the record means nothing: what is read is the same.
+                if let Ok(read) = ModelArrays::read(folder.path()) {
+                    assert_eq!(format!("{read:?}"), whole, "byte {at} of {}", path.display());
+                }
+            }
+            std::fs::write(&path, bytes).map_err(Error::writing(&path))?;
+        }
+        Ok(())
     }
 }

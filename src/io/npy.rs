@@ -7,6 +7,7 @@ use npyz::{DType, Endianness, NpyFile, Order, TypeChar, TypeStr, WriterBuilder};
 
 use super::atomic;
 use crate::error::{Error, Result};
+use crate::file;
 use crate::image::{Image, Resolution};
 
 /// The largest length of a header in bytes, as in NumPy. The header of a plain array is much shorter.
@@ -71,7 +72,7 @@ pub(super) fn write_array<T: npyz::AutoSerialize>(
 /// [`Error::Read`]; [`Error::Data`] when the file is not in `.npy` format, is cut off, has additional bytes
 /// at its end, or contains anything but a plain array of real numbers.
 pub fn read_npy(path: &Path) -> Result<Array> {
-    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+    let bytes = file::read(path)?;
     parse(&bytes).map_err(|fault| unusable(path, fault))
 }
 

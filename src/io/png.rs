@@ -5,6 +5,7 @@ use std::path::Path;
 pub use super::raster::Raster;
 use super::srgb;
 use crate::error::{Error, Result};
+use crate::file;
 use crate::image::codec::Format;
 use crate::image::{Image, Resolution};
 
@@ -19,7 +20,7 @@ const MAX_BYTES: usize = 512 << 20;
 /// [`Error::Read`]; [`Error::Data`] when the file is malformed, has another format, is very large, or has a
 /// transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
-    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+    let bytes = file::read(path)?;
     let unusable =
         |fault: String, help: &str| Error::Data { path: path.to_path_buf(), fault, help: help.into() };
     let picture = Format::of(&bytes)

@@ -50,6 +50,7 @@ impl Journal {
         if !path.exists() {
             return create_file(path, lock, identity);
         }
+        crate::file::require(&path)?;
         let file = OpenOptions::new().read(true).write(true).open(&path).map_err(Error::writing(&path))?;
         let journal = open(path, file, Some(lock))?;
         let differences = journal.identity.differences(identity);
@@ -69,23 +70,8 @@ impl Journal {
     /// [`Error::Journal`] when both copies of its header are damaged; [`Error::Read`].
     pub fn read_only(folder: &Path) -> Result<Self> {
         let path = folder.join(FILE);
-        let file = File::open(&path).map_err(Error::reading(&path))?;
+        let file = crate::file::open(&path)?;
         open(path, file, None)
-    }
-
-    /// Deletes the journal in this folder. Returns the number of its photos, which is 0 if there is no
-    /// journal or if it is unreadable.
-    ///
-    /// # Errors
-    /// [`Error::Journal`] when another process writes it; [`Error::Write`].
-    pub fn discard(folder: &Path) -> Result<usize> {
-        if !Self::is_in(folder) {
-            return Ok(0);
-        }
-        let (path, _lock) = lock_folder(folder)?;
-        let photos = Self::read_only(folder).map_or(0, |journal| journal.photos());
-        fs::remove_file(&path).map_err(Error::writing(&path))?;
-        Ok(photos)
     }
 
     /// Cuts off the incomplete record at the end of the file.

@@ -1,30 +1,37 @@
 //! The folder that a run leaves behind, with its record.
 
+use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::notes::journal_folder;
+use super::replaced::Replaced;
 use super::{Log, SharedObserver};
 use crate::error::{Error, Result};
 use crate::io::manifest::Status;
+use crate::io::model;
 use crate::journal::Journal;
 use crate::measure::RunManifest;
 
 /// What a run says of itself.
 pub(super) const RECORD: &str = "run.json";
+/// What a run shows.
+pub(super) const REPORT: &str = "report.html";
 
 /// Which folder a run uses.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
     /// The folder; where none is named, the first free one of `out/NAME`, `out/NAME-2`, …
     pub folder: Option<PathBuf>,
-    /// Use a folder that holds an earlier run, and discard the photos of that run.
+    /// Use a folder that holds an earlier run. Its photos are deleted when the new run is whole; the photos of a run that is the source
+    /// are always kept.
     pub overwrite: bool,
     /// Go on with the run in the folder: no photo that is in its journal is taken again.
     pub resume: bool,
 }
 
-/// An open run: the folder is there and writable before any work starts, and its record says `running` until the end.
+/// An open run: the folder is there, writable and locked before any work starts, and its record says `running` until the end.
 pub struct RunFolder {
     /// The folder.
     pub path: PathBuf,
@@ -32,40 +39,82 @@ pub struct RunFolder {
     pub manifest: RunManifest,
     pub(super) resumes: bool,
     started: Instant,
+    start: Start,
+    /// Keeps other runs out of the folder.
+    _lock: Option<File>,
+}
+
+/// What was in the folder.
+enum Start {
+    /// Nothing, or the photos of the run that goes on.
+    Fresh,
+    /// Another run, which is put back if this one fails without photos.
+    Replaces(Replaced),
+    /// The run that is asked anew. It stays as it is until there is an answer, and further questions may take as many photos as before.
+    Beside { photos_allowed: Option<usize> },
 }
 
 impl RunFolder {
-    /// Makes the folder. A run that is to be resumed is in the folder named, or in `out/NAME`.
+    /// Makes the folder. A run that is to be resumed is in the folder named, or in `out/NAME`. `source` is the folder of the run that is
+    /// asked anew: in the same folder, the answers are put beside its photos.
     ///
     /// # Errors
-    /// [`Error::Option`] when it holds an earlier run that is not to be overwritten; [`Error::Write`].
-    pub fn create(options: &RunOptions, name: &str, observer: &SharedObserver) -> Result<Self> {
+    /// [`Error::Option`] when it holds an earlier run that is not to be overwritten, another program's files, or a run that goes on right
+    /// now; [`Error::Write`].
+    pub fn create(
+        options: &RunOptions,
+        name: &str,
+        source: Option<&Path>,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
         let RunOptions { overwrite, resume, .. } = *options;
         let path = match &options.folder {
-            Some(path) if holds_run(path) && !overwrite && !resume => {
-                return Err(Error::Option {
-                    option: "-o".into(),
-                    fault: format!("{} already holds a run", path.display()),
-                    help: "go on with it by --resume, name another folder, or add --overwrite".into(),
-                });
-            }
             Some(path) => path.clone(),
             None if resume => numbered(name, 1),
-            None => free(name),
+            None => make_free(name)?,
         };
         std::fs::create_dir_all(&path).map_err(Error::writing(&path))?;
-        if overwrite {
-            let photos = Journal::discard(&journal_folder(&path))?;
-            if photos > 0 {
-                observer.note(format_args!(
-                    "note: --overwrite throws away {photos} photos of the run in {}",
-                    path.display()
-                ));
+        let lock = lock(&path)?;
+        let real = |path: &Path| std::fs::canonicalize(path).ok();
+        let is_source = source.is_some_and(|source| real(source) == real(&path));
+        require_no_links(&path)?;
+        let refusal = |fault: &str, help: &str| Error::Option {
+            option: "-o".into(),
+            fault: format!("{} {fault}", path.display()),
+            help: help.into(),
+        };
+        let start = match holds_run(&path) {
+            true if is_source => {
+                let record = RunManifest::read(&path.join(RECORD)).ok();
+                Start::Beside { photos_allowed: record.and_then(|record| record.photos_allowed) }
             }
+            true if overwrite => Start::Replaces(Replaced::move_aside(&path)?),
+            true if resume => Start::Fresh,
+            true => {
+                let help = "go on with it by --resume, name another folder, or add --overwrite";
+                return Err(refusal("already holds a run", help));
+            }
+            false if path.join(REPORT).exists() && !overwrite => {
+                let fault = "holds no run, but the report.html of another program";
+                return Err(refusal(fault, "name another folder, or add --overwrite"));
+            }
+            false => Start::Fresh,
+        };
+        if let Start::Replaces(earlier) = &start
+            && earlier.photos() > 0
+        {
+            observer.note(format_args!(
+                "note: --overwrite throws away {} photos of the run in {} when the new run is whole; until then they are in {}",
+                earlier.photos(),
+                path.display(),
+                earlier.path().display()
+            ));
         }
         let manifest = RunManifest::new(std::env::args());
-        manifest.write(&path.join(RECORD))?;
-        Ok(Self { path, manifest, started: Instant::now(), resumes: resume })
+        if !matches!(start, Start::Beside { .. }) {
+            manifest.write(&path.join(RECORD))?;
+        }
+        Ok(Self { path, manifest, resumes: resume, started: Instant::now(), start, _lock: lock })
     }
 
     /// Seconds since the run started.
@@ -73,28 +122,53 @@ impl RunFolder {
         self.started.elapsed().as_secs_f64()
     }
 
-    /// Writes how the run ended: well, with a sentence that says so, or by an error.
+    /// Writes how the run ended: well, with a sentence that says so, or by an error. A run that fails before its first photo, or
+    /// because of a wrong option, gives its place back to the run that it was to replace.
     ///
     /// # Errors
     /// [`Error::Write`].
     pub fn close(&mut self, outcome: std::result::Result<&str, &Error>) -> Result<()> {
-        match outcome {
-            Ok(message) => self.manifest.finish(Status::Done, message),
-            Err(Error::Interrupted) => {
-                self.manifest.finish(Status::Interrupted, Error::Interrupted.to_string());
+        let start = std::mem::replace(&mut self.start, Start::Fresh);
+        let (status, message) = match outcome {
+            Ok(message) => (Status::Done, message.to_owned()),
+            Err(error @ Error::Interrupted) => (Status::Interrupted, error.to_string()),
+            Err(error) => (Status::Failed, error.to_string()),
+        };
+        let is_done = status == Status::Done;
+        match &start {
+            Start::Beside { .. } if !is_done => return Ok(()),
+            Start::Replaces(earlier) if !is_done => {
+                let photos = photos_in(&self.path);
+                let is_wrong_option = matches!(outcome, Err(Error::Option { .. }));
+                if photos == 0 || (is_wrong_option && photos <= earlier.photos()) {
+                    return earlier.restore();
+                }
             }
-            Err(error) => self.manifest.finish(Status::Failed, error.to_string()),
+            Start::Beside { photos_allowed } => self.manifest.photos_allowed = *photos_allowed,
+            Start::Replaces(_) | Start::Fresh => {}
         }
-        self.manifest.write(&self.path.join(RECORD))
+        self.manifest.finish(status, message);
+        self.manifest.write(&self.path.join(RECORD))?;
+        match start {
+            Start::Replaces(earlier) if is_done => earlier.discard(),
+            _ => Ok(()),
+        }
     }
 }
 
-fn free(name: &str) -> PathBuf {
-    // Numbers do not run out before the disk does.
-    (1..)
-        .map(|number| numbered(name, number))
-        .find(|path| !path.exists())
-        .unwrap_or_else(|| numbered(name, 1))
+/// Makes the first folder of `out/NAME`, `out/NAME-2`, … that is not there. Of several programs each gets its own.
+fn make_free(name: &str) -> Result<PathBuf> {
+    let mut number = 1;
+    loop {
+        let path = numbered(name, number);
+        let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+        match made.and_then(|()| std::fs::create_dir(&path)) {
+            Ok(()) => return Ok(path),
+            // Numbers do not run out before the disk does.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && path.exists() => number += 1,
+            Err(error) => return Err(Error::writing(&path)(error)),
+        }
+    }
 }
 
 fn numbered(name: &str, number: u32) -> PathBuf {
@@ -106,5 +180,44 @@ fn numbered(name: &str, number: u32) -> PathBuf {
 
 /// Whether there is a run that a new one would replace.
 fn holds_run(path: &Path) -> bool {
-    path.join(RECORD).exists() || Journal::is_in(&journal_folder(path))
+    path.join(RECORD).exists() || Journal::is_in(&journal_folder(path)) || model::is_in(path)
+}
+
+fn photos_in(run: &Path) -> usize {
+    Journal::read_only(&journal_folder(run)).map_or(0, |journal| journal.photos())
+}
+
+/// Admits one run at a time to a folder, by a lock on the folder itself. Where the file system has no such locks, the journal's own lock
+/// keeps photos apart.
+fn lock(path: &Path) -> Result<Option<File>> {
+    let Ok(folder) = File::open(path) else { return Ok(None) };
+    // The lock of a killed process may outlive it for a moment.
+    for _ in 0..50 {
+        match folder.try_lock() {
+            Ok(()) => return Ok(Some(folder)),
+            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),
+            Err(TryLockError::Error(_)) => return Ok(None),
+        }
+    }
+    Err(Error::Option {
+        option: "-o".into(),
+        fault: format!("a run is at work in {}", path.display()),
+        help: "wait until it has ended, or name another folder".into(),
+    })
+}
+
+/// Refuses links to files: what a run writes stays in its folder.
+fn require_no_links(path: &Path) -> Result<()> {
+    let entries = std::fs::read_dir(path).map_err(Error::reading(path))?;
+    let link = entries
+        .flatten()
+        .find(|entry| entry.file_type().is_ok_and(|kind| kind.is_symlink()) && !entry.path().is_dir());
+    match link {
+        None => Ok(()),
+        Some(link) => Err(Error::Option {
+            option: "-o".into(),
+            fault: format!("{} is a link, and a run writes into its own folder only", link.path().display()),
+            help: "remove the link, or name another folder".into(),
+        }),
+    }
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::file;
 use crate::image::{Image, Resolution};
 use crate::io::{manifest, sparse};
 use crate::measure::RunManifest;
@@ -22,7 +23,7 @@ impl MatrixSource {
     /// Reads `.npz` (SciPy), `.mtx` (Matrix Market) or a dense `.npy`.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let matrix = sparse::read(path)?;
-        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        let bytes = file::read(path)?;
         let hash = blake3::hash(&bytes).to_hex().to_string();
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Self { matrix, name, file: Some((path.to_path_buf(), hash)) })

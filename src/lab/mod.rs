@@ -33,6 +33,7 @@ mod model;
 mod notes;
 mod observing;
 mod operator;
+mod replaced;
 mod rig;
 mod run;
 mod saving;
@@ -42,6 +43,7 @@ mod source;
 pub mod text;
 mod transport;
 mod verbs;
+mod view;
 mod virtual_scene;
 
 use std::path::Path;

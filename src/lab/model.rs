@@ -19,7 +19,7 @@ use crate::transport::Part;
 /// The folder of a run that left a model, and no journal.
 pub(super) struct ModelSource {
     pub(super) model: SavedModel,
-    folder: PathBuf,
+    pub(super) folder: PathBuf,
 }
 
 impl ModelSource {

@@ -10,7 +10,7 @@ use super::source::short_name;
 use super::virtual_scene::{no_scene, not_virtual, refuse_tracing, scene_of, twin};
 use super::{Log, SharedObserver, Truth, journal};
 use crate::analysis::plan::Twin;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::{Identity, Journal};
@@ -140,7 +140,7 @@ impl RigSource {
         Ok(match (&self.scene, &rig.scene) {
             (Some(scene), _) => scene.identity(identity, rig.channels()),
             (None, VirtualScene::Matrix { path, .. }) => {
-                let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+                let bytes = crate::file::read(path)?;
                 identity.with("matrix file", blake3::hash(&bytes).to_hex())
             }
             (None, VirtualScene::File { .. }) => return Err(no_scene(&self.file.path)),
@@ -192,7 +192,7 @@ impl RigSource {
     /// Keeps beside the journal of the run in `folder` what a replay needs of the rig: its note, its file and its calibration.
     pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
         let path = &self.file.path;
-        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        let bytes = crate::file::read(path)?;
         journal.note(notes::RIG_FILE, &bytes)?;
         let calibration = calibration_folder(folder);
         let is_kept =

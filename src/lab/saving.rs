@@ -17,8 +17,9 @@ impl Lab {
     /// [`Error::Option`] when the folder holds an earlier run that is not to be overwritten; [`Error::Write`].
     pub fn begin_run(&mut self, verb: &str, options: &RunOptions) -> Result<&mut RunFolder> {
         let name = format!("{}-{verb}", self.name());
-        let mut run = RunFolder::create(options, &name, &self.observer)?;
+        let mut run = RunFolder::create(options, &name, self.source.folder(), &self.observer)?;
         self.source.describe(&mut run.manifest, self.channels);
+        self.warn_of_darkness();
         Ok(self.run.insert(run))
     }
 

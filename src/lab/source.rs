@@ -106,6 +106,15 @@ impl Source {
         }
     }
 
+    /// The folder of the run that it is.
+    pub(super) fn folder(&self) -> Option<&Path> {
+        match self {
+            Self::Run(run) => Some(&run.folder),
+            Self::Model(model) => Some(&model.folder),
+            Self::Scene(_) | Self::Rig(_) | Self::Matrix(_) => None,
+        }
+    }
+
     /// Pixels of photos.
     pub(super) fn resolution(&self) -> Resolution {
         match self {

@@ -93,7 +93,7 @@ impl Calibration {
     /// that of the record when the checksum is wrong.
     pub fn load(folder: &Path) -> Result<Self> {
         let path = folder.join(RECORD);
-        let text = std::fs::read_to_string(&path).map_err(Error::reading(&path))?;
+        let text = crate::file::read_text(&path)?;
         let record: Record =
             toml::from_str(&text).map_err(|error| damaged(&path, error.to_string().trim_end().into()))?;
         if record.format != FORMAT {

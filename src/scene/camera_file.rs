@@ -30,6 +30,7 @@ use super::source::fault;
 use super::triangle::MAX_COORDINATE;
 use super::{Camera, Lens, LoadOptions};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::image::Resolution;
 
 /// The camera and the projector of a scene.
@@ -107,11 +108,7 @@ pub(super) fn find(scene: &Path, options: &LoadOptions<'_>) -> Result<Option<Cam
 
 /// Reads a camera file.
 fn read(path: &Path) -> Result<CameraFile> {
-    let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
-    if !metadata.is_file() {
-        return Err(fault(path, "not a file", "give a camera file in TOML"));
-    }
-    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+    let bytes = file::read(path)?;
     let text = std::str::from_utf8(&bytes)
         .map_err(|_| fault(path, "not UTF-8 text", "give a camera file in TOML"))?;
     let tables: Tables = toml::from_str(text).map_err(|error| {

@@ -13,6 +13,7 @@ mod shape;
 mod source;
 mod texture;
 mod triangle;
+pub mod view;
 
 pub use camera::{Camera, Lens};
 pub use material::{AlphaMode, Material, Volume};

@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::file;
 
 /// An error about the file at `path`.
 pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<String>) -> Error {
@@ -14,16 +15,14 @@ pub(super) fn fault(path: &Path, fault: impl Into<String>, help: impl Into<Strin
 /// Reads a file that the scene file `scene` refers to. `path` is already resolved; `what` names the object
 /// that refers to it (`buffer 0`).
 pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
-    // An untrusted scene may name a device or a pipe, and reading that might never end.
-    let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
-    if !metadata.is_file() {
+    if std::fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
         return Err(fault(
             path,
             format!("not a file, but {what} of {} refers to it", scene.display()),
             "correct the reference in the scene",
         ));
     }
-    std::fs::read(path).map_err(Error::reading(path))
+    file::read(path)
 }
 
 /// Resolves the relative path by which `scene` refers to a file. `Err` says why the path is not relative.

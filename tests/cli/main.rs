@@ -6,10 +6,13 @@ mod common;
 mod program;
 
 mod bench;
+mod files;
+mod folders;
 mod light;
 mod live;
 mod operator;
 mod products;
 mod reproduce;
 mod rig;
+mod streams;
 mod verbs;

@@ -1,6 +1,8 @@
 //! Matrices for SciPy and Matrix Market: read back here from the bytes, without either.
 
-use std::io::Read;
+use std::error::Error as StdError;
+use std::fs::File;
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 use krylux::Error;
@@ -20,7 +22,7 @@ fn matrix() -> krylux::Result<Csr> {
 }
 
 fn entry(path: &Path, name: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-    let mut archive = zip::ZipArchive::new(std::fs::File::open(path)?)?;
+    let mut archive = zip::ZipArchive::new(File::open(path)?)?;
     let mut bytes = Vec::new();
     archive.by_name(name)?.read_to_end(&mut bytes)?;
     Ok(bytes)
@@ -140,11 +142,60 @@ fn damaged_matrices_are_errors_and_never_panics() -> Outcome {
         ("%%MatrixMarket matrix coordinate real general\n2 2 1\n3 1 1.0\n", "line 3"),
         ("%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "states 2"),
         ("%%MatrixMarket matrix coordinate real general\n2 2 1\n1 1 nan\n", "(0, 0)"),
+        ("%%MatrixMarket matrix coordinate real symmetric\n2 3 1\n1 3 1.0\n", "line 2: a symmetric matrix"),
+        ("%%MatrixMarket matrix coordinate real general\n4294967295 1 1\n1 1 1.0\n", "4294967295 rows"),
+        ("%%MatrixMarket matrix coordinate real general\n1 4294967295 1\n1 1 1.0\n", "4294967295 columns"),
     ] {
         let path = folder.path().join("wrong.mtx");
         std::fs::write(&path, text)?;
         let message = sparse::read(&path).map_or_else(|error| error.to_string(), |_| String::new());
         assert!(message.contains(fault) && message.contains("wrong.mtx"), "{message}");
     }
+    Ok(())
+}
+
+/// The message about an `.npz` archive whose arrays are these and, by [`fill`], `data`.
+fn refused_npz(
+    indptr: &[f64],
+    fill: impl Fn(&mut dyn Write) -> io::Result<()>,
+) -> Result<String, Box<dyn StdError>> {
+    let folder = TempDir::new()?;
+    let [path, array] = ["wrong.npz", "array.npy"].map(|name| folder.path().join(name));
+    let mut archive = zip::ZipWriter::new(File::create(&path)?);
+    let packed = zip::write::SimpleFileOptions::default();
+    archive.start_file("format.npy", packed)?;
+    archive.write_all(b"\x93NUMPY\x01\x00csr")?;
+    for (name, values) in [("indptr", indptr), ("indices", &[0.0, 1.0]), ("shape", &[2.0, 2.0])] {
+        npy::write_npy(&array, &[values.len()], values)?;
+        archive.start_file(format!("{name}.npy"), packed)?;
+        archive.write_all(&std::fs::read(&array)?)?;
+    }
+    archive.start_file("data.npy", packed)?;
+    fill(&mut archive)?;
+    archive.finish()?;
+    Ok(sparse::read(&path).map_or_else(|error| error.to_string(), |matrix| format!("{matrix:?}")))
+}
+
+#[test]
+fn row_starts_begin_at_zero() -> Outcome {
+    let values = |file: &mut dyn Write| {
+        let folder = TempDir::new()?;
+        let path = folder.path().join("data.npy");
+        npy::write_npy(&path, &[2], &[3.0, 4.0]).map_err(io::Error::other)?;
+        file.write_all(&std::fs::read(&path)?)
+    };
+    assert!(refused_npz(&[0.0, 1.0, 2.0], values)?.contains("weights: [3.0, 4.0]"));
+    for starts in [[1.0, 1.0, 2.0], [1.0, 2.0, 2.0]] {
+        let message = refused_npz(&starts, values)?;
+        assert!(message.contains("do not fit together"), "{message}");
+    }
+    Ok(())
+}
+
+#[test]
+fn an_archive_that_grows_a_thousandfold_is_refused() -> Outcome {
+    let zeros = |mut file: &mut dyn Write| io::copy(&mut io::repeat(0).take(300 << 20), &mut file).map(drop);
+    let message = refused_npz(&[0.0, 1.0, 2.0], zeros)?;
+    assert!(message.contains("claims to be one of 314572800"), "{message}");
     Ok(())
 }

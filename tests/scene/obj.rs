@@ -52,8 +52,79 @@ fn material(entry: &str) -> Material {
     load(&obj, &format!("newmtl m\n{entry}\n")).materials[0].clone()
 }
 
+/// The area of all triangles.
+fn area(scene: &Scene) -> f32 {
+    let doubled = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a).length();
+    scene.triangles.iter().map(|triangle| 0.5 * doubled(triangle.positions)).sum()
+}
+
+/// A scene of one face with these corners.
+fn polygon(corners: &[[f32; 3]]) -> Scene {
+    let vertices: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    let face: String = (1..=corners.len()).map(|corner| format!(" {corner}")).collect();
+    load(&format!("{vertices}f{face}\n"), "")
+}
+
 #[test]
-fn faces_are_fans_of_triangles() {
+fn a_thin_ring_of_one_face_is_no_disc() {
+    // A ring cut open at one place, as modellers write it: once around outside, and back inside.
+    let (steps, [outer, inner]) = (64, [1.0_f32, 0.96]);
+    let at = |radius: f32, step: usize| {
+        let angle = std::f32::consts::TAU * step as f32 / steps as f32;
+        // In a plane that is tilted against every axis.
+        [radius * angle.cos(), 0.8 * radius * angle.sin(), 0.6 * radius * angle.sin()]
+    };
+    let around = (0..=steps).map(|step| at(outer, step));
+    let corners: Vec<_> = around.chain((0..=steps).rev().map(|step| at(inner, step))).collect();
+    let scene = polygon(&corners);
+    let expected =
+        0.5 * steps as f32 * (std::f32::consts::TAU / steps as f32).sin() * (outer * outer - inner * inner);
+    assert!((area(&scene) - expected).abs() < 1e-4 * expected, "{} for {expected}", area(&scene));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+#[test]
+fn a_wall_keeps_its_window() {
+    // The window is reached by a cut that is passed twice.
+    let wall = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 0.0]];
+    let window = [[1.0, 1.0], [1.0, 2.0], [3.0, 2.0], [3.0, 1.0], [1.0, 1.0]];
+    let corners: Vec<_> = wall.iter().chain(&window).map(|&[x, z]| [x, 5.0, z]).collect();
+    let scene = polygon(&corners);
+    assert!((area(&scene) - 10.0).abs() < 1e-4, "{}", area(&scene));
+    for triangle in &scene.triangles {
+        let [a, b, c] = triangle.positions;
+        let center = (a + b + c) / 3.0;
+        let in_window = (1.0..3.0).contains(&center.x) && (1.0..2.0).contains(&center.z);
+        assert!(!in_window, "a triangle at {center} closes the window");
+        // The front of the face looks towards −y, as its corners run.
+        assert!((b - a).cross(c - a).y < 0.0);
+    }
+}
+
+#[test]
+fn concave_quads_are_cut_at_their_reflex_corner() {
+    // An arrow head; a fan around its first corner would cover its notch.
+    for first in 0..4 {
+        let mut corners = [[0.0, 0.0, 1.0], [2.0, -1.0, 1.0], [0.5, 0.0, 1.0], [2.0, 1.0, 1.0]];
+        corners.rotate_left(first);
+        // Between the corners (0, 0), (2, −1), (0.5, 0) and (2, 1).
+        assert!((area(&polygon(&corners)) - 0.5).abs() < 1e-6, "from corner {first}");
+    }
+}
+
+#[test]
+fn faces_without_a_clear_inside_give_a_warning() {
+    let crossed = polygon(&[[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let expected = "1 faces cross themselves or have no area: their triangles may not cover them";
+    assert_eq!(crossed.warnings.first().map(String::as_str), Some(expected));
+    assert!(!crossed.triangles.is_empty());
+    // A face of no area beside a good one.
+    let scene = load("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 0 1 0\nf 1 2 3 4\nf 1 2 5\n", "");
+    assert_eq!((scene.triangles.len(), scene.warnings.len()), (1, 2), "{:?}", scene.warnings);
+}
+
+#[test]
+fn faces_are_triangles_and_quads_cut_at_their_first_corner() {
     let scene = load(&format!("{SQUARE}f 1 2 3 4\nf -4/-4 -3/-3 \\\n -1/-1\n"), "");
     let [a, b, c, d] = [vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(1.0, 1.0, 0.0), vec3(0.0, 1.0, 0.0)];
     let corners: Vec<_> = scene.triangles.iter().map(|triangle| triangle.positions).collect();
@@ -108,6 +179,9 @@ fn glass_is_a_solid_and_partly_opaque_materials_are_not_glass() {
     let clear = Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY };
     assert_eq!(glass.volume, Some(clear));
     assert_eq!(material("Ni 1.5\nillum 4").transmission, 1.0);
+    // Several exporters write `Tr` 1 for what covers fully; nothing else would be seen of it.
+    let meshlab = material("Kd 0.5 0.5 0.5\nKs 1 1 1\nTr 1.000000\nillum 2\nNs 0.000000");
+    assert_eq!((meshlab.opacity, meshlab.alpha_mode), (1.0, AlphaMode::Opaque));
     // Exporters use the illumination model of glass for all materials that are not fully opaque.
     for entry in ["d 0.25\nillum 9", "Tr 0.75\nillum 4"] {
         let sheet = material(entry);

@@ -183,4 +183,36 @@ proptest! {
         }
         check(file, words.concat().as_bytes());
     }
+
+    #[test]
+    fn faces_of_any_shape_keep_their_area(
+        radii in prop::collection::vec(0.05_f32..1.0, 4..60),
+        [pitch, yaw] in prop::array::uniform2(-3.0_f32..3.0),
+    ) {
+        // Seen from the origin every corner is in plain sight, so that the sectors add up to the area.
+        let step = std::f32::consts::TAU / radii.len() as f32;
+        let turn = glam::Mat3::from_euler(glam::EulerRot::XYZ, pitch, yaw, 0.0);
+        let corners = radii.iter().zip(0_u8..).map(|(&radius, at)| {
+            turn * (radius * glam::Vec2::from_angle(f32::from(at) * step)).extend(0.0)
+        });
+        let vertices: String = corners.map(|corner| format!("v {} {} {}\n", corner.x, corner.y, corner.z)).collect();
+        let face: String = (1..=radii.len()).map(|corner| format!(" {corner}")).collect();
+        let scene = load(0, format!("{vertices}f{face}\n").as_bytes()).expect("it is a whole scene");
+        let next = radii.iter().cycle().skip(1);
+        let expected: f32 = radii.iter().zip(next).map(|(a, b)| 0.5 * a * b * step.sin()).sum();
+        let area: f32 = scene.triangles.iter().map(|triangle| {
+            let [a, b, c] = triangle.positions;
+            0.5 * (b - a).cross(c - a).length()
+        }).sum();
+        prop_assert!((area - expected).abs() < 1e-5, "{area} for {expected}");
+    }
+
+    #[test]
+    fn faces_with_any_corners_never_crash_the_loader(
+        corners in prop::collection::vec(prop::array::uniform3(0_u8..4), 3..16),
+    ) {
+        let vertices: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        let face: String = (1..=corners.len()).map(|corner| format!(" {corner}")).collect();
+        check(0, format!("{vertices}f{face}\n").as_bytes());
+    }
 }

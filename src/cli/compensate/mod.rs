@@ -11,7 +11,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
+use super::options::{self, ChannelsArg, OutputArgs, RunArgs, SourceArgs, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::{
@@ -32,7 +32,7 @@ pub(super) struct Args {
     #[command(flatten)]
     question: Question,
     /// The radiance that 1 in the target stands for, in W/(m² sr), or in DN/s on a rig [default: half the median of the white photo]
-    #[arg(long, value_name = "L")]
+    #[arg(long, value_name = "L", value_parser = number::<f64>)]
     peak: Option<f64>,
     /// The folder of a run on this source, of `krylux relight` or of any verb that keeps its photos: a model of the light answers, and
     /// --photos only correct it. A run of `krylux relight`, given as SOURCE itself, answers without any photo
@@ -84,7 +84,8 @@ fn colors(text: &str) -> std::result::Result<Colors, String> {
     let numbers: Vec<f64> = text
         .split(',')
         .map(|number| {
-            number.trim().parse().map_err(|_| format!("`{number}` is no number; give nine, or `measure`"))
+            options::number(number.trim())
+                .map_err(|_| format!("`{number}` is no number; give nine, or `measure`"))
         })
         .collect::<std::result::Result<_, String>>()?;
     let rows: Vec<[f64; 3]> = numbers.chunks(3).filter_map(|row| row.try_into().ok()).collect();

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use crate::analysis::{CompensateOptions, Precondition};
-use crate::cli::options::method;
+use crate::cli::options::{count, method, number};
 use crate::cli::pattern;
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
@@ -27,16 +27,16 @@ pub(in crate::cli) struct Question {
     #[arg(long, value_name = "NAME", value_parser = method)]
     method: Option<Method>,
     /// Photos that the method may take, beside the white one [default: 20, or as many as the run that is SOURCE might take]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// Done when what is seen differs from the target by at most this share of it [default: 0.001]
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = number::<f64>)]
     rtol: Option<f64>,
     /// Move the target's values from [0, 1] to [α, 1], so that less light has to be taken away [default: 0]
-    #[arg(long, value_name = "α")]
+    #[arg(long, value_name = "α", value_parser = number::<f64>)]
     lift: Option<f64>,
     /// The least that is projected: the box is [α, 1]
-    #[arg(long, value_name = "α", default_value_t = 0.0)]
+    #[arg(long, value_name = "α", default_value_t = 0.0, value_parser = number::<f64>)]
     pub(super) floor: f64,
     /// What speeds up methods without a box [default: diagonal]
     #[arg(long, value_enum)]
@@ -45,7 +45,7 @@ pub(in crate::cli) struct Question {
     #[arg(long)]
     out_of_focus: bool,
     /// The width of the lens' blur in pixels, for --precondition defocus [default: measured by one photo more]
-    #[arg(long, value_name = "PIXELS")]
+    #[arg(long, value_name = "PIXELS", value_parser = number::<f64>)]
     defocus: Option<f64>,
 }
 

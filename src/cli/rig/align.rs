@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::options::OutputArgs;
+use super::super::options::{OutputArgs, count, number};
 use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::analysis::align::{AlignOptions, Alignment, Round, align};
@@ -29,13 +29,13 @@ pub(in super::super) struct Args {
     #[command(flatten)]
     rig: RigArgs,
     /// Rounds of structured light; 0: until Ctrl-C
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count::<u64>)]
     rounds: u64,
     /// Random patterns of each round, by whose pairs symmetry is judged; 0: not at all, which is quicker
-    #[arg(long, value_name = "N", default_value_t = 6)]
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = count::<usize>)]
     patterns: usize,
     /// Asymmetry |A − Aᵀ|/|A| that passes
-    #[arg(long, value_name = "X", default_value_t = 0.1)]
+    #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = number::<f64>)]
     asymmetry: f64,
     /// Seconds of each exposure [default: the longest of the rig file's, or what white fills 70 % of the
     /// camera's range in]

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::options::OutputArgs;
+use super::super::options::{OutputArgs, count};
 use super::super::pattern::Pattern;
 use super::super::progress::Bar;
 use super::super::tev::LiveArgs;
@@ -41,7 +41,7 @@ pub(in super::super) struct Args {
     #[arg(long, value_name = "SECONDS", value_parser = super::seconds)]
     exposure: Option<f64>,
     /// Frames to take; 0: until Ctrl-C
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count::<u64>)]
     frames: u64,
     /// The file of the picture; it is complete at any moment
     #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value = "preview.png", value_parser = super::png)]

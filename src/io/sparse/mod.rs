@@ -55,6 +55,7 @@ fn from_dense(path: &Path) -> Result<Csr> {
         let fault = format!("it has {} dimensions, but a matrix has two", shape.len());
         return Err(unusable(path, fault));
     };
+    require_sides(path, rows, cols)?;
     let entries = (0..rows).flat_map(|row| (0..cols).map(move |column| (row, column)));
     from_entries(
         path,
@@ -64,14 +65,34 @@ fn from_dense(path: &Path) -> Result<Csr> {
     )
 }
 
+/// The largest number of rows or columns: the pixels of a photo of 8192×8192. Empty rows take memory, too, and a few bytes of text
+/// can state any number of them.
+const MAX_SIDE: usize = 1 << 26;
+
+/// Checks the number of rows and columns that a file states, before memory is allocated for them.
+fn require_sides(path: &Path, rows: usize, cols: usize) -> Result<()> {
+    if rows.max(cols) > MAX_SIDE {
+        return Err(unusable(
+            path,
+            format!("it states {rows} rows and {cols} columns; at most {MAX_SIDE} are read"),
+        ));
+    }
+    Ok(())
+}
+
 /// The matrix with these entries (row, column, value), which may be in any order. Zeros are dropped.
 fn from_entries(path: &Path, rows: usize, cols: usize, mut entries: Vec<(usize, usize, f64)>) -> Result<Csr> {
+    require_sides(path, rows, cols)?;
     entries.retain(|entry| entry.2 != 0.0);
     entries.sort_by_key(|&(row, column, _)| (row, column));
     if let Some(&(row, column, value)) = entries.iter().find(|entry| !entry.2.is_finite()) {
         return Err(unusable(path, format!("entry ({row}, {column}) is {value}")));
     }
-    let mut row_start = vec![0; rows + 1];
+    let mut row_start = Vec::new();
+    row_start
+        .try_reserve_exact(rows + 1)
+        .map_err(|error| unusable(path, format!("its {rows} rows do not fit the memory: {error}")))?;
+    row_start.resize(rows + 1, 0);
     for &(row, ..) in &entries {
         row_start[row + 1] += 1;
     }

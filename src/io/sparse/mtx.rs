@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::super::atomic;
 use super::unusable;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::file;
 use crate::sparse::Csr;
 
 /// Writes Matrix Market's coordinate format, with indices from 1 on. A matrix that is symmetric to the last
@@ -39,7 +40,7 @@ pub fn write_mtx(path: &Path, matrix: &Csr) -> Result<()> {
 /// # Errors
 /// [`Error::Read`]; [`Error::Data`] naming the line at fault.
 pub fn read_mtx(path: &Path) -> Result<Csr> {
-    let text = std::fs::read_to_string(path).map_err(Error::reading(path))?;
+    let text = file::read_text(path)?;
     let mut lines = text.lines().enumerate();
     let header = lines.next().map_or(String::new(), |(_, line)| line.to_ascii_lowercase());
     let words: Vec<&str> = header.split_whitespace().collect();
@@ -58,8 +59,9 @@ pub fn read_mtx(path: &Path) -> Result<Csr> {
     let &[rows, cols, count] = sizes.as_slice() else {
         return Err(fault(number, "expected rows, columns and number of entries"));
     };
-    if u32::try_from(rows.max(cols)).is_err() {
-        return Err(fault(number, "more than 4294967295 rows or columns"));
+    super::require_sides(path, rows, cols)?;
+    if symmetric && rows != cols {
+        return Err(fault(number, "a symmetric matrix has as many rows as columns"));
     }
     let mut entries = Vec::new();
     let mut found = 0;

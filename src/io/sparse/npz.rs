@@ -3,7 +3,6 @@
 //! The archive is assembled here and not by the crate `npyz`, which writes its arrays: `npyz` depends on
 //! version 0.6 of the crate `zip`, and krylux uses version 9.
 
-use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
@@ -13,7 +12,8 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use super::super::{atomic, npy};
 use super::unusable;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::file;
 use crate::sparse::Csr;
 
 /// Writes a file that `scipy.sparse.load_npz` reads as a `csr_matrix`. Its type is `float32` if that
@@ -90,8 +90,11 @@ pub(crate) fn options(bytes: u64) -> SimpleFileOptions {
         .large_file(bytes + 4096 > u64::from(u32::MAX))
 }
 
-/// The largest size of a member in bytes. It keeps a small malicious archive from filling the memory.
-const MAX_MEMBER_BYTES: u64 = 1 << 36;
+/// Members up to this size in bytes are read however small they are in the archive.
+const MAX_EXPANDED_BYTES: u64 = 1 << 28;
+
+/// How many times larger than in the archive a larger member may be. It keeps a small malicious archive from filling the memory.
+const MAX_EXPANSION: u64 = 64;
 
 /// Reads a file that `scipy.sparse.save_npz` wrote for a CSR matrix of real numbers, compressed or not.
 ///
@@ -99,18 +102,26 @@ const MAX_MEMBER_BYTES: u64 = 1 << 36;
 /// [`Error::Read`]; [`Error::Data`] when the file is not such an archive, or when its arrays do not form a
 /// CSR matrix.
 pub fn read_npz(path: &Path) -> Result<Csr> {
-    let file = File::open(path).map_err(Error::reading(path))?;
+    let archive = file::open(path)?;
     let fault = |what: String| unusable(path, what);
-    let mut archive = ZipArchive::new(BufReader::new(file))
+    let mut archive = ZipArchive::new(BufReader::new(archive))
         .map_err(|error| fault(format!("it is not a ZIP archive: {error}")))?;
     let mut bytes = |name: &str| -> Result<Vec<u8>> {
         let entry = archive.by_name(&format!("{name}.npy"));
         let entry = entry.map_err(|error| fault(format!("it has no array `{name}`: {error}")))?;
+        let size = entry.size();
+        if size > MAX_EXPANDED_BYTES.max(MAX_EXPANSION * entry.compressed_size()) {
+            let packed = entry.compressed_size();
+            return Err(fault(format!(
+                "array `{name}` takes {packed} bytes, but claims to be one of {size}"
+            )));
+        }
         let mut bytes = Vec::new();
-        entry
-            .take(MAX_MEMBER_BYTES)
-            .read_to_end(&mut bytes)
-            .map_err(|error| fault(format!("array `{name}`: {error}")))?;
+        let failed = |error: io::Error| fault(format!("array `{name}`: {error}"));
+        bytes.try_reserve_exact(size as usize).map_err(|error| failed(io::Error::other(error)))?;
+        if entry.take(size + 1).read_to_end(&mut bytes).map_err(failed)? as u64 != size {
+            return Err(fault(format!("array `{name}` is not as long as the archive states")));
+        }
         Ok(bytes)
     };
     let format = bytes("format")?;
@@ -137,6 +148,7 @@ pub fn read_npz(path: &Path) -> Result<Csr> {
         return Err(fault(format!("its shape has {} numbers, but a matrix has two", shape.len())));
     };
     if starts.len() != rows + 1
+        || starts.first() != Some(&0)
         || starts.last() != Some(&columns.len())
         || !starts.is_sorted()
         || columns.len() != weights.len()

@@ -35,7 +35,7 @@ impl RigSource {
     /// # Errors
     /// As [`calibrate`]; [`crate::Error::Write`]; [`crate::Error::Option`] for a folder that holds a run.
     pub fn calibrate(&self, options: &CalibrateOptions, run: &RunOptions) -> Result<Calibrated> {
-        let mut run = RunFolder::create(run, "calibration", self.observer())?;
+        let mut run = RunFolder::create(run, "calibration", None, self.observer())?;
         self.describe(&mut run.manifest);
         let outcome = self.calibrated(options, &mut run);
         let closed = match &outcome {

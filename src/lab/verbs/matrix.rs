@@ -25,6 +25,9 @@ impl Lab {
     /// # Errors
     /// [`Error::Option`] for what a source cannot do; those of [`Lab::operator`].
     pub fn matrices(&mut self, request: &MatrixRequest) -> Result<Vec<Vec<(&'static str, Csr)>>> {
+        if self.run.is_none() {
+            self.warn_of_darkness();
+        }
         if matches!(self.kind(), SourceKind::Scene | SourceKind::Matrix) {
             return self.matrices_in_memory(request);
         }

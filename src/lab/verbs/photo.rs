@@ -31,6 +31,9 @@ impl Lab {
     /// # Errors
     /// As [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for anything but a scene.
     pub fn single_photo(&mut self, pattern: &Image) -> Result<SinglePhoto> {
+        if self.run.is_none() {
+            self.warn_of_darkness();
+        }
         if let Source::Scene(scene) = &self.source {
             if self.transport.is_none() && self.settings.operator == OperatorChoice::Auto {
                 let transport = match scene.cached(self.channels) {

@@ -93,7 +93,9 @@ impl Lab {
         let channels = self.photos(|lab| {
             let ambient = lab.ambient()?;
             let direct = lab.direct_parts()?;
-            let beside = smooth_starts(projector, request.block.max(1) - 1, seed);
+            // A capture starts with no more patterns than it takes photos, or than there are pixels.
+            let block = request.block.min(request.photos).min(projector.pixels());
+            let beside = smooth_starts(projector, block.max(1) - 1, seed);
             let options = LowRankCapture { photos: request.photos, start: None, beside };
             lab.expect(request.photos);
             let mut operators = lab.operators(Part::Global)?;

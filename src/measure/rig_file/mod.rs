@@ -49,7 +49,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::measure::MeasureOptions;
 use crate::rig::nearest::nearest;
 use crate::rig::{
@@ -168,12 +168,7 @@ impl RigFile {
     /// [`Error::Read`] when the file cannot be read; [`Error::Data`] when it is invalid. The error names the
     /// line or the key, the valid values, and for an unknown name the most similar known one.
     pub fn load(path: &Path) -> Result<Self> {
-        let metadata = std::fs::metadata(path).map_err(Error::reading(path))?;
-        let check = Check { path: path.to_path_buf() };
-        if !metadata.is_file() {
-            return Err(check.fault("not a file", "give a rig file in TOML"));
-        }
-        let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+        let bytes = crate::file::read(path)?;
         Self::from_bytes(path, &bytes)
     }
 

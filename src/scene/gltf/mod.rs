@@ -37,13 +37,14 @@ use gltf_json as json;
 use super::source::{ContentHash, Warnings, fault};
 use super::{LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
+use crate::file;
 
 /// Loads a `.glb` or `.gltf` file; see [`crate::scene::load`].
 ///
 /// # Errors
 /// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
-    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+    let bytes = file::read(path)?;
     let mut document = Document::parse(path, &bytes)?;
     let camera_file = camera_file::find(path, options)?;
     if let Some(file) = &camera_file {

@@ -63,8 +63,3 @@ fn corner(mesh: &tobj::Mesh, at: usize, [has_texcoord, has_normal]: [bool; 2]) -
         }),
     }
 }
-
-/// Splits a face into a fan of triangles around its first corner.
-pub(super) fn triangulate(corners: &[Corner]) -> impl Iterator<Item = [Corner; 3]> {
-    (1..corners.len().saturating_sub(1)).map(|at| [corners[0], corners[at], corners[at + 1]])
-}

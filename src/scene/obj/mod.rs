@@ -2,7 +2,7 @@
 //!
 //! | statement | here |
 //! |---|---|
-//! | `v`, `vt`, `vn`, `f` | triangles; faces with more corners become fans around their first corner |
+//! | `v`, `vt`, `vn`, `f` | triangles; faces with more corners, convex or not, are split in the plane that fits them best |
 //! | `v` with three more numbers | linear vertex colours |
 //! | `o`, `g` | regions, named by the latest such statement |
 //! | `usemtl`, `mtllib` | see [`materials`] |
@@ -18,6 +18,7 @@ mod maps;
 mod materials;
 mod mesh;
 mod mtl;
+mod polygon;
 
 use std::path::Path;
 
@@ -26,16 +27,18 @@ use glam::{Vec2, Vec3};
 use super::source::{ContentHash, Warnings, fault};
 use super::triangle::{MAX_COORDINATE, Triangle};
 use super::{LoadOptions, Scene, camera_file};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::file;
 use check::Checked;
 use mesh::{Corner, Face};
+use polygon::Triangulator;
 
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
 ///
 /// # Errors
 /// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content is unusable.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
-    let bytes = std::fs::read(path).map_err(Error::reading(path))?;
+    let bytes = file::read(path)?;
     let mut hash = ContentHash::default();
     hash.add(&bytes);
     let rig = find_rig(path, options, &mut hash)?;
@@ -98,15 +101,22 @@ fn triangles(
 ) -> Result<Vec<Triangle>> {
     let mut triangles = Vec::new();
     let mut degenerate = 0_usize;
+    let mut polygons = Triangulator::default();
     for face in mesh::faces(path, checked)? {
-        for corners in mesh::triangulate(&face.corners) {
-            let triangle = triangle(path, &corners, &face, materials)?;
+        for corners in polygons.split(face.corners.iter().map(|corner| corner.position)) {
+            let triangle = triangle(path, &corners.map(|at| face.corners[at]), &face, materials)?;
             if triangle.has_area() {
                 triangles.push(triangle.with_normals_in_front());
             } else {
                 degenerate += 1;
             }
         }
+    }
+    if polygons.unclear > 0 {
+        warnings.add(format!(
+            "{} faces cross themselves or have no area: their triangles may not cover them",
+            polygons.unclear
+        ));
     }
     if degenerate > 0 {
         warnings.add(format!("{degenerate} triangles without area were dropped"));

@@ -52,7 +52,11 @@ fn check(line: &Line<'_>) -> Result<Option<String>> {
             _ => return Err(line.fault(&format!("`{keyword}` is negative"))),
         },
         "d" | "Pr" | "Pm" => format!("{keyword} {}", fraction(line)?),
-        "Tr" => format!("d {}", 1.0 - fraction(line)?),
+        // A material without any coverage would not be there: writers such as MeshLab mean full coverage by it.
+        "Tr" => match fraction(line)? {
+            1.0 => "d 1".into(),
+            transparency => format!("d {}", 1.0 - transparency),
+        },
         "illum" => match line.number()? {
             model if (0.0..=10.0).contains(&model) && model.fract() == 0.0 => {
                 format!("illum {}", model as u8)

@@ -1,0 +1,17 @@
+//! A warning before light is traced for photos that will be black.
+
+use super::{Lab, Log};
+use crate::observer::Level;
+use crate::scene::view::reason_for_darkness;
+
+impl Lab {
+    /// Says why the photos of a scene will be black or nearly so, if they will.
+    pub(super) fn warn_of_darkness(&self) {
+        let Ok(source) = self.scene_source() else { return };
+        let scene = &source.scene;
+        if let Some(reason) = reason_for_darkness(scene, source.settings.resolution) {
+            let message = format!("warning: {}: {reason}", scene.path.display());
+            self.observer.log(Level::Warning, &message);
+        }
+    }
+}
