@@ -131,7 +131,6 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     let options = args.question.options(lab.seed(), lab.photos_of_run());
     if let Some(run) = lab.run() {
         run.manifest.seed = Some(args.trace.overrides().vector_seed());
-        run.manifest.photos_allowed = Some(options.products);
     }
     let found = lab.eigs(args.question.part(), &options)?;
     let pairs = Eigenpairs { found: &found, wanted: options.count };

@@ -81,9 +81,6 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 
 fn answer(args: &Args, probing: Probing, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     let photos = args.photos.or(lab.photos_of_run()).unwrap_or(100);
-    if let Some(run) = lab.run() {
-        run.manifest.photos_allowed = Some(photos);
-    }
     let found = lab.probe(probing, photos)?;
     let (noise, error) = (found.noise(lab), found.error());
     console.say(format_args!("photos    {}, for {}", found.photos, probing.in_words()))?;

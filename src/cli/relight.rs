@@ -172,9 +172,6 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         max_error: args.max_error,
     };
     in_run(&mut lab, &args.run, "relight", |lab| {
-        if let Some(run) = lab.run() {
-            run.manifest.photos_allowed = Some(request.photos);
-        }
         let found = lab.relight(&request)?;
         conclude(args, &found, lab, console)
     })

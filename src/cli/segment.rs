@@ -198,9 +198,6 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 fn answer(args: &Args, request: &SegmentRequest, lab: &mut Lab, console: &Console) -> Result<Outcome> {
-    if let Some(run) = lab.run() {
-        run.manifest.photos_allowed = Some(request.options.photos);
-    }
     let segmented = lab.segment(request)?;
     console.go_on()?;
     let truth = lab.known_truth()?;

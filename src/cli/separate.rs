@@ -128,10 +128,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 fn answer(args: &Args, request: &SeparateRequest, lab: &mut Lab, console: &Console) -> Result<Outcome> {
-    let photos = args.photos(lab);
-    if let Some(run) = lab.run() {
-        run.manifest.photos_allowed = Some(photos);
-    }
+    lab.allow_photos(args.photos(lab));
     let found = lab.separate(request)?;
     console.go_on()?;
     say(&found, console)?;

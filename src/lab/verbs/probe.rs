@@ -14,6 +14,7 @@ impl Lab {
     /// As [`probe`] and [`Lab::operators`].
     pub fn probe(&mut self, probing: Probing, photos: usize) -> Result<ProbedLight> {
         probing.check()?;
+        self.allow_photos(photos);
         let (resolution, seed) = (self.resolution(), self.seed());
         let mut operators = self.operators(Part::Full)?;
         self.expect(probing.photos(photos));

@@ -44,6 +44,7 @@ impl Lab {
     /// # Errors
     /// As [`capture_channels`] and [`Lab::operators`].
     pub fn relight(&mut self, request: &RelightRequest) -> Result<Relighting> {
+        self.allow_photos(request.photos);
         if self.kind() == SourceKind::Scene {
             self.without_journal()?;
         }
