@@ -11,6 +11,7 @@ use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::Probing;
+use crate::analysis::probe::default_sigma;
 use crate::error::Result;
 use crate::lab::{Lab, text::percent};
 
@@ -60,7 +61,7 @@ enum PathsArg {
 
 impl Args {
     fn probing(&self, lab: &Lab) -> Probing {
-        let sigma = self.sigma.unwrap_or_else(|| (lab.resolution().width as f64 / 16.0).max(1.0));
+        let sigma = self.sigma.unwrap_or_else(|| default_sigma(lab.resolution()));
         match self.paths {
             PathsArg::Direct => Probing::Direct,
             PathsArg::Indirect => Probing::Indirect,
