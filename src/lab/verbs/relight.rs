@@ -46,7 +46,7 @@ impl Lab {
     pub fn relight(&mut self, request: &RelightRequest) -> Result<Relighting> {
         self.allow_photos(request.photos);
         if self.kind() == SourceKind::Scene {
-            self.without_journal()?;
+            self.without_journal();
         }
         let model = self.capture(request)?;
         let mut answer = Relighting::new(model, 0);

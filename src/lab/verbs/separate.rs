@@ -59,7 +59,7 @@ impl Lab {
         let is_scene = self.kind() == SourceKind::Scene;
         request.check(is_scene)?;
         if is_scene {
-            self.without_journal()?;
+            self.without_journal();
         }
         self.transport()?;
         let exact = match is_scene {
