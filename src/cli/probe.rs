@@ -83,7 +83,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn answer(args: &Args, probing: Probing, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     let photos = args.photos.or(lab.photos_of_run()).unwrap_or(100);
     let found = lab.probe(probing, photos)?;
-    let (noise, error) = (found.noise(lab), found.error());
+    let (noise, error) = (found.noise(), found.error());
     console.say(format_args!("photos    {}, for {}", found.photos, probing.in_words()))?;
     console.say(format_args!("noise     {} % (standard error)", percent(noise)))?;
     if let Some(error) = error {

@@ -50,9 +50,7 @@ mod virtual_scene;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-pub use answers::{
-    Answer, Compensated, Eigenpairs, ProbedLight, Relighting, Saved, Scored, Separated, Solved,
-};
+pub use answers::{Answer, Saved};
 pub use builder::LabBuilder;
 pub use folder::{RunFolder, RunOptions};
 pub use model::open_model;
@@ -71,7 +69,14 @@ pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::render::{TraceSettings, Tracer};
+pub use crate::report::compensation::Compensated;
 use crate::report::contact_sheet::ContactSheet;
+pub use crate::report::eigenpairs::Eigenpairs;
+pub use crate::report::probing::ProbedLight;
+pub use crate::report::relighting::Relighting;
+pub use crate::report::segmentation::Scored;
+pub use crate::report::separation::Separated;
+pub use crate::report::solution::Solved;
 use crate::scene::Scene;
 use crate::sparse::Csr;
 use crate::transport::Channels;

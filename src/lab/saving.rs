@@ -94,7 +94,7 @@ impl Lab {
         Ok(Saved {
             report: run.path.join("report.html"),
             folder: run.path.clone(),
-            message: answer.sentence(self),
+            message: answer.sentence(),
             seconds: run.seconds(),
         })
     }

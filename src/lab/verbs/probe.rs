@@ -3,7 +3,7 @@
 use crate::analysis::Probing;
 use crate::analysis::probe::probe;
 use crate::error::Result;
-use crate::lab::answers::ProbedLight;
+use crate::lab::ProbedLight;
 use crate::lab::{Lab, LabOperator};
 use crate::transport::Part;
 

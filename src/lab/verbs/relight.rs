@@ -6,7 +6,7 @@ use crate::analysis::low_rank::{
 use crate::analysis::planes::{Planes, difference};
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::lab::answers::Relighting;
+use crate::lab::Relighting;
 use crate::lab::{Lab, LabOperator, SourceKind};
 use crate::transport::Part;
 

@@ -5,7 +5,7 @@ use crate::analysis::separate::{
     NearFar, NearFarOptions, SeparateBy, Separation, compare_separations, near_far, second_and_rest, separate,
 };
 use crate::error::{Error, Result};
-use crate::lab::answers::Separated;
+use crate::lab::Separated;
 use crate::lab::{Lab, LabOperator, Log, SourceKind};
 use crate::operator::Operator;
 use crate::transport::Part;
