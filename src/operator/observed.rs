@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 
+use super::forward::{forward_adjoint_products, forward_products, forward_shape};
 use super::{Adjoint, Operator, Symmetry};
 use crate::error::Result;
 use crate::observer::{Level, Observer, PhotoTaken, Step};
@@ -42,29 +43,8 @@ impl<'a, O: ?Sized> Observed<'a, O> {
 }
 
 impl<O: Operator + ?Sized> Operator for Observed<'_, O> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)
-    }
-
-    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.operator.apply_block(xs, ys)
-    }
-
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
-    }
+    forward_shape!(self => self.operator);
+    forward_products!(self => self.operator);
 
     fn observer(&self) -> &dyn Observer {
         self.observer
@@ -72,13 +52,7 @@ impl<O: Operator + ?Sized> Operator for Observed<'_, O> {
 }
 
 impl<O: Adjoint + ?Sized> Adjoint for Observed<'_, O> {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.operator.apply_adjoint(y, x)
-    }
-
-    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.operator.apply_adjoint_block(ys, xs)
-    }
+    forward_adjoint_products!(self => self.operator);
 }
 
 /// An operator whose steps go through a closure, which may pass them on to the operator's own observer,
@@ -127,29 +101,8 @@ where
     O: Operator + ?Sized,
     F: FnMut(&dyn Observer, &Step<'_>) -> ControlFlow<()>,
 {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
-
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        self.operator.apply(x, y)
-    }
-
-    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
-        self.operator.apply_block(xs, ys)
-    }
-
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
-    }
+    forward_shape!(self => self.operator);
+    forward_products!(self => self.operator);
 
     fn observer(&self) -> &dyn Observer {
         self
@@ -161,13 +114,7 @@ where
     O: Adjoint + ?Sized,
     F: FnMut(&dyn Observer, &Step<'_>) -> ControlFlow<()>,
 {
-    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
-        self.operator.apply_adjoint(y, x)
-    }
-
-    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
-        self.operator.apply_adjoint_block(ys, xs)
-    }
+    forward_adjoint_products!(self => self.operator);
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! An operator that records its products.
 
+use super::forward::forward_shape;
 use super::{Adjoint, Operator, Symmetry};
 use crate::error::Result;
 use crate::observer::Observer;
@@ -32,17 +33,7 @@ impl<'a, O: Operator + ?Sized> Recorded<'a, O> {
 }
 
 impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
-
-    fn symmetry(&self) -> Symmetry {
-        self.operator.symmetry()
-    }
+    forward_shape!(self => self.operator);
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
         self.operator.apply(x, y)?;
@@ -54,10 +45,6 @@ impl<O: Operator + ?Sized> Operator for Recorded<'_, O> {
         self.operator.apply_block(xs, ys)?;
         xs.iter().zip(ys).for_each(|(x, y)| self.record(x, y));
         Ok(())
-    }
-
-    fn block_size(&self) -> usize {
-        self.operator.block_size()
     }
 
     fn observer(&self) -> &dyn Observer {
