@@ -7,6 +7,9 @@ pub use blur::Blur;
 
 use crate::error::{Error, Result};
 
+/// The shares of linear red, green and blue in luminance, by Rec. 709.
+pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
 /// The size of a raster in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub struct Resolution {

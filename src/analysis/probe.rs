@@ -39,6 +39,11 @@ pub enum Probing {
     },
 }
 
+/// How far light counts as near unless it is said otherwise: a Gaussian of a sixteenth of the width, in pixels, and of at least one.
+pub fn default_sigma(resolution: Resolution) -> f64 {
+    (resolution.width as f64 / 16.0).max(1.0)
+}
+
 impl Probing {
     fn sigma(self) -> f64 {
         match self {

@@ -133,7 +133,6 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     let mut options = args.question.options(lab.seed(), lab.photos_of_run());
     if let Some(run) = lab.run() {
         run.manifest.seed = Some(args.trace.overrides().vector_seed());
-        run.manifest.photos_allowed = Some(options.products);
     }
     if args.question.tolerance.is_none() {
         options.noise = lab.product_noise(args.question.part())?.unwrap_or(0.0);

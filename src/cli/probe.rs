@@ -11,6 +11,7 @@ use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, count, number
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::Probing;
+use crate::analysis::probe::default_sigma;
 use crate::error::Result;
 use crate::lab::{Lab, text::percent};
 
@@ -60,7 +61,7 @@ enum PathsArg {
 
 impl Args {
     fn probing(&self, lab: &Lab) -> Probing {
-        let sigma = self.sigma.unwrap_or_else(|| (lab.resolution().width as f64 / 16.0).max(1.0));
+        let sigma = self.sigma.unwrap_or_else(|| default_sigma(lab.resolution()));
         match self.paths {
             PathsArg::Direct => Probing::Direct,
             PathsArg::Indirect => Probing::Indirect,
@@ -81,11 +82,8 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 
 fn answer(args: &Args, probing: Probing, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     let photos = args.photos.or(lab.photos_of_run()).unwrap_or(100);
-    if let Some(run) = lab.run() {
-        run.manifest.photos_allowed = Some(photos);
-    }
     let found = lab.probe(probing, photos)?;
-    let (noise, error) = (found.noise(lab), found.error());
+    let (noise, error) = (found.noise(), found.error());
     console.say(format_args!("photos    {}, for {}", found.photos, probing.in_words()))?;
     console.say(format_args!("noise     {} % (standard error)", percent(noise)))?;
     if let Some(error) = error {

@@ -14,7 +14,7 @@ use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::planes::Planes;
 use crate::error::{Error, Result};
-use crate::image::{Image, Resolution};
+use crate::image::{Image, LUMINANCE, Resolution};
 use crate::io::picture;
 use crate::lab::{
     BLOCK, ChannelChoice, Lab, Questions, RelightRequest, Relighting, SourceKind, text::percent,
@@ -136,7 +136,8 @@ fn photograph(path: &Path, camera: Resolution, channels: usize) -> Result<(Strin
     let planes = match (image.channels(), channels) {
         (3, 1) => {
             let [r, g, b] = [0, 1, 2].map(|channel| image.plane(channel));
-            vec![(0..r.len()).map(|i| 0.2126 * r[i] + 0.7152 * g[i] + 0.0722 * b[i]).collect()]
+            let [red, green, blue] = LUMINANCE;
+            vec![(0..r.len()).map(|i| red * r[i] + green * g[i] + blue * b[i]).collect()]
         }
         (1, 3) => {
             let fault = "it is gray, but the model has three channels".into();
@@ -172,9 +173,6 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         max_error: args.max_error,
     };
     in_run(&mut lab, &args.run, "relight", |lab| {
-        if let Some(run) = lab.run() {
-            run.manifest.photos_allowed = Some(request.photos);
-        }
         let found = lab.relight(&request)?;
         conclude(args, &found, lab, console)
     })

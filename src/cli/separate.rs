@@ -10,6 +10,7 @@ use super::operator::OperatorArgs;
 use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
+use crate::analysis::probe::default_sigma;
 use crate::analysis::separate::{NearFarOptions, SeparateBy};
 use crate::error::Result;
 use crate::lab::{Lab, SeparateRequest, Separated, SourceKind, text::percent};
@@ -102,7 +103,7 @@ impl Args {
             ByArg::Capture => Some(SeparateBy::Capture { photos }),
         };
         let near_far = NearFarOptions {
-            sigma: self.sigma.unwrap_or_else(|| (lab.resolution().width as f64 / 16.0).max(1.0)),
+            sigma: self.sigma.unwrap_or_else(|| default_sigma(lab.resolution())),
             photos: self.probes.unwrap_or(if is_scene { 100 } else { 0 }),
             seed: lab.seed(),
         };
@@ -128,10 +129,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 fn answer(args: &Args, request: &SeparateRequest, lab: &mut Lab, console: &Console) -> Result<Outcome> {
-    let photos = args.photos(lab);
-    if let Some(run) = lab.run() {
-        run.manifest.photos_allowed = Some(photos);
-    }
+    lab.allow_photos(args.photos(lab));
     let found = lab.separate(request)?;
     console.go_on()?;
     say(&found, console)?;

@@ -27,12 +27,15 @@ mod answers;
 mod builder;
 mod folder;
 mod journal;
+mod labels;
+mod light;
 mod matrix;
 mod measured;
 mod model;
 mod notes;
 mod observing;
 mod operator;
+mod photos;
 mod replaced;
 mod rig;
 mod run;
@@ -48,11 +51,8 @@ mod virtual_scene;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
 
-pub use answers::{
-    Answer, Compensated, Eigenpairs, ProbedLight, Relighting, Saved, Scored, Separated, Solved,
-};
+pub use answers::{Answer, Saved};
 pub use builder::LabBuilder;
 pub use folder::{RunFolder, RunOptions};
 pub use model::open_model;
@@ -69,17 +69,20 @@ pub use verbs::{
 
 pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};
-use crate::image::{Image, Resolution};
-use crate::measure::RigRecord;
-use crate::observer::{Estimate, Step};
-use crate::operator::{Operator, Symmetry};
-use crate::render::{TraceSettings, TraceSummary, Tracer};
+use crate::image::Resolution;
+use crate::render::{TraceSettings, Tracer};
+pub use crate::report::compensation::Compensated;
 use crate::report::contact_sheet::ContactSheet;
+pub use crate::report::eigenpairs::Eigenpairs;
+pub use crate::report::probing::ProbedLight;
+pub use crate::report::relighting::Relighting;
+pub use crate::report::segmentation::Scored;
+pub use crate::report::separation::Separated;
+pub use crate::report::solution::Solved;
 use crate::scene::Scene;
 use crate::sparse::Csr;
-use crate::transport::{Channels, Noise, Part, TransportMatrix};
+use crate::transport::Channels;
 use matrix::MatrixSource;
-use operator::lock;
 use source::Source;
 use transport::LightTransport;
 
@@ -235,6 +238,11 @@ impl Lab {
         Ok(work(&mut self.scene_source()?.tracer()))
     }
 
+    /// How the scene is traced, also the one behind a virtual rig.
+    pub fn trace_settings(&self) -> Option<TraceSettings> {
+        self.scene_source().ok().map(|scene| scene.settings)
+    }
+
     /// The rig, where the source is a rig file.
     pub fn rig(&self) -> Option<&RigSource> {
         match &self.source {
@@ -258,312 +266,6 @@ impl Lab {
                 help: "give the scene".into(),
             }),
         }
-    }
-
-    /// The region that the centre of each pixel of a scene sees, row by row; 255 is a pixel that sees none.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where there is no scene; [`Error::Scene`] for more than 255 regions.
-    pub fn labels(&self) -> Result<Vec<u8>> {
-        self.scene_source()?.labels(self.resolution())
-    }
-
-    /// The true labels of the scene's author, where there are any.
-    ///
-    /// # Errors
-    /// As [`Lab::labels`].
-    pub fn truth(&self) -> Result<Option<Truth>> {
-        self.source.truth()
-    }
-
-    /// The true labels that [`Lab::segment`] asked for, or else [`Lab::truth`].
-    ///
-    /// # Errors
-    /// As [`Lab::labels`].
-    pub fn known_truth(&self) -> Result<Option<Truth>> {
-        match &self.kept_truth {
-            Some(truth) => Ok(Some(truth.clone())),
-            None => self.truth(),
-        }
-    }
-
-    /// Lets the journal of the run keep the true labels, so that a replay of the run knows them. Call it before the first photo.
-    pub(crate) fn keep_truth(&mut self, truth: Option<&Truth>) {
-        self.kept_truth = truth.cloned();
-    }
-
-    /// One part of the light transport, as a linear operator: the first channel.
-    ///
-    /// # Errors
-    /// What keeps the scene from being traced, the rig from being opened or the run from being read.
-    pub fn operator(&mut self, part: Part) -> Result<LabOperator> {
-        self.channel_operator(part, 0)
-    }
-
-    /// One part of the light transport, as a linear operator for each channel.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn operators(&mut self, part: Part) -> Result<Vec<LabOperator>> {
-        let channels = lock(self.transport()?).shape().channels;
-        (0..channels).map(|channel| self.channel_operator(part, channel)).collect()
-    }
-
-    fn channel_operator(&mut self, part: Part, channel: usize) -> Result<LabOperator> {
-        let transport = Arc::clone(self.transport()?);
-        Ok(LabOperator::new(&transport, part, channel, &self.observer, Some(&self.sheet)))
-    }
-
-    /// As [`Lab::operators`], for products that are not photos of the run: comparisons with a truth. They are neither shown nor recorded.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn reference_operators(&mut self, part: Part) -> Result<Vec<LabOperator>> {
-        let transport = Arc::clone(self.transport()?);
-        let channels = lock(&transport).shape().channels;
-        let operator = |channel| LabOperator::new(&transport, part, channel, &self.observer, None);
-        Ok((0..channels).map(operator).collect())
-    }
-
-    /// The light transport, opened now if it is not.
-    fn transport(&mut self) -> Result<&Arc<Mutex<LightTransport>>> {
-        let transport = match self.transport.take() {
-            Some(transport) => transport,
-            None => {
-                let start = Instant::now();
-                let run = self.run.as_ref().filter(|_| self.keeps_photos);
-                let run = run.map(|run| (run, self.kept_truth.as_ref()));
-                let opened =
-                    LightTransport::open(&self.source, &self.settings, self.channels, run, &self.observer)?;
-                self.prepared(&opened, start);
-                Arc::new(Mutex::new(opened))
-            }
-        };
-        Ok(self.transport.insert(transport))
-    }
-
-    /// From now on photos are not kept in the journal of the run.
-    fn without_journal(&mut self) -> Result<()> {
-        if self.keeps_photos && self.run.is_some() {
-            self.transport = None;
-        }
-        self.keeps_photos = false;
-        Ok(())
-    }
-
-    /// Announces how many photos of each channel are about to be taken.
-    fn expect(&self, photos: usize) {
-        let total = (photos * self.channels.count()) as u64;
-        let step = Step { stage: "photos", done: 0, total, estimate: Estimate::None };
-        // Whether to go on is asked with the first photo.
-        let _ = self.observer.0.step(&step);
-    }
-
-    /// Runs `work`, which takes photos; records how long it took and what they have cost on a rig. The costs are of interest above all when
-    /// it failed.
-    fn photos<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
-        self.photos_with(|_| true, work)
-    }
-
-    /// As [`Self::photos`]; `is_complete` says whether the photos are enough to know noise and drift.
-    fn photos_with<T>(
-        &mut self,
-        is_complete: impl FnOnce(&T) -> bool,
-        work: impl FnOnce(&mut Self) -> Result<T>,
-    ) -> Result<T> {
-        let found = self.timed("photos", work);
-        let is_complete = found.as_ref().is_ok_and(is_complete);
-        let record = match &self.transport {
-            Some(transport) => lock(transport).record(is_complete)?,
-            None => None,
-        };
-        if let Some(rig) = record {
-            self.observer.costs(&rig);
-            if let Some(run) = &mut self.run {
-                run.manifest.rig = Some(rig);
-            }
-        }
-        found
-    }
-
-    /// Records how long the light transport took to open, and what is known of its matrix.
-    fn prepared(&mut self, transport: &LightTransport, start: Instant) {
-        let Some(run) = &mut self.run else { return };
-        run.manifest.record(self.source.preparation(), start.elapsed());
-        if let Some(traced) = transport.assembled() {
-            run.manifest.noise = traced.noise.as_ref().map(Into::into);
-            let on = if traced.is_on_gpu() {
-                crate::io::manifest::ProductsOn::Device
-            } else {
-                crate::io::manifest::ProductsOn::Cpu
-            };
-            run.manifest.products = Some(on);
-        }
-    }
-
-    /// The photo of a pattern, in [`Lab::unit`], with the ambient light. A rig's photo is without it unless the rig file says otherwise. A
-    /// pattern of one channel lights all channels.
-    ///
-    /// # Errors
-    /// [`Error::Dimension`] when the pattern does not have the pixels or channels of the projector; those of [`Lab::operator`].
-    pub fn photo(&mut self, pattern: &Image) -> Result<Image> {
-        lock(self.transport()?).photograph(pattern)
-    }
-
-    /// As [`Lab::photo`], with the standard error of each sample where the source knows it.
-    ///
-    /// # Errors
-    /// As [`Lab::photo`].
-    pub fn photo_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
-        lock(self.transport()?).photograph_with_error(pattern)
-    }
-
-    /// The photo under an all-ones pattern.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn white(&mut self) -> Result<Image> {
-        lock(self.transport()?).white()
-    }
-
-    /// The photo without projector.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn ambient(&mut self) -> Result<Image> {
-        lock(self.transport()?).ambient()
-    }
-
-    /// Photos of red, green and blue alone, in each of the camera's channels, without ambient light: `[primary][channel][pixel]`.
-    ///
-    /// # Errors
-    /// [`Error::Option`] where projector or camera is gray; those of [`Lab::operator`].
-    pub fn primaries(&mut self) -> Result<[[Vec<f64>; 3]; 3]> {
-        lock(self.transport()?).primaries()
-    }
-
-    /// Whether the light transport matrix is symmetric: that of a coaxial rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn is_symmetric(&mut self) -> Result<bool> {
-        Ok(lock(self.transport()?).shape().symmetry == Symmetry::Symmetric)
-    }
-
-    /// Whether photos cost nothing but computing: those of everything but a rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn is_simulated(&mut self) -> Result<bool> {
-        Ok(lock(self.transport()?).is_simulated())
-    }
-
-    /// Lets `work` read the traced light transport matrix, where there is one.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`], and those of `work`.
-    pub fn with_matrix<T>(&mut self, work: impl FnOnce(&TransportMatrix) -> Result<T>) -> Result<Option<T>> {
-        let transport = lock(self.transport()?);
-        transport.assembled().map(|traced| work(&traced.matrix)).transpose()
-    }
-
-    /// One part and channel of the light transport matrix, `rows × cols`, without a photo: that of a scene or of a matrix file. A rig's is
-    /// photographed column by column: [`crate::analysis::brute_force`].
-    ///
-    /// # Errors
-    /// [`Error::Option`] where the source has no matrix; those of [`Lab::operator`].
-    pub fn matrix(&mut self, part: Part, channel: usize) -> Result<Csr> {
-        if let Source::Matrix(source) = &self.source {
-            return match part {
-                Part::Full => Ok(source.matrix.clone()),
-                _ => crate::transport::ExplicitMatrix::part_of(&source.matrix, part),
-            };
-        }
-        self.with_matrix(|matrix| matrix.to_csr(part, channel))?.ok_or_else(|| Error::Option {
-            option: "SOURCE".into(),
-            fault: "this source takes photos, and has no matrix in memory".into(),
-            help: "photograph the matrix column by column, or open a scene with the replay operator".into(),
-        })
-    }
-
-    /// The direct light of each channel, where a traced matrix has it as a diagonal.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn direct_diagonal(&mut self) -> Result<Option<Vec<Vec<f64>>>> {
-        let transport = lock(self.transport()?);
-        Ok(transport.assembled().and_then(transport::direct_diagonal))
-    }
-
-    /// The noise of the traced matrix, where it is known.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn noise(&mut self) -> Result<Option<Noise>> {
-        Ok(lock(self.transport()?).assembled().and_then(|traced| traced.noise.clone()))
-    }
-
-    /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of
-    /// norm 1, in the first channel: `‖E‖_F / √n`. `None` where no matrix was traced: a rig's operators state the errors
-    /// of their products ([`Operator::standard_errors`]), and explicit matrices have none.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
-        let transport = lock(self.transport()?);
-        let Some(traced) = transport.assembled() else { return Ok(None) };
-        let relative = |noise: &Noise| if part == Part::Global { noise.global } else { noise.operator };
-        let columns = traced.matrix.projector_resolution().pixels() as f64;
-        let norm = || traced.matrix.frobenius_norm(part, 0);
-        Ok(traced.noise.as_ref().map(|noise| relative(noise) * norm() / columns.sqrt()))
-    }
-
-    /// What the tracing of the matrix took, where there is one.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn trace_summary(&mut self) -> Result<Option<TraceSummary>> {
-        Ok(lock(self.transport()?).assembled().map(|traced| traced.summary))
-    }
-
-    /// How the scene is traced, also the one behind a virtual rig.
-    pub fn trace_settings(&self) -> Option<TraceSettings> {
-        self.scene_source().ok().map(|scene| scene.settings)
-    }
-
-    /// What a rig has cost so far, with the noise and drift that its photos show; `None` for other sources.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`].
-    pub fn costs(&mut self) -> Result<Option<RigRecord>> {
-        lock(self.transport()?).record(true)
-    }
-
-    /// Lets `work` use the rig's measurement, where photos are of a rig.
-    ///
-    /// # Errors
-    /// As [`Lab::operator`], and those of `work`.
-    pub fn with_measurement<T>(
-        &mut self,
-        work: impl FnOnce(&mut crate::measure::Measurement) -> Result<T>,
-    ) -> Result<Option<T>> {
-        let mut transport = lock(self.transport()?);
-        transport.rig().map(|rig| work(&mut rig.measurement)).transpose()
-    }
-
-    /// Every photo so far, as small pictures.
-    pub fn contact_sheet(&self) -> ContactSheet {
-        lock(&self.sheet).clone()
-    }
-
-    /// Products of the direct light with white, one for each channel.
-    pub(crate) fn white_of(&mut self, part: Part) -> Result<Vec<Vec<f64>>> {
-        let white = |mut operator: LabOperator| -> Result<Vec<f64>> {
-            let mut photo = vec![0.0; operator.rows()];
-            operator.apply(&vec![1.0; operator.cols()], &mut photo)?;
-            Ok(photo)
-        };
-        self.reference_operators(part)?.into_iter().map(white).collect()
     }
 }
 

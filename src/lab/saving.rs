@@ -28,6 +28,13 @@ impl Lab {
         self.run.as_mut()
     }
 
+    /// Records in the open run how many photos a verb may take: the default budget of further questions to the run.
+    pub(crate) fn allow_photos(&mut self, photos: usize) {
+        if let Some(run) = &mut self.run {
+            run.manifest.photos_allowed = Some(photos);
+        }
+    }
+
     /// Runs `work` and records in the open run how long it took.
     pub fn timed<T>(&mut self, name: &str, work: impl FnOnce(&mut Self) -> T) -> T {
         let start = Instant::now();
@@ -88,7 +95,7 @@ impl Lab {
         Ok(Saved {
             report: run.path.join("report.html"),
             folder: run.path.clone(),
-            message: answer.sentence(self),
+            message: answer.sentence(),
             seconds: run.seconds(),
         })
     }

@@ -1,45 +1,17 @@
 //! The light transport of an open source: every product with a part of its matrix, and every photo, goes through here.
 
-use std::path::Path;
+mod engine;
+mod opening;
 
-use super::journal;
-use super::matrix::{ExplicitParts, MatrixSource};
 use super::measured::MeasuredRig;
-use super::model::ModelParts;
-use super::notes::{self, Kind};
-use super::run::RunSource;
-use super::scene::SceneSource;
-use super::settings::{OperatorChoice, Settings};
-use super::source::Source;
-use super::text::bytes;
-use super::{Log, SharedObserver, Truth, folder::RunFolder};
-use crate::analysis::LowRank;
-use crate::analysis::low_rank::SavedModel;
+use super::{SharedObserver, journal};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
-use crate::journal::{Identity, Journal, Key};
+use crate::journal::{Journal, Key};
 use crate::measure::RigRecord;
 use crate::operator::{Adjoint, Operator, Symmetry};
-use crate::transport::{
-    Assembled, Backend, Bounces, Channels, JournaledOperator, MatrixOperator, Part, Retraced,
-    RetracedOperator, Simulated, Transport, predict,
-};
-
-/// What computes or takes photos.
-enum Engine {
-    /// Products with a traced matrix.
-    Replayed(Box<Simulated>),
-    /// A scene that is traced for each photo. The photos equal those of `Replayed`, to rounding.
-    Retraced(Box<SceneSource>, Channels),
-    /// A rig, or the photos that a run took of one.
-    Measured(Box<MeasuredRig>),
-    /// An explicit matrix.
-    Explicit(Box<ExplicitParts>),
-    /// A low-rank model.
-    Model(Box<ModelParts>),
-    /// Nothing: every photo is in the journal.
-    JournalOnly,
-}
+use crate::transport::{Assembled, Bounces, JournaledOperator, Part, Retraced};
+use engine::Engine;
 
 /// The light transport of a source: what takes photos, and the journal that keeps those of a scene. The journal of a rig is behind its
 /// frames.
@@ -69,140 +41,6 @@ pub(super) enum Direction {
 }
 
 impl LightTransport {
-    /// Traces the scene, opens the rig or reads the journal. With a run's folder each photo is in its journal before it is used, and none
-    /// is taken twice.
-    pub(super) fn open(
-        source: &Source,
-        settings: &Settings,
-        channels: Channels,
-        run: Option<(&RunFolder, Option<&Truth>)>,
-        observer: &SharedObserver,
-    ) -> Result<Self> {
-        let shape = Shape {
-            photos: source.resolution(),
-            patterns: source.projector_resolution(),
-            symmetry: Symmetry::General,
-            channels: channels.count(),
-            block_size: 1,
-        };
-        let journal = |identity: &Identity| -> Result<Option<Journal>> {
-            let Some((run, truth)) = run else { return Ok(None) };
-            let mut journal = journal::open(&run.path, identity, run.resumes, observer)?;
-            if let Some(truth) = truth {
-                note(&mut journal, notes::TRUTH, truth)?;
-            }
-            if let Some(about) = source.note(channels) {
-                note(&mut journal, notes::SOURCE, &about)?;
-            }
-            Ok(Some(journal))
-        };
-        let native = match settings.channels {
-            super::ChannelChoice::Native => None,
-            _ => Some(channels),
-        };
-        match source {
-            Source::Scene(scene) => {
-                let journal = match run {
-                    Some(_) => journal(&scene.identity(Identity::new(), channels))?,
-                    None => None,
-                };
-                let symmetry = symmetry(scene.is_symmetric());
-                let engine = of_scene(scene, settings, channels, observer)?;
-                let shape = Shape { symmetry, ..shape };
-                let mut transport = Self { engine, journal, shape, observer: observer.clone() };
-                transport.keep_known()?;
-                Ok(transport)
-            }
-            Source::Rig(rig) => {
-                let mut journal = match run {
-                    Some(_) => journal(&rig.identity()?)?,
-                    None => None,
-                };
-                if let (Some(journal), Some((run, _))) = (&mut journal, run) {
-                    rig.keep(&run.path, journal)?;
-                }
-                Ok(Self::of_rig(rig.measured(native, journal)?, shape, observer))
-            }
-            Source::Run(run) => Self::of_run(run, channels, native, shape, observer),
-            Source::Matrix(matrix) => Ok(Self::of_matrix(matrix, shape, observer)),
-            Source::Model(source) => Self::of_model(source.model.clone(), shape, channels, observer),
-        }
-    }
-
-    fn of_rig(rig: MeasuredRig, shape: Shape, observer: &SharedObserver) -> Self {
-        let measurement = &rig.measurement;
-        let shape = Shape { symmetry: measurement.symmetry(), channels: measurement.channels(), ..shape };
-        Self { engine: Engine::Measured(Box::new(rig)), journal: None, shape, observer: observer.clone() }
-    }
-
-    fn of_run(
-        run: &RunSource,
-        channels: Channels,
-        native: Option<Channels>,
-        shape: Shape,
-        observer: &SharedObserver,
-    ) -> Result<Self> {
-        if run.note.kind == Kind::Rig {
-            return Ok(Self::of_rig(run.measured(native, observer)?, shape, observer));
-        }
-        require_channels(channels, run.note.channels)?;
-        let shape = Shape { symmetry: run.note.symmetry(), ..shape };
-        let journal = Some(run.journal(observer)?);
-        Ok(Self { engine: Engine::JournalOnly, journal, shape, observer: observer.clone() })
-    }
-
-    fn of_matrix(source: &MatrixSource, shape: Shape, observer: &SharedObserver) -> Self {
-        let parts = ExplicitParts::new(source.matrix.clone());
-        let shape = Shape { symmetry: parts.full.symmetry(), channels: 1, ..shape };
-        Self { engine: Engine::Explicit(Box::new(parts)), journal: None, shape, observer: observer.clone() }
-    }
-
-    fn of_model(
-        model: SavedModel,
-        shape: Shape,
-        channels: Channels,
-        observer: &SharedObserver,
-    ) -> Result<Self> {
-        require_channels(channels, model.channels.len())?;
-        let symmetric = model.channels.iter().all(LowRank::is_symmetric);
-        let shape = Shape { symmetry: symmetry(symmetric), ..shape };
-        let engine = Engine::Model(Box::new(ModelParts::new(model)?));
-        Ok(Self { engine, journal: None, shape, observer: observer.clone() })
-    }
-
-    /// Products with this matrix, computed where the settings say.
-    pub(super) fn of_assembled(
-        scene: &SceneSource,
-        mut traced: Assembled,
-        settings: &Settings,
-        observer: &SharedObserver,
-    ) -> Result<Self> {
-        scene.place(&mut traced, settings.backend)?;
-        let matrix = &traced.matrix;
-        let shape = Shape {
-            photos: matrix.resolution(),
-            patterns: matrix.projector_resolution(),
-            symmetry: symmetry(matrix.is_symmetric()),
-            channels: matrix.channels().count(),
-            block_size: 1,
-        };
-        let engine = Engine::Replayed(Box::new(Simulated { traced }));
-        Ok(Self { engine, journal: None, shape, observer: observer.clone() })
-    }
-
-    /// A scene that is traced for each photo.
-    pub(super) fn of_retraced(scene: &SceneSource, channels: Channels, observer: &SharedObserver) -> Self {
-        let shape = Shape {
-            photos: scene.settings.resolution,
-            patterns: scene.settings.projector.unwrap_or(scene.settings.resolution),
-            symmetry: symmetry(scene.is_symmetric()),
-            channels: channels.count(),
-            block_size: 1,
-        };
-        let engine = Engine::Retraced(Box::new(scene.clone()), channels);
-        Self { engine, journal: None, shape, observer: observer.clone() }
-    }
-
     pub(super) fn shape(&mut self) -> Shape {
         let block_size = match &mut self.engine {
             Engine::JournalOnly => 1,
@@ -269,18 +107,6 @@ impl LightTransport {
         let mut warn = journal::warning(journal, observer);
         journal.damages()[known..].iter().for_each(&mut warn);
         taken
-    }
-
-    /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
-    fn keep_known(&mut self) -> Result<()> {
-        let Self { engine: Engine::Replayed(simulated), journal: Some(journal), .. } = self else {
-            return Ok(());
-        };
-        if let Some(direct) = direct_diagonal(&simulated.traced) {
-            let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
-            journal.note(notes::DIRECT, &bytes)?;
-        }
-        self.ambient().map(drop)
     }
 
     /// The photo without projector.
@@ -377,109 +203,6 @@ impl LightTransport {
         journal.note(name, &bytes)?;
         Ok(image)
     }
-}
-
-impl Engine {
-    /// Lets `work` multiply with one part and channel.
-    fn with_operator<T>(
-        &mut self,
-        part: Part,
-        channel: usize,
-        work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
-    ) -> Result<T> {
-        match self {
-            Self::Replayed(simulated) => work(&mut MatrixOperator::new(&simulated.traced, part, channel)),
-            Self::Retraced(scene, channels) => {
-                let mut tracer = scene.tracer();
-                let retraced =
-                    Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels };
-                work(&mut RetracedOperator { retraced, part, channel })
-            }
-            Self::Measured(rig) => work(&mut rig.measurement.operator(part, channel)),
-            Self::Explicit(parts) => work(parts.operator(part)?),
-            Self::Model(parts) => work(parts.operator(part, channel)),
-            Self::JournalOnly => Err(Error::Interrupted),
-        }
-    }
-
-    fn photograph(&mut self, pattern: &Image) -> Result<Image> {
-        match self {
-            Self::Replayed(simulated) => simulated.photograph(pattern),
-            Self::Retraced(scene, channels) => {
-                let mut tracer = scene.tracer();
-                Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels }
-                    .photograph(pattern)
-            }
-            Self::Measured(rig) => rig.measurement.photograph(pattern)?.to_image(),
-            Self::Explicit(parts) => parts.photograph(pattern),
-            Self::Model(parts) => {
-                let none: Option<&mut [LowRank]> = None;
-                Ok(parts.model.relight("", pattern.clone(), none)?.relit)
-            }
-            Self::JournalOnly => Err(Error::Interrupted),
-        }
-    }
-}
-
-/// Photos that are there already have the channels that they have.
-fn require_channels(channels: Channels, found: usize) -> Result<()> {
-    if channels.count() == found {
-        return Ok(());
-    }
-    Err(Error::Option {
-        option: "--channels".into(),
-        fault: format!("the run's photos have {found} channels, not {}", channels.count()),
-        help: "give the channels of that run".into(),
-    })
-}
-
-/// The operator that the settings ask for: for `Auto` the matrix, unless it would exceed the memory.
-fn of_scene(
-    scene: &SceneSource,
-    settings: &Settings,
-    channels: Channels,
-    observer: &SharedObserver,
-) -> Result<Engine> {
-    let retrace = match settings.operator {
-        OperatorChoice::Replay => false,
-        OperatorChoice::Retrace if settings.backend != Backend::Auto => {
-            return Err(Error::Option {
-                option: "--products".into(),
-                fault: "photos that are traced anew are not products with a matrix".into(),
-                help: "leave it out, or give --operator replay".into(),
-            });
-        }
-        OperatorChoice::Retrace => true,
-        OperatorChoice::Auto => {
-            let limit = settings.memory_limit();
-            let needed = predict(&mut scene.tracer(), &scene.settings, channels, limit)?.bytes;
-            let exceeds = needed > limit as f64;
-            if exceeds {
-                observer.note(format_args!(
-                    "note: the matrix would take about {}, more than --memory {}: every photo is traced anew",
-                    bytes(needed as u64),
-                    bytes(limit)
-                ));
-            }
-            exceeds
-        }
-    };
-    if retrace {
-        return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
-    }
-    let mut traced = scene.assemble(channels, settings.split_bounces)?;
-    scene.place(&mut traced, settings.backend)?;
-    Ok(Engine::Replayed(Box::new(Simulated { traced })))
-}
-
-fn symmetry(is_symmetric: bool) -> Symmetry {
-    if is_symmetric { Symmetry::Symmetric } else { Symmetry::General }
-}
-
-fn note(journal: &mut Journal, name: &str, value: &impl serde::Serialize) -> Result<()> {
-    let text =
-        serde_json::to_vec(value).map_err(|error| Error::writing(Path::new(journal.path()))(error.into()))?;
-    journal.note(name, &text)
 }
 
 /// The name of the products of a part and channel in a journal.

@@ -13,12 +13,9 @@ use super::photo_pipeline::{HdrCamera, PhotoPipeline};
 use super::registration::choose;
 use super::response::CameraCurve;
 use crate::error::{Error, Result};
-use crate::image::{Blur, Resolution};
+use crate::image::{Blur, LUMINANCE, Resolution};
 use crate::operator::Symmetry;
 use crate::rig::Frame;
-
-/// The luminance of linear red, green and blue by Rec. 709.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// A measured rig: it takes raw frames, and makes photos and products of them.
 ///

@@ -1,76 +1,67 @@
 //! Files and report page of a run that computed eigenpairs.
 
-use std::path::Path;
-
-use super::contact_sheet::ContactSheet;
-use super::html::{Block, Outcome, Report, Section, Verdict};
-use super::run::{self, Files};
+use super::html::{Block, Report, Section};
+use super::run::{Files, Run};
 use super::spectrum;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::io::{exr, npy};
-use crate::krylov::Eigs;
-use crate::measure::RunManifest;
+use crate::io::exr;
+use crate::krylov::{Eigs, PairStatus};
 
-/// Computed eigenpairs and the context that their report needs.
-#[derive(Clone, Debug)]
-pub struct EigenpairsRun<'a> {
-    /// The page's title.
-    pub title: String,
-    /// The result.
+/// Eigenpairs, and how many were wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct Eigenpairs<'a> {
+    /// The eigenpairs.
     pub found: &'a Eigs,
-    /// Resolution of the eigenvectors as images; `None` if the matrix does not act on images.
-    pub resolution: Option<Resolution>,
-    /// A short status of each pair.
-    pub verdicts: &'a [String],
-    /// Whether the result meets the requested accuracy.
-    pub good: bool,
-    /// Contact sheet of all photos and the photos' unit; `None` if the matrix does not act on images.
-    pub strip: Option<(&'a ContactSheet, &'a str)>,
+    /// How many were wanted.
+    pub wanted: usize,
 }
 
-impl EigenpairsRun<'_> {
-    /// Writes arrays, pictures and `report.html` into `folder` and returns their names. `seconds` is the run's duration so far.
+impl Eigenpairs<'_> {
+    /// Whether all that were wanted converged.
+    pub fn is_good(&self) -> bool {
+        self.found.statuses.iter().all(|&status| status == PairStatus::Converged)
+            && self.found.values.len() == self.wanted
+    }
+
+    /// The status of each pair, in words.
+    pub fn statuses(&self) -> Vec<String> {
+        self.found.statuses.iter().map(|&status| in_words(status).to_owned()).collect()
+    }
+
+    /// Writes arrays, pictures and `report.html` into the run's folder and returns their names. Of a matrix that does not act on
+    /// images, which has no photos to show, there are no pictures.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
-        let mut files = Files::new(folder);
+    pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
+        let mut files = Files::new(run.folder);
+        let size = run.strip.as_ref().map(|_| run.resolution);
         let found = self.found;
         let count = found.values.len();
-        npy::write_npy(&files.path("eigenvalues.npy"), &[count], &found.values)?;
-        npy::write_npy(&files.path("residuals.npy"), &[count], &found.residuals)?;
-        npy::write_npy(&files.path("bounds.npy"), &[count], &found.bounds)?;
-        self.write_vectors(&mut files, "eigenvectors.npy", &found.vectors)?;
+        files.array("eigenvalues", &[count], &found.values)?;
+        files.array("residuals", &[count], &found.residuals)?;
+        files.array("bounds", &[count], &found.bounds)?;
+        write_vectors(&mut files, "eigenvectors", size, &found.vectors)?;
         if found.imaginary_values.iter().any(|&value| value != 0.0) {
-            npy::write_npy(&files.path("eigenvalues-imaginary.npy"), &[count], &found.imaginary_values)?;
+            files.array("eigenvalues-imaginary", &[count], &found.imaginary_values)?;
             // Real eigenpairs have empty imaginary vectors.
             let length = found.vectors.first().map_or(0, Vec::len);
             let padded =
                 |vector: &Vec<f64>| if vector.is_empty() { vec![0.0; length] } else { vector.clone() };
             let vectors: Vec<Vec<f64>> = found.imaginary_vectors.iter().map(padded).collect();
-            self.write_vectors(&mut files, "eigenvectors-imaginary.npy", &vectors)?;
+            write_vectors(&mut files, "eigenvectors-imaginary", size, &vectors)?;
         }
         let mut pictures = Vec::new();
-        if let Some(resolution) = self.resolution {
+        if let Some(resolution) = size {
             self.write_layers(&mut files, resolution)?;
             pictures = spectrum::pictures(resolution, &found.vectors, &found.values, None)?;
             for (name, figure) in &pictures {
-                crate::io::atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+                files.picture(name, figure)?;
             }
         }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-        self.page(Block::Figures(figures), manifest, seconds)?.write(&files.path("report.html"))?;
-        Ok(files.names)
-    }
-
-    /// Writes an array of shape `k×H×W` for images, otherwise `k×n`.
-    fn write_vectors(&self, files: &mut Files<'_>, name: &str, vectors: &[Vec<f64>]) -> Result<()> {
-        let shape = match self.resolution {
-            Some(Resolution { width, height }) => vec![vectors.len(), height, width],
-            None => vec![vectors.len(), vectors.first().map_or(0, Vec::len)],
-        };
-        npy::write_npy(&files.path(name), &shape, &vectors.concat())
+        files.finish(&self.page(run, Block::Figures(figures))?)
     }
 
     fn write_layers(&self, files: &mut Files<'_>, resolution: Resolution) -> Result<()> {
@@ -79,17 +70,17 @@ impl EigenpairsRun<'_> {
         exr::write_exr(&files.path("eigenvectors.exr"), &layers)
     }
 
-    fn page(&self, figures: Block, manifest: &RunManifest, seconds: f64) -> Result<Report> {
+    fn page(&self, run: &Run<'_>, figures: Block) -> Result<Report> {
         let found = self.found;
         let sentence = format!("{} photos: {}.", found.stats.products, found.stats.status);
         let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();
-        let mut columns = vec![("error at most", bounds), ("verdict", self.verdicts.to_vec())];
+        let mut columns = vec![("error at most", bounds), ("verdict", self.statuses())];
         if found.imaginary_values.iter().any(|&value| value != 0.0) {
             let imaginary = found.imaginary_values.iter().map(|value| format!("{value:+.6} i")).collect();
             columns.insert(0, ("imaginary part", imaginary));
         }
         let mut sections = Vec::new();
-        if self.resolution.is_some() {
+        if run.strip.is_some() {
             sections.push(Section {
                 title: "Eigenvectors".into(),
                 text: "Signed images of norm 1. Projected (as far as signs can be), each would come back as a photo of itself.".into(),
@@ -105,16 +96,29 @@ impl EigenpairsRun<'_> {
                 spectrum::table(&found.values, &found.residuals, &columns),
             ],
         });
-        if let Some((strip, unit)) = self.strip {
-            sections.extend(strip.section(unit, "")?);
-        }
-        let outcome = if self.good { Outcome::Good } else { Outcome::Short };
-        Ok(Report {
-            title: self.title.clone(),
-            verdict: Verdict { outcome, sentence },
-            facts: run::facts(manifest, found.stats.products, [], seconds),
-            sections,
-            footer: manifest.command.join(" "),
-        })
+        sections.extend(run.photos("")?);
+        Ok(run.page((self.is_good(), sentence), found.stats.products, [], sections))
     }
+}
+
+fn in_words(status: PairStatus) -> &'static str {
+    match status {
+        PairStatus::Converged => "converged",
+        PairStatus::LimitedByNoise => "limited by noise",
+        PairStatus::NotResolved => "not resolved",
+    }
+}
+
+/// Writes an array of shape `k×H×W` for images of `size`, otherwise `k×n`.
+fn write_vectors(
+    files: &mut Files<'_>,
+    name: &str,
+    size: Option<Resolution>,
+    vectors: &[Vec<f64>],
+) -> Result<()> {
+    let shape = match size {
+        Some(Resolution { width, height }) => vec![vectors.len(), height, width],
+        None => vec![vectors.len(), vectors.first().map_or(0, Vec::len)],
+    };
+    files.array(name, &shape, &vectors.concat())
 }

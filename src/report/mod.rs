@@ -30,7 +30,7 @@ pub mod preview;
 pub mod probing;
 pub mod relighting;
 mod residuals;
-pub(crate) mod run;
+pub mod run;
 pub mod scatter;
 pub mod segmentation;
 pub mod separation;

@@ -1,86 +1,80 @@
 //! Files and report page of a probed photo.
 
-use std::path::Path;
-
 use super::colormap::robust_range;
-use super::contact_sheet::ContactSheet;
 use super::figure;
-use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
+use super::html::{Block, Figure, Section};
 use super::planes::{difference, mean, percent};
-use super::run::{self, Files};
-use crate::analysis::Probing;
+use super::run::{Files, Run};
 use crate::analysis::planes::{Planes, relative_error};
+use crate::analysis::{Probed, Probing};
 use crate::error::Result;
-use crate::image::{Image, Resolution};
+use crate::image::Image;
+use crate::io::picture;
 use crate::io::tone::exposure;
-use crate::io::{atomic, picture};
-use crate::measure::RunManifest;
 
-/// A probed photo and the context that its report needs.
+/// A probed photo of every channel.
 #[derive(Clone, Debug)]
-pub struct ProbingRun<'a> {
-    /// The page's title.
-    pub title: String,
-    /// Which light paths contribute.
+pub struct ProbedLight {
+    /// Which paths were let through.
     pub probing: Probing,
-    /// Number of photos taken.
+    /// Photos of each channel.
     pub photos: usize,
-    /// Resolution of all images.
-    pub resolution: Resolution,
-    /// Unit of the values.
-    pub unit: &'a str,
-    /// The estimate of `(Π ∘ A) 1`.
-    pub values: &'a Planes,
-    /// Standard error of each value.
-    pub standard_errors: &'a Planes,
-    /// The exact `(Π ∘ A) 1`, computed from the matrix if it is known.
-    pub truth: Option<&'a Planes>,
-    /// Contact sheet of all photos.
-    pub strip: &'a ContactSheet,
+    /// The photo.
+    pub values: Planes,
+    /// Its standard errors.
+    pub standard_errors: Planes,
+    /// The exact photo, where the matrix is known.
+    pub truth: Option<Planes>,
 }
 
-impl ProbingRun<'_> {
-    /// Writes `probed`, `standard-error`, `exact` (if known) and `report.html` into `folder` and returns their names. `seconds`
-    /// is the run's duration so far.
+impl ProbedLight {
+    /// The probed channels, with the exact photo where it is known.
+    pub fn new(probing: Probing, found: Vec<Probed>, truth: Option<Planes>) -> Self {
+        let photos = found.first().map_or(0, |found| found.photos);
+        let values = found.iter().map(|found| found.values.clone()).collect();
+        let standard_errors = found.into_iter().map(|found| found.standard_errors).collect();
+        Self { probing, photos, values, standard_errors, truth }
+    }
+
+    /// The relative error, where the exact photo is known.
+    pub fn error(&self) -> Option<f64> {
+        self.truth.as_ref().map(|truth| relative_error(&self.values, truth))
+    }
+
+    /// Writes `probed`, `standard-error`, `exact` (if known) and `report.html` into the run's folder and returns their names.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
-        let mut files = Files::new(folder);
-        let mut images = vec![("probed", self.values, format!("Let through: {}", self.probing.in_words()))];
-        images.extend(self.truth.map(|truth| ("exact", truth, "The same from the matrix itself".to_owned())));
-        let scale = exposure(&Image::from_planes(self.resolution, self.truth.unwrap_or(self.values))?);
+    pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
+        let mut files = Files::new(run.folder);
+        let mut images = vec![("probed", &self.values, format!("Let through: {}", self.probing.in_words()))];
+        images.extend(
+            self.truth.as_ref().map(|truth| ("exact", truth, "The same from the matrix itself".to_owned())),
+        );
+        let scale =
+            exposure(&Image::from_planes(run.resolution, self.truth.as_ref().unwrap_or(&self.values))?);
         let mut figures = Vec::new();
         for (name, planes, caption) in images {
-            let image = Image::from_planes(self.resolution, planes)?;
-            for extension in ["npy", "exr"] {
-                picture::write(&files.path(&format!("{name}.{extension}")), &image)?;
-            }
-            let figure = figure::light(&image, scale, self.unit, caption)?;
-            atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+            let image = Image::from_planes(run.resolution, planes)?;
+            files.image(name, &image)?;
+            let figure = figure::light(&image, scale, run.unit, caption)?;
+            files.picture(name, &figure)?;
             figures.push(figure);
         }
-        let errors = Image::from_planes(self.resolution, self.standard_errors)?;
+        let errors = Image::from_planes(run.resolution, &self.standard_errors)?;
         picture::write(&files.path("standard-error.npy"), &errors)?;
-        figures.extend(self.error_figures()?);
+        figures.extend(self.error_figures(run)?);
         let mut sections = vec![Section {
             title: "What is let through".into(),
             text: format!(
                 "Under an all-ones pattern, in {}. Each random pattern is projected and, sign and all, multiplied into its photo; the mean of these is without bias, and its standard error falls with the square root of the photos.",
-                self.unit
+                run.unit
             ),
             blocks: vec![Block::Figures(figures)],
         }];
-        sections.extend(self.strip.section(self.unit, "")?);
-        let report = Report {
-            title: self.title.clone(),
-            verdict: Verdict { outcome: Outcome::Good, sentence: self.sentence() },
-            facts: run::facts(manifest, self.photos, [("Paths", self.probing.in_words())], seconds),
-            sections,
-            footer: manifest.command.join(" "),
-        };
-        report.write(&files.path("report.html"))?;
-        Ok(files.names)
+        sections.extend(run.photos("")?);
+        let more = [("Paths", self.probing.in_words())];
+        files.finish(&run.page((true, self.sentence()), self.photos, more, sections))
     }
 
     /// The result in one or two sentences.
@@ -91,11 +85,8 @@ impl ProbingRun<'_> {
             self.probing.in_words(),
             percent(self.noise())
         );
-        if let Some(truth) = self.truth {
-            text += &format!(
-                " The matrix itself says so within {}.",
-                percent(relative_error(self.values, truth))
-            );
+        if let Some(error) = self.error() {
+            text += &format!(" The matrix itself says so within {}.", percent(error));
         }
         text
     }
@@ -103,16 +94,16 @@ impl ProbingRun<'_> {
     /// The root mean square of the standard errors relative to that of the values (the exact ones if known).
     pub fn noise(&self) -> f64 {
         let size = |planes: &Planes| planes.iter().flatten().map(|value| value * value).sum::<f64>().sqrt();
-        size(self.standard_errors) / size(self.truth.unwrap_or(self.values))
+        size(&self.standard_errors) / size(self.truth.as_ref().unwrap_or(&self.values))
     }
 
-    fn error_figures(&self) -> Result<Vec<Figure>> {
-        let errors = mean(self.standard_errors);
-        let mut figures = vec![figure::amounts(self.resolution, &errors, self.unit, "Standard error")?];
-        if let Some(truth) = self.truth {
-            let error = difference(self.values, truth);
+    fn error_figures(&self, run: &Run<'_>) -> Result<Vec<Figure>> {
+        let errors = mean(&self.standard_errors);
+        let mut figures = vec![figure::amounts(run.resolution, &errors, run.unit, "Standard error")?];
+        if let Some(truth) = &self.truth {
+            let error = difference(&self.values, truth);
             let range = robust_range(&error, None);
-            figures.push(figure::signed(self.resolution, &error, range, self.unit, "Found less exact")?);
+            figures.push(figure::signed(run.resolution, &error, range, run.unit, "Found less exact")?);
         }
         Ok(figures)
     }

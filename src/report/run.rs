@@ -2,8 +2,59 @@
 
 use std::path::{Path, PathBuf};
 
+use super::contact_sheet::ContactSheet;
+use super::html::{Figure, Outcome, Report, Section, Verdict};
+use crate::error::Result;
+use crate::image::{Image, Resolution};
 use crate::io::manifest::ProductsOn;
+use crate::io::{atomic, npy, picture};
 use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
+
+/// The run that an answer is of, as far as its page and its files show it.
+#[derive(Clone, Debug)]
+pub struct Run<'a> {
+    /// The page's title.
+    pub title: String,
+    /// The folder that the files are written into.
+    pub folder: &'a Path,
+    /// The run's record.
+    pub manifest: &'a RunManifest,
+    /// The run's duration so far.
+    pub seconds: f64,
+    /// Resolution of photos.
+    pub resolution: Resolution,
+    /// Unit of the photos' values.
+    pub unit: &'a str,
+    /// Contact sheet of all photos; `None` where there are none to show.
+    pub strip: Option<ContactSheet>,
+}
+
+impl Run<'_> {
+    /// The section with the contact sheet; `order` explains the order of its photos.
+    pub(super) fn photos(&self, order: &str) -> Result<Option<Section>> {
+        match &self.strip {
+            Some(strip) => strip.section(self.unit, order),
+            None => Ok(None),
+        }
+    }
+
+    /// The page: whether the answer is `good`, in one sentence, from so many photos; `more` are facts of the command itself.
+    pub(super) fn page(
+        &self,
+        (good, sentence): (bool, String),
+        photos: usize,
+        more: impl IntoIterator<Item = (&'static str, String)>,
+        sections: Vec<Section>,
+    ) -> Report {
+        Report {
+            title: self.title.clone(),
+            verdict: Verdict { outcome: if good { Outcome::Good } else { Outcome::Short }, sentence },
+            facts: facts(self.manifest, photos, more, self.seconds),
+            sections,
+            footer: self.manifest.command.join(" "),
+        }
+    }
+}
 
 /// The files of a run's folder; the name of each requested path is recorded.
 pub(crate) struct Files<'a> {
@@ -19,6 +70,37 @@ impl<'a> Files<'a> {
     pub(crate) fn path(&mut self, name: &str) -> PathBuf {
         self.names.push(name.to_owned());
         self.folder.join(name)
+    }
+
+    pub(super) fn text(&mut self, name: &str, text: &str) -> Result<()> {
+        atomic::write_bytes(&self.path(name), text.as_bytes())
+    }
+
+    pub(super) fn array<T: npyz::AutoSerialize>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: &[T],
+    ) -> Result<()> {
+        npy::write_npy(&self.path(&format!("{name}.npy")), shape, values)
+    }
+
+    /// An image as `.npy` and `.exr`.
+    pub(super) fn image(&mut self, name: &str, image: &Image) -> Result<()> {
+        ["npy", "exr"]
+            .into_iter()
+            .try_for_each(|extension| picture::write(&self.path(&format!("{name}.{extension}")), image))
+    }
+
+    /// A figure as `.png`.
+    pub(super) fn picture(&mut self, name: &str, figure: &Figure) -> Result<()> {
+        atomic::write_bytes(&self.path(&format!("{name}.png")), &figure.png)
+    }
+
+    /// Writes the page, and returns the names of all files.
+    pub(super) fn finish(mut self, page: &Report) -> Result<Vec<String>> {
+        page.write(&self.path("report.html"))?;
+        Ok(self.names)
     }
 }
 

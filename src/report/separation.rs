@@ -1,92 +1,98 @@
 //! Files and report page of a separation into direct and global light.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use super::colormap::robust_range;
-use super::contact_sheet::ContactSheet;
 use super::figure;
-use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
+use super::html::{Block, Figure, Report, Section};
 use super::planes::{difference, mean, percent};
 use super::plot::{LinePlot, Series};
-use super::run::{self, Files};
+use super::run::{Files, Run};
 use crate::analysis::planes::{Planes, norm, relative_error, sum};
 use crate::analysis::separate::{ComparisonRow, NearFar};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::io::picture;
 use crate::io::tone::exposure;
-use crate::io::{atomic, picture};
-use crate::measure::RunManifest;
 
-/// A finished separation and the context that its report needs. All images are under an all-ones pattern.
+/// Direct and global light under an all-ones pattern, with what was asked beside it.
 #[derive(Clone, Debug)]
-pub struct SeparationRun<'a> {
-    /// The page's title.
-    pub title: String,
-    /// The method and its settings, in words.
+pub struct Separated {
+    /// The method with its setting, in words.
     pub method: String,
-    /// Number of photos of the method, without those of `reach`.
+    /// The method's name.
+    pub name: &'static str,
+    /// Photos that the method took; those of `near_far` are beside them.
     pub photos: usize,
-    /// Resolution of all images.
-    pub resolution: Resolution,
-    /// Unit of the values.
-    pub unit: &'a str,
-    /// Direct light: one bounce.
-    pub direct: &'a Planes,
-    /// Global light: two or more bounces.
-    pub global: &'a Planes,
-    /// Standard errors of `direct`, if the method estimates them.
-    pub standard_error: Option<&'a Planes>,
-    /// The exact first bounce, if a simulator knows it and another method was used.
-    pub truth: Option<&'a Planes>,
-    /// The second bounce, and the sum of the third and later ones.
-    pub bounces: Option<&'a [Planes; 2]>,
-    /// Global light, split by the distance it travelled.
-    pub reach: Option<&'a NearFar>,
-    /// Errors of every method at several photo counts; may be empty.
-    pub comparison: &'a [ComparisonRow],
-    /// Whether the result meets the requested accuracy.
-    pub good: bool,
-    /// Contact sheet of all photos.
-    pub strip: &'a ContactSheet,
+    /// One bounce.
+    pub direct: Planes,
+    /// Two bounces and more.
+    pub global: Planes,
+    /// Standard errors of `direct`, where the method knows them.
+    pub standard_error: Option<Planes>,
+    /// The exact first bounce, where a simulator knows it and the method is another.
+    pub truth: Option<Planes>,
+    /// The second bounce, and three and more.
+    pub bounces: Option<[Planes; 2]>,
+    /// Global light by how far it went.
+    pub near_far: Option<NearFar>,
+    /// Every method at several photo counts; may be empty.
+    pub comparison: Vec<ComparisonRow>,
+    /// The largest error of `direct` that is good enough, where there is one.
+    pub max_error: Option<f64>,
 }
 
-impl SeparationRun<'_> {
-    /// Writes images, `errors.csv` and `report.html` into `folder` and returns their names. `seconds` is the run's duration so
-    /// far. The `.png` files of direct and global light share one exposure.
+impl Separated {
+    /// The relative error of the direct light, where the truth is known.
+    pub fn error(&self) -> Option<f64> {
+        self.truth.as_ref().map(|truth| relative_error(&self.direct, truth))
+    }
+
+    /// Whether it is as good as was asked for.
+    pub fn is_good(&self) -> bool {
+        match (self.max_error, self.error()) {
+            (Some(most), Some(error)) => error <= most,
+            _ => true,
+        }
+    }
+
+    /// Writes images, `errors.csv` and `report.html` into the run's folder and returns their names. The `.png` files of direct and
+    /// global light share one exposure.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
-        let mut files = Files::new(folder);
-        let images = self.images()?;
+    pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
+        let mut files = Files::new(run.folder);
+        let images = self.images(run.resolution)?;
         for (name, image, _) in &images {
-            for extension in ["npy", "exr"] {
-                picture::write(&files.path(&format!("{name}.{extension}")), image)?;
-            }
+            files.image(name, image)?;
         }
-        if let Some(errors) = self.standard_error {
-            let image = Image::from_planes(self.resolution, errors)?;
+        if let Some(errors) = &self.standard_error {
+            let image = Image::from_planes(run.resolution, errors)?;
             picture::write(&files.path("standard-error.npy"), &image)?;
         }
-        let white: Planes = sum(self.direct, self.global);
-        let scale = exposure(&Image::from_planes(self.resolution, &white)?);
+        let white: Planes = sum(&self.direct, &self.global);
+        let scale = exposure(&Image::from_planes(run.resolution, &white)?);
         let mut figures = Vec::new();
         for (name, image, caption) in &images {
-            let figure = figure::light(image, scale, self.unit, caption.clone())?;
-            atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+            let figure = figure::light(image, scale, run.unit, caption.clone())?;
+            files.picture(name, &figure)?;
             figures.push(figure);
         }
         if !self.comparison.is_empty() {
-            atomic::write_bytes(&files.path("errors.csv"), self.csv().as_bytes())?;
+            files.text("errors.csv", &self.csv())?;
         }
-        self.page(figures, manifest, seconds)?.write(&files.path("report.html"))?;
-        Ok(files.names)
+        files.finish(&self.page(run, figures)?)
+    }
+
+    /// The photos of the method, and those that tell near from far.
+    pub fn all_photos(&self) -> usize {
+        self.photos + self.near_far.as_ref().map_or(0, |near_far| near_far.photos)
     }
 
     /// The result in one sentence.
     pub fn sentence(&self) -> String {
-        let share = norm(self.global) / norm(&sum(self.direct, self.global));
+        let share = norm(&self.global) / norm(&sum(&self.direct, &self.global));
         let mut text = format!(
             "By {}{}: global light is {} of all that is seen under white.",
             self.method,
@@ -102,30 +108,25 @@ impl SeparationRun<'_> {
         text
     }
 
-    /// `‖direct − exact‖ / ‖exact‖`, if the exact first bounce is known.
-    pub fn error(&self) -> Option<f64> {
-        self.truth.map(|truth| relative_error(self.direct, truth))
-    }
-
     /// All images with their file names and captions.
-    fn images(&self) -> Result<Vec<(&'static str, Image, String)>> {
+    fn images(&self, resolution: Resolution) -> Result<Vec<(&'static str, Image, String)>> {
         let mut found = Vec::new();
         let mut add = |name, planes: &Planes, caption: String| -> Result<()> {
-            found.push((name, Image::from_planes(self.resolution, planes)?, caption));
+            found.push((name, Image::from_planes(resolution, planes)?, caption));
             Ok(())
         };
-        add("direct", self.direct, "Direct light: one bounce".into())?;
-        add("global", self.global, "Global light: two bounces and more".into())?;
-        if let Some([second, rest]) = self.bounces {
+        add("direct", &self.direct, "Direct light: one bounce".into())?;
+        add("global", &self.global, "Global light: two bounces and more".into())?;
+        if let Some([second, rest]) = &self.bounces {
             add("second", second, "The second bounce".into())?;
             add("rest", rest, "Three bounces and more".into())?;
         }
-        if let Some(reach) = self.reach {
+        if let Some(reach) = &self.near_far {
             let sigma = reach.sigma;
             add("near-indirect", &reach.near, format!("Global light from near by, σ {sigma} px"))?;
             add("far-indirect", &reach.far, "Global light from farther away".into())?;
         }
-        if let Some(truth) = self.truth {
+        if let Some(truth) = &self.truth {
             add("exact", truth, "The exact first bounce".into())?;
         }
         Ok(found)
@@ -133,7 +134,7 @@ impl SeparationRun<'_> {
 
     fn csv(&self) -> String {
         let mut text = "method,setting,photos,direct_error,global_error\n".to_owned();
-        for row in self.comparison {
+        for row in &self.comparison {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
@@ -144,13 +145,13 @@ impl SeparationRun<'_> {
         text
     }
 
-    fn page(&self, figures: Vec<Figure>, manifest: &RunManifest, seconds: f64) -> Result<Report> {
+    fn page(&self, run: &Run<'_>, figures: Vec<Figure>) -> Result<Report> {
         let mut sections = vec![Section {
             title: "Where the light comes from".into(),
-            text: format!("Under an all-ones pattern, in {}; all developed alike.", self.unit),
+            text: format!("Under an all-ones pattern, in {}; all developed alike.", run.unit),
             blocks: vec![Block::Figures(figures)],
         }];
-        let errors = self.error_figures()?;
+        let errors = self.error_figures(run)?;
         if !errors.is_empty() {
             sections.push(Section {
                 title: "How right it is".into(),
@@ -161,51 +162,37 @@ impl SeparationRun<'_> {
         if !self.comparison.is_empty() {
             sections.push(self.compared());
         }
-        sections.extend(self.strip.section(self.unit, ORDER)?);
+        sections.extend(run.photos(ORDER)?);
         let mut more = vec![("Method", self.method.clone())];
-        if let Some(reach) = self.reach {
+        if let Some(reach) = &self.near_far {
             let mut text = format!("{} photos, noise {}", reach.photos, percent(reach.noise));
             if let Some(error) = reach.error {
                 let _ = write!(text, ", error {}", percent(error));
             }
             more.push(("Near indirect light by probing", text));
         }
-        Ok(Report {
-            title: self.title.clone(),
-            verdict: Verdict {
-                outcome: if self.good { Outcome::Good } else { Outcome::Short },
-                sentence: self.sentence(),
-            },
-            facts: run::facts(
-                manifest,
-                self.photos + self.reach.map_or(0, |reach| reach.photos),
-                more,
-                seconds,
-            ),
-            sections,
-            footer: manifest.command.join(" "),
-        })
+        Ok(run.page((self.is_good(), self.sentence()), self.all_photos(), more, sections))
     }
 
-    fn error_figures(&self) -> Result<Vec<Figure>> {
+    fn error_figures(&self, run: &Run<'_>) -> Result<Vec<Figure>> {
         let mut figures = Vec::new();
-        if let Some(truth) = self.truth {
-            let error = difference(self.direct, truth);
+        if let Some(truth) = &self.truth {
+            let error = difference(&self.direct, truth);
             let range = robust_range(&error, None);
             let caption = "Direct light found less exact";
-            figures.push(figure::signed(self.resolution, &error, range, self.unit, caption)?);
+            figures.push(figure::signed(run.resolution, &error, range, run.unit, caption)?);
         }
-        if let Some(errors) = self.standard_error {
+        if let Some(errors) = &self.standard_error {
             let errors = mean(errors);
             let caption = "Standard error of the direct light";
-            figures.push(figure::amounts(self.resolution, &errors, self.unit, caption)?);
+            figures.push(figure::amounts(run.resolution, &errors, run.unit, caption)?);
         }
         Ok(figures)
     }
 
     fn compared(&self) -> Section {
         let mut names: Vec<&'static str> = Vec::new();
-        for row in self.comparison {
+        for row in &self.comparison {
             if !names.contains(&row.method) {
                 names.push(row.method);
             }

@@ -51,7 +51,7 @@ pub use simulated::Simulated;
 pub(crate) use tiles::CompressedRows;
 
 use crate::error::{Error, Result};
-use crate::image::{Image, Resolution};
+use crate::image::{Image, LUMINANCE, Resolution};
 
 /// A scene in front of a rig: a pattern is projected, and a photo is taken.
 pub trait Transport {
@@ -112,7 +112,8 @@ impl Channels {
 
 /// Relative luminance of a linear Rec. 709 colour.
 pub(crate) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
-    red * 0.2126 + green * 0.7152 + blue * 0.0722
+    const SHARES: [f32; 3] = [LUMINANCE[0] as f32, LUMINANCE[1] as f32, LUMINANCE[2] as f32];
+    red * SHARES[0] + green * SHARES[1] + blue * SHARES[2]
 }
 
 /// The planes of `pattern` as `f64`, one for each of `channels`.

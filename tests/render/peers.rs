@@ -143,7 +143,7 @@ fn the_caustic_of_a_glass_ball_carries_the_light_that_goes_through_it() {
     const DARKER: f64 = 100.0;
     scene.materials[floor].base_color /= DARKER as f32;
     // Up to five surfaces of the ball, and the floor.
-    let settings = TraceSettings { max_bounces: 7, ..TraceSettings::new(resolution, 256) };
+    let settings = TraceSettings { max_bounces: 7, ..TraceSettings::new(resolution, SAMPLES) };
     let on_the_floor: Vec<bool> = peer("glass-sphere_64_seen_transmitted")
         .iter()
         .zip(peer("glass-sphere_64_seen_reflected"))

@@ -74,6 +74,7 @@ fn zigzag_photos_agree_with_the_reference() {
 
 #[test]
 fn cornell_photos_agree_with_the_reference() {
-    // The reference alone has an error of 0.48 % and 0.53 %, so that 0.5 % cannot be reached.
-    assert_agreement(compare("cornell", "cornell", Channels::Rgb, 128), 0.0075);
+    // The reference alone has an error of 0.48 % and 0.53 %, so that 0.5 % cannot be reached, and
+    // more samples of ours would hardly help.
+    assert_agreement(compare("cornell", "cornell", Channels::Rgb, 64), 0.0075);
 }

@@ -27,7 +27,7 @@ fn difference(ours: &[f64], theirs: &[f64], among: impl Fn(usize) -> bool) -> f6
 fn a_wall_and_its_mirror_image_photograph_as_the_image_method_says() {
     const SIDE: usize = 64;
     let resolution = Resolution::new(SIDE, SIDE);
-    let settings = TraceSettings { seed: 3, ..TraceSettings::new(resolution, 256) };
+    let settings = TraceSettings { seed: 3, ..TraceSettings::new(resolution, 128) };
     let traced = assemble(&mut mirror(), &settings, Channels::Luma);
     let mut rig = Simulated { traced: traced.expect("shipped scenes can be traced") };
     let left: Vec<f32> = (0..SIDE * SIDE).map(|pixel| f32::from(u8::from(pixel % SIDE < SIDE / 2))).collect();
@@ -74,7 +74,7 @@ fn the_mirror_looks_the_same_by_paths_from_both_ends() {
     scene.projector = Some(scene.camera.clone());
     let resolution = Resolution::new(SIDE, SIDE);
     let gather = Gather { photons: 64, radius: 1.0 };
-    let settings = TraceSettings { gather, seed: 2, ..TraceSettings::new(resolution, 256) };
+    let settings = TraceSettings { gather, seed: 2, ..TraceSettings::new(resolution, 128) };
     let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma);
     let mut rig = Simulated { traced: traced.expect("the scene can be traced") };
     let photo = rig.photograph(&Image::filled(resolution, 1, 1.0)).expect("the pattern fits").plane(0);
@@ -157,7 +157,7 @@ fn light_between_two_mirror_images_is_gathered_with_a_bias_that_vanishes_with_th
     let (mut errors, mut losses) = (Vec::new(), Vec::new());
     for radius in [6.0, 3.0, 1.5] {
         // As many photons in the disc, whatever its size.
-        let photons = (64.0_f32 / (radius * radius)).max(8.0) as u32;
+        let photons = (64.0_f32 / (radius * radius)).round() as u32;
         // Mirror, wall, wall, mirror.
         let [seen_direct, seen_global] = white(&periscope(), 4, Gather { photons, radius });
         let direct_error = difference(&seen_direct, &direct, |_| true);

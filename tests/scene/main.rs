@@ -12,5 +12,6 @@ mod gltf_fuzz;
 mod gltf_loading;
 mod gltf_materials;
 mod gltf_meshes;
+mod gltf_textures;
 mod obj;
 mod obj_fuzz;

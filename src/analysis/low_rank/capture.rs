@@ -1,7 +1,7 @@
 //! The photos of a low-rank model: a Krylov process that stores its photos.
 
 use super::LowRank;
-use crate::analysis::probe::smooth_patterns;
+use crate::analysis::probe::{default_sigma, smooth_patterns};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::krylov::{Arnoldi, BlockLanczos, Factorization, Start, dot, norm};
@@ -26,8 +26,7 @@ pub struct LowRankCapture {
 /// With 40 photos of a carton at 100×100 and eleven such starts besides white, checkerboards, stripes and a half-lit field are
 /// relit within 3.2 to 4.7 %; with white alone, four natural images within 2.2 to 5.9 %.
 pub fn smooth_starts(resolution: Resolution, count: usize, seed: u64) -> Vec<Vec<f64>> {
-    let sigma = (resolution.width as f64 / 16.0).max(1.0);
-    smooth_patterns(resolution, std::f64::consts::SQRT_2 * sigma, count, seed)
+    smooth_patterns(resolution, std::f64::consts::SQRT_2 * default_sigma(resolution), count, seed)
 }
 
 impl Default for LowRankCapture {

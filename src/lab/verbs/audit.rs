@@ -24,7 +24,7 @@ impl Lab {
     /// [`crate::Error::Data`] for the folder of a run; as [`audit()`] and [`Lab::operator`].
     pub fn audit(&mut self, options: &AuditOptions) -> Result<Audit> {
         self.check_for_audit()?;
-        self.without_journal()?;
+        self.without_journal();
         let measured = self.photos_with(
             |found: &Option<Audit>| found.as_ref().is_some_and(|found| !found.white.is_empty()),
             |lab| lab.with_measurement(|measurement| audit(measurement, options)),

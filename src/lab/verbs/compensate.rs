@@ -49,6 +49,7 @@ impl Lab {
     pub fn compensate(&mut self, request: &CompensateRequest) -> Result<CompensateAnswer> {
         let options = &request.options;
         options.check()?;
+        self.allow_photos(options.photos);
         let geometry = self.geometry(options);
         let target = Target::new(&request.target, &self.ambient()?)?;
         let (crosstalk, learned) = match &request.colors {
@@ -60,9 +61,6 @@ impl Lab {
             _ => Vec::new(),
         };
         let prior = Prior { direct, geometry, crosstalk, photos: learned, start: None };
-        if let Some(run) = self.run() {
-            run.manifest.photos_allowed = Some(options.photos);
-        }
         let mut channels = self.operators(Part::Full)?;
         self.expect(1 + options.photos);
         self.photos(|_| {

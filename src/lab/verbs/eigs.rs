@@ -11,6 +11,7 @@ impl Lab {
     /// # Errors
     /// As [`eigs()`] and [`Lab::operator`].
     pub fn eigs(&mut self, part: Part, options: &EigsOptions) -> Result<Eigs> {
+        self.allow_photos(options.products);
         let mut operator = self.operator(part)?;
         self.expect(options.products);
         self.photos(|_| eigs(&mut operator, options))

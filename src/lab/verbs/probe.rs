@@ -3,7 +3,7 @@
 use crate::analysis::Probing;
 use crate::analysis::probe::probe;
 use crate::error::Result;
-use crate::lab::answers::ProbedLight;
+use crate::lab::ProbedLight;
 use crate::lab::{Lab, LabOperator};
 use crate::transport::Part;
 
@@ -14,6 +14,7 @@ impl Lab {
     /// As [`probe`] and [`Lab::operators`].
     pub fn probe(&mut self, probing: Probing, photos: usize) -> Result<ProbedLight> {
         probing.check()?;
+        self.allow_photos(photos);
         let (resolution, seed) = (self.resolution(), self.seed());
         let mut operators = self.operators(Part::Full)?;
         self.expect(probing.photos(photos));

@@ -6,7 +6,7 @@ use crate::analysis::low_rank::{
 use crate::analysis::planes::{Planes, difference};
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::lab::answers::Relighting;
+use crate::lab::Relighting;
 use crate::lab::{Lab, LabOperator, SourceKind};
 use crate::transport::Part;
 
@@ -44,8 +44,9 @@ impl Lab {
     /// # Errors
     /// As [`capture_channels`] and [`Lab::operators`].
     pub fn relight(&mut self, request: &RelightRequest) -> Result<Relighting> {
+        self.allow_photos(request.photos);
         if self.kind() == SourceKind::Scene {
-            self.without_journal()?;
+            self.without_journal();
         }
         let model = self.capture(request)?;
         let mut answer = Relighting::new(model, 0);

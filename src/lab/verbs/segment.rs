@@ -12,6 +12,7 @@ impl Lab {
     /// As [`SegmentRequest::run`] and [`Lab::operator`].
     pub fn segment(&mut self, request: &SegmentRequest) -> Result<Segmented> {
         request.check(self.resolution())?;
+        self.allow_photos(request.options.photos);
         let truth = self.timed("true labels", |lab| lab.truth())?;
         self.keep_truth(truth.as_ref());
         let mut operator = self.operator(request.part())?;

@@ -5,7 +5,7 @@ use crate::analysis::separate::{
     NearFar, NearFarOptions, SeparateBy, Separation, compare_separations, near_far, second_and_rest, separate,
 };
 use crate::error::{Error, Result};
-use crate::lab::answers::Separated;
+use crate::lab::Separated;
 use crate::lab::{Lab, LabOperator, Log, SourceKind};
 use crate::operator::Operator;
 use crate::transport::Part;
@@ -59,7 +59,7 @@ impl Lab {
         let is_scene = self.kind() == SourceKind::Scene;
         request.check(is_scene)?;
         if is_scene {
-            self.without_journal()?;
+            self.without_journal();
         }
         self.transport()?;
         let exact = match is_scene {

@@ -1,6 +1,6 @@
 //! Plots and tables of a compensation: convergence, the effect of clamping, all methods at equal photo counts, and similarity.
 
-use super::CompensationRun;
+use super::Compensated;
 use crate::analysis::{Clamping, CompensationRow, MethodRun, Similarity};
 use crate::report::html::{Block, Section};
 use crate::report::residuals::{self, Row};
@@ -9,11 +9,11 @@ pub(super) fn rows(history: &[CompensationRow]) -> Vec<Row> {
     history.iter().map(|row| (row.photo, row.residual)).collect()
 }
 
-pub(super) fn convergence(run: &CompensationRun<'_>) -> Section {
+pub(super) fn convergence(run: &Compensated<'_>) -> Section {
     let found = run.found;
     let (ours, theirs) = (rows(&found.history), rows(&found.baseline));
-    let mut lines: Vec<(&str, &[Row])> = vec![(run.method, &ours)];
-    if run.method != "jacobi" && !theirs.is_empty() {
+    let mut lines: Vec<(&str, &[Row])> = vec![(run.method(), &ours)];
+    if run.method() != "jacobi" && !theirs.is_empty() {
         lines.push(("projected Jacobi", &theirs));
     }
     let mut marks = vec![(found.uncompensated_residual, "uncompensated".to_owned())];
@@ -34,11 +34,11 @@ pub(super) fn convergence(run: &CompensationRun<'_>) -> Section {
 }
 
 /// Residuals of an unconstrained method whose answers are clamped to the projector's range.
-pub(super) fn clamping(run: &CompensationRun<'_>, clamping: &Clamping) -> Section {
+pub(super) fn clamping(run: &Compensated<'_>, clamping: &Clamping) -> Section {
     let (own, displayed, boxed) =
         (rows(&run.found.history), rows(&clamping.displayed), rows(&clamping.boxed));
-    let own_name = format!("{}, not clamped", run.method);
-    let name = format!("{}, clamped", run.method);
+    let own_name = format!("{}, not clamped", run.method());
+    let name = format!("{}, clamped", run.method());
     let lines: [(&str, &[Row]); 3] =
         [(&own_name, &own), (&name, &displayed), ("krylov-box, inside the range", &boxed)];
     let marks = vec![(clamping.uncompensated, "uncompensated".to_owned())];
@@ -54,7 +54,7 @@ pub(super) fn clamping(run: &CompensationRun<'_>, clamping: &Clamping) -> Sectio
 }
 
 /// Residuals of every method at equal photo counts.
-pub(super) fn methods(run: &CompensationRun<'_>, methods: &[MethodRun]) -> Section {
+pub(super) fn methods(run: &Compensated<'_>, methods: &[MethodRun]) -> Section {
     let histories: Vec<Vec<Row>> = methods.iter().map(|method| rows(&method.displayed)).collect();
     let lines: Vec<(&str, &[Row])> =
         methods.iter().zip(&histories).map(|(method, rows)| (method.name, rows.as_slice())).collect();
@@ -85,7 +85,7 @@ pub(super) fn methods(run: &CompensationRun<'_>, methods: &[MethodRun]) -> Secti
 }
 
 /// Table of the similarity of the observed photos to the target.
-pub(super) fn similarity(run: &CompensationRun<'_>) -> Block {
+pub(super) fn similarity(run: &Compensated<'_>) -> Block {
     let found = run.found;
     let row = |name: &str, residual: f64, similarity: &Similarity| {
         let ssim = similarity.ssim.map_or("–".into(), |ssim| format!("{ssim:.4}"));

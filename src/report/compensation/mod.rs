@@ -3,61 +3,48 @@
 mod figures;
 
 use std::fmt::Write;
-use std::path::Path;
 
 use figures::rows;
 
 use super::colormap::robust_range;
-use super::contact_sheet::ContactSheet;
-use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
-use super::run::{self, Files};
+use super::html::{Block, Figure, Report, Section};
+use super::run::{Files, Run};
 use super::{figure, residuals};
-use crate::analysis::{Compensation, MethodRun};
+use crate::analysis::{CompensateOptions, Compensation, MethodRun};
 use crate::error::Result;
 use crate::image::Image;
 use crate::io::tone::exposure;
-use crate::io::{atomic, picture};
-use crate::measure::RunManifest;
 
-/// A finished compensation and the context that its report needs.
-#[derive(Clone, Debug)]
-pub struct CompensationRun<'a> {
-    /// The page's title.
-    pub title: String,
-    /// The result.
+/// A compensation with the options that it was found by.
+#[derive(Clone, Copy, Debug)]
+pub struct Compensated<'a> {
+    /// The compensation.
     pub found: &'a Compensation,
-    /// The method's name.
-    pub method: &'a str,
-    /// The smallest pattern value that was allowed.
-    pub floor: f64,
-    /// Optional results.
-    pub extras: CompensationExtras<'a>,
-    /// Unit of the photos' values.
-    pub unit: &'a str,
-    /// Contact sheet of all photos; `None` if a model answered without photos.
-    pub strip: Option<&'a ContactSheet>,
-}
-
-/// Optional results; empty by default.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct CompensationExtras<'a> {
-    /// Residuals of every method at equal photo counts.
+    /// Its options.
+    pub options: &'a CompensateOptions,
+    /// Other methods with as many photos.
     pub methods: &'a [MethodRun],
-    /// The target's values were mapped to [`lift`, 1].
-    pub lift: f64,
+    /// The name and the unit of the source, where it is a model rather than the laboratory's own.
+    pub model: Option<(&'a str, &'a str)>,
+    /// Whether photos were taken for it.
+    pub has_photos: bool,
 }
 
-impl CompensationRun<'_> {
-    /// Writes arrays, pictures, `residuals.csv` and `report.html` into `folder` and returns their names. `seconds` is the run's
-    /// duration so far.
+impl<'a> Compensated<'a> {
+    /// A compensation from photos of the laboratory's source.
+    pub fn new(found: &'a Compensation, options: &'a CompensateOptions) -> Self {
+        Self { found, options, methods: &[], model: None, has_photos: true }
+    }
+
+    /// Writes arrays, pictures, `residuals.csv` and `report.html` into the run's folder and returns their names.
     ///
     /// The `.png` of the compensation holds the pattern itself (sRGB, readable as a pattern). The `.png` files of the target, the
     /// observed and the uncompensated photo share one exposure.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
-        let mut files = Files::new(folder);
+    pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
+        let mut files = Files::new(run.folder);
         let found = self.found;
         let mut images = vec![
             ("compensation", &found.pattern),
@@ -67,29 +54,22 @@ impl CompensationRun<'_> {
         ];
         images.extend(found.unclipped.as_ref().map(|image| ("unclipped", image)));
         for (name, image) in images {
-            for extension in ["npy", "exr"] {
-                picture::write(&files.path(&format!("{name}.{extension}")), image)?;
-            }
+            files.image(name, image)?;
         }
-        let pictures = self.pictures()?;
+        let pictures = self.pictures(run.unit)?;
         for (name, figure) in &pictures {
-            atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+            files.picture(name, figure)?;
         }
-        atomic::write_bytes(
-            &files.path("residuals.csv"),
-            residuals::csv("photo", &rows(&found.history)).as_bytes(),
-        )?;
+        files.text("residuals.csv", &residuals::csv("photo", &rows(&found.history)))?;
         if let Some(clamping) = &found.clamping {
             let displayed = residuals::csv("photo", &rows(&clamping.displayed));
-            atomic::write_bytes(&files.path("residuals-displayed.csv"), displayed.as_bytes())?;
+            files.text("residuals-displayed.csv", &displayed)?;
         }
-        if !self.extras.methods.is_empty() {
-            let text = figures::csv(self.extras.methods);
-            atomic::write_bytes(&files.path("methods.csv"), text.as_bytes())?;
+        if !self.methods.is_empty() {
+            files.text("methods.csv", &figures::csv(self.methods))?;
         }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-        self.page(figures, manifest, seconds)?.write(&files.path("report.html"))?;
-        Ok(files.names)
+        files.finish(&self.page(run, figures)?)
     }
 
     /// The result in one or two sentences.
@@ -97,13 +77,17 @@ impl CompensationRun<'_> {
         let found = self.found;
         let mut text = format!(
             "{} photos by {}: {}. What is seen differs from the target by {:.4} of it, uncompensated by {:.4}.",
-            found.photos, self.method, found.status, found.residual, found.uncompensated_residual
+            found.photos,
+            self.method(),
+            found.status,
+            found.residual,
+            found.uncompensated_residual
         );
         if found.unclipped.is_some() {
             let _ = write!(
                 text,
                 " The answer had to be clipped to [{}, 1]; before that its residual was {:.4}.",
-                self.floor, found.unclipped_residual
+                self.options.floor, found.unclipped_residual
             );
         }
         if let Some(ssim) = found.similarity.ssim {
@@ -115,10 +99,14 @@ impl CompensationRun<'_> {
         text
     }
 
-    fn pictures(&self) -> Result<Vec<(&'static str, Figure)>> {
+    fn method(&self) -> &'static str {
+        self.options.method.facts().name
+    }
+
+    fn pictures(&self, unit: &str) -> Result<Vec<(&'static str, Figure)>> {
         let found = self.found;
         let plain = |image: &Image, scale: f32, caption: String| -> Result<Figure> {
-            figure::light(image, scale, self.unit, caption)
+            figure::light(image, scale, unit, caption)
         };
         let scale = exposure(&found.target);
         let mut pictures = vec![
@@ -141,19 +129,18 @@ impl CompensationRun<'_> {
         let range = robust_range(&errors.concat(), None);
         let captions = ["Seen less the target", "Uncompensated less the target"];
         for ((error, caption), name) in errors.iter().zip(captions).zip(["error", "error-uncompensated"]) {
-            pictures
-                .push((name, figure::signed(found.target.resolution(), error, range, self.unit, caption)?));
+            pictures.push((name, figure::signed(found.target.resolution(), error, range, unit, caption)?));
         }
         Ok(pictures)
     }
 
-    fn page(&self, figures: Vec<Figure>, manifest: &RunManifest, seconds: f64) -> Result<Report> {
+    fn page(&self, run: &Run<'_>, figures: Vec<Figure>) -> Result<Report> {
         let found = self.found;
         let mut more = vec![
-            ("Peak", format!("{:.5} {}", found.peak, self.unit)),
+            ("Peak", format!("{:.5} {}", found.peak, run.unit)),
             ("Photos before the method's", found.preparation.to_string()),
         ];
-        let lift = self.extras.lift;
+        let lift = self.options.lift;
         more.extend((lift > 0.0).then(|| ("Target moved to", format!("[{lift}, 1]"))));
         let mut sections = vec![Section {
             title: "Seen and projected".into(),
@@ -165,22 +152,11 @@ impl CompensationRun<'_> {
             sections.push(figures::convergence(self));
         }
         sections.extend(found.clamping.as_ref().map(|clamping| figures::clamping(self, clamping)));
-        if !self.extras.methods.is_empty() {
-            sections.push(figures::methods(self, self.extras.methods));
+        if !self.methods.is_empty() {
+            sections.push(figures::methods(self, self.methods));
         }
-        if let Some(strip) = self.strip {
-            sections.extend(strip.section(self.unit, ORDER)?);
-        }
-        Ok(Report {
-            title: self.title.clone(),
-            verdict: Verdict {
-                outcome: if found.good { Outcome::Good } else { Outcome::Short },
-                sentence: self.sentence(),
-            },
-            facts: run::facts(manifest, found.photos, more, seconds),
-            sections,
-            footer: manifest.command.join(" "),
-        })
+        sections.extend(run.photos(ORDER)?);
+        Ok(run.page((found.good, self.sentence()), found.photos, more, sections))
     }
 }
 

@@ -2,16 +2,15 @@
 
 use std::fmt::Write;
 
-use super::RelightingRun;
+use super::Relighting;
 use crate::analysis::low_rank::{RankRow, Relit};
 use crate::error::Result;
-use crate::io::atomic;
 use crate::report::html::{Block, Section};
 use crate::report::planes::percent;
 use crate::report::plot::{LinePlot, Series};
 use crate::report::run::Files;
 
-impl RelightingRun<'_> {
+impl Relighting {
     /// Error of each relit photo after each photo of the capture.
     pub(super) fn errors_by_rank(&self, files: &mut Files<'_>) -> Result<Block> {
         let known: Vec<(usize, &Relit)> =
@@ -22,7 +21,7 @@ impl RelightingRun<'_> {
             let _ = write!(csv, ",pattern_{}", index + 1);
         }
         csv.push('\n');
-        for photos in 0..self.rank {
+        for photos in 0..self.model.rank() {
             let _ = write!(csv, "{}", photos + 1);
             for (_, relit) in &known {
                 let error = relit.errors.get(photos.min(relit.errors.len() - 1)).copied();
@@ -30,7 +29,7 @@ impl RelightingRun<'_> {
             }
             csv.push('\n');
         }
-        atomic::write_bytes(&files.path("relighting-errors.csv"), csv.as_bytes())?;
+        files.text("relighting-errors.csv", &csv)?;
         let series = |(index, relit): &(usize, &Relit)| Series {
             name: format!("{}: {}", index + 1, short(&relit.name)),
             points: relit.errors.iter().enumerate().map(|(k, &error)| ((k + 1) as f64, error)).collect(),
@@ -49,11 +48,11 @@ impl RelightingRun<'_> {
     /// Error of the model matrix after each photo.
     pub(super) fn curve_section(&self, files: &mut Files<'_>) -> Result<Section> {
         let mut csv = "photos,error,one_sided_error,optimal_error\n".to_owned();
-        for row in self.curve {
+        for row in &self.curve {
             let optimal = row.optimal.map_or_else(String::new, |optimal| format!("{optimal:e}"));
             let _ = writeln!(csv, "{},{:e},{:e},{optimal}", row.photos, row.error, row.one_sided);
         }
-        atomic::write_bytes(&files.path("error-curve.csv"), csv.as_bytes())?;
+        files.text("error-curve.csv", &csv)?;
         let line = |name: &str, of: fn(&RankRow) -> Option<f64>| Series {
             name: name.into(),
             points: self.curve.iter().filter_map(|row| Some((row.photos as f64, of(row)?))).collect(),

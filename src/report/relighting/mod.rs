@@ -3,54 +3,73 @@
 mod curves;
 
 use std::fmt::Write;
-use std::path::Path;
 
 use super::colormap::robust_range;
-use super::contact_sheet::ContactSheet;
 use super::figure;
-use super::html::{Block, Figure, Outcome, Report, Section, Verdict};
+use super::html::{Block, Figure, Section};
 use super::planes::{difference, percent};
-use super::run::{self, Files};
-use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit};
+use super::run::{Files, Run};
+use crate::analysis::low_rank::{Dual, RankRow, Reduced, Relit, SavedModel};
 use crate::error::Result;
 use crate::image::Image;
 use crate::io::tone::exposure;
-use crate::io::{atomic, picture};
-use crate::measure::RunManifest;
 
-/// Results of a low-rank model and the context that their report needs.
+/// A captured model and what it answered.
 #[derive(Clone, Debug)]
-pub struct RelightingRun<'a> {
-    /// The page's title.
-    pub title: String,
-    /// Number of photos that this run took.
+pub struct Relighting {
+    /// The model.
+    pub model: SavedModel,
+    /// Photos that this run took.
     pub photos: usize,
-    /// Number of photos that the model was captured from.
-    pub rank: usize,
-    /// Unit of the values.
-    pub unit: &'a str,
-    /// Relit photos.
-    pub relit: &'a [Relit],
-    /// Dual photographs: the scene from the projector's viewpoint, lit from the camera.
-    pub duals: &'a [Dual],
-    /// Photos with their interreflections removed.
-    pub reduced: &'a [Reduced],
-    /// Error of the model against the true matrix for each rank; empty if the true matrix is unknown.
-    pub curve: &'a [RankRow],
-    /// Whether the result meets the requested accuracy.
-    pub good: bool,
-    /// Contact sheet of the capture; `None` if the model already existed.
-    pub strip: Option<&'a ContactSheet>,
+    /// Relit patterns.
+    pub relit: Vec<Relit>,
+    /// Dual photographs.
+    pub duals: Vec<Dual>,
+    /// Photos without interreflections.
+    pub reduced: Vec<Reduced>,
+    /// The model's error for each number of photos, where the matrix is known.
+    pub curve: Vec<RankRow>,
+    /// The largest error of a relit photo that is good enough, where there is one.
+    pub max_error: Option<f64>,
+    /// Files of the model that are in the folder of the run already; `None` where the model is still to be written there.
+    pub files: Option<Vec<String>>,
 }
 
-impl RelightingRun<'_> {
-    /// Writes images, `error-curve.csv`, `relighting-errors.csv` and `report.html` into `folder` and returns their names.
-    /// `seconds` is the run's duration so far. Relit and true photos share one exposure.
+impl Relighting {
+    /// A model of which nothing was asked.
+    pub fn new(model: SavedModel, photos: usize) -> Self {
+        Self {
+            model,
+            photos,
+            relit: Vec::new(),
+            duals: Vec::new(),
+            reduced: Vec::new(),
+            curve: Vec::new(),
+            max_error: None,
+            files: None,
+        }
+    }
+
+    /// The largest error of a relit photo, where it is known.
+    pub fn worst(&self) -> Option<f64> {
+        self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
+    }
+
+    /// Whether it is as good as was asked for.
+    pub fn is_good(&self) -> bool {
+        match (self.max_error, self.worst()) {
+            (Some(most), Some(worst)) => worst <= most,
+            _ => true,
+        }
+    }
+
+    /// Writes images, `error-curve.csv`, `relighting-errors.csv` and `report.html` into the run's folder and returns
+    /// their names. Relit and true photos share one exposure.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
-        let mut files = Files::new(folder);
+    pub fn write(&self, run: &Run<'_>) -> Result<Vec<String>> {
+        let mut files = Files::new(run.folder);
         let mut sections = vec![self.relit_section(&mut files)?];
         if !self.curve.is_empty() {
             sections.push(self.curve_section(&mut files)?);
@@ -61,22 +80,9 @@ impl RelightingRun<'_> {
         if !self.duals.is_empty() {
             sections.push(self.dual_section(&mut files)?);
         }
-        if let Some(strip) = self.strip {
-            sections.extend(strip.section(self.unit, ORDER)?);
-        }
-        let more = [("Rank of the model", self.rank.to_string())];
-        let report = Report {
-            title: self.title.clone(),
-            verdict: Verdict {
-                outcome: if self.good { Outcome::Good } else { Outcome::Short },
-                sentence: self.sentence(),
-            },
-            facts: run::facts(manifest, self.photos, more, seconds),
-            sections,
-            footer: manifest.command.join(" "),
-        };
-        report.write(&files.path("report.html"))?;
-        Ok(files.names)
+        sections.extend(run.photos(ORDER)?);
+        let more = [("Rank of the model", self.model.rank().to_string())];
+        files.finish(&run.page((self.is_good(), self.sentence()), self.photos, more, sections))
     }
 
     /// The result in one or two sentences.
@@ -85,7 +91,7 @@ impl RelightingRun<'_> {
             1 => "1 pattern".to_owned(),
             count => format!("{count} patterns"),
         };
-        let mut text = format!("A model from {} photos relit {count}", self.rank);
+        let mut text = format!("A model from {} photos relit {count}", self.model.rank());
         if self.photos == 0 {
             text += " at no further photo";
         }
@@ -107,18 +113,13 @@ impl RelightingRun<'_> {
         text
     }
 
-    /// The largest error of all relit photos; `None` if no true photo is known.
-    pub fn worst(&self) -> Option<f64> {
-        self.relit.iter().filter_map(|relit| relit.errors.last().copied()).reduce(f64::max)
-    }
-
     fn relit_section(&self, files: &mut Files<'_>) -> Result<Section> {
         let mut figures = Vec::new();
         for (index, relit) in self.relit.iter().enumerate() {
             let number = index + 1;
             let scale = exposure(relit.truth.as_ref().unwrap_or(&relit.relit));
             let pattern = figure::pattern(&relit.pattern, format!("Pattern {number}: {}", relit.name))?;
-            atomic::write_bytes(&files.path(&format!("pattern-{number}.png")), &pattern.png)?;
+            files.picture(&format!("pattern-{number}"), &pattern)?;
             figures.push(pattern);
             let caption = match relit.errors.last() {
                 Some(error) => format!("Relit {number}: within {}", percent(*error)),
@@ -148,7 +149,7 @@ impl RelightingRun<'_> {
             let number = index + 1;
             let scale = exposure(&reduced.photo);
             let caption = format!("Photo {number}: {}", reduced.name);
-            figures.push(figure::light(&reduced.photo, scale, self.unit, caption)?);
+            figures.push(figure::light(&reduced.photo, scale, &self.model.unit, caption)?);
             let caption = match reduced.error {
                 Some(error) => format!("Direct light alone {number}: within {}", percent(error)),
                 None => format!("Direct light alone {number}"),
@@ -190,7 +191,7 @@ impl RelightingRun<'_> {
 
     fn error(&self, found: &Image, truth: &Image, caption: String) -> Result<Figure> {
         let error = difference(&found.planes(), &truth.planes());
-        figure::signed(found.resolution(), &error, robust_range(&error, None), self.unit, caption)
+        figure::signed(found.resolution(), &error, robust_range(&error, None), &self.model.unit, caption)
     }
 
     /// Writes an image in all three formats; `scale` is the exposure of the `.png`.
@@ -202,11 +203,9 @@ impl RelightingRun<'_> {
         scale: f32,
         caption: String,
     ) -> Result<Figure> {
-        for extension in ["npy", "exr"] {
-            picture::write(&files.path(&format!("{name}.{extension}")), image)?;
-        }
-        let figure = figure::light(image, scale, self.unit, caption)?;
-        atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+        files.image(name, image)?;
+        let figure = figure::light(image, scale, &self.model.unit, caption)?;
+        files.picture(name, &figure)?;
         Ok(figure)
     }
 }

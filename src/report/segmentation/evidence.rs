@@ -1,14 +1,14 @@
 //! Photos of single groups that are lit alone, and the light that the groups exchange.
 
-use super::SegmentationRun;
 use crate::analysis::Evidence;
 use crate::error::Result;
 use crate::io::tone::exposure;
 use crate::report::figure;
 use crate::report::html::{Block, Section};
+use crate::report::run::Run;
 use crate::report::spectrum::narrowed;
 
-pub(super) fn section(run: &SegmentationRun<'_>, evidence: &Evidence) -> Result<Section> {
+pub(super) fn section(run: &Run<'_>, evidence: &Evidence) -> Result<Section> {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let kept = evidence.kept();
     let figures = evidence.photos.iter().zip(&kept).enumerate().map(|(group, (photo, kept))| {

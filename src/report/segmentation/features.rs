@@ -2,8 +2,7 @@
 
 use std::fmt::Write;
 
-use super::SegmentationRun;
-use crate::analysis::{FeatureView, MASKED};
+use crate::analysis::{FeatureView, MASKED, Segmentation};
 use crate::report::html::{Block, Section};
 use crate::report::palette::{MASKED as GRAY, label_color};
 use crate::report::scatter::ScatterPlot;
@@ -41,9 +40,9 @@ pub(super) fn csv(view: &FeatureView) -> String {
     text + "\n"
 }
 
-pub(super) fn section(run: &SegmentationRun<'_>, view: &FeatureView) -> Section {
+pub(super) fn section(found: &Segmentation, view: &FeatureView) -> Section {
     let mut blocks: Vec<Block> =
-        [[0, 1], [2, 3]].into_iter().filter_map(|axes| scatter(run, view, axes)).collect();
+        [[0, 1], [2, 3]].into_iter().filter_map(|axes| scatter(found, view, axes)).collect();
     blocks.push(coordinates(view));
     blocks.push(distances(view));
     Section {
@@ -54,8 +53,7 @@ pub(super) fn section(run: &SegmentationRun<'_>, view: &FeatureView) -> Section 
 }
 
 /// Scatter plot over two eigenvectors; index 0 is the second eigenvector.
-fn scatter(run: &SegmentationRun<'_>, view: &FeatureView, [x, y]: [usize; 2]) -> Option<Block> {
-    let found = run.segmentation;
+fn scatter(found: &Segmentation, view: &FeatureView, [x, y]: [usize; 2]) -> Option<Block> {
     let coordinate = |axis: usize, pixel: usize| -> Option<f64> {
         Some(found.embedding.coordinate(axis + 1, found.eigenvectors.get(axis + 1)?[pixel]))
     };

@@ -3,144 +3,102 @@
 mod evidence;
 mod features;
 
-use std::path::Path;
-
-use super::contact_sheet::ContactSheet;
-use super::html::{Block, Figure, Legend, Outcome, Report, Section, Swatch, Verdict};
+use super::html::{Block, Figure, Legend, Report, Section, Swatch};
 use super::palette::{label_color, paint_labels};
-use super::run::{self, Files};
+use super::run::{Files, Run};
 use super::{figure, spectrum};
-use crate::analysis::segment::Truth;
-use crate::analysis::{Evidence, FeatureView, MASKED, Segmentation, Separation};
+use crate::analysis::MASKED;
+use crate::analysis::segment::{Segmented, Truth};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
+use crate::io::exr;
 use crate::io::tone::exposure;
-use crate::io::{exr, npy, picture};
-use crate::measure::RunManifest;
 
-/// A finished segmentation and the context that its report needs.
-#[derive(Clone, Debug)]
-pub struct SegmentationRun<'a> {
-    /// The page's title.
-    pub title: String,
-    /// The result.
-    pub segmentation: &'a Segmentation,
-    /// Resolution of the segmentation.
-    pub resolution: Resolution,
-    /// The photo under a white pattern.
-    pub white: &'a Image,
-    /// True labels, if the scene has them.
+/// A segmentation with what was asked beside it, compared with the true labels.
+#[derive(Clone, Copy, Debug)]
+pub struct Scored<'a> {
+    /// The groups.
+    pub segmented: &'a Segmented,
+    /// The true labels, where they are known.
     pub truth: Option<&'a Truth>,
-    /// Adjusted Rand index for each number of groups; empty without true labels.
+    /// The adjusted Rand index of each number of groups; empty without true labels.
     pub scores: &'a [(usize, f64)],
-    /// Optional results.
-    pub extras: SegmentationExtras<'a>,
-    /// Unit of the photos' values.
-    pub unit: &'a str,
-    /// Contact sheet of all photos.
-    pub strip: &'a ContactSheet,
 }
 
-/// Optional results; empty by default.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct SegmentationExtras<'a> {
-    /// Direct light that was measured by photos and excluded from the graph.
-    pub direct: Option<&'a Separation>,
-    /// Chosen pixels in the space of eigenvectors.
-    pub features: Option<&'a FeatureView>,
-    /// Photos of each group lit alone, for some of the numbers of groups.
-    pub evidence: &'a [Evidence],
-}
-
-impl SegmentationExtras<'_> {
-    /// Number of photos taken for the optional results.
-    pub fn photos(&self) -> usize {
-        let evidence: usize = self.evidence.iter().map(|of| of.photos.len()).sum();
-        evidence + self.direct.map_or(0, |direct| direct.photos)
-    }
-}
-
-impl SegmentationRun<'_> {
-    /// Writes arrays, pictures and `report.html` into `folder` and returns their names. `seconds` is the run's duration so far.
+impl Scored<'_> {
+    /// Writes arrays, pictures and `report.html` into the run's folder and returns their names. `white` is the photo under
+    /// a white pattern.
     ///
     /// # Errors
     /// [`crate::Error::Write`] naming the file.
-    pub fn write(&self, folder: &Path, manifest: &RunManifest, seconds: f64) -> Result<Vec<String>> {
-        let mut files = Files::new(folder);
-        self.write_arrays(&mut files)?;
-        self.write_extras(&mut files)?;
-        let pictures = self.pictures()?;
+    pub fn write(&self, white: &Image, run: &Run<'_>) -> Result<Vec<String>> {
+        let mut files = Files::new(run.folder);
+        self.write_arrays(&mut files, white)?;
+        self.write_extras(&mut files, run.resolution)?;
+        let pictures = self.pictures(white, run)?;
         for (name, figure) in &pictures.all() {
-            crate::io::atomic::write_bytes(&files.path(&format!("{name}.png")), &figure.png)?;
+            files.picture(name, figure)?;
         }
-        self.page(pictures, manifest, seconds)?.write(&files.path("report.html"))?;
-        Ok(files.names)
+        files.finish(&self.page(run, pictures)?)
     }
 
-    fn write_arrays(&self, files: &mut Files<'_>) -> Result<()> {
-        let Resolution { width, height } = self.resolution;
-        let found = self.segmentation;
+    fn write_arrays(&self, files: &mut Files<'_>, white: &Image) -> Result<()> {
+        let size @ Resolution { width, height } = white.resolution();
+        let found = &self.segmented.segmentation;
         let count = found.eigenvectors.len();
-        npy::write_npy(&files.path("eigenvalues.npy"), &[count], &found.eigenvalues)?;
-        npy::write_npy(&files.path("residuals.npy"), &[count], &found.residuals)?;
-        npy::write_npy(
-            &files.path("eigenvectors.npy"),
-            &[count, height, width],
-            &found.eigenvectors.concat(),
-        )?;
-        npy::write_npy(&files.path("degree.npy"), &[height, width], &found.degree)?;
+        files.array("eigenvalues", &[count], &found.eigenvalues)?;
+        files.array("residuals", &[count], &found.residuals)?;
+        files.array("eigenvectors", &[count, height, width], &found.eigenvectors.concat())?;
+        files.array("degree", &[height, width], &found.degree)?;
         for (groups, labels) in &found.labels {
-            npy::write_npy(&files.path(&format!("labels-{groups}.npy")), &[height, width], labels)?;
+            files.array(&format!("labels-{groups}"), &[height, width], labels)?;
         }
         if let Some(truth) = self.truth {
-            npy::write_npy(&files.path("labels-true.npy"), &[height, width], &truth.labels)?;
+            files.array("labels-true", &[height, width], &truth.labels)?;
         }
-        for name in ["white.npy", "white.exr"] {
-            picture::write(&files.path(name), self.white)?;
-        }
-        let mut layers = spectrum::layers(self.resolution, &found.eigenvectors)?;
-        layers.push(("degree".into(), spectrum::narrowed(self.resolution, &found.degree)?));
+        files.image("white", white)?;
+        let mut layers = spectrum::layers(size, &found.eigenvectors)?;
+        layers.push(("degree".into(), spectrum::narrowed(size, &found.degree)?));
         let layers: Vec<(&str, &Image)> = layers.iter().map(|(name, image)| (name.as_str(), image)).collect();
         exr::write_exr(&files.path("eigenvectors.exr"), &layers)
     }
 
-    fn write_extras(&self, files: &mut Files<'_>) -> Result<()> {
-        let Resolution { width, height } = self.resolution;
-        if let Some(direct) = self.extras.direct {
-            npy::write_npy(&files.path("direct.npy"), &[height, width], &direct.direct)?;
+    fn write_extras(&self, files: &mut Files<'_>, Resolution { width, height }: Resolution) -> Result<()> {
+        if let Some(direct) = &self.segmented.direct {
+            files.array("direct", &[height, width], &direct.direct)?;
         }
-        if let Some(view) = self.extras.features {
-            crate::io::atomic::write_bytes(&files.path("features.csv"), features::csv(view).as_bytes())?;
+        if let Some(view) = &self.segmented.features {
+            files.text("features.csv", &features::csv(view))?;
         }
-        for evidence in self.extras.evidence {
-            let name = format!("evidence-{}.npy", evidence.groups);
-            npy::write_npy(&files.path(&name), &[evidence.groups, height, width], &evidence.photos.concat())?;
+        for evidence in &self.segmented.evidence {
+            let name = format!("evidence-{}", evidence.groups);
+            files.array(&name, &[evidence.groups, height, width], &evidence.photos.concat())?;
         }
         Ok(())
     }
 
-    fn pictures(&self) -> Result<Pictures> {
-        let white = figure::light(self.white, exposure(self.white), self.unit, "The photo under white")?;
+    fn pictures(&self, white: &Image, run: &Run<'_>) -> Result<Pictures> {
+        let white = figure::light(white, exposure(white), run.unit, "The photo under white")?;
         let truth = self.truth.map(|truth| {
             Ok(Figure {
-                png: paint_labels(self.resolution, &truth.labels).encode_png()?,
+                png: paint_labels(run.resolution, &truth.labels).encode_png()?,
                 caption: "The true regions".into(),
                 legend: Legend::Swatches(swatches(truth)),
             })
         });
-        let labels = self.segmentation.labels.iter().map(|(groups, labels)| {
+        let labels = self.segmented.segmentation.labels.iter().map(|(groups, labels)| {
             let score = self.scores.iter().find(|(of, _)| of == groups);
             let score = score.map_or(String::new(), |(_, score)| format!(", adjusted Rand index {score:.4}"));
             let figure = Figure {
-                png: paint_labels(self.resolution, labels).encode_png()?,
+                png: paint_labels(run.resolution, labels).encode_png()?,
                 caption: format!("{groups} groups{score}"),
                 legend: Legend::of_labels(labels),
             };
             Ok((format!("labels-{groups}"), figure))
         });
-        let found = self.segmentation;
+        let found = &self.segmented.segmentation;
         let eigenvectors =
-            spectrum::pictures(self.resolution, &found.eigenvectors, &found.eigenvalues, Some(&found.mask))?;
+            spectrum::pictures(run.resolution, &found.eigenvectors, &found.eigenvalues, Some(&found.mask))?;
         Ok(Pictures {
             white,
             truth: truth.transpose()?,
@@ -149,8 +107,8 @@ impl SegmentationRun<'_> {
         })
     }
 
-    fn page(&self, pictures: Pictures, manifest: &RunManifest, seconds: f64) -> Result<Report> {
-        let found = self.segmentation;
+    fn page(&self, run: &Run<'_>, pictures: Pictures) -> Result<Report> {
+        let found = &self.segmented.segmentation;
         let figures =
             |of: Vec<(String, Figure)>| Block::Figures(of.into_iter().map(|(_, figure)| figure).collect());
         let beside = [Some(pictures.white), pictures.truth].into_iter().flatten();
@@ -161,16 +119,16 @@ impl SegmentationRun<'_> {
             text: "Pixels of one colour exchange light with one another, and little with the rest. All numbers of groups come from the same photos.".into(),
             blocks: vec![groups],
         }];
-        for of in self.extras.evidence {
-            sections.push(evidence::section(self, of)?);
+        for of in &self.segmented.evidence {
+            sections.push(evidence::section(run, of)?);
         }
         sections.push(Section {
             title: "Eigenvectors".into(),
             text: "The generalized eigenvectors of the cut: regions that exchange no light stand apart as areas of one colour. The first is the same everywhere and was known before any photo was taken.".into(),
             blocks: vec![figures(pictures.eigenvectors)],
         });
-        if let Some(view) = self.extras.features {
-            sections.push(features::section(self, view));
+        if let Some(view) = &self.segmented.features {
+            sections.push(features::section(found, view));
         }
         sections.push(Section {
             title: "Spectrum and convergence".into(),
@@ -182,43 +140,43 @@ impl SegmentationRun<'_> {
                 spectrum::table(&found.eigenvalues, &found.residuals, &self.local()),
             ],
         });
-        sections.extend(self.strip.section(self.unit, ORDER)?);
+        sections.extend(run.photos(ORDER)?);
         let masked = found.mask.iter().filter(|&&masked| masked).count();
         let mut more = vec![
             ("Masked pixels", masked.to_string()),
             ("Independent regions", found.regions.count.to_string()),
         ];
-        more.extend(self.extras.direct.map(|direct| ("Photos of direct light", direct.photos.to_string())));
-        let lit: usize = self.extras.evidence.iter().map(|of| of.photos.len()).sum();
+        more.extend(
+            self.segmented
+                .direct
+                .as_ref()
+                .map(|direct| ("Photos of direct light", direct.photos.to_string())),
+        );
+        let lit: usize = self.segmented.evidence.iter().map(|of| of.photos.len()).sum();
         more.extend((lit > 0).then(|| ("Photos of groups lit alone", lit.to_string())));
-        Ok(Report {
-            title: self.title.clone(),
-            verdict: Verdict { outcome: Outcome::Good, sentence: self.sentence() },
-            facts: run::facts(manifest, found.photos, more, seconds),
-            sections,
-            footer: manifest.command.join(" "),
-        })
+        Ok(run.page((true, self.sentence()), found.photos, more, sections))
     }
 
     /// A table column that marks localized eigenvectors; empty if there are none.
     fn local(&self) -> Vec<(&'static str, Vec<String>)> {
-        let embedding = &self.segmentation.embedding;
+        let embedding = &self.segmented.segmentation.embedding;
         let mark = |index| if embedding.is_local(index) { "a few pixels alone" } else { "regions" };
         let marks = (0..embedding.within.len()).map(|index| mark(index).to_owned()).collect();
         if embedding.local() == 0 { Vec::new() } else { vec![("tells of", marks)] }
     }
 
     fn sentence(&self) -> String {
-        let regions = self.segmentation.regions.sentence();
+        let found = &self.segmented.segmentation;
+        let regions = found.regions.sentence();
         let best = self.scores.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        let photos = self.segmentation.photos;
+        let photos = found.photos;
         match best {
             Some((groups, score)) => {
                 format!(
                     "{photos} photos; at {groups} groups the adjusted Rand index against the true regions is {score:.4}; {regions}."
                 )
             }
-            None => format!("{}; {regions}.", self.segmentation.status),
+            None => format!("{}; {regions}.", found.status),
         }
     }
 }

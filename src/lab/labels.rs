@@ -1,0 +1,38 @@
+//! The labels of what a scene's pixels see.
+
+use super::{Lab, Truth};
+use crate::error::Result;
+
+impl Lab {
+    /// The region that the centre of each pixel of a scene sees, row by row; 255 is a pixel that sees none.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where there is no scene; [`Error::Scene`] for more than 255 regions.
+    pub fn labels(&self) -> Result<Vec<u8>> {
+        self.scene_source()?.labels(self.resolution())
+    }
+
+    /// The true labels of the scene's author, where there are any.
+    ///
+    /// # Errors
+    /// As [`Lab::labels`].
+    pub fn truth(&self) -> Result<Option<Truth>> {
+        self.source.truth()
+    }
+
+    /// The true labels that [`Lab::segment`] asked for, or else [`Lab::truth`].
+    ///
+    /// # Errors
+    /// As [`Lab::labels`].
+    pub fn known_truth(&self) -> Result<Option<Truth>> {
+        match &self.kept_truth {
+            Some(truth) => Ok(Some(truth.clone())),
+            None => self.truth(),
+        }
+    }
+
+    /// Lets the journal of the run keep the true labels, so that a replay of the run knows them. Call it before the first photo.
+    pub(crate) fn keep_truth(&mut self, truth: Option<&Truth>) {
+        self.kept_truth = truth.cloned();
+    }
+}

@@ -1,0 +1,112 @@
+//! The photos of a laboratory, and what they cost.
+
+use super::operator::lock;
+use super::{Lab, Log};
+use crate::error::Result;
+use crate::image::Image;
+use crate::measure::{Measurement, RigRecord};
+use crate::observer::{Estimate, Step};
+use crate::report::contact_sheet::ContactSheet;
+
+impl Lab {
+    /// The photo of a pattern, in [`Lab::unit`], with the ambient light. A rig's photo is without it unless the rig file says otherwise. A
+    /// pattern of one channel lights all channels.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when the pattern does not have the pixels or channels of the projector; those of [`Lab::operator`].
+    pub fn photo(&mut self, pattern: &Image) -> Result<Image> {
+        lock(self.transport()?).photograph(pattern)
+    }
+
+    /// As [`Lab::photo`], with the standard error of each sample where the source knows it.
+    ///
+    /// # Errors
+    /// As [`Lab::photo`].
+    pub fn photo_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
+        lock(self.transport()?).photograph_with_error(pattern)
+    }
+
+    /// The photo under an all-ones pattern.
+    ///
+    /// # Errors
+    /// As [`Lab::operator`].
+    pub fn white(&mut self) -> Result<Image> {
+        lock(self.transport()?).white()
+    }
+
+    /// The photo without projector.
+    ///
+    /// # Errors
+    /// As [`Lab::operator`].
+    pub fn ambient(&mut self) -> Result<Image> {
+        lock(self.transport()?).ambient()
+    }
+
+    /// Photos of red, green and blue alone, in each of the camera's channels, without ambient light: `[primary][channel][pixel]`.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where projector or camera is gray; those of [`Lab::operator`].
+    pub fn primaries(&mut self) -> Result<[[Vec<f64>; 3]; 3]> {
+        lock(self.transport()?).primaries()
+    }
+
+    /// Every photo so far, as small pictures.
+    pub fn contact_sheet(&self) -> ContactSheet {
+        lock(&self.sheet).clone()
+    }
+
+    /// Announces how many photos of each channel are about to be taken.
+    pub(super) fn expect(&self, photos: usize) {
+        let total = (photos * self.channels.count()) as u64;
+        let step = Step { stage: "photos", done: 0, total, estimate: Estimate::None };
+        // Whether to go on is asked with the first photo.
+        let _ = self.observer.0.step(&step);
+    }
+
+    /// Runs `work`, which takes photos; records how long it took and what they have cost on a rig. The costs are of interest above all when
+    /// it failed.
+    pub(super) fn photos<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        self.photos_with(|_| true, work)
+    }
+
+    /// As [`Self::photos`]; `is_complete` says whether the photos are enough to know noise and drift.
+    pub(super) fn photos_with<T>(
+        &mut self,
+        is_complete: impl FnOnce(&T) -> bool,
+        work: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<T> {
+        let found = self.timed("photos", work);
+        let is_complete = found.as_ref().is_ok_and(is_complete);
+        let record = match &self.transport {
+            Some(transport) => lock(transport).record(is_complete)?,
+            None => None,
+        };
+        if let Some(rig) = record {
+            self.observer.costs(&rig);
+            if let Some(run) = &mut self.run {
+                run.manifest.rig = Some(rig);
+            }
+        }
+        found
+    }
+
+    /// What a rig has cost so far, with the noise and drift that its photos show; `None` for other sources.
+    ///
+    /// # Errors
+    /// As [`Lab::operator`].
+    pub fn costs(&mut self) -> Result<Option<RigRecord>> {
+        lock(self.transport()?).record(true)
+    }
+
+    /// Lets `work` use the rig's measurement, where photos are of a rig.
+    ///
+    /// # Errors
+    /// As [`Lab::operator`], and those of `work`.
+    pub fn with_measurement<T>(
+        &mut self,
+        work: impl FnOnce(&mut Measurement) -> Result<T>,
+    ) -> Result<Option<T>> {
+        let mut transport = lock(self.transport()?);
+        transport.rig().map(|rig| work(&mut rig.measurement)).transpose()
+    }
+}

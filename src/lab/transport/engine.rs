@@ -1,0 +1,69 @@
+//! What computes or takes photos.
+
+use crate::analysis::LowRank;
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::lab::matrix::ExplicitParts;
+use crate::lab::measured::MeasuredRig;
+use crate::lab::model::ModelParts;
+use crate::lab::scene::SceneSource;
+use crate::operator::Adjoint;
+use crate::transport::{Channels, MatrixOperator, Part, Retraced, RetracedOperator, Simulated, Transport};
+
+/// What computes or takes photos.
+pub(super) enum Engine {
+    /// Products with a traced matrix.
+    Replayed(Box<Simulated>),
+    /// A scene that is traced for each photo. The photos equal those of `Replayed`, to rounding.
+    Retraced(Box<SceneSource>, Channels),
+    /// A rig, or the photos that a run took of one.
+    Measured(Box<MeasuredRig>),
+    /// An explicit matrix.
+    Explicit(Box<ExplicitParts>),
+    /// A low-rank model.
+    Model(Box<ModelParts>),
+    /// Nothing: every photo is in the journal.
+    JournalOnly,
+}
+
+impl Engine {
+    /// Lets `work` multiply with one part and channel.
+    pub(super) fn with_operator<T>(
+        &mut self,
+        part: Part,
+        channel: usize,
+        work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
+    ) -> Result<T> {
+        match self {
+            Self::Replayed(simulated) => work(&mut MatrixOperator::new(&simulated.traced, part, channel)),
+            Self::Retraced(scene, channels) => {
+                let mut tracer = scene.tracer();
+                let retraced =
+                    Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels };
+                work(&mut RetracedOperator { retraced, part, channel })
+            }
+            Self::Measured(rig) => work(&mut rig.measurement.operator(part, channel)),
+            Self::Explicit(parts) => work(parts.operator(part)?),
+            Self::Model(parts) => work(parts.operator(part, channel)),
+            Self::JournalOnly => Err(Error::Interrupted),
+        }
+    }
+
+    pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        match self {
+            Self::Replayed(simulated) => simulated.photograph(pattern),
+            Self::Retraced(scene, channels) => {
+                let mut tracer = scene.tracer();
+                Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels }
+                    .photograph(pattern)
+            }
+            Self::Measured(rig) => rig.measurement.photograph(pattern)?.to_image(),
+            Self::Explicit(parts) => parts.photograph(pattern),
+            Self::Model(parts) => {
+                let none: Option<&mut [LowRank]> = None;
+                Ok(parts.model.relight("", pattern.clone(), none)?.relit)
+            }
+            Self::JournalOnly => Err(Error::Interrupted),
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! From an open source to its light transport.
+
+use std::path::Path;
+
+use super::engine::Engine;
+use super::{LightTransport, Shape, direct_diagonal};
+use crate::analysis::LowRank;
+use crate::analysis::low_rank::SavedModel;
+use crate::error::{Error, Result};
+use crate::journal::{Identity, Journal};
+use crate::lab::folder::RunFolder;
+use crate::lab::matrix::{ExplicitParts, MatrixSource};
+use crate::lab::measured::MeasuredRig;
+use crate::lab::model::ModelParts;
+use crate::lab::notes::{self, Kind};
+use crate::lab::run::RunSource;
+use crate::lab::scene::SceneSource;
+use crate::lab::settings::{ChannelChoice, OperatorChoice, Settings};
+use crate::lab::source::Source;
+use crate::lab::text::bytes;
+use crate::lab::{Log, SharedObserver, Truth, journal};
+use crate::operator::{Operator, Symmetry};
+use crate::transport::{Assembled, Backend, Channels, Simulated, predict};
+
+impl LightTransport {
+    /// Traces the scene, opens the rig or reads the journal. With a run's folder each photo is in its journal before it is used, and none
+    /// is taken twice.
+    pub(in crate::lab) fn open(
+        source: &Source,
+        settings: &Settings,
+        channels: Channels,
+        run: Option<(&RunFolder, Option<&Truth>)>,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        let shape = Shape {
+            photos: source.resolution(),
+            patterns: source.projector_resolution(),
+            symmetry: Symmetry::General,
+            channels: channels.count(),
+            block_size: 1,
+        };
+        let journal = |identity: &Identity| -> Result<Option<Journal>> {
+            let Some((run, truth)) = run else { return Ok(None) };
+            let mut journal = journal::open(&run.path, identity, run.resumes, observer)?;
+            if let Some(truth) = truth {
+                note(&mut journal, notes::TRUTH, truth)?;
+            }
+            if let Some(about) = source.note(channels) {
+                note(&mut journal, notes::SOURCE, &about)?;
+            }
+            Ok(Some(journal))
+        };
+        let native = match settings.channels {
+            ChannelChoice::Native => None,
+            _ => Some(channels),
+        };
+        match source {
+            Source::Scene(scene) => {
+                let journal = match run {
+                    Some(_) => journal(&scene.identity(Identity::new(), channels))?,
+                    None => None,
+                };
+                let symmetry = symmetry(scene.is_symmetric());
+                let engine = of_scene(scene, settings, channels, observer)?;
+                let shape = Shape { symmetry, ..shape };
+                let mut transport = Self { journal, ..Self::new(engine, shape, observer) };
+                transport.keep_known()?;
+                Ok(transport)
+            }
+            Source::Rig(rig) => {
+                let mut journal = match run {
+                    Some(_) => journal(&rig.identity()?)?,
+                    None => None,
+                };
+                if let (Some(journal), Some((run, _))) = (&mut journal, run) {
+                    rig.keep(&run.path, journal)?;
+                }
+                Ok(Self::of_rig(rig.measured(native, journal)?, shape, observer))
+            }
+            Source::Run(run) => Self::of_run(run, channels, native, shape, observer),
+            Source::Matrix(matrix) => Ok(Self::of_matrix(matrix, shape, observer)),
+            Source::Model(source) => Self::of_model(source.model.clone(), shape, channels, observer),
+        }
+    }
+
+    fn new(engine: Engine, shape: Shape, observer: &SharedObserver) -> Self {
+        Self { engine, journal: None, shape, observer: observer.clone() }
+    }
+
+    fn of_rig(rig: MeasuredRig, shape: Shape, observer: &SharedObserver) -> Self {
+        let measurement = &rig.measurement;
+        let shape = Shape { symmetry: measurement.symmetry(), channels: measurement.channels(), ..shape };
+        Self::new(Engine::Measured(Box::new(rig)), shape, observer)
+    }
+
+    fn of_run(
+        run: &RunSource,
+        channels: Channels,
+        native: Option<Channels>,
+        shape: Shape,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        if run.note.kind == Kind::Rig {
+            return Ok(Self::of_rig(run.measured(native, observer)?, shape, observer));
+        }
+        require_channels(channels, run.note.channels)?;
+        let shape = Shape { symmetry: run.note.symmetry(), ..shape };
+        let journal = Some(run.journal(observer)?);
+        Ok(Self { journal, ..Self::new(Engine::JournalOnly, shape, observer) })
+    }
+
+    fn of_matrix(source: &MatrixSource, shape: Shape, observer: &SharedObserver) -> Self {
+        let parts = ExplicitParts::new(source.matrix.clone());
+        let shape = Shape { symmetry: parts.full.symmetry(), channels: 1, ..shape };
+        Self::new(Engine::Explicit(Box::new(parts)), shape, observer)
+    }
+
+    fn of_model(
+        model: SavedModel,
+        shape: Shape,
+        channels: Channels,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        require_channels(channels, model.channels.len())?;
+        let symmetric = model.channels.iter().all(LowRank::is_symmetric);
+        let shape = Shape { symmetry: symmetry(symmetric), ..shape };
+        let engine = Engine::Model(Box::new(ModelParts::new(model)?));
+        Ok(Self::new(engine, shape, observer))
+    }
+
+    /// Products with this matrix, computed where the settings say.
+    pub(in crate::lab) fn of_assembled(
+        scene: &SceneSource,
+        mut traced: Assembled,
+        settings: &Settings,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        scene.place(&mut traced, settings.backend)?;
+        let matrix = &traced.matrix;
+        let shape = Shape {
+            photos: matrix.resolution(),
+            patterns: matrix.projector_resolution(),
+            symmetry: symmetry(matrix.is_symmetric()),
+            channels: matrix.channels().count(),
+            block_size: 1,
+        };
+        let engine = Engine::Replayed(Box::new(Simulated { traced }));
+        Ok(Self::new(engine, shape, observer))
+    }
+
+    /// A scene that is traced for each photo.
+    pub(in crate::lab) fn of_retraced(
+        scene: &SceneSource,
+        channels: Channels,
+        observer: &SharedObserver,
+    ) -> Self {
+        let shape = Shape {
+            photos: scene.settings.resolution,
+            patterns: scene.settings.projector.unwrap_or(scene.settings.resolution),
+            symmetry: symmetry(scene.is_symmetric()),
+            channels: channels.count(),
+            block_size: 1,
+        };
+        let engine = Engine::Retraced(Box::new(scene.clone()), channels);
+        Self::new(engine, shape, observer)
+    }
+
+    /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
+    fn keep_known(&mut self) -> Result<()> {
+        let Self { engine: Engine::Replayed(simulated), journal: Some(journal), .. } = self else {
+            return Ok(());
+        };
+        if let Some(direct) = direct_diagonal(&simulated.traced) {
+            let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+            journal.note(notes::DIRECT, &bytes)?;
+        }
+        self.ambient().map(drop)
+    }
+}
+
+/// Photos that are there already have the channels that they have.
+fn require_channels(channels: Channels, found: usize) -> Result<()> {
+    if channels.count() == found {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: "--channels".into(),
+        fault: format!("the run's photos have {found} channels, not {}", channels.count()),
+        help: "give the channels of that run".into(),
+    })
+}
+
+/// The operator that the settings ask for: for `Auto` the matrix, unless it would exceed the memory.
+fn of_scene(
+    scene: &SceneSource,
+    settings: &Settings,
+    channels: Channels,
+    observer: &SharedObserver,
+) -> Result<Engine> {
+    let retrace = match settings.operator {
+        OperatorChoice::Replay => false,
+        OperatorChoice::Retrace if settings.backend != Backend::Auto => {
+            return Err(Error::Option {
+                option: "--products".into(),
+                fault: "photos that are traced anew are not products with a matrix".into(),
+                help: "leave it out, or give --operator replay".into(),
+            });
+        }
+        OperatorChoice::Retrace => true,
+        OperatorChoice::Auto => {
+            let limit = settings.memory_limit();
+            let needed = predict(&mut scene.tracer(), &scene.settings, channels, limit)?.bytes;
+            let exceeds = needed > limit as f64;
+            if exceeds {
+                observer.note(format_args!(
+                    "note: the matrix would take about {}, more than --memory {}: every photo is traced anew",
+                    bytes(needed as u64),
+                    bytes(limit)
+                ));
+            }
+            exceeds
+        }
+    };
+    if retrace {
+        return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
+    }
+    let mut traced = scene.assemble(channels, settings.split_bounces)?;
+    scene.place(&mut traced, settings.backend)?;
+    Ok(Engine::Replayed(Box::new(Simulated { traced })))
+}
+
+fn symmetry(is_symmetric: bool) -> Symmetry {
+    if is_symmetric { Symmetry::Symmetric } else { Symmetry::General }
+}
+
+fn note(journal: &mut Journal, name: &str, value: &impl serde::Serialize) -> Result<()> {
+    let text =
+        serde_json::to_vec(value).map_err(|error| Error::writing(Path::new(journal.path()))(error.into()))?;
+    journal.note(name, &text)
+}
