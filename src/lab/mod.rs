@@ -40,6 +40,7 @@ mod scene;
 mod settings;
 mod source;
 pub mod text;
+mod through_rig;
 mod transport;
 mod verbs;
 mod virtual_scene;
@@ -75,7 +76,7 @@ use crate::render::{TraceSettings, TraceSummary, Tracer};
 use crate::report::contact_sheet::ContactSheet;
 use crate::scene::Scene;
 use crate::sparse::Csr;
-use crate::transport::{Channels, Noise, Part, TransportMatrix};
+use crate::transport::{Assembled, Channels, Noise, Part};
 use matrix::MatrixSource;
 use operator::lock;
 use source::Source;
@@ -456,13 +457,12 @@ impl Lab {
         Ok(lock(self.transport()?).is_simulated())
     }
 
-    /// Lets `work` read the traced light transport matrix, where there is one.
+    /// The traced scene, where photos are products with its matrix: the matrix, the ambient light, the noise. It is shared, not copied.
     ///
     /// # Errors
-    /// As [`Lab::operator`], and those of `work`.
-    pub fn with_matrix<T>(&mut self, work: impl FnOnce(&TransportMatrix) -> Result<T>) -> Result<Option<T>> {
-        let transport = lock(self.transport()?);
-        transport.assembled().map(|traced| work(&traced.matrix)).transpose()
+    /// As [`Lab::operator`].
+    pub fn assembled(&mut self) -> Result<Option<Arc<Assembled>>> {
+        Ok(lock(self.transport()?).assembled().cloned())
     }
 
     /// One part and channel of the light transport matrix, `rows × cols`, without a photo: that of a scene or of a matrix file. A rig's is
@@ -477,11 +477,15 @@ impl Lab {
                 _ => crate::transport::ExplicitMatrix::part_of(&source.matrix, part),
             };
         }
-        self.with_matrix(|matrix| matrix.to_csr(part, channel))?.ok_or_else(|| Error::Option {
-            option: "SOURCE".into(),
-            fault: "this source takes photos, and has no matrix in memory".into(),
-            help: "photograph the matrix column by column, or open a scene with the replay operator".into(),
-        })
+        match self.assembled()? {
+            Some(traced) => traced.matrix.to_csr(part, channel),
+            None => Err(Error::Option {
+                option: "SOURCE".into(),
+                fault: "this source takes photos, and has no matrix in memory".into(),
+                help: "photograph the matrix column by column, or open a scene with the replay operator"
+                    .into(),
+            }),
+        }
     }
 
     /// The direct light of each channel, where a traced matrix has it as a diagonal.
@@ -489,8 +493,7 @@ impl Lab {
     /// # Errors
     /// As [`Lab::operator`].
     pub fn direct_diagonal(&mut self) -> Result<Option<Vec<Vec<f64>>>> {
-        let transport = lock(self.transport()?);
-        Ok(transport.assembled().and_then(transport::direct_diagonal))
+        Ok(self.assembled()?.and_then(|traced| transport::direct_diagonal(&traced)))
     }
 
     /// The noise of the traced matrix, where it is known.
@@ -498,7 +501,7 @@ impl Lab {
     /// # Errors
     /// As [`Lab::operator`].
     pub fn noise(&mut self) -> Result<Option<Noise>> {
-        Ok(lock(self.transport()?).assembled().and_then(|traced| traced.noise.clone()))
+        Ok(self.assembled()?.and_then(|traced| traced.noise.clone()))
     }
 
     /// What the tracing of the matrix took, where there is one.
@@ -506,7 +509,7 @@ impl Lab {
     /// # Errors
     /// As [`Lab::operator`].
     pub fn trace_summary(&mut self) -> Result<Option<TraceSummary>> {
-        Ok(lock(self.transport()?).assembled().map(|traced| traced.summary))
+        Ok(self.assembled()?.map(|traced| traced.summary))
     }
 
     /// How the scene is traced, also the one behind a virtual rig.

@@ -1,6 +1,7 @@
 //! The light transport of an open source: every product with a part of its matrix, and every photo, goes through here.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::journal;
 use super::matrix::{ExplicitParts, MatrixSource};
@@ -22,13 +23,13 @@ use crate::measure::RigRecord;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::transport::{
     Assembled, Backend, Bounces, Channels, JournaledOperator, MatrixOperator, Part, Retraced,
-    RetracedOperator, Simulated, Transport, predict,
+    RetracedOperator, Transport, predict,
 };
 
 /// What computes or takes photos.
 enum Engine {
     /// Products with a traced matrix.
-    Replayed(Box<Simulated>),
+    Replayed(Arc<Assembled>),
     /// A scene that is traced for each photo. The photos equal those of `Replayed`, to rounding.
     Retraced(Box<SceneSource>, Channels),
     /// A rig, or the photos that a run took of one.
@@ -170,14 +171,8 @@ impl LightTransport {
         Ok(Self { engine, journal: None, shape, observer: observer.clone() })
     }
 
-    /// Products with this matrix, computed where the settings say.
-    pub(super) fn of_assembled(
-        scene: &SceneSource,
-        mut traced: Assembled,
-        settings: &Settings,
-        observer: &SharedObserver,
-    ) -> Result<Self> {
-        scene.place(&mut traced, settings.backend)?;
+    /// Products with this matrix.
+    pub(super) fn of_assembled(traced: Arc<Assembled>, observer: &SharedObserver) -> Self {
         let matrix = &traced.matrix;
         let shape = Shape {
             photos: matrix.resolution(),
@@ -186,8 +181,7 @@ impl LightTransport {
             channels: matrix.channels().count(),
             block_size: 1,
         };
-        let engine = Engine::Replayed(Box::new(Simulated { traced }));
-        Ok(Self { engine, journal: None, shape, observer: observer.clone() })
+        Self { engine: Engine::Replayed(traced), journal: None, shape, observer: observer.clone() }
     }
 
     /// A scene that is traced for each photo.
@@ -213,9 +207,9 @@ impl LightTransport {
     }
 
     /// The traced matrix, where there is one.
-    pub(super) fn assembled(&self) -> Option<&Assembled> {
+    pub(super) fn assembled(&self) -> Option<&Arc<Assembled>> {
         match &self.engine {
-            Engine::Replayed(simulated) => Some(&simulated.traced),
+            Engine::Replayed(traced) => Some(traced),
             _ => None,
         }
     }
@@ -270,10 +264,10 @@ impl LightTransport {
 
     /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
     fn keep_known(&mut self) -> Result<()> {
-        let Self { engine: Engine::Replayed(simulated), journal: Some(journal), .. } = self else {
+        let Self { engine: Engine::Replayed(traced), journal: Some(journal), .. } = self else {
             return Ok(());
         };
-        if let Some(direct) = direct_diagonal(&simulated.traced) {
+        if let Some(direct) = direct_diagonal(traced) {
             let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
             journal.note(notes::DIRECT, &bytes)?;
         }
@@ -284,7 +278,7 @@ impl LightTransport {
     pub(super) fn ambient(&mut self) -> Result<Image> {
         let patterns = self.shape.patterns;
         self.journaled_image("ambient", |engine| match engine {
-            Engine::Replayed(simulated) => Ok(simulated.traced.ambient.clone()),
+            Engine::Replayed(traced) => Ok(traced.ambient.clone()),
             Engine::Measured(rig) => rig.measurement.ambient()?.to_image(),
             Engine::Model(parts) => Ok(parts.model.ambient.clone()),
             engine => engine.photograph(&Image::filled(patterns, 1, 0.0)),
@@ -385,7 +379,7 @@ impl Engine {
         work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
     ) -> Result<T> {
         match self {
-            Self::Replayed(simulated) => work(&mut MatrixOperator::new(&simulated.traced, part, channel)),
+            Self::Replayed(traced) => work(&mut MatrixOperator::new(&**traced, part, channel)),
             Self::Retraced(scene, channels) => {
                 let mut tracer = scene.tracer();
                 let retraced =
@@ -401,7 +395,7 @@ impl Engine {
 
     fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         match self {
-            Self::Replayed(simulated) => simulated.photograph(pattern),
+            Self::Replayed(traced) => traced.photograph(pattern),
             Self::Retraced(scene, channels) => {
                 let mut tracer = scene.tracer();
                 Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels }
@@ -464,9 +458,7 @@ fn of_scene(
     if retrace {
         return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
     }
-    let mut traced = scene.assemble(channels, settings.split_bounces)?;
-    scene.place(&mut traced, settings.backend)?;
-    Ok(Engine::Replayed(Box::new(Simulated { traced })))
+    Ok(Engine::Replayed(scene.assemble(channels, settings.split_bounces)?))
 }
 
 fn symmetry(is_symmetric: bool) -> Symmetry {

@@ -10,12 +10,6 @@ pub(super) fn percent(share: f64) -> f64 {
 
 /// Panels of target, photos with and without compensation, projected pattern, and errors; all photos share one exposure.
 pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], best: &Entry) -> Vec<Panel> {
-    let panel = |name: &str, caption: String, content: Content| Panel {
-        name: name.into(),
-        caption,
-        resolution: stage.resolution,
-        content,
-    };
     let light = |values: Vec<f64>| Content::Light { values, white: Some(target_light.peak) };
     let pattern = clamped(&best.pattern);
     let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
@@ -24,20 +18,20 @@ pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], b
     let residual =
         |pattern: &[f64]| format!("residual {:.2} %", percent(target_light.residual(stage, pattern)));
     vec![
-        panel("target", "The target, W/(m² sr)".into(), light(target_light.light.clone())),
-        panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
-        panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
-        panel(
+        stage.panel("target", "The target, W/(m² sr)", light(target_light.light.clone())),
+        stage.panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
+        stage.panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
+        stage.panel(
             "pattern",
-            "What is projected, 0 to 1".into(),
+            "What is projected, 0 to 1",
             Content::Light { values: pattern, white: Some(1.0) },
         ),
-        panel(
+        stage.panel(
             "error-before",
-            "Projected as it is less the target, W/(m² sr)".into(),
+            "Projected as it is less the target, W/(m² sr)",
             Content::Signed(error(&before)),
         ),
-        panel("error-after", "Compensated less the target, W/(m² sr)".into(), Content::Signed(error(&seen))),
+        stage.panel("error-after", "Compensated less the target, W/(m² sr)", Content::Signed(error(&seen))),
     ]
 }
 

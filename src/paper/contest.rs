@@ -28,7 +28,7 @@ impl TargetLight {
     pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
         let mut white = vec![0.0; target.len()];
         operator.apply(&vec![1.0; target.len()], &mut white)?;
-        let truth = stage.photo(&vec![1.0; target.len()]);
+        let truth = stage.white();
         let unit = white.iter().sum::<f64>() / truth.iter().sum::<f64>();
         let mut sorted = truth;
         sorted.sort_by(f64::total_cmp);
@@ -97,7 +97,7 @@ pub(super) fn enter(
         let white = target_light.white.iter().map(|value| value.max(floor)).collect();
         options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
     }
-    let blurred = stage.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
+    let blurred = stage.set.is_out_of_focus() || operator.symmetry() != Symmetry::Symmetric;
     if method == Method::KrylovBox && blurred {
         options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &target_light.white)));
     }
@@ -142,25 +142,19 @@ impl Contest {
     /// Runs the comparison: `photos` photos per method besides the white one, `products` true products for the optimum.
     pub(super) fn hold(
         bench: &mut Bench,
-        stage: &Arc<Stage>,
+        stage: &Stage,
         target: &[f64],
         recipe: Method,
         photos: usize,
         products: usize,
     ) -> Result<Self> {
-        let (target_light, [recipe, scaled, boxed, jacobi]) =
-            bench.with_rig(stage, Part::Full, |operator| {
-                let target_light = TargetLight::new(stage, operator, target)?;
-                let mut enter = |method| enter(stage, operator, &target_light, method, photos);
-                let entries = [
-                    enter((recipe, false))?,
-                    enter((recipe, true))?,
-                    enter((Method::KrylovBox, false))?,
-                    enter((Method::Jacobi, false))?,
-                ];
-                Ok((target_light, entries))
-            })?;
-        let (bound, optimum) = optimum(stage, &target_light, products)?;
+        let operator = &mut bench.photos(stage, Part::Full)?;
+        let target_light = TargetLight::new(stage, operator, target)?;
+        let mut enter = |method| enter(stage, operator, &target_light, method, photos);
+        let (recipe, scaled) = (enter((recipe, false))?, enter((recipe, true))?);
+        let (boxed, jacobi) = (enter((Method::KrylovBox, false))?, enter((Method::Jacobi, false))?);
+        let operator = &mut bench.truth(stage, Part::Full)?;
+        let (bound, optimum) = optimum(operator, stage, &target_light, products)?;
         let plain = clamped(&target.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
         let uncompensated = target_light.residual(stage, &plain);
         Ok(Self { target_light, recipe, scaled, boxed, jacobi, bound, optimum, plain, uncompensated })
@@ -176,10 +170,14 @@ pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
 ///
 /// By convexity `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`; the minimum of the right side over the box is a sum over pixels (the
 /// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only how tight the bound is.
-pub(super) fn optimum(stage: &Stage, target_light: &TargetLight, products: usize) -> Result<(f64, f64)> {
-    let operator = &mut stage.ideal(Part::Full);
+pub(super) fn optimum(
+    operator: &mut dyn Adjoint,
+    stage: &Stage,
+    target_light: &TargetLight,
+    products: usize,
+) -> Result<(f64, f64)> {
     let mut options = target_light.options(Method::Fista, products)?;
-    options.diagonal = Some(stage.photo(&vec![1.0; stage.pixels()]));
+    options.diagonal = Some(stage.white());
     let x = solve_adjoint(Method::Fista, operator, &target_light.light, &options)?.x;
     let (mut seen, mut gradient) = (vec![0.0; x.len()], vec![0.0; x.len()]);
     operator.apply(&x, &mut seen)?;

@@ -24,7 +24,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
     let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
-    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
+    let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
     let features = features(&found);
     let chosen = CHOSEN.map(|(name, [x, y])| {
         let at = |share: f64| (share * side as f64) as usize;
@@ -56,8 +56,6 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         points: features.iter().enumerate().map(|(k, column)| (k as f64 + 2.0, column[pixel])).collect(),
     });
     Ok(Reproduced {
-        figure: Figure::Fig5,
-        rig: bench.rig(),
         setting: format!("zigzag, {}, {PHOTOS} photos, 10 eigenvectors", stage.resolution),
         checks,
         panels: panels(&stage, &chosen, &distances),
@@ -71,9 +69,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             lines: lines.collect(),
             marks: Vec::new(),
         }],
-        strips: Vec::new(),
         photos: found.photos,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig5, bench.rig())
     })
 }
 
@@ -112,14 +109,12 @@ fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
 }
 
 fn panels(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]) -> Vec<Panel> {
-    let maps = chosen.iter().zip(distances).map(|((name, _), from)| Panel {
-        name: format!("from-{}", &name[..1].to_lowercase()),
-        caption: format!("Distance of each pixel from {name}"),
-        resolution: stage.resolution,
-        content: Content::Amounts(from.clone()),
+    let maps = chosen.iter().zip(distances).map(|((name, _), from)| {
+        let caption = format!("Distance of each pixel from {name}");
+        stage.panel(format!("from-{}", &name[..1].to_lowercase()), caption, Content::Amounts(from.clone()))
     });
     // The chosen pixels are marked in the photo by values above its brightest one.
-    let white = stage.photo(&vec![1.0; stage.pixels()]);
+    let white = stage.white();
     let brightest = white.iter().copied().fold(0.0, f64::max);
     let mut marked: Vec<f64> = white.iter().map(|value| 0.6 * value).collect();
     let width = stage.resolution.width;
@@ -132,13 +127,11 @@ fn panels(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]) -> Ve
             }
         }
     }
-    let photo = Panel {
-        name: "chosen".into(),
-        caption: "The pixels looked at: A and B above on the left sheet, C below, D on the right sheet"
-            .into(),
-        resolution: stage.resolution,
-        content: Content::Light { values: marked, white: Some(brightest) },
-    };
+    let photo = stage.panel(
+        "chosen",
+        "The pixels looked at: A and B above on the left sheet, C below, D on the right sheet",
+        Content::Light { values: marked, white: Some(brightest) },
+    );
     std::iter::once(photo).chain(maps).collect()
 }
 

@@ -59,8 +59,6 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         .chain(panels_of("eggs", "With eggs", &egg_stage, &eggs))
         .collect();
     Ok(Reproduced {
-        figure: Figure::Fig8,
-        rig: bench.rig(),
         setting: format!(
             "a carton of 3 × 3 cells, {}, {PHOTOS} photos and {EIGENVECTORS} eigenvectors each",
             empty_stage.resolution
@@ -77,9 +75,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             lines: vec![spectrum("empty", &empty), spectrum("with eggs", &eggs)],
             marks: Vec::new(),
         }],
-        strips: Vec::new(),
         photos: empty.photos + eggs.photos,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig8, bench.rig())
     })
 }
 
@@ -92,7 +89,7 @@ fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::sync::Arc<Stage
         groups: vec![CELLS, EIGENVECTORS],
         ..SegmentOptions::default()
     };
-    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
+    let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
     Ok((stage, found))
 }
 

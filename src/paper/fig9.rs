@@ -4,8 +4,8 @@ use super::bench::Bench;
 use super::check::Check;
 use super::figure::{Figure, Reproduced, Shot, Strip};
 use super::stage::Set;
-use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
+use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::Result;
 use crate::krylov::{dot, norm};
 use crate::operator::Recorded;
@@ -18,12 +18,10 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
     let options = SegmentOptions { photos: PHOTOS, tolerance: 0.0, ..SegmentOptions::default() };
-    let (photos, degree, shots) = bench.with_rig(&stage, Part::Global, |operator| {
-        let mut recorded = Recorded::new(operator);
-        let found = segment(&mut recorded, &options)?;
-        let shots: Vec<Shot> = recorded.products.into_iter().map(Shot::from).collect();
-        Ok((found.photos, found.degree, shots))
-    })?;
+    let mut operator = bench.photos(&stage, Part::Global)?;
+    let mut recorded = Recorded::new(&mut operator);
+    let Segmentation { photos, degree, .. } = segment(&mut recorded, &options)?;
+    let shots: Vec<Shot> = recorded.products.into_iter().map(Shot::from).collect();
     // The patterns are `D^-½` times an orthogonal basis.
     let basis: Vec<Vec<f64>> = shots[1..]
         .iter()
@@ -41,12 +39,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         ),
     ];
     Ok(Reproduced {
-        figure: Figure::Fig9,
-        rig: bench.rig(),
         setting: format!("zigzag, {}, the run of figure 4", stage.resolution),
         checks,
-        panels: Vec::new(),
-        plots: Vec::new(),
         strips: vec![Strip {
             caption: "Above what is projected, below its photo without direct light; blue is negative. The first is white."
                 .into(),
@@ -54,7 +48,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             shots,
         }],
         photos,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig9, bench.rig())
     })
 }
 

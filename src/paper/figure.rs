@@ -146,6 +146,12 @@ pub struct Reproduced {
 }
 
 impl Reproduced {
+    /// A figure in front of which nothing has been measured yet.
+    pub(super) fn of(figure: Figure, rig: Rig) -> Self {
+        let (checks, panels, plots, strips) = Default::default();
+        Self { figure, rig, setting: String::new(), checks, panels, plots, strips, photos: 0, seconds: 0.0 }
+    }
+
     /// Whether every number meets its bound.
     pub fn is_met(&self) -> bool {
         self.checks.iter().all(Check::is_met)
