@@ -1,8 +1,9 @@
 //! Pictures and plot of a compensation.
 
 use super::contest::{Entry, TargetLight, clamped};
-use super::figure::{Content, Curve, Curves, Panel};
+use super::figure::{Content, Panel, Plot};
 use super::stage::Stage;
+use crate::report::plot::{LinePlot, Series};
 
 pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
@@ -36,13 +37,15 @@ pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], b
 }
 
 /// Residuals at equal photo counts, with marks for no compensation and for the optimal pattern.
-pub(super) fn residuals(lines: Vec<Curve>, uncompensated: f64, optimum: f64) -> Curves {
-    Curves {
+pub(super) fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
+    Plot {
         caption: "Relative residual by the light itself, at equal photos (the white one not counted).".into(),
-        x_label: "photos".into(),
-        y_label: "relative residual".into(),
-        logarithmic: true,
-        lines,
-        marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
+        lines: LinePlot {
+            x_label: "photos".into(),
+            y_label: "relative residual".into(),
+            logarithmic: true,
+            series: lines,
+            marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
+        },
     }
 }

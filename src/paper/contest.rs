@@ -5,13 +5,13 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::bench::Bench;
-use super::figure::{Curve, Shot};
 use super::stage::Stage;
 use crate::analysis::compensate::Mixture;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
-use crate::operator::{Adjoint, Observed, Operator, Recorded, Symmetry};
+use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 /// The target of a compensation, in W/(m² sr), and the photo under white that sets its scale.
@@ -43,14 +43,10 @@ impl TargetLight {
         norm(&misfit) / norm(&self.light)
     }
 
-    fn options(&self, method: Method, photos: usize) -> Result<SolveOptions> {
+    fn options(&self, method: Method, photos: usize) -> SolveOptions {
         let boxed = method.facts().constraint == crate::krylov::Constraint::Box;
-        Ok(SolveOptions {
-            products: photos,
-            rtol: 0.0,
-            diagonal: boxed.then(|| self.white.clone()),
-            ..SolveOptions::default()
-        })
+        let diagonal = boxed.then(|| self.white.clone());
+        SolveOptions { products: photos, rtol: 0.0, diagonal, ..SolveOptions::default() }
     }
 }
 
@@ -63,7 +59,7 @@ pub(super) struct Entry {
     /// The last answer, not clamped.
     pub(super) pattern: Vec<f64>,
     /// The photos in order.
-    pub(super) shots: Vec<Shot>,
+    pub(super) shots: Vec<Product>,
 }
 
 impl Entry {
@@ -90,7 +86,7 @@ pub(super) fn enter(
     (method, scaled): (Method, bool),
     photos: usize,
 ) -> Result<Entry> {
-    let mut options = target_light.options(method, photos)?;
+    let mut options = target_light.options(method, photos);
     if scaled {
         // The measurements of very dark pixels are mostly noise, hence the floor.
         let floor = 1e-3 * target_light.white.iter().copied().fold(0.0, f64::max);
@@ -117,7 +113,7 @@ pub(super) fn enter(
     let wanted: Vec<f64> = target_light.light.iter().map(|light| target_light.unit * light).collect();
     let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
     entry.pattern = found.x;
-    entry.shots = recorded.products.into_iter().map(Shot::from).collect();
+    entry.shots = recorded.products;
     Ok(entry)
 }
 
@@ -176,7 +172,7 @@ pub(super) fn optimum(
     target_light: &TargetLight,
     products: usize,
 ) -> Result<(f64, f64)> {
-    let mut options = target_light.options(Method::Fista, products)?;
+    let mut options = target_light.options(Method::Fista, products);
     options.diagonal = Some(stage.white());
     let x = solve_adjoint(Method::Fista, operator, &target_light.light, &options)?.x;
     let (mut seen, mut gradient) = (vec![0.0; x.len()], vec![0.0; x.len()]);
@@ -190,7 +186,7 @@ pub(super) fn optimum(
 }
 
 /// A curve of residuals over photos.
-pub(super) fn line(name: &str, residuals: &[f64]) -> Curve {
+pub(super) fn line(name: &str, residuals: &[f64]) -> Series {
     let points = residuals.iter().enumerate().map(|(index, &residual)| (index as f64 + 1.0, residual));
-    Curve { name: name.into(), points: points.collect() }
+    Series { name: name.into(), points: points.collect() }
 }

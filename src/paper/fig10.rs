@@ -42,7 +42,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             format!("residual of the answer of {name} after them, %"),
             percent(entry.answered_at(PHOTOS)),
         ));
-        strips.push(Strip { caption: caption.into(), resolution: stage.resolution, shots: entry.shots });
+        strips.push(Strip { caption: caption.into(), resolution: stage.resolution, photos: entry.shots });
     }
     Ok(Reproduced {
         setting: format!("corner, {}, the run of figure 11", stage.resolution),

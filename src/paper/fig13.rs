@@ -3,7 +3,7 @@
 use super::bench::{Bench, Rig};
 use super::check::Check;
 use super::devices::one_bit;
-use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Content, Figure, Panel, Plot, Reproduced};
 use super::stage::{Set, Stage};
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -11,6 +11,7 @@ use crate::krylov::norm;
 use crate::lab::Lab;
 use crate::measure::bit_planes::{amplification, weights};
 use crate::measure::{Calibration, MeasureOptions, RigFile, RigKind};
+use crate::report::plot::{LinePlot, Series};
 use crate::rig::VirtualRig;
 
 const SIDE: usize = 100;
@@ -103,20 +104,22 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
 }
 
 /// The error of the photo for each number of bit planes.
-fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Curves {
-    Curves {
-            caption: "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read \
-                      noise: more bit planes are worse than fewer."
-                .into(),
+fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Plot {
+    Plot {
+        caption: "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read \
+                  noise: more bit planes are worse than fewer."
+            .into(),
+        lines: LinePlot {
             x_label: "bit planes".into(),
             y_label: "relative error".into(),
             logarithmic: true,
-            lines: vec![
-                Curve { name: "bright".into(), points: bright },
-                Curve { name: "dim, with noise".into(), points: dim },
+            series: vec![
+                Series { name: "bright".into(), points: bright },
+                Series { name: "dim, with noise".into(), points: dim },
             ],
-            marks: Vec::new(),
-        }
+            ..LinePlot::default()
+        },
+    }
 }
 
 /// `½ + ½ sin` along the rows.

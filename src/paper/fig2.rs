@@ -3,11 +3,12 @@
 use super::bench::Bench;
 use super::check::Check;
 use super::dense;
-use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Content, Figure, Panel, Plot, Reproduced};
 use super::stage::{Set, Stage};
 use crate::error::Result;
 use crate::krylov::{EigsMethod, EigsOptions, Which, dot, eigs, norm};
 use crate::operator::{Adjoint, Operator, Recorded};
+use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -42,18 +43,20 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     ];
     let points =
         found.patterns.iter().enumerate().map(|(k, x)| (k as f64 + 1.0, 1.0 - overlap(x, &reference)));
-    let curve = Curve { name: "power iteration".into(), points: points.collect() };
+    let curve = Series { name: "power iteration".into(), points: points.collect() };
     Ok(Reproduced {
         setting: format!("a white room, {}, {PHOTOS} photos from white", stage.resolution),
         checks,
         panels: panels(&stage, &found.vector, &reference),
-        plots: vec![Curves {
+        plots: vec![Plot {
             caption: "How far the pattern is from the principal eigenvector (one minus overlap).".into(),
-            x_label: "photos".into(),
-            y_label: "1 − overlap".into(),
-            logarithmic: true,
-            lines: vec![curve],
-            marks: vec![(1e-3, "wanted".into())],
+            lines: LinePlot {
+                x_label: "photos".into(),
+                y_label: "1 − overlap".into(),
+                logarithmic: true,
+                series: vec![curve],
+                marks: vec![(1e-3, "wanted".into())],
+            },
         }],
         photos: PHOTOS,
         ..Reproduced::of(Figure::Fig2, bench.rig())

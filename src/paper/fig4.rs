@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 
 use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Content, Figure, Panel, Plot, Reproduced};
 use super::groups::panels;
 use super::purity::{bands, purity, straight_bands};
 use super::stage::{Set, Stage};
@@ -18,6 +18,7 @@ use crate::analysis::{Capture, SegmentOptions, Segmentation};
 use crate::error::Result;
 use crate::observer::{OnStep, Step};
 use crate::operator::{Observed, Operator};
+use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -152,14 +153,16 @@ fn fewest(curve: &[(f64, f64)]) -> f64 {
     curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
 }
 
-fn plot(points: Vec<(f64, f64)>) -> Curves {
-    Curves {
+fn plot(points: Vec<(f64, f64)>) -> Plot {
+    Plot {
         caption: "Purity of two groups if the photos had ended there.".into(),
-        x_label: "photos".into(),
-        y_label: "purity".into(),
-        logarithmic: false,
-        lines: vec![Curve { name: "two groups".into(), points }],
-        marks: vec![(PURE, "wanted".into())],
+        lines: LinePlot {
+            x_label: "photos".into(),
+            y_label: "purity".into(),
+            series: vec![Series { name: "two groups".into(), points }],
+            marks: vec![(PURE, "wanted".into())],
+            ..LinePlot::default()
+        },
     }
 }
 

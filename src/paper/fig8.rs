@@ -2,12 +2,13 @@
 
 use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Figure, Panel, Plot, Reproduced};
 use super::groups::panels;
 use super::stage::{Set, Stage};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::error::Result;
+use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const SIDE: usize = 128;
@@ -51,7 +52,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             adjusted_rand_index(with, &egg_stage.truth)?,
         ),
     ];
-    let spectrum = |name: &str, found: &Segmentation| Curve {
+    let spectrum = |name: &str, found: &Segmentation| Series {
         name: name.into(),
         points: found.eigenvalues.iter().enumerate().map(|(k, value)| (k as f64 + 1.0, *value)).collect(),
     };
@@ -65,15 +66,16 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         ),
         checks,
         panels,
-        plots: vec![Curves {
+        plots: vec![Plot {
             caption:
                 "Eigenvalues of the normalized cut: as many at one as there are cells that exchange no light, beside those of a few pixels."
                     .into(),
-            x_label: "eigenvector".into(),
-            y_label: "eigenvalue λ".into(),
-            logarithmic: false,
-            lines: vec![spectrum("empty", &empty), spectrum("with eggs", &eggs)],
-            marks: Vec::new(),
+            lines: LinePlot {
+                x_label: "eigenvector".into(),
+                y_label: "eigenvalue λ".into(),
+                series: vec![spectrum("empty", &empty), spectrum("with eggs", &eggs)],
+                ..LinePlot::default()
+            },
         }],
         photos: empty.photos + eggs.photos,
         ..Reproduced::of(Figure::Fig8, bench.rig())

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Figure, Reproduced, Shot, Strip};
+use super::figure::{Figure, Reproduced, Strip};
 use super::stage::Set;
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation};
@@ -21,13 +21,13 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let mut operator = bench.photos(&stage, Part::Global)?;
     let mut recorded = Recorded::new(&mut operator);
     let Segmentation { photos, degree, .. } = segment(&mut recorded, &options)?;
-    let shots: Vec<Shot> = recorded.products.into_iter().map(Shot::from).collect();
+    let shots = recorded.products;
     // The patterns are `D^-½` times an orthogonal basis.
     let basis: Vec<Vec<f64>> = shots[1..]
         .iter()
-        .map(|shot| shot.pattern.iter().zip(&degree).map(|(x, d)| x * d.sqrt()).collect())
+        .map(|shot| shot.from.iter().zip(&degree).map(|(x, d)| x * d.sqrt()).collect())
         .collect();
-    let is_white = shots.first().is_some_and(|shot| shot.pattern.iter().all(|&value| value == 1.0));
+    let is_white = shots.first().is_some_and(|shot| shot.from.iter().all(|&value| value == 1.0));
     let checks = vec![
         Check::at_most("photos taken", shots.len() as f64, PHOTOS as f64),
         Check::at_least("photos taken that are counted", photos as f64 / shots.len() as f64, 1.0),
@@ -45,7 +45,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             caption: "Above what is projected, below its photo without direct light; blue is negative. The first is white."
                 .into(),
             resolution: stage.resolution,
-            shots,
+            photos: shots,
         }],
         photos,
         ..Reproduced::of(Figure::Fig9, bench.rig())
