@@ -89,7 +89,7 @@
 //! <!-- rooms: begin -->
 //! ```text
 //! cli       → paper, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, error
-//! paper     → report, analysis, measure, rig, transport, render, scene, krylov, io, sparse, operator, observer, image, error
+//! paper     → lab, report, analysis, measure, rig, transport, scene, krylov, io, sparse, operator, observer, image, error
 //! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, file, error
 //! report    → analysis, measure, rig, krylov, io, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error

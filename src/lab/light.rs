@@ -12,7 +12,7 @@ use crate::io::manifest::ProductsOn;
 use crate::operator::{Operator, Symmetry};
 use crate::render::TraceSummary;
 use crate::sparse::Csr;
-use crate::transport::{ExplicitMatrix, Noise, Part, TransportMatrix};
+use crate::transport::{Assembled, ExplicitMatrix, Noise, Part};
 
 impl Lab {
     /// One part of the light transport, as a linear operator: the first channel.
@@ -94,13 +94,12 @@ impl Lab {
         self.reference_operators(part)?.into_iter().map(white).collect()
     }
 
-    /// Lets `work` read the traced light transport matrix, where there is one.
+    /// The traced scene, where photos are products with its matrix: the matrix, the ambient light, the noise. It is shared, not copied.
     ///
     /// # Errors
-    /// As [`Lab::operator`], and those of `work`.
-    pub fn with_matrix<T>(&mut self, work: impl FnOnce(&TransportMatrix) -> Result<T>) -> Result<Option<T>> {
-        let transport = lock(self.transport()?);
-        transport.assembled().map(|traced| work(&traced.matrix)).transpose()
+    /// As [`Lab::operator`].
+    pub fn assembled(&mut self) -> Result<Option<Arc<Assembled>>> {
+        Ok(lock(self.transport()?).assembled().cloned())
     }
 
     /// One part and channel of the light transport matrix, `rows × cols`, without a photo: that of a scene or of a matrix file. A rig's is
@@ -115,11 +114,15 @@ impl Lab {
                 _ => ExplicitMatrix::part_of(&source.matrix, part),
             };
         }
-        self.with_matrix(|matrix| matrix.to_csr(part, channel))?.ok_or_else(|| Error::Option {
-            option: "SOURCE".into(),
-            fault: "this source takes photos, and has no matrix in memory".into(),
-            help: "photograph the matrix column by column, or open a scene with the replay operator".into(),
-        })
+        match self.assembled()? {
+            Some(traced) => traced.matrix.to_csr(part, channel),
+            None => Err(Error::Option {
+                option: "SOURCE".into(),
+                fault: "this source takes photos, and has no matrix in memory".into(),
+                help: "photograph the matrix column by column, or open a scene with the replay operator"
+                    .into(),
+            }),
+        }
     }
 
     /// The direct light of each channel, where a traced matrix has it as a diagonal.
@@ -127,8 +130,7 @@ impl Lab {
     /// # Errors
     /// As [`Lab::operator`].
     pub fn direct_diagonal(&mut self) -> Result<Option<Vec<Vec<f64>>>> {
-        let transport = lock(self.transport()?);
-        Ok(transport.assembled().and_then(transport::direct_diagonal))
+        Ok(self.assembled()?.and_then(|traced| transport::direct_diagonal(&traced)))
     }
 
     /// The noise of the traced matrix, where it is known.
@@ -146,8 +148,7 @@ impl Lab {
     /// # Errors
     /// As [`Lab::operator`].
     pub fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
-        let transport = lock(self.transport()?);
-        let Some(traced) = transport.assembled() else { return Ok(None) };
+        let Some(traced) = self.assembled()? else { return Ok(None) };
         let relative = |noise: &Noise| if part == Part::Global { noise.global } else { noise.operator };
         let columns = traced.matrix.projector_resolution().pixels() as f64;
         let norm = || traced.matrix.frobenius_norm(part, 0);

@@ -44,6 +44,7 @@ mod scene;
 mod settings;
 mod source;
 pub mod text;
+mod through_rig;
 mod transport;
 mod verbs;
 mod view;

@@ -7,10 +7,10 @@ use super::notes::{self, Kind, SourceNote, calibration_folder};
 use super::scene::SceneSource;
 use super::settings::Settings;
 use super::source::short_name;
-use super::virtual_scene::{no_scene, not_virtual, refuse_tracing, scene_of, twin};
+use super::virtual_scene::{no_scene, not_virtual, refuse_tracing, scene_of, traced_scene, twin};
 use super::{Log, SharedObserver, Truth, journal};
 use crate::analysis::plan::Twin;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::{Identity, Journal};
@@ -45,16 +45,11 @@ impl RigSource {
     /// As [`RigFile::load`], [`Calibration::load`], and those of loading a scene.
     pub(super) fn open(path: &Path, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
         let mut source = Self::uncalibrated(path, settings, observer)?;
-        match &source.file.calibration {
-            Some(folder) => {
-                source.calibration = Calibration::load(folder)?;
-                let devices = &source.devices;
-                source.calibration.check(&devices.projector_info(), &devices.camera_info())?;
-            }
-            None => observer.note(format_args!(
+        if !source.load_calibration()? {
+            observer.note(format_args!(
                 "note: {} names no calibration, so its devices are taken as ideal; `krylux rig calibrate` measures them",
                 path.display()
-            )),
+            ));
         }
         Ok(source)
     }
@@ -70,10 +65,49 @@ impl RigSource {
             RigKind::Virtual(rig) => scene_of(&mut rig.scene, path, settings, observer)?,
             RigKind::Hardware(_) => refuse_tracing(path, settings).map(|()| None)?,
         };
+        Ok(Self::of_devices(file, devices, scene, observer))
+    }
+
+    /// The virtual devices of `file` in front of an open scene, in place of the one that the file names.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where the devices are real; [`Error::Option`] where the scene's projector has other pixels than its camera; those of
+    /// loading the calibration.
+    pub(super) fn in_front_of(scene: &SceneSource, file: RigFile, observer: &SharedObserver) -> Result<Self> {
+        let RigKind::Virtual(mut rig) = file.kind.clone() else { return Err(not_virtual(&file.path)) };
+        rig.scene = traced_scene(scene, &file.path)?;
+        let mut source = Self::of_devices(file, RigKind::Virtual(rig), Some(scene.clone()), observer);
+        source.load_calibration()?;
+        Ok(source)
+    }
+
+    fn of_devices(
+        file: RigFile,
+        devices: RigKind,
+        scene: Option<SceneSource>,
+        observer: &SharedObserver,
+    ) -> Self {
         let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
         let symmetric = scene.as_ref().is_none_or(SceneSource::is_symmetric);
         let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
-        Ok(Self { file, calibration, devices, scene, symmetry, observer: observer.clone() })
+        Self { file, calibration, devices, scene, symmetry, observer: observer.clone() }
+    }
+
+    /// Loads the calibration that the file names; whether it names one.
+    fn load_calibration(&mut self) -> Result<bool> {
+        let Some(folder) = &self.file.calibration else { return Ok(false) };
+        let calibration = Calibration::load(folder)?;
+        self.calibrated_by(calibration).map(|()| true)
+    }
+
+    /// Replaces what is known of the devices.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when the calibration is that of other devices.
+    pub(super) fn calibrated_by(&mut self, calibration: Calibration) -> Result<()> {
+        calibration.check(&self.devices.projector_info(), &self.devices.camera_info())?;
+        self.calibration = calibration;
+        Ok(())
     }
 
     /// Who watches.
@@ -193,6 +227,14 @@ impl RigSource {
     pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
         let path = &self.file.path;
         let bytes = crate::file::read(path)?;
+        if RigFile::from_bytes(path, &bytes)? != self.file {
+            return Err(Error::Data {
+                path: path.clone(),
+                fault: "the file is not what the rig was opened by, and a run keeps the file".into(),
+                help: "open the rig by the file as it is, or take its photos without a folder for the run"
+                    .into(),
+            });
+        }
         journal.note(notes::RIG_FILE, &bytes)?;
         let calibration = calibration_folder(folder);
         let is_kept =

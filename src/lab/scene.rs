@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use super::operator::lock;
 use super::settings::Settings;
 use super::text::{grouped, percent};
 use super::{Log, SharedObserver, Truth};
@@ -30,8 +31,15 @@ pub(super) struct SceneSource {
     adapter: AdapterSummary,
     pub(super) settings: TraceSettings,
     cache: Option<Arc<Cache>>,
+    /// Where products are to be computed.
+    backend: Backend,
+    /// The matrix that was asked for last; clones of the source share it.
+    kept: Arc<Mutex<Option<Kept>>>,
     observer: SharedObserver,
 }
+
+/// An assembled matrix, with its channels and whether its second bounce is a layer apart.
+type Kept = ((Channels, bool), Arc<Assembled>);
 
 impl SceneSource {
     /// Loads the scene, reports what was ignored in it, and opens the adapter for it.
@@ -76,6 +84,8 @@ impl SceneSource {
             adapter,
             settings: trace,
             cache: settings.cache.open().map(Arc::new),
+            backend: settings.backend,
+            kept: Arc::default(),
             observer: observer.clone(),
         }
     }
@@ -126,9 +136,41 @@ impl SceneSource {
         manifest.max_bounces = Some(settings.max_bounces);
     }
 
-    /// The matrix from the cache, if it is there and whole.
-    pub(super) fn cached(&self, channels: Channels) -> Option<Assembled> {
-        self.look_up(&self.key(channels, false))
+    /// The matrix, if it is in memory, or whole in the cache.
+    pub(super) fn cached(&self, channels: Channels) -> Result<Option<Arc<Assembled>>> {
+        let (asked, mut kept) = ((channels, false), lock(&self.kept));
+        match &*kept {
+            Some((of, traced)) if *of == asked => Ok(Some(Arc::clone(traced))),
+            _ => {
+                let found = self.look_up(&self.key(channels, false));
+                found.map(|traced| self.keep(&mut kept, asked, traced)).transpose()
+            }
+        }
+    }
+
+    /// The light transport matrix where products are to be computed: the one in memory, or else as [`Self::cached_or_traced`]. If `split`,
+    /// the second bounce is a layer apart from the third and later ones.
+    pub(super) fn assemble(&self, channels: Channels, split: bool) -> Result<Arc<Assembled>> {
+        let (asked, mut kept) = ((channels, split), lock(&self.kept));
+        match &*kept {
+            Some((of, traced)) if *of == asked => Ok(Arc::clone(traced)),
+            _ => {
+                // There may be no memory for two of them.
+                *kept = None;
+                self.keep(&mut kept, asked, self.cached_or_traced(channels, split)?)
+            }
+        }
+    }
+
+    fn keep(
+        &self,
+        kept: &mut Option<Kept>,
+        asked: (Channels, bool),
+        mut traced: Assembled,
+    ) -> Result<Arc<Assembled>> {
+        self.place(&mut traced)?;
+        let (_, traced) = kept.insert((asked, Arc::new(traced)));
+        Ok(Arc::clone(traced))
     }
 
     fn look_up(&self, key: &Key) -> Option<Assembled> {
@@ -143,9 +185,8 @@ impl SceneSource {
         }
     }
 
-    /// Finds the light transport matrix in the cache or traces it, and reports what that took. If `split`, the second bounce is a layer
-    /// apart from the third and later ones.
-    pub(super) fn assemble(&self, channels: Channels, split: bool) -> Result<Assembled> {
+    /// Finds the light transport matrix in the cache or traces it, and reports what that took.
+    fn cached_or_traced(&self, channels: Channels, split: bool) -> Result<Assembled> {
         let start = Instant::now();
         let key = self.key(channels, split);
         let cached = self.look_up(&key);
@@ -175,8 +216,8 @@ impl SceneSource {
     }
 
     /// Moves the matrix to where products are to be computed, and reports where that is.
-    pub(super) fn place(&self, traced: &mut Assembled, backend: Backend) -> Result<()> {
-        if let Some(why) = traced.place(&self.tracer(), backend)? {
+    fn place(&self, traced: &mut Assembled) -> Result<()> {
+        if let Some(why) = traced.place(&self.tracer(), self.backend)? {
             self.observer.note(format_args!("note: products are computed on the processor: {why}"));
         }
         let device = if traced.is_on_gpu() { &self.adapter.name } else { "the processor" };

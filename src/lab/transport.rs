@@ -3,6 +3,8 @@
 mod engine;
 mod opening;
 
+use std::sync::Arc;
+
 use super::measured::MeasuredRig;
 use super::{SharedObserver, journal};
 use crate::error::{Error, Result};
@@ -51,9 +53,9 @@ impl LightTransport {
     }
 
     /// The traced matrix, where there is one.
-    pub(super) fn assembled(&self) -> Option<&Assembled> {
+    pub(super) fn assembled(&self) -> Option<&Arc<Assembled>> {
         match &self.engine {
-            Engine::Replayed(simulated) => Some(&simulated.traced),
+            Engine::Replayed(traced) => Some(traced),
             _ => None,
         }
     }
@@ -113,7 +115,7 @@ impl LightTransport {
     pub(super) fn ambient(&mut self) -> Result<Image> {
         let patterns = self.shape.patterns;
         self.journaled_image("ambient", |engine| match engine {
-            Engine::Replayed(simulated) => Ok(simulated.traced.ambient.clone()),
+            Engine::Replayed(traced) => Ok(traced.ambient.clone()),
             Engine::Measured(rig) => rig.measurement.ambient()?.to_image(),
             Engine::Model(parts) => Ok(parts.model.ambient.clone()),
             engine => engine.photograph(&Image::filled(patterns, 1, 0.0)),

@@ -1,7 +1,6 @@
 //! The scene or matrix that the devices of a virtual rig look at.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use super::SharedObserver;
 use super::scene::SceneSource;
@@ -11,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::io::sparse;
 use crate::render::TraceSettings;
 use crate::rig::{VirtualRig, VirtualScene};
-use crate::transport::{Backend, ExplicitMatrix};
+use crate::transport::ExplicitMatrix;
 
 /// Opens the scene of a virtual rig, with settings in place of what its file says; none where its matrix is in a file.
 pub(super) fn scene_of(
@@ -31,17 +30,31 @@ pub(super) fn scene_of(
             };
             let trace = settings.trace.for_rig(of_file);
             if trace.projector.is_some() {
-                return Err(Error::Option {
-                    option: "--projector-size".into(),
-                    fault: format!("{} has as many projector pixels as its scene has", rig.display()),
-                    help: "leave it out, or give --size".into(),
-                });
+                return Err(projector_of_its_own(rig));
             }
             (*size, *samples, *max_bounces) = (trace.resolution, trace.samples, trace.max_bounces);
             SceneSource::open(path, camera.as_deref(), camera_file.as_deref(), trace, settings, observer)
                 .map(Some)
         }
         VirtualScene::Matrix { .. } => refuse_tracing(rig, settings).map(|()| None),
+    }
+}
+
+/// An open scene, as a rig file would describe it.
+pub(super) fn traced_scene(scene: &SceneSource, rig: &Path) -> Result<VirtualScene> {
+    let TraceSettings { resolution: size, projector, samples, max_bounces, seed, .. } = scene.settings;
+    if projector.is_some_and(|projector| projector != size) {
+        return Err(projector_of_its_own(rig));
+    }
+    let path = scene.scene.path.clone();
+    Ok(VirtualScene::File { path, camera: None, camera_file: None, size, samples, max_bounces, seed })
+}
+
+fn projector_of_its_own(rig: &Path) -> Error {
+    Error::Option {
+        option: "--projector-size".into(),
+        fault: format!("{} has as many projector pixels as its scene has", rig.display()),
+        help: "leave it out, or give --size".into(),
     }
 }
 
@@ -58,11 +71,7 @@ pub(super) fn refuse_tracing(rig: &Path, settings: &Settings) -> Result<()> {
 /// What the devices look at: the scene, traced now, or the matrix in a file.
 pub(super) fn twin(scene: Option<&SceneSource>, devices: &VirtualRig, rig: &Path) -> Result<Twin> {
     Ok(match (scene, &devices.scene) {
-        (Some(scene), _) => {
-            let mut traced = scene.assemble(devices.channels(), false)?;
-            scene.place(&mut traced, Backend::Auto)?;
-            Twin::Traced(Arc::new(traced))
-        }
+        (Some(scene), _) => Twin::Traced(scene.assemble(devices.channels(), false)?),
         (None, VirtualScene::Matrix { path, size }) => {
             Twin::Explicit(ExplicitMatrix::new(sparse::read(path)?, *size)?)
         }

@@ -1,17 +1,16 @@
 //! Sources of the figures' photos: scenes are built in memory, traced once, and measured by an ideal rig or by virtual devices.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::devices::Devices;
+use super::devices::realistic;
 use super::stage::{Set, Stage};
-use crate::analysis::MASKED;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
+use crate::measure::Calibration;
+use crate::measure::calibrate::CalibrateOptions;
 use crate::observer::{Estimate, Observer, Step};
-use crate::operator::Adjoint;
-use crate::render::{TraceSettings, Tracer};
-use crate::transport::{Channels, Part, assemble};
+use crate::transport::{Backend, Part};
 
 /// The kind of rig that measures the light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -43,19 +42,25 @@ pub struct BenchOptions {
     pub adapter: Option<String>,
 }
 
-/// The scenes and the rig of the figures. Traced scenes are cached for later figures.
+/// The scenes and the rig of the figures. Traced scenes are kept for later figures.
 pub struct Bench {
     options: BenchOptions,
-    observer: Arc<dyn Observer + Send + Sync>,
-    stages: Vec<(Set, Resolution, Arc<Stage>)>,
-    /// Calibrated devices for each stage.
-    devices: Vec<(Arc<Stage>, Devices)>,
+    observer: SharedObserver,
+    scenes: Vec<OpenScene>,
+}
+
+/// A traced scene.
+struct OpenScene {
+    stage: Arc<Stage>,
+    lab: Lab,
+    /// That of the virtual devices in front of it, from the first time that they are used.
+    calibration: Option<Calibration>,
 }
 
 impl Bench {
     /// Creates a bench without tracing anything. `observer` sees the steps of each trace and may stop it.
     pub fn new(options: BenchOptions, observer: Arc<dyn Observer + Send + Sync>) -> Self {
-        Self { options, observer, stages: Vec::new(), devices: Vec::new() }
+        Self { options, observer: SharedObserver(observer), scenes: Vec::new() }
     }
 
     /// The kind of rig.
@@ -70,60 +75,86 @@ impl Bench {
 
     /// The traced scene at `side × side` pixels.
     pub(super) fn stage(&mut self, set: Set, side: usize) -> Result<Arc<Stage>> {
-        let resolution = Resolution::new(side, side);
-        if let Some((.., stage)) = self.stages.iter().find(|(s, r, _)| (*s, *r) == (set, resolution)) {
-            return Ok(Arc::clone(stage));
-        }
-        let scene = set.scene();
-        let mut tracer = Tracer::new(&scene, self.options.adapter.as_deref())?;
-        let truth = tracer.regions(resolution)?;
-        let truth = truth.into_iter().map(|region| region.map_or(MASKED, |region| region as u8)).collect();
-        let samples = if self.options.quick { set.samples() / 4 } else { set.samples() };
-        let settings = TraceSettings::new(resolution, samples);
-        tracer.observe(Arc::clone(&self.observer));
-        let traced = assemble(&mut tracer, &settings, Channels::Luma)?;
-        let stage = Arc::new(Stage { traced, truth, resolution, out_of_focus: set.is_out_of_focus() });
-        self.stages.push((set, resolution, Arc::clone(&stage)));
-        Ok(stage)
+        Ok(Arc::clone(&self.open(set, Resolution::new(side, side))?.stage))
     }
 
-    /// Runs `work` with an operator that takes photos of `stage` by the rig.
-    pub(super) fn with_rig<T>(
-        &mut self,
-        stage: &Arc<Stage>,
-        part: Part,
-        work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
-    ) -> Result<T> {
-        self.check()?;
+    /// The laboratory around a traced scene.
+    pub(super) fn lab(&mut self, stage: &Stage) -> Result<&mut Lab> {
+        Ok(&mut self.open(stage.set, stage.resolution)?.lab)
+    }
+
+    /// Products with the traced matrix. Answers are evaluated with it, whichever rig took the photos.
+    pub(super) fn truth(&mut self, stage: &Stage, part: Part) -> Result<LabOperator> {
+        Ok(self.lab(stage)?.reference_operators(part)?.swap_remove(0))
+    }
+
+    /// Photos of the scene by the rig. Virtual devices are opened anew each time.
+    pub(super) fn photos(&mut self, stage: &Stage, part: Part) -> Result<LabOperator> {
+        let step = Step { stage: "tracing", done: 1, total: 1, estimate: Estimate::None };
+        if self.observer.0.step(&step).is_break() {
+            return Err(Error::Interrupted);
+        }
         match self.options.rig {
-            Rig::Ideal => work(&mut stage.ideal(part)),
+            Rig::Ideal => self.truth(stage, part),
             Rig::Virtual => {
-                let mut measurement = self.devices(stage)?.measurement(stage)?;
-                work(&mut measurement.operator(part, 0))
+                let mut rig = self.open(stage.set, stage.resolution)?.through_devices()?;
+                Ok(rig.reference_operators(part)?.swap_remove(0))
             }
         }
     }
 
-    /// The devices for a stage, calibrated on first use.
-    fn devices(&mut self, stage: &Arc<Stage>) -> Result<&Devices> {
-        let known = self.devices.iter().position(|(known, _)| Arc::ptr_eq(known, stage));
-        let at = match known {
+    /// The scene, traced now if it is not.
+    fn open(&mut self, set: Set, resolution: Resolution) -> Result<&mut OpenScene> {
+        let is_open = |scene: &OpenScene| (scene.stage.set, scene.stage.resolution) == (set, resolution);
+        let at = match self.scenes.iter().position(is_open) {
             Some(at) => at,
             None => {
-                let devices = Devices::set_up(stage, &mut || self.go_on())?;
-                self.devices.push((Arc::clone(stage), devices));
-                self.devices.len() - 1
+                let scene = OpenScene::new(set, resolution, &self.options, &self.observer)?;
+                self.scenes.push(scene);
+                self.scenes.len() - 1
             }
         };
-        Ok(&self.devices[at].1)
+        Ok(&mut self.scenes[at])
+    }
+}
+
+impl OpenScene {
+    fn new(
+        set: Set,
+        resolution: Resolution,
+        options: &BenchOptions,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        // One matrix, and the order of sums on the processor: the numbers do not depend on the memory or on the device of products.
+        let settings = Settings {
+            adapter: options.adapter.clone(),
+            operator: OperatorChoice::Replay,
+            backend: Backend::Cpu,
+            ..Settings::default()
+        };
+        let mut lab = Lab::builder_of_scene(set.scene())
+            .settings(settings)
+            .size(resolution.width, resolution.height)
+            .samples(if options.quick { set.samples() / 4 } else { set.samples() })
+            .observer(observer.clone())
+            .open()?;
+        let truth = lab.labels()?;
+        // A scene whose products are replayed has a matrix.
+        let traced = lab.assembled()?.ok_or(Error::Interrupted)?;
+        let stage = Arc::new(Stage { set, resolution, truth, traced });
+        Ok(Self { stage, lab, calibration: None })
     }
 
-    /// Asks the observer whether to continue.
-    fn go_on(&self) -> ControlFlow<()> {
-        self.observer.step(&Step { stage: "tracing", done: 1, total: 1, estimate: Estimate::None })
-    }
-
-    fn check(&self) -> Result<()> {
-        if self.go_on().is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    /// The scene through virtual devices, which are calibrated from captures alone the first time.
+    fn through_devices(&mut self) -> Result<Lab> {
+        let mut rig = self.lab.through_rig(realistic(self.stage.resolution)?)?;
+        match &self.calibration {
+            Some(known) => rig.set_calibration(known.clone())?,
+            None => {
+                rig.calibrate(&CalibrateOptions::default())?;
+                self.calibration = rig.rig().map(|rig| rig.calibration.clone());
+            }
+        }
+        Ok(rig)
     }
 }

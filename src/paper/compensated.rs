@@ -1,8 +1,9 @@
 //! Pictures and plot of a compensation.
 
 use super::contest::{Entry, TargetLight, clamped};
-use super::figure::{Content, Curve, Curves, Panel};
+use super::figure::{Content, Panel, Plot};
 use super::stage::Stage;
+use crate::report::plot::{LinePlot, Series};
 
 pub(super) fn percent(share: f64) -> f64 {
     100.0 * share
@@ -10,12 +11,6 @@ pub(super) fn percent(share: f64) -> f64 {
 
 /// Panels of target, photos with and without compensation, projected pattern, and errors; all photos share one exposure.
 pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], best: &Entry) -> Vec<Panel> {
-    let panel = |name: &str, caption: String, content: Content| Panel {
-        name: name.into(),
-        caption,
-        resolution: stage.resolution,
-        content,
-    };
     let light = |values: Vec<f64>| Content::Light { values, white: Some(target_light.peak) };
     let pattern = clamped(&best.pattern);
     let [seen, before] = [stage.photo(&pattern), stage.photo(plain)];
@@ -24,31 +19,33 @@ pub(super) fn panels(stage: &Stage, target_light: &TargetLight, plain: &[f64], b
     let residual =
         |pattern: &[f64]| format!("residual {:.2} %", percent(target_light.residual(stage, pattern)));
     vec![
-        panel("target", "The target, W/(m² sr)".into(), light(target_light.light.clone())),
-        panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
-        panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
-        panel(
+        stage.panel("target", "The target, W/(m² sr)", light(target_light.light.clone())),
+        stage.panel("before", format!("Projected as it is: {}", residual(plain)), light(before.clone())),
+        stage.panel("after", format!("Compensated: {}", residual(&pattern)), light(seen.clone())),
+        stage.panel(
             "pattern",
-            "What is projected, 0 to 1".into(),
+            "What is projected, 0 to 1",
             Content::Light { values: pattern, white: Some(1.0) },
         ),
-        panel(
+        stage.panel(
             "error-before",
-            "Projected as it is less the target, W/(m² sr)".into(),
+            "Projected as it is less the target, W/(m² sr)",
             Content::Signed(error(&before)),
         ),
-        panel("error-after", "Compensated less the target, W/(m² sr)".into(), Content::Signed(error(&seen))),
+        stage.panel("error-after", "Compensated less the target, W/(m² sr)", Content::Signed(error(&seen))),
     ]
 }
 
 /// Residuals at equal photo counts, with marks for no compensation and for the optimal pattern.
-pub(super) fn residuals(lines: Vec<Curve>, uncompensated: f64, optimum: f64) -> Curves {
-    Curves {
+pub(super) fn residuals(lines: Vec<Series>, uncompensated: f64, optimum: f64) -> Plot {
+    Plot {
         caption: "Relative residual by the light itself, at equal photos (the white one not counted).".into(),
-        x_label: "photos".into(),
-        y_label: "relative residual".into(),
-        logarithmic: true,
-        lines,
-        marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
+        lines: LinePlot {
+            x_label: "photos".into(),
+            y_label: "relative residual".into(),
+            logarithmic: true,
+            series: lines,
+            marks: vec![(uncompensated, "uncompensated".into()), (optimum, "best inside the box".into())],
+        },
     }
 }

@@ -5,13 +5,13 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::bench::Bench;
-use super::figure::{Curve, Shot};
 use super::stage::Stage;
 use crate::analysis::compensate::Mixture;
 use crate::error::Result;
 use crate::krylov::{Diagonal, Method, SolveOptions, dot, norm, solve_adjoint};
 use crate::observer::{Estimate, OnStep, Step};
-use crate::operator::{Adjoint, Observed, Operator, Recorded, Symmetry};
+use crate::operator::{Adjoint, Observed, Operator, Product, Recorded, Symmetry};
+use crate::report::plot::Series;
 use crate::transport::Part;
 
 /// The target of a compensation, in W/(m² sr), and the photo under white that sets its scale.
@@ -28,7 +28,7 @@ impl TargetLight {
     pub(super) fn new(stage: &Stage, operator: &mut dyn Adjoint, target: &[f64]) -> Result<Self> {
         let mut white = vec![0.0; target.len()];
         operator.apply(&vec![1.0; target.len()], &mut white)?;
-        let truth = stage.photo(&vec![1.0; target.len()]);
+        let truth = stage.white();
         let unit = white.iter().sum::<f64>() / truth.iter().sum::<f64>();
         let mut sorted = truth;
         sorted.sort_by(f64::total_cmp);
@@ -43,14 +43,10 @@ impl TargetLight {
         norm(&misfit) / norm(&self.light)
     }
 
-    fn options(&self, method: Method, photos: usize) -> Result<SolveOptions> {
+    fn options(&self, method: Method, photos: usize) -> SolveOptions {
         let boxed = method.facts().constraint == crate::krylov::Constraint::Box;
-        Ok(SolveOptions {
-            products: photos,
-            rtol: 0.0,
-            diagonal: boxed.then(|| self.white.clone()),
-            ..SolveOptions::default()
-        })
+        let diagonal = boxed.then(|| self.white.clone());
+        SolveOptions { products: photos, rtol: 0.0, diagonal, ..SolveOptions::default() }
     }
 }
 
@@ -63,7 +59,7 @@ pub(super) struct Entry {
     /// The last answer, not clamped.
     pub(super) pattern: Vec<f64>,
     /// The photos in order.
-    pub(super) shots: Vec<Shot>,
+    pub(super) shots: Vec<Product>,
 }
 
 impl Entry {
@@ -90,14 +86,14 @@ pub(super) fn enter(
     (method, scaled): (Method, bool),
     photos: usize,
 ) -> Result<Entry> {
-    let mut options = target_light.options(method, photos)?;
+    let mut options = target_light.options(method, photos);
     if scaled {
         // The measurements of very dark pixels are mostly noise, hence the floor.
         let floor = 1e-3 * target_light.white.iter().copied().fold(0.0, f64::max);
         let white = target_light.white.iter().map(|value| value.max(floor)).collect();
         options.preconditioner = Some(Arc::new(Diagonal::new(white)?));
     }
-    let blurred = stage.out_of_focus || operator.symmetry() != Symmetry::Symmetric;
+    let blurred = stage.set.is_out_of_focus() || operator.symmetry() != Symmetry::Symmetric;
     if method == Method::KrylovBox && blurred {
         options.surrogate = Some(Arc::new(Mixture::new(stage.resolution, &target_light.white)));
     }
@@ -117,7 +113,7 @@ pub(super) fn enter(
     let wanted: Vec<f64> = target_light.light.iter().map(|light| target_light.unit * light).collect();
     let found = solve_adjoint(method, &mut Observed::new(&mut recorded, &observer), &wanted, &options)?;
     entry.pattern = found.x;
-    entry.shots = recorded.products.into_iter().map(Shot::from).collect();
+    entry.shots = recorded.products;
     Ok(entry)
 }
 
@@ -142,25 +138,19 @@ impl Contest {
     /// Runs the comparison: `photos` photos per method besides the white one, `products` true products for the optimum.
     pub(super) fn hold(
         bench: &mut Bench,
-        stage: &Arc<Stage>,
+        stage: &Stage,
         target: &[f64],
         recipe: Method,
         photos: usize,
         products: usize,
     ) -> Result<Self> {
-        let (target_light, [recipe, scaled, boxed, jacobi]) =
-            bench.with_rig(stage, Part::Full, |operator| {
-                let target_light = TargetLight::new(stage, operator, target)?;
-                let mut enter = |method| enter(stage, operator, &target_light, method, photos);
-                let entries = [
-                    enter((recipe, false))?,
-                    enter((recipe, true))?,
-                    enter((Method::KrylovBox, false))?,
-                    enter((Method::Jacobi, false))?,
-                ];
-                Ok((target_light, entries))
-            })?;
-        let (bound, optimum) = optimum(stage, &target_light, products)?;
+        let operator = &mut bench.photos(stage, Part::Full)?;
+        let target_light = TargetLight::new(stage, operator, target)?;
+        let mut enter = |method| enter(stage, operator, &target_light, method, photos);
+        let (recipe, scaled) = (enter((recipe, false))?, enter((recipe, true))?);
+        let (boxed, jacobi) = (enter((Method::KrylovBox, false))?, enter((Method::Jacobi, false))?);
+        let operator = &mut bench.truth(stage, Part::Full)?;
+        let (bound, optimum) = optimum(operator, stage, &target_light, products)?;
         let plain = clamped(&target.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
         let uncompensated = target_light.residual(stage, &plain);
         Ok(Self { target_light, recipe, scaled, boxed, jacobi, bound, optimum, plain, uncompensated })
@@ -176,10 +166,14 @@ pub(super) fn clamped(pattern: &[f64]) -> Vec<f64> {
 ///
 /// By convexity `½‖b − A z‖² ≥ ½‖r‖² + (Aᵀr)ᵀ(x − z)`; the minimum of the right side over the box is a sum over pixels (the
 /// Frank–Wolfe gap). `x` comes from accelerated gradients; its accuracy affects only how tight the bound is.
-pub(super) fn optimum(stage: &Stage, target_light: &TargetLight, products: usize) -> Result<(f64, f64)> {
-    let operator = &mut stage.ideal(Part::Full);
-    let mut options = target_light.options(Method::Fista, products)?;
-    options.diagonal = Some(stage.photo(&vec![1.0; stage.pixels()]));
+pub(super) fn optimum(
+    operator: &mut dyn Adjoint,
+    stage: &Stage,
+    target_light: &TargetLight,
+    products: usize,
+) -> Result<(f64, f64)> {
+    let mut options = target_light.options(Method::Fista, products);
+    options.diagonal = Some(stage.white());
     let x = solve_adjoint(Method::Fista, operator, &target_light.light, &options)?.x;
     let (mut seen, mut gradient) = (vec![0.0; x.len()], vec![0.0; x.len()]);
     operator.apply(&x, &mut seen)?;
@@ -192,7 +186,7 @@ pub(super) fn optimum(stage: &Stage, target_light: &TargetLight, products: usize
 }
 
 /// A curve of residuals over photos.
-pub(super) fn line(name: &str, residuals: &[f64]) -> Curve {
+pub(super) fn line(name: &str, residuals: &[f64]) -> Series {
     let points = residuals.iter().enumerate().map(|(index, &residual)| (index as f64 + 1.0, residual));
-    Curve { name: name.into(), points: points.collect() }
+    Series { name: name.into(), points: points.collect() }
 }

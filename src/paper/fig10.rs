@@ -30,10 +30,9 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             "Inside the box: candidates between 0 and 1, and residuals of both signs where a gradient is wanted.",
         ),
     ] {
-        let entry = bench.with_rig(&stage, Part::Full, |operator| {
-            let target_light = TargetLight::new(&stage, operator, &target)?;
-            enter(&stage, operator, &target_light, (method, false), PHOTOS)
-        })?;
+        let operator = &mut bench.photos(&stage, Part::Full)?;
+        let target_light = TargetLight::new(&stage, operator, &target)?;
+        let entry = enter(&stage, operator, &target_light, (method, false), PHOTOS)?;
         checks.push(Check::at_most(
             format!("photos taken by {name}"),
             entry.shots.len() as f64,
@@ -43,17 +42,13 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             format!("residual of the answer of {name} after them, %"),
             percent(entry.answered_at(PHOTOS)),
         ));
-        strips.push(Strip { caption: caption.into(), resolution: stage.resolution, shots: entry.shots });
+        strips.push(Strip { caption: caption.into(), resolution: stage.resolution, photos: entry.shots });
     }
     Ok(Reproduced {
-        figure: Figure::Fig10,
-        rig: bench.rig(),
         setting: format!("corner, {}, the run of figure 11", stage.resolution),
         checks,
-        panels: Vec::new(),
-        plots: Vec::new(),
         strips,
         photos: 2 * (1 + PHOTOS),
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig10, bench.rig())
     })
 }

@@ -54,18 +54,14 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         line("Krylov inside the box", &boxed.displayed),
         line("projected Jacobi", &jacobi.displayed),
     ];
-    let short = bench.with_rig(&stage, Part::Full, |operator| {
-        enter(&stage, operator, target_light, (Method::KrylovBox, false), PHOTOS)
-    })?;
+    let operator = &mut bench.photos(&stage, Part::Full)?;
+    let short = enter(&stage, operator, target_light, (Method::KrylovBox, false), PHOTOS)?;
     Ok(Reproduced {
-        figure: Figure::Fig11,
-        rig: bench.rig(),
         setting: format!("corner, {}, 5 photos beside the white one", stage.resolution),
         checks,
         panels: panels(&stage, target_light, &contest.plain, &short),
         plots: vec![residuals(lines, contest.uncompensated, contest.optimum)],
-        strips: Vec::new(),
         photos: 1 + PHOTOS,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig11, bench.rig())
     })
 }

@@ -75,8 +75,6 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         line("projected Jacobi", &jacobi.displayed),
     ];
     Ok(Reproduced {
-        figure: Figure::Fig12,
-        rig: bench.rig(),
         setting: format!(
             "corner by a projector lens of 30 mm focused at 2.4 m, {}, 12 photos beside the white one",
             stage.resolution
@@ -84,21 +82,18 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         checks,
         panels: panels(&stage, target_light, &contest.plain, boxed),
         plots: vec![residuals(lines, contest.uncompensated, contest.optimum)],
-        strips: Vec::new(),
         photos: 2 * (1 + PHOTOS),
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig12, bench.rig())
     })
 }
 
 /// Ratio of the box-constrained method's final residual to the optimum's lower bound, if camera and projector have the same lens.
 fn both_lenses(bench: &mut Bench, target: &[f64]) -> Result<f64> {
     let stage = bench.stage(Set::BothDefocused, bench.side(SIDE))?;
-    let (target_light, boxed) = bench.with_rig(&stage, Part::Full, |operator| {
-        let target_light = TargetLight::new(&stage, operator, target)?;
-        let boxed = enter(&stage, operator, &target_light, (Method::KrylovBox, false), PHOTOS)?;
-        Ok((target_light, boxed))
-    })?;
-    let (bound, _) = optimum(&stage, &target_light, OPTIMUM)?;
+    let operator = &mut bench.photos(&stage, Part::Full)?;
+    let target_light = TargetLight::new(&stage, operator, target)?;
+    let boxed = enter(&stage, operator, &target_light, (Method::KrylovBox, false), PHOTOS)?;
+    let (bound, _) = optimum(&mut bench.truth(&stage, Part::Full)?, &stage, &target_light, OPTIMUM)?;
     Ok(boxed.displayed_at(PHOTOS) / bound)
 }
 

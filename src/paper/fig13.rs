@@ -1,17 +1,17 @@
 //! Figure 13: a sinusoid from a one-bit projector, thresholded and in bit planes, and the noise that bit planes cost.
 
-use std::sync::Arc;
-
 use super::bench::{Bench, Rig};
 use super::check::Check;
-use super::devices::{measure_known, one_bit};
-use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::devices::one_bit;
+use super::figure::{Content, Figure, Panel, Plot, Reproduced};
 use super::stage::{Set, Stage};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::krylov::norm;
-use crate::measure::MeasureOptions;
+use crate::lab::Lab;
 use crate::measure::bit_planes::{amplification, weights};
+use crate::measure::{Calibration, MeasureOptions, RigFile, RigKind};
+use crate::report::plot::{LinePlot, Series};
 use crate::rig::VirtualRig;
 
 const SIDE: usize = 100;
@@ -28,7 +28,10 @@ const DIM: f64 = 2e-4;
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Corner, side)?;
-    let (noisy, options) = one_bit(stage.resolution)?;
+    let (file, mut noisy) = one_bit(stage.resolution)?;
+    // Any exposure time is allowed: the figure compares photos at equal total exposure.
+    noisy.camera.exposure_step = 0.0;
+    noisy.camera.exposures = [1e-7, 10.0];
     let mut exact = noisy.clone();
     exact.camera.shot_noise = false;
     exact.camera.read_noise = 0.0;
@@ -39,8 +42,13 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
 
     let pattern = sinusoid(side);
     let truth = stage.photo(&pattern);
-    let take =
-        |rig: &VirtualRig, planes: u32, seconds: f64| photo(rig, &stage, &options, &pattern, planes, seconds);
+    let lab = &*bench.lab(&stage)?;
+    let take = |rig: &VirtualRig, planes: u32, seconds: f64| -> Result<Vec<f64>> {
+        let counts = photo(lab, &file, rig, &pattern, (planes, seconds))?;
+        // Counts per second for 1 W/(m² sr); the sensor's gain is set by the noise-free white photo.
+        let unit = counts_per_light(rig, &stage);
+        Ok(counts.into_iter().map(|count| count / unit).collect())
+    };
     let off = |photo: &[f64]| error(photo, &truth) / norm(&truth);
 
     let plain = take(rig, 1, BRIGHT)?;
@@ -86,33 +94,32 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         Check::stated("read noise of 8 bit planes over that of one photo, predicted", predicted),
     ];
     Ok(Reproduced {
-        figure: Figure::Fig13,
-        rig: bench.rig(),
         setting: format!("corner, {}, a projector of one bit and a camera of 12", stage.resolution),
         checks,
         panels: panels(&stage, &pattern, &truth, &plain, &decomposed),
         plots: vec![curves(bright, dim)],
-        strips: Vec::new(),
         photos: 1 + PLANES as usize,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig13, bench.rig())
     })
 }
 
 /// The error of the photo for each number of bit planes.
-fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Curves {
-    Curves {
-            caption: "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read \
-                      noise: more bit planes are worse than fewer."
-                .into(),
+fn curves(bright: Vec<(f64, f64)>, dim: Vec<(f64, f64)>) -> Plot {
+    Plot {
+        caption: "Relative error of the photo of a sinusoid. In dim light (1 % of the other) each photo adds its read \
+                  noise: more bit planes are worse than fewer."
+            .into(),
+        lines: LinePlot {
             x_label: "bit planes".into(),
             y_label: "relative error".into(),
             logarithmic: true,
-            lines: vec![
-                Curve { name: "bright".into(), points: bright },
-                Curve { name: "dim, with noise".into(), points: dim },
+            series: vec![
+                Series { name: "bright".into(), points: bright },
+                Series { name: "dim, with noise".into(), points: dim },
             ],
-            marks: Vec::new(),
-        }
+            ..LinePlot::default()
+        },
+    }
 }
 
 /// `½ + ½ sin` along the rows.
@@ -124,33 +131,44 @@ fn sinusoid(side: usize) -> Vec<f64> {
     (0..side * side).map(value).collect()
 }
 
-/// The photo of `pattern` in W/(m² sr), from `planes` bit planes with a total exposure of `seconds`.
+/// The photo of `pattern` in counts per second, from `planes` bit planes with a total exposure of `seconds`.
 fn photo(
+    lab: &Lab,
+    file: &RigFile,
     rig: &VirtualRig,
-    stage: &Arc<Stage>,
-    options: &MeasureOptions,
     pattern: &[f64],
-    planes: u32,
-    seconds: f64,
+    (planes, seconds): (u32, f64),
 ) -> Result<Vec<f64>> {
-    let options = MeasureOptions {
+    let measurement = MeasureOptions {
         bit_planes: planes,
         exposures: vec![seconds / f64::from(planes)],
         sentinel_every: 0,
         black_takes: 16,
-        ..options.clone()
+        ..file.measurement.clone()
     };
-    let mut measurement = measure_known(rig, stage, options)?;
-    let samples = pattern.iter().map(|&value| value as f32).collect();
-    let taken = measurement.photograph(&Image::new(stage.resolution, 1, samples)?)?;
-    // Counts per second for 1 W/(m² sr); the sensor's gain is set by the noise-free white photo.
-    let unit = counts_per_light(rig, stage);
-    Ok(taken.planes[0].values.iter().map(|value| value / unit).collect())
+    let file = RigFile { measurement, kind: RigKind::Virtual(rig.clone()), ..file.clone() };
+    let mut lab = lab.through_rig(file)?;
+    let pattern = Image::from_planes(lab.resolution(), &[pattern.to_vec()])?;
+    // A rig has devices, and its photos are measured.
+    let calibration = known(lab.rig().ok_or(Error::Interrupted)?.devices()?);
+    lab.set_calibration(calibration)?;
+    let taken = lab.with_measurement(|measurement| measurement.photograph(&pattern))?;
+    Ok(taken.ok_or(Error::Interrupted)?.planes.swap_remove(0).values)
+}
+
+/// The calibration that follows from the rig's own description: one of two levels, from captures, would add little.
+fn known(rig: &VirtualRig) -> Calibration {
+    let mut calibration = Calibration::ideal(&rig.projector_info(), &rig.camera_info());
+    let camera = &mut calibration.camera;
+    camera.black = rig.camera.black_level;
+    camera.gain = rig.camera.full_well / (camera.saturation - camera.black);
+    camera.read_noise = rig.camera.read_noise / camera.gain;
+    calibration
 }
 
 /// The gain at which the white photo's 99th percentile fills `white_fill` of the sensor's well within `white_exposure`.
 fn counts_per_light(rig: &VirtualRig, stage: &Stage) -> f64 {
-    let mut white = stage.photo(&vec![1.0; stage.pixels()]);
+    let mut white = stage.white();
     white.sort_by(f64::total_cmp);
     let brightest = white[((white.len() as f64 * 0.99).ceil() as usize).saturating_sub(1)];
     let range = f64::from((1_u32 << rig.camera.bits) - 1) - rig.camera.black_level;
@@ -163,24 +181,18 @@ fn error(a: &[f64], b: &[f64]) -> f64 {
 
 fn panels(stage: &Stage, pattern: &[f64], truth: &[f64], plain: &[f64], decomposed: &[f64]) -> Vec<Panel> {
     let white = truth.iter().copied().fold(0.0, f64::max);
-    let panel = |name: &str, caption: &str, content: Content| Panel {
-        name: name.into(),
-        caption: caption.into(),
-        resolution: stage.resolution,
-        content,
-    };
     let light = |values: &[f64]| Content::Light { values: values.to_vec(), white: Some(white) };
     let less = |photo: &[f64]| Content::Signed(photo.iter().zip(truth).map(|(a, b)| a - b).collect());
     vec![
-        panel(
+        stage.panel(
             "pattern",
             "What is to be projected, 0 to 1",
             Content::Light { values: pattern.to_vec(), white: Some(1.0) },
         ),
-        panel("truth", "Its photo, W/(m² sr)", light(truth)),
-        panel("plain", "By a projector of one bit", light(plain)),
-        panel("decomposed", "In 8 bit planes", light(decomposed)),
-        panel("error-plain", "One bit less truth, W/(m² sr)", less(plain)),
-        panel("error-decomposed", "8 bit planes less truth, W/(m² sr)", less(decomposed)),
+        stage.panel("truth", "Its photo, W/(m² sr)", light(truth)),
+        stage.panel("plain", "By a projector of one bit", light(plain)),
+        stage.panel("decomposed", "In 8 bit planes", light(decomposed)),
+        stage.panel("error-plain", "One bit less truth, W/(m² sr)", less(plain)),
+        stage.panel("error-decomposed", "8 bit planes less truth, W/(m² sr)", less(decomposed)),
     ]
 }

@@ -3,11 +3,12 @@
 use super::bench::Bench;
 use super::check::Check;
 use super::dense;
-use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Content, Figure, Panel, Plot, Reproduced};
 use super::stage::{Set, Stage};
 use crate::error::Result;
 use crate::krylov::{EigsMethod, EigsOptions, Which, dot, eigs, norm};
-use crate::operator::{Adjoint, Recorded};
+use crate::operator::{Adjoint, Operator, Recorded};
+use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -18,13 +19,13 @@ const PHOTOS: usize = 50;
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let small = bench.stage(Set::Room, DENSE_SIDE.min(bench.side(SIDE)))?;
     let (_, exact) = dense::principal(&small.traced.matrix.to_csr(Part::Full, 0)?)?;
-    let from_small = bench.with_rig(&small, Part::Full, iterate)?;
+    let from_small = iterate(&mut bench.photos(&small, Part::Full)?)?;
     let dense_overlap = overlap(&from_small.vector, &exact);
 
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Room, side)?;
-    let reference = reference(&stage)?;
-    let found = bench.with_rig(&stage, Part::Full, iterate)?;
+    let reference = reference(&mut bench.truth(&stage, Part::Full)?)?;
+    let found = iterate(&mut bench.photos(&stage, Part::Full)?)?;
     let least = found.vector.iter().copied().fold(f64::INFINITY, f64::min);
     let most = found.vector.iter().copied().fold(0.0, f64::max);
     let checks = vec![
@@ -42,24 +43,23 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     ];
     let points =
         found.patterns.iter().enumerate().map(|(k, x)| (k as f64 + 1.0, 1.0 - overlap(x, &reference)));
-    let curve = Curve { name: "power iteration".into(), points: points.collect() };
+    let curve = Series { name: "power iteration".into(), points: points.collect() };
     Ok(Reproduced {
-        figure: Figure::Fig2,
-        rig: bench.rig(),
         setting: format!("a white room, {}, {PHOTOS} photos from white", stage.resolution),
         checks,
         panels: panels(&stage, &found.vector, &reference),
-        plots: vec![Curves {
+        plots: vec![Plot {
             caption: "How far the pattern is from the principal eigenvector (one minus overlap).".into(),
-            x_label: "photos".into(),
-            y_label: "1 − overlap".into(),
-            logarithmic: true,
-            lines: vec![curve],
-            marks: vec![(1e-3, "wanted".into())],
+            lines: LinePlot {
+                x_label: "photos".into(),
+                y_label: "1 − overlap".into(),
+                logarithmic: true,
+                series: vec![curve],
+                marks: vec![(1e-3, "wanted".into())],
+            },
         }],
-        strips: Vec::new(),
         photos: PHOTOS,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig2, bench.rig())
     })
 }
 
@@ -87,9 +87,9 @@ fn iterate(operator: &mut dyn Adjoint) -> Result<Iterated> {
 }
 
 /// The reference by Lanczos on the matrix itself, run to convergence.
-fn reference(stage: &Stage) -> Result<Vec<f64>> {
+fn reference(operator: &mut dyn Operator) -> Result<Vec<f64>> {
     let options = EigsOptions { count: 1, products: 400, tolerance: 1e-12, ..EigsOptions::default() };
-    let found = eigs(&mut stage.ideal(Part::Full), &options)?;
+    let found = eigs(operator, &options)?;
     Ok(found.vectors.into_iter().next().unwrap_or_default())
 }
 
@@ -99,21 +99,15 @@ fn overlap(x: &[f64], y: &[f64]) -> f64 {
 }
 
 fn panels(stage: &Stage, vector: &[f64], reference: &[f64]) -> Vec<Panel> {
-    let panel = |name: &str, caption: &str, content: Content| Panel {
-        name: name.into(),
-        caption: caption.into(),
-        resolution: stage.resolution,
-        content,
-    };
     let difference: Vec<f64> = vector.iter().zip(reference).map(|(a, b)| a - b).collect();
     vec![
-        panel(
+        stage.panel(
             "white",
             "The photo under white, W/(m² sr)",
-            Content::Light { values: stage.photo(&vec![1.0; stage.pixels()]), white: None },
+            Content::Light { values: stage.white(), white: None },
         ),
-        panel("power", "The pattern after 50 photos, of norm 1", Content::Amounts(vector.to_vec())),
-        panel("reference", "The principal eigenvector", Content::Amounts(reference.to_vec())),
-        panel("difference", "Their difference", Content::Signed(difference)),
+        stage.panel("power", "The pattern after 50 photos, of norm 1", Content::Amounts(vector.to_vec())),
+        stage.panel("reference", "The principal eigenvector", Content::Amounts(reference.to_vec())),
+        stage.panel("difference", "Their difference", Content::Signed(difference)),
     ]
 }

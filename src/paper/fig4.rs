@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 
 use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Content, Figure, Panel, Plot, Reproduced};
 use super::groups::panels;
 use super::purity::{bands, purity, straight_bands};
 use super::stage::{Set, Stage};
@@ -18,6 +18,7 @@ use crate::analysis::{Capture, SegmentOptions, Segmentation};
 use crate::error::Result;
 use crate::observer::{OnStep, Step};
 use crate::operator::{Observed, Operator};
+use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -32,11 +33,11 @@ const BENT: [usize; 2] = [6, 10];
 pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let side = bench.side(SIDE);
     let stage = bench.stage(Set::Zigzag, side)?;
-    let (found, curve) =
-        bench.with_rig(&stage, Part::Global, |operator| segment_step_by_step(operator, &stage))?;
+    let (found, curve) = segment_step_by_step(&mut bench.photos(&stage, Part::Global)?, &stage)?;
     let bent_stage = bench.stage(Set::TwoSheets, side)?;
-    let options = asked(&BENT);
-    let bent = bench.with_rig(&bent_stage, Part::Global, |operator| segment(operator, &options))?;
+    let bent = segment(&mut bench.photos(&bent_stage, Part::Global)?, &asked(&BENT))?;
+    let [mut light, mut bent_light] =
+        [bench.truth(&stage, Part::Global)?, bench.truth(&bent_stage, Part::Global)?];
 
     let mut checks = vec![
         Check::at_least("purity of two groups at 50 photos", purity(labels(&found, 2), &stage.truth), PURE),
@@ -44,11 +45,11 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     ];
     for groups in BENT {
         checks.extend(are_bands("bent sheets", groups, &bent, &bent_stage));
-        checks.push(is_cheap("bent sheets", groups, &bent, &bent_stage)?);
+        checks.push(is_cheap("bent sheets", groups, &bent, (&bent_stage, &mut bent_light))?);
     }
     checks.extend(are_bands("folded sheets", 4, &found, &stage));
     for groups in BENT {
-        checks.push(is_cheap("folded sheets", groups, &found, &stage)?);
+        checks.push(is_cheap("folded sheets", groups, &found, (&stage, &mut light))?);
         let [count, share] = are_bands("folded sheets", groups, &found, &stage);
         checks.extend([count, share].map(|check| Check::stated(check.what, check.value)));
     }
@@ -58,15 +59,11 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         Check::stated("fourth eigenvalue, of the halves", value(3)),
         Check::stated("fifth eigenvalue, below 0.79 where the crease's are not separate", value(4)),
     ]);
-    let bent_panels = bent.labels.iter().map(|(groups, labels)| Panel {
-        name: format!("bent-groups-{groups}"),
-        caption: format!("{groups} groups of sheets that are bent instead of folded"),
-        resolution: bent_stage.resolution,
-        content: Content::Labels(labels.clone()),
+    let bent_panels = bent.labels.iter().map(|(groups, labels)| {
+        let caption = format!("{groups} groups of sheets that are bent instead of folded");
+        bent_stage.panel(format!("bent-groups-{groups}"), caption, Content::Labels(labels.clone()))
     });
     Ok(Reproduced {
-        figure: Figure::Fig4,
-        rig: bench.rig(),
         setting: format!(
             "zigzag and two-sheets, {}, {PHOTOS} photos and 10 eigenvectors each",
             stage.resolution
@@ -74,9 +71,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         checks,
         panels: panels(&stage, &found, 4).into_iter().map(folded).chain(bent_panels).collect(),
         plots: vec![plot(curve)],
-        strips: Vec::new(),
         photos: found.photos + bent.photos,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig4, bench.rig())
     })
 }
 
@@ -120,11 +116,16 @@ fn are_bands(what: &str, groups: usize, segmentation: &Segmentation, stage: &Sta
 }
 
 /// Checks that the groups solve the stated problem: their cut costs no more than the cut of straight bands.
-fn is_cheap(what: &str, groups: usize, found: &Segmentation, stage: &Stage) -> Result<Check> {
+fn is_cheap(
+    what: &str,
+    groups: usize,
+    found: &Segmentation,
+    (stage, light): (&Stage, &mut dyn Operator),
+) -> Result<Check> {
     let straight = straight_bands(&found.degree, &found.mask, &stage.truth, groups, stage.resolution);
-    let cut = |labels: &[u8]| Ok(evidence(&mut stage.ideal(Part::Global), labels)?.cut());
-    let ratio: Result<f64> = Ok(cut(labels(found, groups))? / cut(&straight)?);
-    Ok(Check::at_most(format!("{what}: the cut of {groups} groups over that of straight bands"), ratio?, 1.0))
+    let mut cut = |labels: &[u8]| -> Result<f64> { Ok(evidence(light, labels)?.cut()) };
+    let ratio = cut(labels(found, groups))? / cut(&straight)?;
+    Ok(Check::at_most(format!("{what}: the cut of {groups} groups over that of straight bands"), ratio, 1.0))
 }
 
 /// The segmentation at the full number of photos, and the purity of two groups after 4 to 20 photos and at the end. All come from
@@ -158,14 +159,16 @@ fn fewest(curve: &[(f64, f64)]) -> f64 {
     curve.get(from).map_or(f64::INFINITY, |&(photos, _)| photos)
 }
 
-fn plot(points: Vec<(f64, f64)>) -> Curves {
-    Curves {
+fn plot(points: Vec<(f64, f64)>) -> Plot {
+    Plot {
         caption: "Purity of two groups if the photos had ended there.".into(),
-        x_label: "photos".into(),
-        y_label: "purity".into(),
-        logarithmic: false,
-        lines: vec![Curve { name: "two groups".into(), points }],
-        marks: vec![(PURE, "wanted".into())],
+        lines: LinePlot {
+            x_label: "photos".into(),
+            y_label: "purity".into(),
+            series: vec![Series { name: "two groups".into(), points }],
+            marks: vec![(PURE, "wanted".into())],
+            ..LinePlot::default()
+        },
     }
 }
 

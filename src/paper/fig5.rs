@@ -2,11 +2,12 @@
 
 use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Content, Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Content, Figure, Panel, Plot, Reproduced};
 use super::stage::{Set, Stage};
+use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
-use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::Result;
+use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const SIDE: usize = 100;
@@ -25,8 +26,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Zigzag, side)?;
     let options =
         SegmentOptions { photos: PHOTOS, tolerance: 0.0, starts: Some(1), ..SegmentOptions::default() };
-    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
-    let features = features(&found);
+    let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
+    let features: Vec<Vec<f64>> = (0..stage.pixels()).map(|pixel| found.feature(pixel)).collect();
     let chosen = CHOSEN.map(|(name, [x, y])| {
         let at = |share: f64| (share * side as f64) as usize;
         (name, at(y) * side + at(x))
@@ -52,47 +53,35 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             1.0,
         ),
     ];
-    let lines = chosen.iter().map(|&(name, pixel)| Curve {
+    let lines = chosen.iter().map(|&(name, pixel)| Series {
         name: name.into(),
-        points: features.iter().enumerate().map(|(k, column)| (k as f64 + 2.0, column[pixel])).collect(),
+        points: features[pixel].iter().enumerate().map(|(k, &entry)| (k as f64 + 2.0, entry)).collect(),
     });
     Ok(Reproduced {
-        figure: Figure::Fig5,
-        rig: bench.rig(),
         setting: format!("zigzag, {}, {PHOTOS} photos, 10 eigenvectors", stage.resolution),
         checks,
         panels: panels(&stage, &chosen, &distances),
-        plots: vec![Curves {
+        plots: vec![Plot {
             caption: "What each pixel has in the eigenvectors, weighted as for the groups. A and B are alike, though \
                       they are apart in the photo."
                 .into(),
-            x_label: "eigenvector".into(),
-            y_label: "entry / √(1 − λ)".into(),
-            logarithmic: false,
-            lines: lines.collect(),
-            marks: Vec::new(),
+            lines: LinePlot {
+                x_label: "eigenvector".into(),
+                y_label: "entry / √(1 − λ)".into(),
+                series: lines.collect(),
+                ..LinePlot::default()
+            },
         }],
-        strips: Vec::new(),
         photos: found.photos,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig5, bench.rig())
     })
-}
-
-/// One column of coordinates per eigenvector except the first: the features that k-means groups.
-fn features(found: &Segmentation) -> Vec<Vec<f64>> {
-    let column = |(index, vector): (usize, &Vec<f64>)| {
-        vector.iter().map(|&entry| found.embedding.coordinate(index, entry)).collect()
-    };
-    found.eigenvectors.iter().enumerate().skip(1).map(column).collect()
 }
 
 /// Distances from `pixel` to all pixels in feature space.
 fn distances(features: &[Vec<f64>], pixel: usize) -> Vec<f64> {
-    let count = features.first().map_or(0, Vec::len);
-    let square = |other: usize| -> f64 {
-        features.iter().map(|column| (column[other] - column[pixel]).powi(2)).sum::<f64>()
-    };
-    (0..count).map(|other| square(other).sqrt()).collect()
+    let square = |(other, own): (&f64, &f64)| (other - own).powi(2);
+    let distance = |other: &Vec<f64>| other.iter().zip(&features[pixel]).map(square).sum::<f64>().sqrt();
+    features.iter().map(distance).collect()
 }
 
 /// The probability that a random pixel of `pixel`'s region is nearer to it than a random pixel of another region (area under the
@@ -113,14 +102,12 @@ fn ranked(distances: &[f64], truth: &[u8], pixel: usize) -> f64 {
 }
 
 fn panels(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]) -> Vec<Panel> {
-    let maps = chosen.iter().zip(distances).map(|((name, _), from)| Panel {
-        name: format!("from-{}", &name[..1].to_lowercase()),
-        caption: format!("Distance of each pixel from {name}"),
-        resolution: stage.resolution,
-        content: Content::Amounts(from.clone()),
+    let maps = chosen.iter().zip(distances).map(|((name, _), from)| {
+        let caption = format!("Distance of each pixel from {name}");
+        stage.panel(format!("from-{}", &name[..1].to_lowercase()), caption, Content::Amounts(from.clone()))
     });
     // The chosen pixels are marked in the photo by values above its brightest one.
-    let white = stage.photo(&vec![1.0; stage.pixels()]);
+    let white = stage.white();
     let brightest = white.iter().copied().fold(0.0, f64::max);
     let mut marked: Vec<f64> = white.iter().map(|value| 0.6 * value).collect();
     let width = stage.resolution.width;
@@ -133,13 +120,11 @@ fn panels(stage: &Stage, chosen: &[(&str, usize)], distances: &[Vec<f64>]) -> Ve
             }
         }
     }
-    let photo = Panel {
-        name: "chosen".into(),
-        caption: "The pixels looked at: A and B above on the left sheet, C below, D on the right sheet"
-            .into(),
-        resolution: stage.resolution,
-        content: Content::Light { values: marked, white: Some(brightest) },
-    };
+    let photo = stage.panel(
+        "chosen",
+        "The pixels looked at: A and B above on the left sheet, C below, D on the right sheet",
+        Content::Light { values: marked, white: Some(brightest) },
+    );
     std::iter::once(photo).chain(maps).collect()
 }
 
@@ -156,7 +141,7 @@ mod tests {
 
     #[test]
     fn distances_are_euclidean() {
-        let features = [vec![0.0, 3.0], vec![0.0, 4.0]];
+        let features = [vec![0.0, 0.0], vec![3.0, 4.0]];
         assert_eq!(distances(&features, 0), [0.0, 5.0]);
     }
 }

@@ -27,7 +27,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         starts: Some(1),
         ..SegmentOptions::default()
     };
-    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
+    let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
     let mut checks = Vec::new();
     for (groups, labels) in &found.labels {
         let apart = (0..*groups as u8).filter(|&group| is_apart(labels, group, &stage)).count() as f64;
@@ -39,18 +39,14 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     }
     checks.push(Check::stated("second eigenvalue of the normalized cut", found.eigenvalues[1]));
     Ok(Reproduced {
-        figure: Figure::Fig6,
-        rig: bench.rig(),
         setting: format!(
             "two sheets that face each other, {}, {PHOTOS} photos, 10 eigenvectors",
             stage.resolution
         ),
         checks,
         panels: panels(&stage, &found, 2),
-        plots: Vec::new(),
-        strips: Vec::new(),
         photos: found.photos,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig6, bench.rig())
     })
 }
 

@@ -2,12 +2,13 @@
 
 use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Curve, Curves, Figure, Panel, Reproduced};
+use super::figure::{Figure, Panel, Plot, Reproduced};
 use super::groups::panels;
 use super::stage::{Set, Stage};
 use crate::analysis::segment::segment;
 use crate::analysis::{SegmentOptions, Segmentation, adjusted_rand_index};
 use crate::error::Result;
+use crate::report::plot::{LinePlot, Series};
 use crate::transport::Part;
 
 const SIDE: usize = 128;
@@ -51,7 +52,7 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
             adjusted_rand_index(with, &egg_stage.truth)?,
         ),
     ];
-    let spectrum = |name: &str, found: &Segmentation| Curve {
+    let spectrum = |name: &str, found: &Segmentation| Series {
         name: name.into(),
         points: found.eigenvalues.iter().enumerate().map(|(k, value)| (k as f64 + 1.0, *value)).collect(),
     };
@@ -59,27 +60,25 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         .chain(panels_of("eggs", "With eggs", &egg_stage, &eggs))
         .collect();
     Ok(Reproduced {
-        figure: Figure::Fig8,
-        rig: bench.rig(),
         setting: format!(
             "a carton of 3 × 3 cells, {}, {PHOTOS} photos and {EIGENVECTORS} eigenvectors each",
             empty_stage.resolution
         ),
         checks,
         panels,
-        plots: vec![Curves {
+        plots: vec![Plot {
             caption:
                 "Eigenvalues of the normalized cut: as many at one as there are cells that exchange no light, beside those of a few pixels."
                     .into(),
-            x_label: "eigenvector".into(),
-            y_label: "eigenvalue λ".into(),
-            logarithmic: false,
-            lines: vec![spectrum("empty", &empty), spectrum("with eggs", &eggs)],
-            marks: Vec::new(),
+            lines: LinePlot {
+                x_label: "eigenvector".into(),
+                y_label: "eigenvalue λ".into(),
+                series: vec![spectrum("empty", &empty), spectrum("with eggs", &eggs)],
+                ..LinePlot::default()
+            },
         }],
-        strips: Vec::new(),
         photos: empty.photos + eggs.photos,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig8, bench.rig())
     })
 }
 
@@ -93,7 +92,7 @@ fn run(bench: &mut Bench, set: Set, side: usize) -> Result<(std::sync::Arc<Stage
         resolution: Some(stage.resolution),
         ..SegmentOptions::default()
     };
-    let found = bench.with_rig(&stage, Part::Global, |operator| segment(operator, &options))?;
+    let found = segment(&mut bench.photos(&stage, Part::Global)?, &options)?;
     Ok((stage, found))
 }
 

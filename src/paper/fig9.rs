@@ -2,10 +2,10 @@
 
 use super::bench::Bench;
 use super::check::Check;
-use super::figure::{Figure, Reproduced, Shot, Strip};
+use super::figure::{Figure, Reproduced, Strip};
 use super::stage::Set;
-use crate::analysis::SegmentOptions;
 use crate::analysis::segment::segment;
+use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::Result;
 use crate::krylov::{dot, norm};
 use crate::operator::Recorded;
@@ -19,18 +19,16 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
     let stage = bench.stage(Set::Zigzag, side)?;
     let options =
         SegmentOptions { photos: PHOTOS, tolerance: 0.0, starts: Some(1), ..SegmentOptions::default() };
-    let (photos, degree, shots) = bench.with_rig(&stage, Part::Global, |operator| {
-        let mut recorded = Recorded::new(operator);
-        let found = segment(&mut recorded, &options)?;
-        let shots: Vec<Shot> = recorded.products.into_iter().map(Shot::from).collect();
-        Ok((found.photos, found.degree, shots))
-    })?;
+    let mut operator = bench.photos(&stage, Part::Global)?;
+    let mut recorded = Recorded::new(&mut operator);
+    let Segmentation { photos, degree, .. } = segment(&mut recorded, &options)?;
+    let shots = recorded.products;
     // The patterns are `D^-½` times an orthogonal basis.
     let basis: Vec<Vec<f64>> = shots[1..]
         .iter()
-        .map(|shot| shot.pattern.iter().zip(&degree).map(|(x, d)| x * d.sqrt()).collect())
+        .map(|shot| shot.from.iter().zip(&degree).map(|(x, d)| x * d.sqrt()).collect())
         .collect();
-    let is_white = shots.first().is_some_and(|shot| shot.pattern.iter().all(|&value| value == 1.0));
+    let is_white = shots.first().is_some_and(|shot| shot.from.iter().all(|&value| value == 1.0));
     let checks = vec![
         Check::at_most("photos taken", shots.len() as f64, PHOTOS as f64),
         Check::at_least("photos taken that are counted", photos as f64 / shots.len() as f64, 1.0),
@@ -42,20 +40,16 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         ),
     ];
     Ok(Reproduced {
-        figure: Figure::Fig9,
-        rig: bench.rig(),
         setting: format!("zigzag, {}, the run of figure 4", stage.resolution),
         checks,
-        panels: Vec::new(),
-        plots: Vec::new(),
         strips: vec![Strip {
             caption: "Above what is projected, below its photo without direct light; blue is negative. The first is white."
                 .into(),
             resolution: stage.resolution,
-            shots,
+            photos: shots,
         }],
         photos,
-        seconds: 0.0,
+        ..Reproduced::of(Figure::Fig9, bench.rig())
     })
 }
 

@@ -4,6 +4,7 @@ use super::bench::Rig;
 use super::check::Check;
 use crate::image::Resolution;
 use crate::operator::Product;
+use crate::report::plot::LinePlot;
 
 /// A figure of the paper that can be reproduced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -47,77 +48,80 @@ impl Figure {
 
     /// Name on the command line: `fig2`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Fig2 => "fig2",
-            Self::Fig4 => "fig4",
-            Self::Fig5 => "fig5",
-            Self::Fig6 => "fig6",
-            Self::Fig8 => "fig8",
-            Self::Fig9 => "fig9",
-            Self::Fig10 => "fig10",
-            Self::Fig11 => "fig11",
-            Self::Fig12 => "fig12",
-            Self::Fig13 => "fig13",
-        }
+        self.words()[0]
     }
 
     /// Number and subject: `Figure 2: power iteration`.
     pub fn title(self) -> &'static str {
-        match self {
-            Self::Fig2 => "Figure 2: power iteration",
-            Self::Fig4 => "Figure 4: segmentation of a folded sheet",
-            Self::Fig5 => "Figure 5: pixels by their eigenvector entries",
-            Self::Fig6 => "Figure 6: patches apart in the photo",
-            Self::Fig8 => "Figure 8: an egg carton",
-            Self::Fig9 => "Figure 9: the photos of a segmentation",
-            Self::Fig10 => "Figure 10: the photos of a compensation",
-            Self::Fig11 => "Figure 11: compensation",
-            Self::Fig12 => "Figure 12: compensation out of focus",
-            Self::Fig13 => "Figure 13: bit planes",
-        }
+        self.words()[1]
     }
 
     /// The paper's statement about the figure, in our words.
     pub fn statement(self) -> &'static str {
+        self.words()[2]
+    }
+
+    /// Name, title and statement.
+    fn words(self) -> [&'static str; 3] {
         match self {
-            Self::Fig2 => {
+            Self::Fig2 => [
+                "fig2",
+                "Figure 2: power iteration",
                 "A photo, projected back again and again, becomes the principal eigenvector of the light transport \
-                 matrix: a pattern whose photo is itself. It has no negative pixel."
-            }
-            Self::Fig4 => {
+                 matrix: a pattern whose photo is itself. It has no negative pixel.",
+            ],
+            Self::Fig4 => [
+                "fig4",
+                "Figure 4: segmentation of a folded sheet",
                 "50 photos and ten eigenvectors split a folded sheet of 100×100 pixels where no light is exchanged; six \
-                 and ten groups cut the same sheets horizontally."
-            }
-            Self::Fig5 => {
+                 and ten groups cut the same sheets horizontally.",
+            ],
+            Self::Fig5 => [
+                "fig5",
+                "Figure 5: pixels by their eigenvector entries",
                 "The entries of the leading eigenvectors at a pixel tell with which others it exchanges light: pixels \
-                 of one fold have alike entries, wherever they are in the photo."
-            }
-            Self::Fig6 => {
+                 of one fold have alike entries, wherever they are in the photo.",
+            ],
+            Self::Fig6 => [
+                "fig6",
+                "Figure 6: patches apart in the photo",
                 "Groups follow the light and not the picture: patches that are apart in the photo, but light each \
-                 other, share a group."
-            }
-            Self::Fig8 => {
+                 other, share a group.",
+            ],
+            Self::Fig8 => [
+                "fig8",
+                "Figure 8: an egg carton",
                 "100 photos and 20 eigenvectors find the cells of an egg carton, one group each. With eggs in it light \
-                 takes other ways, and the groups change."
-            }
-            Self::Fig9 => {
-                "The photos of a segmentation in the order in which they were taken, each made from those before."
-            }
-            Self::Fig10 => {
-                "The photos of a compensation in the order in which they were taken: five suffice."
-            }
-            Self::Fig11 => {
+                 takes other ways, and the groups change.",
+            ],
+            Self::Fig9 => [
+                "fig9",
+                "Figure 9: the photos of a segmentation",
+                "The photos of a segmentation in the order in which they were taken, each made from those before.",
+            ],
+            Self::Fig10 => [
+                "fig10",
+                "Figure 10: the photos of a compensation",
+                "The photos of a compensation in the order in which they were taken: five suffice.",
+            ],
+            Self::Fig11 => [
+                "fig11",
+                "Figure 11: compensation",
                 "Five photos are enough to find a pattern under which a corner of two white walls looks like a given \
-                 picture, interreflections included."
-            }
-            Self::Fig12 => {
+                 picture, interreflections included.",
+            ],
+            Self::Fig12 => [
+                "fig12",
+                "Figure 12: compensation out of focus",
                 "The same with a projector out of focus: what is to be projected has its edges enhanced, and looks \
-                 sharp where it lands."
-            }
-            Self::Fig13 => {
+                 sharp where it lands.",
+            ],
+            Self::Fig13 => [
+                "fig13",
+                "Figure 13: bit planes",
                 "A projector of one bit shows a sinusoid as stripes. In bit planes, each of what those before could not \
-                 show, the weighted sum of the photos is that of the sinusoid; but each photo adds its noise."
-            }
+                 show, the weighted sum of the photos is that of the sinusoid; but each photo adds its noise.",
+            ],
         }
     }
 }
@@ -136,7 +140,7 @@ pub struct Reproduced {
     /// Pictures.
     pub panels: Vec<Panel>,
     /// Plots.
-    pub plots: Vec<Curves>,
+    pub plots: Vec<Plot>,
     /// Contact sheets of its photos.
     pub strips: Vec<Strip>,
     /// Number of photos of the result: products with the light transport matrix.
@@ -146,6 +150,12 @@ pub struct Reproduced {
 }
 
 impl Reproduced {
+    /// A figure in front of which nothing has been measured yet.
+    pub(super) fn of(figure: Figure, rig: Rig) -> Self {
+        let (checks, panels, plots, strips) = Default::default();
+        Self { figure, rig, setting: String::new(), checks, panels, plots, strips, photos: 0, seconds: 0.0 }
+    }
+
     /// Whether every number meets its bound.
     pub fn is_met(&self) -> bool {
         self.checks.iter().all(Check::is_met)
@@ -183,30 +193,13 @@ pub enum Content {
     },
 }
 
-/// Curves over a common axis.
+/// Lines over a common axis.
 #[derive(Clone, Debug)]
-pub struct Curves {
+pub struct Plot {
     /// Text below the plot.
     pub caption: String,
-    /// Label of the horizontal axis, with unit.
-    pub x_label: String,
-    /// Label of the vertical axis, with unit.
-    pub y_label: String,
-    /// Whether the vertical axis is logarithmic.
-    pub logarithmic: bool,
-    /// The curves.
-    pub lines: Vec<Curve>,
-    /// Marked heights, with notes.
-    pub marks: Vec<(f64, String)>,
-}
-
-/// One curve.
-#[derive(Clone, Debug)]
-pub struct Curve {
-    /// Name in the legend.
-    pub name: String,
-    /// Points (x, y).
-    pub points: Vec<(f64, f64)>,
+    /// The lines.
+    pub lines: LinePlot,
 }
 
 /// Photos in the order in which they were taken, for a contact sheet.
@@ -216,23 +209,8 @@ pub struct Strip {
     pub caption: String,
     /// Resolution of each pattern and photo.
     pub resolution: Resolution,
-    /// The patterns and their photos.
-    pub shots: Vec<Shot>,
-}
-
-/// A pattern and its photo, as the method requested and received them; either may be signed.
-#[derive(Clone, Debug)]
-pub struct Shot {
-    /// The projected pattern.
-    pub pattern: Vec<f64>,
-    /// The photo.
-    pub photo: Vec<f64>,
-}
-
-impl From<Product> for Shot {
-    fn from(product: Product) -> Self {
-        Self { pattern: product.from, photo: product.to }
-    }
+    /// The patterns and their photos, as the method requested and received them; either may be signed.
+    pub photos: Vec<Product>,
 }
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ mod target;
 
 pub use bench::{Bench, BenchOptions, Rig};
 pub use check::{Check, Limit};
-pub use figure::{Content, Curve, Curves, Figure, Panel, Reproduced, Shot, Strip};
+pub use figure::{Content, Figure, Panel, Plot, Reproduced, Strip};
 pub use gallery::Gallery;
 
 use crate::error::Result;

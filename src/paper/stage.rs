@@ -1,8 +1,11 @@
 //! The figures' scenes, built in memory, and their traced matrices.
 
+use std::sync::Arc;
+
+use super::figure::{Content, Panel};
 use crate::image::Resolution;
 use crate::scene::{Lens, Scene, builtin};
-use crate::transport::{Assembled, MatrixOperator, Part};
+use crate::transport::{Assembled, Part};
 
 /// A scene of the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,28 +64,37 @@ impl Set {
 
 /// A traced scene.
 pub(super) struct Stage {
-    pub(super) traced: Assembled,
+    pub(super) set: Set,
+    pub(super) resolution: Resolution,
     /// True region of each pixel.
     pub(super) truth: Vec<u8>,
-    pub(super) resolution: Resolution,
-    /// Whether a lens is out of focus.
-    pub(super) out_of_focus: bool,
+    pub(super) traced: Arc<Assembled>,
 }
 
 impl Stage {
-    /// The traced matrix as the ideal rig measures it. Answers are evaluated with it, whichever rig took the photos.
-    pub(super) fn ideal(&self, part: Part) -> MatrixOperator<'_> {
-        MatrixOperator::new(&self.traced.matrix, part, 0)
-    }
-
     pub(super) fn pixels(&self) -> usize {
         self.resolution.pixels()
     }
 
-    /// The photo of `pattern` with direct and global light.
+    /// The photo of `pattern` with direct and global light, in W/(m² sr).
     pub(super) fn photo(&self, pattern: &[f64]) -> Vec<f64> {
         let mut photo = vec![0.0; self.pixels()];
         self.traced.matrix.apply(Part::Full, 0, pattern, &mut photo);
         photo
+    }
+
+    /// The photo under white.
+    pub(super) fn white(&self) -> Vec<f64> {
+        self.photo(&vec![1.0; self.pixels()])
+    }
+
+    /// A picture of the scene's size.
+    pub(super) fn panel(
+        &self,
+        name: impl Into<String>,
+        caption: impl Into<String>,
+        content: Content,
+    ) -> Panel {
+        Panel { name: name.into(), caption: caption.into(), resolution: self.resolution, content }
     }
 }

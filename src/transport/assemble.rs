@@ -126,7 +126,6 @@ fn image<const C: usize>(resolution: Resolution, value: impl Fn(usize, usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transport::Simulated;
 
     /// Does not compile for a type that may not move to another thread.
     const fn assert_send<T: Send>() {}
@@ -135,7 +134,6 @@ mod tests {
         assert_send::<Tracer>();
         assert_send::<Assembled>();
         assert_send::<GpuMatrix>();
-        assert_send::<Simulated>();
         assert_send::<super::super::Retraced<'_>>();
     };
 }

@@ -64,12 +64,14 @@ impl Assembled {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::gpu::AdapterSummary;
     use crate::image::Image;
     use crate::operator::Operator;
     use crate::transport::gpu_matrix::tests::{coaxial, gpu};
-    use crate::transport::{MatrixOperator, Part, Products, Simulated, Transport};
+    use crate::transport::{MatrixOperator, Part, Products, Transport};
 
     /// Software Vulkan that claims to be a discrete GPU.
     fn card() -> Gpu {
@@ -127,8 +129,9 @@ mod tests {
 
     #[test]
     fn photos_and_operators_use_the_backend_of_the_matrix() {
-        let [mut here, mut there] = [coaxial(), coaxial()].map(|traced| Simulated { traced });
-        assert_eq!(placed(&mut there.traced, &gpu(), Backend::Gpu, 0), (None, true));
+        let [here, mut there] = [coaxial(), coaxial()];
+        assert_eq!(placed(&mut there, &gpu(), Backend::Gpu, 0), (None, true));
+        let [mut here, mut there] = [here, there].map(Arc::new);
         let resolution = here.photo_resolution();
         let pattern = Image::filled(resolution, 3, 0.5);
         let photos = [&mut here, &mut there].map(|rig| rig.photograph(&pattern));
@@ -145,9 +148,8 @@ mod tests {
             taken.unwrap_or_else(|error| unreachable!("{error}"));
             y
         };
-        let traced = &there.traced;
-        let (placed, matrix) = (product(traced), product(&traced.matrix));
+        let (placed, matrix) = (product(&*there), product(&there.matrix));
         assert!(placed != matrix, "sums are taken in another order there");
-        assert!(placed == product(traced) && matrix == product(&here.traced));
+        assert!(placed == product(&*there) && matrix == product(&*here));
     }
 }

@@ -1,7 +1,7 @@
 //! Photos as products with the light transport matrix: `photo = A · pattern + ambient`.
 //!
 //! Light paths do not depend on the pattern, so [`assemble()`] traces them once and keeps them as a sparse
-//! matrix; every later photo is a product with it ([`Simulated`]). [`Retraced`] traces anew for each photo
+//! matrix; every later photo is a product with it ([`Assembled`]). [`Retraced`] traces anew for each photo
 //! and keeps nothing: a black box to check the matrix against. For equal settings both apply the same matrix
 //! `Â`, to rounding; [`predict`] tells whether the matrix will fit the memory.
 //!
@@ -47,7 +47,6 @@ pub use noise::Noise;
 pub use operator::MatrixOperator;
 pub use products::Products;
 pub use retraced::{Retraced, RetracedOperator};
-pub use simulated::Simulated;
 pub(crate) use tiles::CompressedRows;
 
 use crate::error::{Error, Result};

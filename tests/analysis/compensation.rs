@@ -2,6 +2,8 @@
 //! about what clipping does.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a panic is the report")]
 
+use std::sync::Arc;
+
 use crate::common::{load, reference, settings, trace, traced, tracer};
 use krylux::Result;
 use krylux::analysis::compensate::compensate;
@@ -9,7 +11,7 @@ use krylux::analysis::{CompensateOptions, Compensation, CompensationRow, Precond
 use krylux::image::{Image, Resolution};
 use krylux::krylov::{METHODS, Method, SolveOptions, Status, dot, norm, solve_adjoint};
 use krylux::operator::{Adjoint, Operator, Symmetry};
-use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Simulated, Transport};
+use krylux::transport::{Assembled, Channels, MatrixOperator, Part, Transport};
 
 const SIDE: usize = 64;
 
@@ -248,16 +250,16 @@ fn floor_of_the_box_is_kept_by_every_method() {
 fn three_colours_are_three_systems_seen_in_one_photo() {
     let side = 24;
     let mut simulated =
-        Simulated { traced: trace(&mut tracer(&load("cornell")), settings(side, 256, 6, 3), Channels::Rgb) };
+        Arc::new(trace(&mut tracer(&load("cornell")), settings(side, 256, 6, 3), Channels::Rgb));
     let resolution = Resolution::new(side, side);
     let samples = (0..side * side).flat_map(|pixel| {
         let x = (pixel % side) as f32 / side as f32;
         [0.4 + 0.4 * x, 0.5, 0.8 - 0.4 * x]
     });
     let target = Image::new(resolution, 3, samples.collect()).unwrap();
-    let wish = Target::new(&target, &simulated.traced.ambient).unwrap();
+    let wish = Target::new(&target, &simulated.ambient).unwrap();
     let options = CompensateOptions { photos: 10, ..CompensateOptions::default() };
-    let operator = |channel| MatrixOperator::new(&simulated.traced.matrix, Part::Full, channel);
+    let operator = |channel| MatrixOperator::new(&simulated.matrix, Part::Full, channel);
     let found = compensate(&mut [0, 1, 2].map(operator), &wish, &options).unwrap();
     assert!(found.photos <= 10 && found.history.len() == found.photos);
     let photo = simulated.photograph(&found.pattern).unwrap();
@@ -273,7 +275,7 @@ fn three_colours_are_three_systems_seen_in_one_photo() {
         .target
         .samples()
         .iter()
-        .zip(simulated.traced.ambient.samples())
+        .zip(simulated.ambient.samples())
         .map(|(t, a)| f64::from(t - a).powi(2))
         .sum::<f64>()
         .sqrt();

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DMat3, DVec3, Quat, Vec3, dvec3, vec3};
 
@@ -9,11 +10,11 @@ use crate::common::{csr, mean_and_error, rms, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{Sampler, TraceSettings};
 use krylux::scene::{Camera, Scene, Triangle, builtin};
-use krylux::transport::{Channels, Part, Simulated, Transport};
+use krylux::transport::{Channels, Part, Transport};
 
 /// One white photo.
 fn white_photo(scene: &Scene, settings: TraceSettings, channels: Channels) -> Vec<f64> {
-    let mut rig = Simulated { traced: trace(&mut tracer(scene), settings, channels) };
+    let mut rig = Arc::new(trace(&mut tracer(scene), settings, channels));
     let photo = rig.photograph(&Image::filled(settings.resolution, 1, 1.0)).expect("the pattern fits");
     photo.samples().iter().map(|&sample| f64::from(sample)).collect()
 }
@@ -377,8 +378,8 @@ fn emission_is_ambient_light_and_no_part_of_the_matrix() {
     let dark = trace(&mut tracer(&scene), settings, Channels::Rgb);
     assert!(dark.ambient.samples().iter().all(|&value| value == 0.0));
     scene.materials[0].emission = emission;
-    let mut rig = Simulated { traced: trace(&mut tracer(&scene), settings, Channels::Rgb) };
-    assert_eq!(rig.traced.matrix, dark.matrix, "the matrix does not know of emission");
+    let mut rig = Arc::new(trace(&mut tracer(&scene), settings, Channels::Rgb));
+    assert_eq!(rig.matrix, dark.matrix, "the matrix does not know of emission");
     let black = rig.photograph(&Image::filled(settings.resolution, 1, 0.0)).expect("the pattern fits");
     let white = rig.photograph(&Image::filled(settings.resolution, 1, 1.0)).expect("the pattern fits");
     for channel in 0..3 {

@@ -1,10 +1,12 @@
 //! Thin lenses: how large the blur is, and what is sharp.
 
+use std::sync::Arc;
+
 use crate::common::{self, mean_and_error, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::TraceSettings;
 use krylux::scene::{Lens, builtin};
-use krylux::transport::{Channels, Simulated, Transport, assemble};
+use krylux::transport::{Channels, Transport, assemble};
 
 const SIDE: usize = 48;
 const RADIUS: f64 = 0.15;
@@ -25,7 +27,7 @@ fn photos(distance: f64) -> (f64, Vec<Vec<f64>>) {
     let photos = (0..8).map(|seed| {
         let settings = TraceSettings { max_bounces: 1, seed, ..TraceSettings::new(resolution, 64) };
         let traced = assemble(&mut tracer, &settings, Channels::Luma);
-        let mut rig = Simulated { traced: traced.expect("the scene can be traced") };
+        let mut rig = Arc::new(traced.expect("the scene can be traced"));
         rig.photograph(&pattern).expect("the pattern has the rig's size").plane(0)
     });
     (f64::from(scene.camera.tan_half_fov), photos.collect())

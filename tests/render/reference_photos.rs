@@ -1,8 +1,10 @@
 //! Photos against an independent renderer, by z-test: our noise from independent seeds, the reference's from its files.
 
+use std::sync::Arc;
+
 use crate::common::{checker, load, mean_and_error, reference, rms, settings, tracer};
 use krylux::image::Image;
-use krylux::transport::{Channels, Simulated, Transport, assemble};
+use krylux::transport::{Channels, Transport, assemble};
 
 const SIDE: usize = 64;
 /// Independent runs; with 24 the estimate of the error itself is good to 15 % per pixel, which the rms over 4096 pixels
@@ -27,7 +29,7 @@ fn compare(scene: &str, file: &str, channels: Channels, samples: u32) -> [Agreem
     for seed in 0..SEEDS {
         // As many surface hits as the reference has.
         let traced = assemble(&mut tracer, &settings(SIDE, samples, 15, seed), channels);
-        let mut rig = Simulated { traced: traced.expect("shipped scenes can be traced") };
+        let mut rig = Arc::new(traced.expect("shipped scenes can be traced"));
         for (photos, pattern) in photos.iter_mut().zip(&patterns) {
             let photo = rig.photograph(pattern).expect("the pattern has the rig's size");
             photos.push(photo.samples().iter().map(|&sample| f64::from(sample)).collect::<Vec<f64>>());

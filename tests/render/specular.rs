@@ -1,5 +1,7 @@
 //! Mirrors and glass: light that a path tracer of one direction misses, against closed forms.
 
+use std::sync::Arc;
+
 use crate::common::{self, csr, reference, root};
 use glam::vec3;
 use krylux::image::{Image, Resolution};
@@ -7,7 +9,7 @@ use krylux::io::sparse::read as read_npz;
 use krylux::render::{Gather, TraceSettings};
 
 use krylux::scene::{Scene, Triangle, builtin};
-use krylux::transport::{Channels, Part, Simulated, Transport, assemble};
+use krylux::transport::{Channels, Part, Transport, assemble};
 
 fn mirror() -> krylux::render::Tracer {
     common::tracer(&common::load("mirror"))
@@ -29,7 +31,7 @@ fn a_wall_and_its_mirror_image_photograph_as_the_image_method_says() {
     let resolution = Resolution::new(SIDE, SIDE);
     let settings = TraceSettings { seed: 3, ..TraceSettings::new(resolution, 128) };
     let traced = assemble(&mut mirror(), &settings, Channels::Luma);
-    let mut rig = Simulated { traced: traced.expect("shipped scenes can be traced") };
+    let mut rig = Arc::new(traced.expect("shipped scenes can be traced"));
     let left: Vec<f32> = (0..SIDE * SIDE).map(|pixel| f32::from(u8::from(pixel % SIDE < SIDE / 2))).collect();
     let left = Image::new(resolution, 1, left).expect("one sample a pixel");
     let patterns = [
@@ -76,7 +78,7 @@ fn the_mirror_looks_the_same_by_paths_from_both_ends() {
     let gather = Gather { photons: 64, radius: 1.0 };
     let settings = TraceSettings { gather, seed: 2, ..TraceSettings::new(resolution, 128) };
     let traced = assemble(&mut common::tracer(&scene), &settings, Channels::Luma);
-    let mut rig = Simulated { traced: traced.expect("the scene can be traced") };
+    let mut rig = Arc::new(traced.expect("the scene can be traced"));
     let photo = rig.photograph(&Image::filled(resolution, 1, 1.0)).expect("the pattern fits").plane(0);
     // Four pixels to one.
     let fine = reference("mirror_64_ones_analytic.npy");

@@ -1,9 +1,11 @@
 //! The transport matrix as an operator: symmetric, linear, repeatable, and the same whether replayed or traced anew.
 
+use std::sync::Arc;
+
 use crate::common::{self, checker, csr, load, magnitudes, random_vector, settings, trace, tracer};
 use krylux::image::{Image, Resolution};
 use krylux::render::{TraceSettings, Tracer};
-use krylux::transport::{Assembled, Channels, Part, Retraced, Simulated, Transport, TransportMatrix};
+use krylux::transport::{Assembled, Channels, Part, Retraced, Transport, TransportMatrix};
 
 /// Two gray scenes and a coloured one.
 const SCENES: [(&str, Channels); 3] =
@@ -166,7 +168,7 @@ fn work_by_the_machine_meanwhile_does_not_change_a_bit() {
 
 fn replay_and_retrace(tracer: &mut Tracer, channels: Channels, patterns: &[Image]) -> Vec<f64> {
     let settings = settings(20, 24, 6, 7);
-    let mut replayed = Simulated { traced: trace(tracer, settings, channels) };
+    let mut replayed = Arc::new(trace(tracer, settings, channels));
     let mut retraced = Retraced { tracer, settings, channels };
     let differences = patterns.iter().map(|pattern| {
         let [replay, retrace] = [&mut replayed as &mut dyn Transport, &mut retraced]
@@ -211,7 +213,7 @@ fn a_replayed_photo_is_the_retraced_one() {
 #[test]
 fn a_photo_under_one_lit_pixel_is_that_pixels_row() {
     for (name, channels) in SCENES {
-        let mut rig = Simulated { traced: trace(&mut tracer(&load(name)), settings(20, 24, 6, 7), channels) };
+        let mut rig = Arc::new(trace(&mut tracer(&load(name)), settings(20, 24, 6, 7), channels));
         let resolution = rig.photo_resolution();
         let n = resolution.pixels();
         for pixel in [0, 7 * 20 + 3, n / 2 + 10, n - 1] {
@@ -219,7 +221,7 @@ fn a_photo_under_one_lit_pixel_is_that_pixels_row() {
             pattern.samples_mut()[pixel] = 1.0;
             let photo = rig.photograph(&pattern).expect("the pattern fits");
             for channel in 0..channels.count() {
-                let csr = csr(&rig.traced.matrix, Part::Full, channel);
+                let csr = csr(&rig.matrix, Part::Full, channel);
                 let mut row = vec![0.0; n];
                 csr.entries().filter(|&(r, ..)| r == pixel).for_each(|(_, column, w)| row[column] = w);
                 assert!(row[pixel] > 0.0 && row.iter().filter(|&&weight| weight > 0.0).count() > 1, "{name}");

@@ -1,5 +1,7 @@
 //! What computes or takes photos.
 
+use std::sync::Arc;
+
 use crate::analysis::LowRank;
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -8,12 +10,12 @@ use crate::lab::measured::MeasuredRig;
 use crate::lab::model::ModelParts;
 use crate::lab::scene::SceneSource;
 use crate::operator::Adjoint;
-use crate::transport::{Channels, MatrixOperator, Part, Retraced, RetracedOperator, Simulated, Transport};
+use crate::transport::{Assembled, Channels, MatrixOperator, Part, Retraced, RetracedOperator, Transport};
 
 /// What computes or takes photos.
 pub(super) enum Engine {
     /// Products with a traced matrix.
-    Replayed(Box<Simulated>),
+    Replayed(Arc<Assembled>),
     /// A scene that is traced for each photo. The photos equal those of `Replayed`, to rounding.
     Retraced(Box<SceneSource>, Channels),
     /// A rig, or the photos that a run took of one.
@@ -35,7 +37,7 @@ impl Engine {
         work: impl FnOnce(&mut dyn Adjoint) -> Result<T>,
     ) -> Result<T> {
         match self {
-            Self::Replayed(simulated) => work(&mut MatrixOperator::new(&simulated.traced, part, channel)),
+            Self::Replayed(traced) => work(&mut MatrixOperator::new(&**traced, part, channel)),
             Self::Retraced(scene, channels) => {
                 let mut tracer = scene.tracer();
                 let retraced =
@@ -51,7 +53,7 @@ impl Engine {
 
     pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         match self {
-            Self::Replayed(simulated) => simulated.photograph(pattern),
+            Self::Replayed(traced) => traced.photograph(pattern),
             Self::Retraced(scene, channels) => {
                 let mut tracer = scene.tracer();
                 Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels }

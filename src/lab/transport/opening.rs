@@ -1,6 +1,7 @@
 //! From an open source to its light transport.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::engine::Engine;
 use super::{LightTransport, Shape, direct_diagonal};
@@ -20,7 +21,7 @@ use crate::lab::source::Source;
 use crate::lab::text::bytes;
 use crate::lab::{Log, SharedObserver, Truth, journal};
 use crate::operator::{Operator, Symmetry};
-use crate::transport::{Assembled, Backend, Channels, Simulated, predict};
+use crate::transport::{Assembled, Backend, Channels, predict};
 
 impl LightTransport {
     /// Traces the scene, opens the rig or reads the journal. With a run's folder each photo is in its journal before it is used, and none
@@ -128,14 +129,8 @@ impl LightTransport {
         Ok(Self::new(engine, shape, observer))
     }
 
-    /// Products with this matrix, computed where the settings say.
-    pub(in crate::lab) fn of_assembled(
-        scene: &SceneSource,
-        mut traced: Assembled,
-        settings: &Settings,
-        observer: &SharedObserver,
-    ) -> Result<Self> {
-        scene.place(&mut traced, settings.backend)?;
+    /// Products with this matrix.
+    pub(in crate::lab) fn of_assembled(traced: Arc<Assembled>, observer: &SharedObserver) -> Self {
         let matrix = &traced.matrix;
         let shape = Shape {
             photos: matrix.resolution(),
@@ -144,8 +139,7 @@ impl LightTransport {
             channels: matrix.channels().count(),
             block_size: 1,
         };
-        let engine = Engine::Replayed(Box::new(Simulated { traced }));
-        Ok(Self::new(engine, shape, observer))
+        Self::new(Engine::Replayed(traced), shape, observer)
     }
 
     /// A scene that is traced for each photo.
@@ -167,10 +161,10 @@ impl LightTransport {
 
     /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
     fn keep_known(&mut self) -> Result<()> {
-        let Self { engine: Engine::Replayed(simulated), journal: Some(journal), .. } = self else {
+        let Self { engine: Engine::Replayed(traced), journal: Some(journal), .. } = self else {
             return Ok(());
         };
-        if let Some(direct) = direct_diagonal(&simulated.traced) {
+        if let Some(direct) = direct_diagonal(traced) {
             let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
             journal.note(notes::DIRECT, &bytes)?;
         }
@@ -224,9 +218,7 @@ fn of_scene(
     if retrace {
         return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
     }
-    let mut traced = scene.assemble(channels, settings.split_bounces)?;
-    scene.place(&mut traced, settings.backend)?;
-    Ok(Engine::Replayed(Box::new(Simulated { traced })))
+    Ok(Engine::Replayed(scene.assemble(channels, settings.split_bounces)?))
 }
 
 fn symmetry(is_symmetric: bool) -> Symmetry {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
-use crate::lab::{Log, RigSource, RunFolder, RunOptions, journal};
+use crate::lab::{Lab, Log, RigSource, RunFolder, RunOptions, journal};
 use crate::measure::calibrate::{CalibrateOptions, CalibrationReport, calibrate};
 use crate::measure::{Calibration, Effort, FrameSource, JournaledFrames};
 use crate::observer::{Estimate, Step};
@@ -51,11 +51,7 @@ impl RigSource {
         let journal = journal::open(&run.path, &self.identity()?, run.resumes, observer)?;
         let warn = journal::warning(&journal, observer);
         let mut frames = JournaledFrames::new(journal, self.opener())?.reporting(warn);
-        let (found, report) = calibrate(&mut frames, options, &mut |step| {
-            observer.detail(format_args!("measuring {step}"));
-            let step = Step { stage: "calibration", done: 1, total: 1, estimate: Estimate::None };
-            observer.0.step(&step)
-        })?;
+        let (found, report) = self.calibrate_by(&mut frames, options)?;
         found.save(&run.path)?;
         calibration::write(&run.path, &found, &report)?;
         let effort = frames.effort();
@@ -66,8 +62,35 @@ impl RigSource {
         Ok(Calibrated { calibration: found, report, effort, folder: run.path.clone() })
     }
 
+    fn calibrate_by(
+        &self,
+        frames: &mut dyn FrameSource,
+        options: &CalibrateOptions,
+    ) -> Result<(Calibration, CalibrationReport)> {
+        let observer = self.observer();
+        calibrate(frames, options, &mut |step| {
+            observer.detail(format_args!("measuring {step}"));
+            let step = Step { stage: "calibration", done: 1, total: 1, estimate: Estimate::None };
+            observer.0.step(&step)
+        })
+    }
+
     /// Whether the rig file names this folder as its calibration.
     pub fn names_calibration(&self, folder: &Path) -> bool {
         self.file.calibration.as_deref() == Some(folder)
+    }
+}
+
+impl Lab {
+    /// Calibrates the rig's devices from captures alone, and takes its photos by that calibration from now on. Nothing is written; see
+    /// [`RigSource::calibrate`]. Call it before the first photo of a run.
+    ///
+    /// # Errors
+    /// As [`calibrate`]; [`crate::Error::Option`] where the source is no rig.
+    pub fn calibrate(&mut self, options: &CalibrateOptions) -> Result<CalibrationReport> {
+        let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
+        let (calibration, report) = rig.calibrate_by(rig.opener()(None)?.as_mut(), options)?;
+        self.set_calibration(calibration)?;
+        Ok(report)
     }
 }

@@ -59,25 +59,32 @@ impl Lab {
             let matrix = |channel| Ok(vec![("", self.matrix(request.part, channel)?)]);
             return (0..count).map(matrix).collect();
         }
-        let split = self.with_matrix(|matrix| {
-            let channel = |channel| {
-                let mut matrices = vec![("_direct", matrix.to_csr(Part::Direct, channel)?)];
-                for layer in matrix.layers() {
-                    match layer.bounces() {
-                        // It is in the direct part already.
-                        Bounces::One => {}
-                        Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
-                        Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),
-                    }
+        let Some(traced) = self.assembled()? else {
+            return Err(Error::Option {
+                option: "--split-bounces".into(),
+                fault: "the bounces of this matrix are not known".into(),
+                help: "leave it out, or give a scene".into(),
+            });
+        };
+        let channel = |channel| {
+            let mut matrices = vec![("_direct", traced.matrix.to_csr(Part::Direct, channel)?)];
+            for layer in traced.matrix.layers() {
+                match layer.bounces() {
+                    // It is in the direct part already.
+                    Bounces::One => {}
+                    Bounces::Two => matrices.push(("_second", layer.to_csr(channel)?)),
+                    Bounces::Rest | Bounces::Global => matrices.push(("_rest", layer.to_csr(channel)?)),
                 }
-                Ok(matrices)
-            };
-            (0..count).map(channel).collect()
-        })?;
-        split.ok_or_else(|| Error::Option {
-            option: "--split-bounces".into(),
-            fault: "the bounces of this matrix are not known".into(),
-            help: "leave it out, or give a scene".into(),
-        })
+            }
+            Ok(matrices)
+        };
+        (0..count).map(channel).collect()
+    }
+
+    /// One part of the traced matrix, `[channel]`, where there is one.
+    pub(super) fn traced_matrices(&mut self, part: Part) -> Result<Option<Vec<Csr>>> {
+        let Some(traced) = self.assembled()? else { return Ok(None) };
+        let channels = 0..traced.matrix.channels().count();
+        channels.map(|channel| traced.matrix.to_csr(part, channel)).collect::<Result<_>>().map(Some)
     }
 }

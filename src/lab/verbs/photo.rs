@@ -36,10 +36,8 @@ impl Lab {
         }
         if let Source::Scene(scene) = &self.source {
             if self.transport.is_none() && self.settings.operator == OperatorChoice::Auto {
-                let transport = match scene.cached(self.channels) {
-                    Some(traced) => {
-                        LightTransport::of_assembled(scene, traced, &self.settings, &self.observer)?
-                    }
+                let transport = match scene.cached(self.channels)? {
+                    Some(traced) => LightTransport::of_assembled(traced, &self.observer),
                     None => LightTransport::of_retraced(scene, self.channels, &self.observer),
                 };
                 self.transport = Some(Arc::new(Mutex::new(transport)));

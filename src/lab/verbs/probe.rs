@@ -20,10 +20,8 @@ impl Lab {
         self.expect(probing.photos(photos));
         let one = |operator: &mut LabOperator| probe(operator, resolution, probing, photos, seed);
         let found = self.photos(|_| operators.iter_mut().map(one).collect::<Result<Vec<_>>>())?;
-        let truth = self.with_matrix(|matrix| {
-            let channels = 0..matrix.channels().count();
-            channels.map(|c| Ok(probing.exact(&matrix.to_csr(Part::Full, c)?, resolution))).collect()
-        })?;
+        let matrices = self.traced_matrices(Part::Full)?;
+        let truth = matrices.map(|of| of.iter().map(|matrix| probing.exact(matrix, resolution)).collect());
         Ok(ProbedLight::new(probing, found, truth))
     }
 }

@@ -111,30 +111,21 @@ impl Lab {
         if let Some(diagonals) = self.direct_diagonal()? {
             return Ok(diagonals.into_iter().map(DirectPart::Diagonal).collect());
         }
-        let matrices = self.with_matrix(|matrix| {
-            let channel = |channel| Ok(DirectPart::Matrix(matrix.to_csr(Part::Direct, channel)?));
-            (0..matrix.channels().count()).map(channel).collect()
-        })?;
-        match matrices {
-            Some(matrices) => Ok(matrices),
+        match self.traced_matrices(Part::Direct)? {
+            Some(matrices) => Ok(matrices.into_iter().map(DirectPart::Matrix).collect()),
             None => self.reference_operators(Part::Direct)?.iter_mut().map(|of| diagonal_of(of)).collect(),
         }
     }
 
     fn rank_curve(&mut self, model: &SavedModel) -> Result<Vec<crate::analysis::low_rank::RankRow>> {
-        let matrices = self.with_matrix(|matrix| {
-            (0..matrix.channels().count())
-                .map(|channel| matrix.to_csr(Part::Global, channel))
-                .collect::<Result<Vec<_>>>()
-        })?;
-        let Some(matrices) = matrices else { return Ok(Vec::new()) };
+        let Some(matrices) = self.traced_matrices(Part::Global)? else { return Ok(Vec::new()) };
         rank_curve(&model.channels, &matrices, &mut self.reference_operators(Part::Global)?)
     }
 
     /// Asks the model, and the true matrix where there is one.
     fn ask(&mut self, answer: &mut Relighting, questions: &Questions) -> Result<()> {
-        let operators = match self.with_matrix(|_| Ok(()))? {
-            Some(()) => [Part::Full, Part::Global].map(|part| self.reference_operators(part)),
+        let operators = match self.assembled()? {
+            Some(_) => [Part::Full, Part::Global].map(|part| self.reference_operators(part)),
             None => return answer_questions(answer, questions, [None, None]),
         };
         let [full, global] = operators;

@@ -86,7 +86,7 @@ impl Lab {
         };
         found.max_error = request.max_error;
         if request.bounces {
-            found.bounces = self.with_matrix(second_and_rest)?;
+            found.bounces = self.assembled()?.map(|traced| second_and_rest(&traced.matrix)).transpose()?;
         }
         if let Some(options) = request.near_far.filter(|options| options.photos > 0) {
             found.near_far = self.timed("probing", |lab| lab.near_far(options, &found.global))?;
@@ -137,11 +137,7 @@ impl Lab {
             return Ok(None);
         }
         self.expect(options.photos);
-        let matrices = self.with_matrix(|matrix| {
-            (0..matrix.channels().count())
-                .map(|channel| matrix.to_csr(Part::Global, channel))
-                .collect::<Result<Vec<_>>>()
-        })?;
+        let matrices = self.traced_matrices(Part::Global)?;
         near_far(&mut operators, resolution, options, global, matrices.as_deref()).map(Some)
     }
 }

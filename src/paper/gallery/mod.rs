@@ -8,9 +8,8 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::io::atomic;
 use crate::measure::RunManifest;
-use crate::paper::{Curves, Figure, Reproduced};
+use crate::paper::{Figure, Reproduced};
 use crate::report::html::{Block, Measured, Outcome, Report, Section, Verdict};
-use crate::report::plot::{LinePlot, Series};
 use crate::report::run::{self, Files};
 
 /// Reproduced figures for one page. A figure may occur several times, from different rigs.
@@ -131,26 +130,13 @@ fn section(figure: Figure, made: &[&Reproduced], files: &mut Files<'_>) -> Resul
         if !figures.is_empty() {
             blocks.push(Block::Figures(figures));
         }
-        blocks.extend(made.plots.iter().map(plot));
+        for plot in &made.plots {
+            blocks.push(Block::Plot { svg: plot.lines.render(), caption: plot.caption.clone() });
+        }
         for strip in &made.strips {
             blocks
                 .push(Block::ContactSheet { caption: strip.caption.clone(), sheet: pictures::sheet(strip)? });
         }
     }
     Ok(Section { title: figure.title().into(), text: String::new(), blocks })
-}
-
-fn plot(curves: &Curves) -> Block {
-    let plot = LinePlot {
-        x_label: curves.x_label.clone(),
-        y_label: curves.y_label.clone(),
-        logarithmic: curves.logarithmic,
-        series: curves
-            .lines
-            .iter()
-            .map(|line| Series { name: line.name.clone(), points: line.points.clone() })
-            .collect(),
-        marks: curves.marks.clone(),
-    };
-    Block::Plot { svg: plot.render(), caption: curves.caption.clone() }
 }

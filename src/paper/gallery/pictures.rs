@@ -34,6 +34,6 @@ pub(super) fn figure(panel: &Panel) -> Result<Figure> {
 /// The contact sheet of a figure's photos, numbered from 1, each below its pattern.
 pub(super) fn sheet(strip: &crate::paper::Strip) -> Result<Sheet> {
     let mut photos = ContactSheet::new([strip.resolution; 2], 1);
-    strip.shots.iter().try_for_each(|shot| photos.push(0, &shot.pattern, &shot.photo, false))?;
+    strip.photos.iter().try_for_each(|photo| photos.push(0, &photo.from, &photo.to, false))?;
     photos.sheet()
 }
