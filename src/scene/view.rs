@@ -106,7 +106,7 @@ mod tests {
     fn each_black_scene_has_its_reason() -> Result<()> {
         assert_eq!(reason(|_| ())?, None);
         let says = |reason: Option<String>, what: &str| {
-            assert!(reason.as_deref().is_some_and(|r| r.contains(what)), "{reason:?}")
+            assert!(reason.as_deref().is_some_and(|r| r.contains(what)), "{reason:?}");
         };
         says(
             reason(|scene| scene.camera.forward = -scene.camera.forward)?,
