@@ -37,7 +37,7 @@ impl GpuScene {
     /// Builds the search tree, and moves the scene to the device.
     ///
     /// # Errors
-    /// [`Error::Device`] where the scene does not fit.
+    /// [`crate::Error::Device`] where the scene does not fit.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let frame = CameraFrame::of(&scene.camera);
         let positions: Vec<[Vec3; 3]> =
