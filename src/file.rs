@@ -18,7 +18,7 @@ pub(crate) fn open(path: &Path) -> Result<File> {
 /// Checks that a path names a regular file.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open()`].
 pub(crate) fn require(path: &Path) -> Result<()> {
     require_regular(path).map_err(Error::reading(path))
 }
@@ -26,7 +26,7 @@ pub(crate) fn require(path: &Path) -> Result<()> {
 /// The bytes of a regular file.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open()`].
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     require_regular(path).and_then(|()| fs::read(path)).map_err(Error::reading(path))
 }
@@ -34,7 +34,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
 /// The text of a regular file in UTF-8.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open()`].
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     require_regular(path).and_then(|()| fs::read_to_string(path)).map_err(Error::reading(path))
 }

@@ -97,20 +97,12 @@ impl Pattern {
     }
 }
 
-/// An image file that must have `resolution`.
+/// An image file that must have the projector's `resolution`.
 ///
 /// # Errors
 /// When it cannot be read or has another size.
 pub(super) fn read_sized(path: &Path, resolution: Resolution) -> Result<Image> {
-    let image = picture::read(path)?;
-    if image.resolution() != resolution {
-        return Err(Error::Data {
-            path: path.to_path_buf(),
-            fault: format!("it has {} pixels, but the projector has {resolution}", image.resolution()),
-            help: format!("resize it, or use --size {}", image.resolution()),
-        });
-    }
-    Ok(image)
+    picture::read_sized(path, resolution, "the projector")
 }
 
 #[cfg(test)]

@@ -126,13 +126,9 @@ impl Args {
 
 /// A photo to be reduced, by name, in as many channels as the model has. A coloured photo is weighted by luminance for a gray model.
 fn photograph(path: &Path, camera: Resolution, channels: usize) -> Result<(String, Planes)> {
-    let image = picture::read(path)?;
+    let image = picture::read_sized(path, camera, "the camera")?;
     let unusable =
         |fault: String, help: &str| Err(Error::Data { path: path.to_path_buf(), fault, help: help.into() });
-    if image.resolution() != camera {
-        let fault = format!("it has {} pixels, but the camera has {camera}", image.resolution());
-        return unusable(fault, "give a photo of this camera");
-    }
     let planes = match (image.channels(), channels) {
         (3, 1) => {
             let [r, g, b] = [0, 1, 2].map(|channel| image.plane(channel));

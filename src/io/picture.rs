@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::{atomic, exr, npy, png, tone};
 use crate::error::{Error, Result};
-use crate::image::Image;
+use crate::image::{Image, Resolution};
 
 /// The file formats of images.
 enum Kind {
@@ -30,6 +30,27 @@ pub fn read(path: &Path) -> Result<Image> {
     };
     require_finite(path, &image)?;
     Ok(image)
+}
+
+/// As [`read`], where it is known which size the image must have. PNG and JPEG files of another size are refused before their pixels are
+/// decoded, since a few bytes can state any number of them. `whose` names in the message what has that size.
+///
+/// # Errors
+/// As [`read`], and [`Error::Data`] when the image has another size.
+pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Image> {
+    let require = |found: Resolution| match found == expected {
+        true => Ok(()),
+        false => Err(Error::Data {
+            path: path.to_path_buf(),
+            fault: format!("it has {found} pixels, but {whose} has {expected}"),
+            help: format!("resize it to {expected} pixels, or use --size {found}"),
+        }),
+    };
+    if let Some(Kind::Png | Kind::Jpeg) = kind(path) {
+        require(png::size(path)?)?;
+    }
+    let image = read(path)?;
+    require(image.resolution()).map(|()| image)
 }
 
 /// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing

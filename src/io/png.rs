@@ -13,6 +13,28 @@ use crate::image::{Image, Resolution};
 /// hostile header from allocating more memory.
 const MAX_BYTES: usize = 512 << 20;
 
+/// The size that a PNG or JPEG file states.
+///
+/// # Errors
+/// As [`read_png`].
+pub(super) fn size(path: &Path) -> Result<Resolution> {
+    let bytes = file::read(path)?;
+    let (width, height) = format(path, &bytes)?.size(&bytes).map_err(|fault| no_picture(path, fault))?;
+    Ok(Resolution::new(width as usize, height as usize))
+}
+
+fn format(path: &Path, bytes: &[u8]) -> Result<Format> {
+    Format::of(bytes).ok_or_else(|| no_picture(path, "the file is neither PNG nor JPEG".into()))
+}
+
+fn no_picture(path: &Path, fault: String) -> Error {
+    unusable(path, fault, "give a PNG (8 or 16 bits) or JPEG file")
+}
+
+fn unusable(path: &Path, fault: String, help: &str) -> Error {
+    Error::Data { path: path.to_path_buf(), fault, help: help.into() }
+}
+
 /// Reads a PNG (8 or 16 bits) or JPEG file as a pattern: sRGB is decoded to linear values in \[0,1\]. The
 /// pattern has one channel if the file is gray, and three otherwise.
 ///
@@ -21,17 +43,13 @@ const MAX_BYTES: usize = 512 << 20;
 /// transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
     let bytes = file::read(path)?;
-    let unusable =
-        |fault: String, help: &str| Error::Data { path: path.to_path_buf(), fault, help: help.into() };
-    let picture = Format::of(&bytes)
-        .ok_or_else(|| "the file is neither PNG nor JPEG".to_owned())
-        .and_then(|format| format.decode(&bytes, MAX_BYTES))
-        .map_err(|fault| unusable(fault, "give a PNG (8 or 16 bits) or JPEG file"))?;
+    let picture = format(path, &bytes)?.decode(&bytes, MAX_BYTES).map_err(|fault| no_picture(path, fault))?;
     let resolution = Resolution::new(picture.width as usize, picture.height as usize);
     let (color, alpha, channels) = (picture.has_color(), picture.has_alpha(), picture.channels);
     let samples = picture.into_sixteen_bits();
     if alpha && samples.chunks_exact(channels).any(|pixel| pixel[channels - 1] != u16::MAX) {
         return Err(unusable(
+            path,
             "some pixels are transparent, which has no meaning in a pattern".into(),
             "remove the alpha channel",
         ));

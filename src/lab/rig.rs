@@ -148,7 +148,7 @@ impl RigSource {
     /// The virtual devices.
     ///
     /// # Errors
-    /// [`Error::Data`] where they are real.
+    /// [`crate::Error::Data`] where they are real.
     pub fn devices(&self) -> Result<&VirtualRig> {
         match &self.devices {
             RigKind::Virtual(rig) => Ok(rig),
@@ -159,7 +159,7 @@ impl RigSource {
     /// What the virtual devices look at; traced now where it has to be.
     ///
     /// # Errors
-    /// [`Error::Data`] where the devices are real, and those of tracing.
+    /// [`crate::Error::Data`] where the devices are real, and those of tracing.
     pub fn twin(&self) -> Result<Twin> {
         twin(self.scene.as_ref(), self.devices()?, &self.file.path)
     }

@@ -6,7 +6,7 @@ use super::features::SceneFeatures;
 use super::materials::{MIN_ALPHA, NONE, pack_materials};
 use super::pairs::{Pair, pair_up};
 use super::textures::{pack_normal, pack_texels, srgb_table};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::buffers::TEXTURE_WIDTH;
 use crate::scene::bvh::Bvh;
@@ -37,19 +37,13 @@ impl GpuScene {
     /// Builds the search tree, and moves the scene to the device.
     ///
     /// # Errors
-    /// [`Error::Scene`] where no search tree of bounded depth exists; [`Error::Device`] where the scene does
-    /// not fit.
+    /// [`crate::Error::Device`] where the scene does not fit.
     pub(super) fn upload(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let frame = CameraFrame::of(&scene.camera);
         let positions: Vec<[Vec3; 3]> =
             scene.triangles.iter().map(|t| t.positions.map(|p| frame.point(p))).collect();
         let pairs = pair_up(&scene.triangles, &positions);
-        let bvh = Bvh::build(pairs.iter().map(Pair::extent)).ok_or_else(|| Error::Scene {
-            path: scene.path.clone(),
-            fault: "its triangles lie so close together that no search tree of bounded depth holds them"
-                .into(),
-            help: "remove duplicate geometry (merge by distance) and export again".into(),
-        })?;
+        let bvh = Bvh::build(pairs.iter().map(Pair::extent));
         let pairs: Vec<Pair> = bvh.order.iter().map(|&index| pairs[index as usize].clone()).collect();
 
         let (texels, corners) = pack_pairs(scene, &frame, &pairs);

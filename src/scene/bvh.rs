@@ -1,7 +1,11 @@
 //! The acceleration structure for rays: a compressed eight-wide bounding volume hierarchy (CWBVH) over boxes.
 
+use std::collections::HashSet;
+
 use glam::Vec3;
-use obvhs::{BvhBuildParams, aabb::Aabb, cwbvh::CwBvh, cwbvh::builder::build_cwbvh};
+use obvhs::bvh2::{Bvh2, node::Bvh2Node};
+use obvhs::cwbvh::{CwBvh, builder::build_cwbvh, bvh2_to_cwbvh::bvh2_to_cwbvh};
+use obvhs::{BvhBuildParams, aabb::Aabb};
 
 /// The largest number of boxes for which the slow, thorough builder is used. At this number it takes about 50
 /// ms and saves up to a seventh of the work for each ray. With 100,000 boxes it costs 0.13 s more than the
@@ -21,24 +25,64 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Builds the tree over boxes given by their minimum and maximum corners. Returns `None` if the tree is
-    /// deeper than the shaders' traversal stack, which takes thousands of boxes at one point.
-    pub fn build(boxes: impl Iterator<Item = [Vec3; 2]>) -> Option<Self> {
+    /// Builds the tree over boxes given by their minimum and maximum corners.
+    ///
+    /// The builders that judge trees by their cost take long and build deep trees where many boxes lie at one point. There a balanced
+    /// tree, whose depth is the logarithm of the number of boxes, takes their place.
+    pub fn build(boxes: impl Iterator<Item = [Vec3; 2]>) -> Self {
         let boxes: Vec<_> = boxes.map(|[low, high]| Aabb::new(low.into(), high.into())).collect();
         let params = match boxes.len() {
             ..=MAX_THOROUGH => BvhBuildParams::very_slow_build(),
             _ => BvhBuildParams::medium_build(),
         };
-        let bvh = build_cwbvh(&boxes, params, &mut Default::default());
-        if depth(&bvh) > MAX_DEPTH {
-            return None;
-        }
+        let places: HashSet<_> = boxes.iter().map(|of| of.center().to_array().map(f32::to_bits)).collect();
+        let costly = 2 * places.len() >= boxes.len();
+        let costly = costly.then(|| build_cwbvh(&boxes, params, &mut Default::default()));
+        let bvh = match costly.filter(|bvh| depth(bvh) <= MAX_DEPTH) {
+            Some(bvh) => bvh,
+            None => bvh2_to_cwbvh(&balanced(&boxes), 3, true, false),
+        };
         let nodes = bvh.nodes.iter().flat_map(|node| {
             let texels: [[u32; 4]; 5] = bytemuck::cast(*node);
             texels
         });
-        Some(Self { nodes: nodes.collect(), order: bvh.primitive_indices })
+        Self { nodes: nodes.collect(), order: bvh.primitive_indices }
     }
+}
+
+/// A binary tree whose halves have equally many boxes, on the left and the right along the axis on which they are spread most.
+fn balanced(boxes: &[Aabb]) -> Bvh2 {
+    let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+    let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0)];
+    split(boxes, &mut order, 0, 0, &mut nodes);
+    Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() }
+}
+
+/// Makes the node `at` of the boxes `order`, which lie from `first` on in the order of all, and the nodes below it.
+fn split(boxes: &[Aabb], order: &mut [u32], first: usize, at: usize, nodes: &mut Vec<Bvh2Node>) {
+    let all =
+        |indices: &[u32]| indices.iter().fold(Aabb::empty(), |all, &index| all.union(&boxes[index as usize]));
+    let around = all(order);
+    if order.len() <= 1 {
+        nodes[at] = Bvh2Node::new(around, order.len() as u32, first as u32);
+        return;
+    }
+    let center = |index: u32| boxes[index as usize].center();
+    let [low, high] = [f32::INFINITY, f32::NEG_INFINITY].map(Vec3::splat);
+    let (low, high) = order.iter().fold((low, high), |(low, high), &index| {
+        let center = Vec3::from_array(center(index).to_array());
+        (low.min(center), high.max(center))
+    });
+    let axis = (high - low).max_position();
+    let middle = order.len() / 2;
+    order
+        .select_nth_unstable_by(middle, |&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
+    let children = nodes.len();
+    nodes[at] = Bvh2Node::new(around, 0, children as u32);
+    nodes.extend([Bvh2Node::new(around, 0, 0); 2]);
+    let (left, right) = order.split_at_mut(middle);
+    split(boxes, left, first, children, nodes);
+    split(boxes, right, first + middle, children + 1, nodes);
 }
 
 /// The number of levels of a tree; the root alone has one.
@@ -53,4 +97,59 @@ fn depth(bvh: &CwBvh) -> usize {
         }
     }
     deepest
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use glam::{Vec2, vec3};
+
+    use super::*;
+
+    /// Builds a tree over triangles and asserts that it is soon there and holds each box once.
+    fn check(what: &str, triangles: impl Iterator<Item = [Vec3; 3]>) {
+        let extent = |corners: [Vec3; 3]| {
+            corners.iter().fold([corners[0]; 2], |[low, high], c| [low.min(*c), high.max(*c)])
+        };
+        let boxes: Vec<_> = triangles.map(extent).collect();
+        let start = Instant::now();
+        let mut order = Bvh::build(boxes.iter().copied()).order;
+        // A fraction of a second; debug builds and busy machines take longer.
+        assert!(start.elapsed() < Duration::from_secs(20), "{what}: {:?}", start.elapsed());
+        order.sort_unstable();
+        assert!(order.into_iter().eq(0..boxes.len() as u32), "{what}");
+    }
+
+    #[test]
+    fn boxes_at_one_place_and_fans_have_trees() {
+        let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        check("256 alike", std::iter::repeat_n(triangle, 256));
+        check("131072 alike", std::iter::repeat_n(triangle, 1 << 17));
+        let corner = |step: usize, steps: usize| {
+            Vec2::from_angle(std::f32::consts::TAU * step as f32 / steps as f32).extend(0.0)
+        };
+        for steps in [1500, 2000, 40_000] {
+            check(
+                "a fan",
+                (1..steps - 1).map(|at| [corner(0, steps), corner(at, steps), corner(at + 1, steps)]),
+            );
+        }
+        let copies = |at: usize| triangle.map(|corner| corner + vec3((at % 64) as f32, 0.0, 0.0));
+        check("64 places", (0..1 << 16).map(copies));
+        check("one", std::iter::once(triangle));
+    }
+
+    #[test]
+    fn a_balanced_tree_is_whole() {
+        let boxes: Vec<_> = (0..1000_u32)
+            .map(|at| {
+                let low = vec3((at * 7 % 31) as f32, (at * 13 % 17) as f32, (at * 3 % 11) as f32);
+                Aabb::new(low.into(), (low + Vec3::ONE).into())
+            })
+            .collect();
+        let tree = balanced(&boxes);
+        let found = tree.validate(&boxes, false, false);
+        assert_eq!((found.discovered_primitives.len(), found.max_depth <= 12), (1000, true));
+    }
 }

@@ -36,7 +36,8 @@ fn pipes_and_devices_are_named_and_refused() {
     let out = inside(&folder, "out.npy");
     let scene = scene_path("corner").display().to_string();
     let again = [&whole[..], &["--resume"]].concat();
-    let make: [(&str, &dyn Fn(&str)); 3] = [
+    type Make<'a> = &'a dyn Fn(&str);
+    let make: [(&str, Make<'_>); 3] = [
         ("a device or a pipe", &|path| {
             assert!(Command::new("mkfifo").arg(path).status().expect("every Unix has it").success());
         }),

@@ -101,3 +101,28 @@ fn a_picture_is_pasted_as_far_as_it_is_inside() {
         assert_eq!(levels, expected, "at {x}, {y}");
     }
 }
+
+#[test]
+fn the_size_of_a_picture_is_checked_before_it_is_decoded() -> Outcome {
+    let folder = TempDir::new()?;
+    let path = folder.path().join("forged.jpg");
+    image::save_buffer(&path, &[128; 64], 8, 8, ExtendedColorType::L8)?;
+    let whole = std::fs::read(&path)?;
+    let frame = whole.windows(2).position(|marker| marker == [0xff, 0xc0]).ok_or("no frame header")?;
+    let message = |size: Resolution| {
+        let refused = picture::read_sized(&path, size, "the projector");
+        refused.map_or_else(|error| error.to_string(), |image| image.resolution().to_string())
+    };
+    assert_eq!(message(Resolution::new(8, 8)), "8x8");
+    // The first size is below the limit of any picture: only that another one is wanted speaks against it.
+    for (height, width) in [(8000_u16, 8000_u16), (65535, 65535)] {
+        let mut forged = whole.clone();
+        forged[frame + 5..frame + 7].copy_from_slice(&height.to_be_bytes());
+        forged[frame + 7..frame + 9].copy_from_slice(&width.to_be_bytes());
+        std::fs::write(&path, forged)?;
+        let expected = format!("it has {width}x{height} pixels, but the projector has 8x8");
+        let found = message(Resolution::new(8, 8));
+        assert!(found.contains(&expected), "{found}");
+    }
+    Ok(())
+}

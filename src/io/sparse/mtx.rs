@@ -15,7 +15,7 @@ use crate::sparse::Csr;
 /// Values are written with enough digits that a reader gets the same numbers.
 ///
 /// # Errors
-/// [`Error::Write`], also for a NaN or infinite entry, which the format cannot represent.
+/// [`crate::Error::Write`], also for a NaN or infinite entry, which the format cannot represent.
 pub fn write_mtx(path: &Path, matrix: &Csr) -> Result<()> {
     let symmetric = matrix.is_symmetric();
     let stored = || matrix.entries().filter(move |&(row, column, _)| !symmetric || column <= row);
@@ -38,7 +38,7 @@ pub fn write_mtx(path: &Path, matrix: &Csr) -> Result<()> {
 /// Reads Matrix Market's coordinate format of real or integer numbers, `general` or `symmetric`.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] naming the line at fault.
+/// [`crate::Error::Read`]; [`crate::Error::Data`] naming the line at fault.
 pub fn read_mtx(path: &Path) -> Result<Csr> {
     let text = file::read_text(path)?;
     let mut lines = text.lines().enumerate();

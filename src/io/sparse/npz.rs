@@ -23,7 +23,7 @@ use crate::sparse::Csr;
 /// members of the archive are not compressed and have a fixed date, so that equal matrices give equal bytes.
 ///
 /// # Errors
-/// [`Error::Write`].
+/// [`crate::Error::Write`].
 pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
     atomic::write_with(path, |file| {
         let mut archive = ZipWriter::new(file);
@@ -99,7 +99,7 @@ const MAX_EXPANSION: u64 = 64;
 /// Reads a file that `scipy.sparse.save_npz` wrote for a CSR matrix of real numbers, compressed or not.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Data`] when the file is not such an archive, or when its arrays do not form a
+/// [`crate::Error::Read`]; [`crate::Error::Data`] when the file is not such an archive, or when its arrays do not form a
 /// CSR matrix.
 pub fn read_npz(path: &Path) -> Result<Csr> {
     let archive = file::open(path)?;

@@ -165,7 +165,7 @@ impl RigFile {
     /// Reads a rig file.
     ///
     /// # Errors
-    /// [`Error::Read`] when the file cannot be read; [`Error::Data`] when it is invalid. The error names the
+    /// [`crate::Error::Read`] when the file cannot be read; [`crate::Error::Data`] when it is invalid. The error names the
     /// line or the key, the valid values, and for an unknown name the most similar known one.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = crate::file::read(path)?;

@@ -10,7 +10,7 @@
 //! | `l`, `p`, free-form surfaces, all others | ignored with a warning |
 //!
 //! The format has no camera; the camera file provides it. Lengths are in metres, and surfaces are two-sided. For any input bytes,
-//! loading returns a scene or an [`enum@Error`].
+//! loading returns a scene or an [`enum@crate::Error`].
 
 mod check;
 mod line;
@@ -36,7 +36,7 @@ use polygon::Triangulator;
 /// Loads an `.obj` file; see [`crate::scene::load_with`].
 ///
 /// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content is unusable.
+/// [`crate::Error::Read`] when a file cannot be read, [`crate::Error::Scene`] when its content is unusable.
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = file::read(path)?;
     let mut hash = ContentHash::default();
