@@ -143,4 +143,15 @@ impl Error {
         let path = path.into();
         move |reason| Self::Write { path, reason }
     }
+
+    /// Fails unless a size is the required one; `what` is counted or measured.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`].
+    pub fn check_size<T: PartialEq + ToString>(what: &'static str, expected: T, found: T) -> Result<()> {
+        if expected == found {
+            return Ok(());
+        }
+        Err(Self::Dimension { what, expected: expected.to_string(), found: found.to_string() })
+    }
 }

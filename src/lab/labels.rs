@@ -7,7 +7,7 @@ impl Lab {
     /// The region that the centre of each pixel of a scene sees, row by row; 255 is a pixel that sees none.
     ///
     /// # Errors
-    /// [`Error::Data`] where there is no scene; [`Error::Scene`] for more than 255 regions.
+    /// [`crate::Error::Data`] where there is no scene; [`crate::Error::Scene`] for more than 255 regions.
     pub fn labels(&self) -> Result<Vec<u8>> {
         self.scene_source()?.labels(self.resolution())
     }

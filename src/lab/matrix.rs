@@ -78,13 +78,7 @@ impl ExplicitParts {
     pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         let resolution = Resolution::new(self.full.rows(), 1);
         let x = pattern.plane(0);
-        if x.len() != self.full.cols() {
-            return Err(Error::Dimension {
-                what: "pixels of the pattern",
-                expected: self.full.cols().to_string(),
-                found: x.len().to_string(),
-            });
-        }
+        Error::check_size("pixels of the pattern", self.full.cols(), x.len())?;
         let mut y = vec![0.0; self.full.rows()];
         self.full.apply(&x, &mut y)?;
         Image::from_planes(resolution, &[y])

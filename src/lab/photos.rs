@@ -13,7 +13,7 @@ impl Lab {
     /// pattern of one channel lights all channels.
     ///
     /// # Errors
-    /// [`Error::Dimension`] when the pattern does not have the pixels or channels of the projector; those of [`Lab::operator`].
+    /// [`crate::Error::Dimension`] when the pattern does not have the pixels or channels of the projector; those of [`Lab::operator`].
     pub fn photo(&mut self, pattern: &Image) -> Result<Image> {
         lock(self.transport()?).photograph(pattern)
     }
@@ -45,7 +45,7 @@ impl Lab {
     /// Photos of red, green and blue alone, in each of the camera's channels, without ambient light: `[primary][channel][pixel]`.
     ///
     /// # Errors
-    /// [`Error::Option`] where projector or camera is gray; those of [`Lab::operator`].
+    /// [`crate::Error::Option`] where projector or camera is gray; those of [`Lab::operator`].
     pub fn primaries(&mut self) -> Result<[[Vec<f64>; 3]; 3]> {
         lock(self.transport()?).primaries()
     }

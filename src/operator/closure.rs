@@ -53,18 +53,8 @@ impl<F: FnMut(&[f64], &mut [f64]) -> Result<()>> Operator for Closure<F> {
     }
 
     fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
-        for (what, expected, found) in [
-            ("entries of the vector to multiply", self.cols, x.len()),
-            ("entries of the product", self.rows, y.len()),
-        ] {
-            if expected != found {
-                return Err(Error::Dimension {
-                    what,
-                    expected: expected.to_string(),
-                    found: found.to_string(),
-                });
-            }
-        }
+        Error::check_size("entries of the vector to multiply", self.cols, x.len())?;
+        Error::check_size("entries of the product", self.rows, y.len())?;
         (self.product)(x, y)
     }
 }

@@ -57,14 +57,8 @@ impl Adjoint for SparseOperator {
 }
 
 fn multiply(matrix: &Csr, x: &[f64], y: &mut [f64]) -> Result<()> {
-    for (what, expected, found) in [
-        ("entries of the vector to multiply", matrix.cols(), x.len()),
-        ("entries of the product", matrix.rows(), y.len()),
-    ] {
-        if expected != found {
-            return Err(Error::Dimension { what, expected: expected.to_string(), found: found.to_string() });
-        }
-    }
+    Error::check_size("entries of the vector to multiply", matrix.cols(), x.len())?;
+    Error::check_size("entries of the product", matrix.rows(), y.len())?;
     y.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, rows)| {
         for (row, value) in (task * ROWS_PER_TASK..).zip(rows) {
             let (columns, weights) = matrix.row(row);

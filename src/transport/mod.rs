@@ -117,13 +117,7 @@ pub(crate) fn luminance([red, green, blue]: [f32; 3]) -> f32 {
 
 /// The planes of `pattern` as `f64`, one for each of `channels`.
 fn planes(pattern: &Image, resolution: Resolution, channels: Channels) -> Result<Vec<Vec<f64>>> {
-    if pattern.resolution() != resolution {
-        return Err(Error::Dimension {
-            what: "pixels of the pattern",
-            expected: resolution.to_string(),
-            found: pattern.resolution().to_string(),
-        });
-    }
+    Error::check_size("pixels of the pattern", resolution, pattern.resolution())?;
     if pattern.channels() > channels.count() {
         return Err(Error::Dimension {
             what: "channels of the pattern",

@@ -11,14 +11,7 @@ impl Lab {
     /// # Errors
     /// As [`solve_adjoint`] and [`Lab::operator`].
     pub fn solve(&mut self, method: Method, rhs: &[f64], options: &SolveOptions) -> Result<Solution> {
-        let rows = self.resolution().pixels();
-        if rhs.len() != rows {
-            return Err(Error::Dimension {
-                what: "entries of the right-hand side",
-                expected: rows.to_string(),
-                found: rhs.len().to_string(),
-            });
-        }
+        Error::check_size("entries of the right-hand side", self.resolution().pixels(), rhs.len())?;
         let mut operator = self.operator(Part::Full)?;
         self.expect(options.products);
         self.photos(|_| solve_adjoint(method, &mut operator, rhs, options))

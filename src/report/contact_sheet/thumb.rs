@@ -26,13 +26,7 @@ impl Thumb {
 
     /// Sets a channel from a full-size plane.
     pub(super) fn set(&mut self, channel: usize, size: Resolution, values: &[f64]) -> Result<()> {
-        if values.len() != size.pixels() {
-            return Err(Error::Dimension {
-                what: "pixels of a photo",
-                expected: size.pixels().to_string(),
-                found: values.len().to_string(),
-            });
-        }
+        Error::check_size("pixels of a photo", size.pixels(), values.len())?;
         self.planes[channel] = averaged(size, factor(size, SIDE), values);
         Ok(())
     }

@@ -2,10 +2,8 @@
 //!
 //! `tobj` reports errors without line numbers, accepts numbers that are not finite and indices that do not exist, invents texture
 //! coordinates and normals for corners without them, and mixes up colours if only some vertices have one. Therefore valid
-//! statements are rewritten as unambiguous text for `tobj`: `v x y z r g b`, `vt u v`, `vn x y z` and `f`. Groups and materials
-//! are recorded here, because `tobj` ignores materials that no library defines.
-
-use std::fmt::Write;
+//! statements are copied, word by word, into unambiguous text for `tobj`: `v x y z r g b`, `vt u v`, `vn x y z` and `f`. Groups and
+//! materials are recorded here, because `tobj` ignores materials that no library defines.
 
 use indexmap::IndexSet;
 
@@ -57,12 +55,12 @@ impl Checked {
         match line.keyword {
             "v" => self.vertex(line)?,
             "vt" => match *line.numbers()? {
-                [u] => self.element(1, line.keyword, &[u, 0.0]),
-                [u, v] | [u, v, _] => self.element(1, line.keyword, &[u, v]),
+                [_] => self.element(1, line, 1, " 0"),
+                [_, _] | [_, _, _] => self.element(1, line, 2, ""),
                 _ => return Err(line.fault("`vt` takes one to three numbers")),
             },
             "vn" => match *line.numbers()? {
-                [x, y, z] => self.element(2, line.keyword, &[x, y, z]),
+                [_, _, _] => self.element(2, line, 3, ""),
                 _ => return Err(line.fault("`vn` takes three numbers")),
             },
             "f" => self.face(line)?,
@@ -84,26 +82,28 @@ impl Checked {
     }
 
     fn vertex(&mut self, line: &Line<'_>) -> Result<()> {
-        let (position, color) = match *line.numbers()? {
-            [x, y, z] | [x, y, z, 1.0] => ([x, y, z], [1.0; 3]),
+        let (words, color) = match *line.numbers()? {
+            [_, _, _] | [_, _, _, 1.0] => (3, " 1 1 1"),
             [_, _, _, _] => {
                 return Err(line.fault("a vertex has a weight, which only free-form surfaces have"));
             }
-            [x, y, z, red, green, blue] | [x, y, z, red, green, blue, _] => ([x, y, z], [red, green, blue]),
+            [_, _, _, _, _, _] | [_, _, _, _, _, _, _] => (6, ""),
             [] | [_] | [_, _] => return Err(line.fault("`v` takes at least three numbers")),
             _ => return Err(line.fault("`v` takes three numbers, or six with a colour")),
         };
-        self.element(0, line.keyword, &[position, color].concat());
+        self.element(0, line, words, color);
         Ok(())
     }
 
-    fn element(&mut self, kind: usize, keyword: &str, numbers: &[f32]) {
+    /// Copies the first words of an element's line, which are numbers, and appends what the file leaves out.
+    fn element(&mut self, kind: usize, line: &Line<'_>, words: usize, rest: &str) {
         self.counts[kind] += 1;
-        self.plain.push_str(keyword);
-        for number in numbers {
-            // Writing to a string cannot fail, and `{number}` keeps the exact value.
-            let _ = write!(self.plain, " {number}");
+        self.plain.push_str(line.keyword);
+        for word in line.words().take(words) {
+            self.plain.push(' ');
+            self.plain.push_str(word);
         }
+        self.plain.push_str(rest);
         self.plain.push('\n');
     }
 

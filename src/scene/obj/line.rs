@@ -14,6 +14,23 @@ pub(super) struct Line<'a> {
     pub rest: &'a str,
 }
 
+/// One number more than any statement takes.
+const MAX_NUMBERS: usize = 8;
+
+/// The numbers of a statement, at most [`MAX_NUMBERS`] of them.
+pub(super) struct Numbers {
+    first: [f32; MAX_NUMBERS],
+    count: usize,
+}
+
+impl std::ops::Deref for Numbers {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        &self.first[..self.count]
+    }
+}
+
 /// Calls `each` for every statement of a file.
 pub(super) fn statements(
     path: &Path,
@@ -27,8 +44,12 @@ pub(super) fn statements(
             joined.push(' ');
             continue;
         }
-        joined.push_str(line);
-        let statement = joined.trim();
+        let statement = if joined.is_empty() {
+            line.trim()
+        } else {
+            joined.push_str(line);
+            joined.trim()
+        };
         let (keyword, rest) = statement.split_once(char::is_whitespace).unwrap_or((statement, ""));
         if !keyword.is_empty() && !keyword.starts_with('#') {
             each(&Line { path, number: index + 1, keyword, rest: rest.trim() })?;
@@ -53,19 +74,24 @@ impl Line<'_> {
     }
 
     /// The arguments as finite numbers.
-    pub(super) fn numbers(&self) -> Result<Vec<f32>> {
-        self.words()
-            .map(|word| match word.parse::<f32>() {
-                Ok(number) if number.is_finite() => Ok(number),
-                _ => Err(self.fault(&format!("`{}` is not a finite number", shortened(word)))),
-            })
-            .collect()
+    pub(super) fn numbers(&self) -> Result<Numbers> {
+        let mut numbers = Numbers { first: [0.0; MAX_NUMBERS], count: 0 };
+        for word in self.words() {
+            let number = word.parse::<f32>().ok().filter(|number| number.is_finite());
+            let number =
+                number.ok_or_else(|| self.fault(&format!("`{}` is not a finite number", shortened(word))))?;
+            if numbers.count < MAX_NUMBERS {
+                numbers.first[numbers.count] = number;
+                numbers.count += 1;
+            }
+        }
+        Ok(numbers)
     }
 
     /// The only argument, a finite number.
     pub(super) fn number(&self) -> Result<f32> {
-        match self.numbers()?.as_slice() {
-            [number] => Ok(*number),
+        match *self.numbers()? {
+            [number] => Ok(number),
             _ => Err(self.fault(&format!("`{}` takes one number", shortened(self.keyword)))),
         }
     }

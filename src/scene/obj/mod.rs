@@ -44,6 +44,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let rig = find_rig(path, options, &mut hash)?;
     let mut warnings = Warnings::default();
     let mut checked = Checked::default();
+    checked.plain.reserve(bytes.len());
     line::statements(path, &String::from_utf8_lossy(&bytes), |line| checked.statement(line, &mut warnings))?;
     drop(bytes);
     let materials = materials::load(path, &checked, &mut hash, &mut warnings)?;
