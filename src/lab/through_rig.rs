@@ -142,7 +142,7 @@ mod tests {
     fn what_has_no_scene_or_real_devices_is_refused() -> Result<()> {
         let matrix = crate::sparse::Csr::new(1, vec![0, 1], vec![0], vec![1.0])?;
         assert!(fault(Lab::of_matrix(matrix, "one").through_rig(ideal()?)).contains("no scene"));
-        let text = "kind = \"hardware\"\n[projector]\nkind = \"x11\"\nsize = [8, 8]\n[camera]\nkind = \"gige\"\nsize = [8, 8]\n";
+        let text = "kind = \"hardware\"\n[projector]\nkind = \"x11\"\nsize = [8, 8]\n[camera]\nkind = \"gige\"\naddress = \"192.168.1.20\"\nsize = [8, 8]\n";
         let real = RigFile::from_bytes(Path::new("real.toml"), text.as_bytes())?;
         assert!(matches!(real.kind, RigKind::Hardware(_)));
         let exact = corner(8, 8)?;

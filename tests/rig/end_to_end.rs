@@ -3,7 +3,7 @@
 //!
 //! The rig is that of `assets/rigs/realistic.toml`; the scenes are zigzag and the 90° corner, at 64x64 pixels.
 
-use crate::rig_support::{self, Stage, known, labels, realistic, target};
+use crate::rig_support::{self, Stage, known, realistic, target};
 use krylux::analysis::plan::{Planner, Twin};
 use krylux::analysis::{CompensateOptions, SegmentOptions};
 use krylux::image::Resolution;
@@ -31,7 +31,7 @@ fn segmented(
 ) -> (f64, u64) {
     let planner = stage.planner(rig, measurement);
     let ideal = planner.ideal_segmentation(part, &two_groups()).expect("a symmetric matrix with light in it");
-    let trial = planner.segmentation(part, &two_groups(), &ideal, Some(labels("zigzag")), seed);
+    let trial = planner.segmentation(part, &two_groups(), &ideal, Some(&stage.labels), seed);
     let trial = trial.expect("no frame is lost");
     (trial.truth[0].1, trial.cost.patterns)
 }

@@ -1,29 +1,28 @@
 //! Virtual rigs on shipped scenes. Each scene is traced once for all tests of a binary.
 #![allow(dead_code, reason = "each test binary uses its own part of this")]
 
-use std::ops::ControlFlow;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::Mutex;
 
 use krylux::analysis::plan::{Planner, Twin};
 use krylux::image::Image;
 use krylux::io::npy;
-use krylux::measure::calibrate::{CalibrateOptions, calibrate};
-use krylux::measure::{Calibration, LiveFrames, MeasureOptions};
-use krylux::measure::{RigFile, RigKind};
+use krylux::lab::Lab;
+use krylux::measure::calibrate::CalibrateOptions;
+use krylux::measure::{Calibration, MeasureOptions, RigFile};
 use krylux::rig::VirtualRig;
-use krylux::transport::{Assembled, Channels};
 
 use crate::common;
 
 /// The width and height in pixels.
 pub const SIDE: usize = 64;
 
-/// A scene in front of a rig, and the rig's calibration.
+/// A scene in front of a rig, the rig's calibration, and the scene's true labels.
 pub struct Stage {
     pub rig: VirtualRig,
     pub measurement: MeasureOptions,
     pub twin: Twin,
     pub calibration: Calibration,
+    pub labels: Vec<u8>,
 }
 
 /// The rig of `assets/rigs/realistic.toml` with every imperfection, calibrated from captures alone.
@@ -33,31 +32,10 @@ pub fn realistic(scene: &'static str) -> &'static Stage {
     if let Some((_, stage)) = stages.iter().find(|(name, _)| *name == scene) {
         return stage;
     }
-    let file = RigFile::load(&common::root().join("assets/rigs/realistic.toml")).expect("shipped rigs load");
-    let RigKind::Virtual(rig) = file.kind else { unreachable!("it is a virtual one") };
-    let twin = Twin::Traced(traced(scene));
-    let calibration = captured(&rig, &twin);
-    let stage = Box::leak(Box::new(Stage { rig, measurement: file.measurement, twin, calibration }));
+    let stage =
+        Box::leak(Box::new(Stage::new(scene).expect("shipped scenes and rigs load and can be calibrated")));
     stages.push((scene, stage));
     stage
-}
-
-/// The 64x64 matrix of a shipped scene, as `realistic.toml` traces it.
-fn traced(scene: &str) -> Arc<Assembled> {
-    let mut tracer = common::tracer(&common::load(scene));
-    Arc::new(common::trace(&mut tracer, common::settings(SIDE, 64, 6, 0), Channels::Luma))
-}
-
-/// The true labels of a shipped scene.
-pub fn labels(scene: &'static str) -> &'static [u8] {
-    static LABELS: OnceLock<Vec<u8>> = OnceLock::new();
-    assert_eq!(scene, "zigzag", "one scene has its labels kept");
-    LABELS.get_or_init(|| {
-        let scene = common::load(scene);
-        let resolution = krylux::image::Resolution::new(SIDE, SIDE);
-        let regions = common::tracer(&scene).regions(resolution).expect("it has regions");
-        regions.into_iter().map(|region| region.map_or(255, |region| region as u8)).collect()
-    })
 }
 
 /// The target of `tests/reference`.
@@ -67,18 +45,26 @@ pub fn target() -> Image {
 }
 
 impl Stage {
+    fn new(scene: &str) -> krylux::Result<Self> {
+        let exact = Lab::builder_of_scene(common::load(scene)).size(SIDE, SIDE).open()?;
+        let mut lab =
+            exact.through_rig(RigFile::load(&common::root().join("assets/rigs/realistic.toml"))?)?;
+        lab.calibrate(&CalibrateOptions::default())?;
+        let labels = lab.labels()?;
+        let rig = lab.rig().expect("it is one");
+        Ok(Self {
+            rig: rig.devices()?.clone(),
+            measurement: rig.file.measurement.clone(),
+            twin: rig.twin()?,
+            calibration: rig.calibration.clone(),
+            labels,
+        })
+    }
+
     /// A planner with these options, which replace those of the file.
     pub fn planner<'a>(&'a self, rig: &'a VirtualRig, measurement: &'a MeasureOptions) -> Planner<'a> {
         Planner { rig, twin: &self.twin, calibration: &self.calibration, measurement, observer: &() }
     }
-}
-
-/// The calibration that `krylux rig calibrate` finds in front of this scene.
-fn captured(rig: &VirtualRig, twin: &Twin) -> Calibration {
-    let devices = rig.open(twin.transport(), None).expect("it fits its scene");
-    let mut shots = LiveFrames::new(devices, 0.0, MeasureOptions::default().tries);
-    let mut go_on = |_| ControlFlow::Continue(());
-    calibrate(&mut shots, &CalibrateOptions::default(), &mut go_on).expect("it can be calibrated").0
 }
 
 /// The calibration that follows from the rig file: the result of noiseless captures. No calibration contains vignetting and blur.

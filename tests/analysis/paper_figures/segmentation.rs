@@ -1,6 +1,6 @@
 //! Figures 4, 6 and 8: which pixels share a group.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use krylux::analysis::segment::{evidence, feature_view, segment};
 use krylux::analysis::{
@@ -8,15 +8,18 @@ use krylux::analysis::{
     measure_direct,
 };
 use krylux::image::{Blur, Resolution};
-use krylux::render::Tracer;
+use krylux::lab::Lab;
 use krylux::scene::{Scene, builtin};
-use krylux::transport::{Assembled, Channels, MatrixOperator, Part};
+use krylux::transport::{Assembled, MatrixOperator, Part};
 
-use crate::common::{load, settings, trace, tracer};
+use crate::common::load;
+
+/// Light paths per pixel.
+const SAMPLES: u32 = 256;
 
 /// A scene traced, with its author's regions.
 struct Traced {
-    traced: Assembled,
+    traced: Arc<Assembled>,
     truth: Vec<u8>,
 }
 
@@ -28,15 +31,13 @@ fn folds(side: usize) -> &'static Traced {
         64 => &FOLDS[1],
         _ => unreachable!("the figures have one of these sizes"),
     };
-    cell.get_or_init(|| Traced::new(&load("zigzag"), side, 256))
+    cell.get_or_init(|| Traced::new(load("zigzag"), side))
 }
 
 impl Traced {
-    fn new(scene: &Scene, side: usize, samples: u32) -> Self {
-        let mut tracer: Tracer = tracer(scene);
-        let regions = tracer.regions(Resolution::new(side, side)).unwrap();
-        let truth = regions.iter().map(|region| region.map_or(MASKED, |region| region as u8)).collect();
-        Self { traced: trace(&mut tracer, settings(side, samples, 6, 0), Channels::Luma), truth }
+    fn new(scene: Scene, side: usize) -> Self {
+        let mut lab = Lab::builder_of_scene(scene).size(side, side).samples(SAMPLES).open().unwrap();
+        Self { truth: lab.labels().unwrap(), traced: lab.assembled().unwrap().unwrap() }
     }
 
     fn part(&self, part: Part) -> MatrixOperator<'_> {
@@ -131,7 +132,7 @@ fn cut_and_straight_cut(scene: &Traced, labels: &[u8], groups: usize, side: usiz
 #[test]
 fn figure_4_bent_sheets_are_cut_into_horizontal_bands_and_sharp_folds_at_their_creases_which_is_cheaper() {
     let side = 64;
-    let bent = Traced::new(&load("two-sheets"), side, 256);
+    let bent = Traced::new(load("two-sheets"), side);
     let found = bent.segmentation(50, 10, &[6, 10]);
     for groups in [6, 10] {
         let labels = labels(&found, groups);
@@ -171,7 +172,7 @@ fn figure_5_pixels_of_one_fold_lie_together_and_those_of_the_other_far_away() {
 
 #[test]
 fn figure_6_two_patches_that_do_not_touch_share_a_group() {
-    let sheets = Traced::new(&builtin::two_sheets_post().to_scene(), 64, 256);
+    let sheets = Traced::new(builtin::two_sheets_post().to_scene(), 64);
     let found = sheets.segmentation(50, 10, &[2]);
     let two = labels(&found, 2);
     // What is left and right of the post, of the left sheet; no path of its pixels leads from one to the other.
@@ -206,7 +207,7 @@ fn figure_6_two_patches_that_do_not_touch_share_a_group() {
 
 #[test]
 fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
-    let empty = Traced::new(&builtin::nine_cells(false).to_scene(), 64, 256);
+    let empty = Traced::new(builtin::nine_cells(false).to_scene(), 64);
     let found = empty.segmentation(100, 20, &[9]);
     let nine = labels(&found, 9);
     let agreement = empty.agreement(nine);
@@ -223,7 +224,7 @@ fn figure_8_cells_of_a_carton_are_groups_until_eggs_lead_light_across() {
     assert!(lit.kept().iter().all(|kept| *kept > 0.97), "{:?}", lit.kept());
     assert!(lit.exchange[0].iter().skip(1).all(|share| *share < 0.02), "{:?}", lit.exchange[0]);
 
-    let eggs = Traced::new(&builtin::nine_cells(true).to_scene(), 64, 256);
+    let eggs = Traced::new(builtin::nine_cells(true).to_scene(), 64);
     let with_eggs = eggs.segmentation(100, 20, &[9]);
     let cells = eggs.agreement(labels(&with_eggs, 9));
     let change = adjusted_rand_index(nine, labels(&with_eggs, 9)).unwrap();
