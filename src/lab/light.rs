@@ -142,17 +142,13 @@ impl Lab {
     }
 
     /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of
-    /// norm 1, in the first channel: `‖E‖_F / √n`. `None` where no matrix was traced: a rig's operators state the errors
+    /// norm 1, in the first channel: `‖E‖_F / √n`. Also known of a run of a scene. `None` where no matrix was traced: a rig's operators state the errors
     /// of their products ([`Operator::standard_errors`]), and explicit matrices have none.
     ///
     /// # Errors
     /// As [`Lab::operator`].
     pub fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
-        let Some(traced) = self.assembled()? else { return Ok(None) };
-        let relative = |noise: &Noise| if part == Part::Global { noise.global } else { noise.operator };
-        let columns = traced.matrix.projector_resolution().pixels() as f64;
-        let norm = || traced.matrix.frobenius_norm(part, 0);
-        Ok(traced.noise.as_ref().map(|noise| relative(noise) * norm() / columns.sqrt()))
+        lock(self.transport()?).product_noise(part)
     }
 
     /// What the tracing of the matrix took, where there is one.

@@ -12,6 +12,7 @@ pub(super) const SOURCE: &str = "source";
 pub(super) const RIG_FILE: &str = "rig file";
 pub(super) const TRUTH: &str = "truth";
 pub(super) const DIRECT: &str = "direct light";
+pub(super) const NOISE: &str = "noise of products";
 
 /// What a journal's photos are of.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -50,6 +51,14 @@ impl Kind {
             Self::Rig => "DN/s",
         }
     }
+}
+
+/// The expected norm of the error of a product with a vector of norm 1, by the part of the light.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct ProductNoise {
+    pub(super) full: f64,
+    pub(super) direct: f64,
+    pub(super) global: f64,
 }
 
 /// Where a run keeps its journal.

@@ -6,7 +6,7 @@ mod opening;
 use std::sync::Arc;
 
 use super::measured::MeasuredRig;
-use super::{SharedObserver, journal};
+use super::{SharedObserver, journal, notes};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::journal::{Journal, Key};
@@ -58,6 +58,24 @@ impl LightTransport {
             Engine::Replayed(traced) => Some(traced),
             _ => None,
         }
+    }
+
+    /// The expected norm of the error that the noise of a traced matrix leaves in a product of `part` with a vector of norm 1; also of
+    /// a run whose journal keeps it.
+    pub(super) fn product_noise(&mut self, part: Part) -> Result<Option<f64>> {
+        let noise = match (&self.engine, &mut self.journal) {
+            (Engine::Replayed(traced), _) => opening::product_noise(traced),
+            (Engine::JournalOnly, Some(journal)) => match journal.read_note(notes::NOISE)? {
+                Some(text) => serde_json::from_slice(&text).ok(),
+                None => None,
+            },
+            _ => None,
+        };
+        Ok(noise.map(|noise: notes::ProductNoise| match part {
+            Part::Full => noise.full,
+            Part::Direct => noise.direct,
+            Part::Global => noise.global,
+        }))
     }
 
     /// Whether photos cost nothing but computing.

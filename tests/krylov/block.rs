@@ -241,3 +241,28 @@ fn failed_product_within_a_block_resumes_to_the_same_bits() {
     };
     assert_eq!(run(&[]), run(&[1, 5, 6, 20]));
 }
+
+#[test]
+fn vectors_added_later_find_further_copies_of_an_eigenvalue() {
+    let copies = 4;
+    let mut values = spread(120);
+    values[..copies].fill(3.0);
+    let mut matrix = Dense::turned(&values);
+    let starts = Start::Rademacher { seed: 5 }.block(120, copies);
+    let mut lanczos = BlockLanczos::new(&starts[..1], &[]).unwrap();
+    let found = |lanczos: &BlockLanczos| {
+        let pairs = lanczos.ritz(Which::LargestAlgebraic, copies).unwrap();
+        pairs.iter().filter(|pair| (pair.value - 3.0).abs() < 1e-8).count()
+    };
+    for _ in 0..15 {
+        lanczos.expand(&mut matrix).unwrap();
+    }
+    assert!(found(&lanczos) <= 1, "one start sees one copy");
+    lanczos.widen(&starts[1..]).unwrap();
+    assert_eq!((lanczos.block(), lanczos.products()), (copies, 15), "no product is lost");
+    while lanczos.products() < 110 {
+        lanczos.expand(&mut matrix).unwrap();
+    }
+    assert_eq!(found(&lanczos), copies);
+    assert!(matches!(lanczos.widen(&[vec![1.0; 7]]), Err(Error::Dimension { .. })));
+}

@@ -334,6 +334,8 @@ struct Noisy<'a> {
     matrix: Dense,
     noise: &'a std::cell::Cell<f64>,
     seed: u64,
+    /// Whether it states the errors of its products.
+    states: bool,
 }
 
 impl Operator for Noisy<'_> {
@@ -354,6 +356,12 @@ impl Operator for Noisy<'_> {
         y.iter_mut().zip(&error).for_each(|(y, e)| *y += share * e);
         Ok(())
     }
+    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+        if !self.states {
+            return Vec::new();
+        }
+        xs.iter().map(|x| self.noise.get() * norm(&self.matrix.times(x))).collect()
+    }
 }
 
 #[test]
@@ -361,7 +369,7 @@ fn with_noisy_products_the_residual_at_the_noise_floor_is_true_to_the_noise() {
     let system = named("spd_well");
     let noise = std::cell::Cell::new(1e-3);
     for method in [Method::Minres, Method::Gmres, Method::Cg, Method::BiCgStab] {
-        let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100 };
+        let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: false };
         let options = SolveOptions { noise: 1e-3, rtol: 1e-9, ..SolveOptions::default() };
         let found = solve(method, &mut noisy, &system.b, &options).unwrap();
         assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
@@ -377,7 +385,7 @@ fn relaxed_products_are_ever_noisier_and_reach_the_target_all_the_same() {
     let (target, budget) = (1e-6, 20);
     let relaxed = |adapt: bool| {
         let noise = std::cell::Cell::new(target / budget as f64);
-        let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 7 };
+        let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 7, states: false };
         let options = SolveOptions { products: budget, rtol: 0.3 * target, ..SolveOptions::default() };
         let mut loudest = 0.0_f64;
         let observer = OnStep::new(|step: &Step<'_>| {
@@ -684,5 +692,28 @@ fn results_do_not_depend_on_the_number_of_threads() {
             })
         };
         assert!(with(1) == with(4), "{}", facts.name);
+    }
+}
+
+#[test]
+fn an_operator_that_states_its_errors_is_not_taken_for_one_without_symmetry() {
+    let system = named("spd_well");
+    let noise = std::cell::Cell::new(1e-3);
+    for method in [Method::Minres, Method::Cg] {
+        let options = SolveOptions { rtol: 1e-9, ..SolveOptions::default() };
+        let mut silent = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: false };
+        let found = solve(method, &mut silent, &system.b, &options).unwrap();
+        assert_eq!(found.stats.status, Status::NotSymmetric, "{method:?}: its noise is not known");
+        let mut stating = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: true };
+        let found = solve(method, &mut stating, &system.b, &options).unwrap();
+        assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
+        let truth = misfit(&system.matrix, &found.x, &system.b) / norm(&system.b);
+        // As in the test before: the floor, and the errors of up to ten products.
+        assert!(truth < 1e-3 * (1.0 + 9.5), "{method:?}: {truth:e}");
+        // A tolerance of zero asks for the whole budget.
+        let whole = SolveOptions { rtol: 0.0, products: 12, ..SolveOptions::default() };
+        let mut stating = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: true };
+        let found = solve(method, &mut stating, &system.b, &whole).unwrap();
+        assert_ne!(found.stats.status, Status::NoiseFloor, "{method:?}");
     }
 }

@@ -148,7 +148,7 @@ fn other_versions_kinds_and_absurd_lengths_are_named() {
         bytes
     };
     assert!(fault(b"not a factorization at all").contains("begin like a saved factorization"));
-    assert!(fault(&with(8, &[2])).contains("version 2"));
+    assert!(fault(&with(8, &[1])).contains("version 1"));
     assert!(fault(&saved(&<Arnoldi as Kind>::start())).contains("kind 3"));
     // A length of 2^60 must not be allocated.
     let huge = (1_u64 << 60).to_le_bytes();

@@ -137,11 +137,13 @@ pub struct Noisy<'a, F> {
     pub operator: &'a mut dyn Operator,
     pub noise: F,
     pub taken: usize,
+    /// Whether it states the errors of its products.
+    pub states: bool,
 }
 
 impl<'a, F: Fn(usize) -> f64> Noisy<'a, F> {
     pub fn new(operator: &'a mut dyn Operator, noise: F) -> Self {
-        Self { operator, noise, taken: 0 }
+        Self { operator, noise, taken: 0, states: false }
     }
 }
 
@@ -162,6 +164,12 @@ impl<F: Fn(usize) -> f64> Operator for Noisy<'_, F> {
         let factor = (self.noise)(self.taken) * norm(x) / norm(&error);
         y.iter_mut().zip(&error).for_each(|(y, error)| *y += factor * error);
         Ok(())
+    }
+    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+        if !self.states {
+            return Vec::new();
+        }
+        xs.iter().map(|x| (self.noise)(self.taken) * norm(x)).collect()
     }
 }
 

@@ -81,18 +81,19 @@ impl Capture {
         loop {
             let block = self.lanczos.as_ref().map_or(0, BlockLanczos::block);
             let photos = self.options.photos - self.photos_of_degree;
-            // After as many rounds as the default gives each start, it is known whether there were enough.
-            let stage = photos.min(ROUNDS * block);
-            let found = self.take(global, stage)?;
-            self.status = Some(found.stats.status);
-            let is_over = matches!(found.stats.status, Status::Stopped | Status::SpaceExhausted);
-            let taken = self.lanczos.as_ref().map_or(0, Factorization::products);
+            // After as many rounds as the default gives each start, it is known whether there were enough. A single start is never
+            // joined by others.
+            let stage = if block == 1 { photos } else { photos.min(ROUNDS * block) };
+            let status = self.take(global, stage)?.stats.status;
             let (Some(graph), Some(lanczos)) = (&self.graph, &mut self.lanczos) else { return Ok(()) };
-            if is_over || taken >= photos || taken < stage {
+            let is_over = matches!(status, Status::Stopped | Status::SpaceExhausted);
+            if is_over || lanczos.products() >= photos || lanczos.products() < stage {
+                self.status = Some(status);
                 return Ok(());
             }
-            let is_enough_left = photos - taken >= ROUNDS * self.options.start_count();
-            if !is_enough_left || self.options.starts.is_some() || !is_saturated(lanczos, self.options.cut)? {
+            let is_enough_left = photos - stage >= ROUNDS * self.options.start_count();
+            let is_decided = lanczos.products() > stage;
+            if is_decided || !is_enough_left || !is_saturated(lanczos, self.options.cut)? {
                 break;
             }
             lanczos.widen(&starts(&self.options, graph, block))?;

@@ -35,8 +35,9 @@ pub struct SegmentOptions {
     /// groups is given, there are at least as many as regions. Default 10.
     pub eigenvectors: usize,
     /// The patterns that the Krylov process starts from. Each finds one region of those that exchange the same small amount of
-    /// light, so there must be as many as regions; each then has only its share of the photos. `Some(1)` is the paper's process.
-    /// Default none: [`SegmentOptions::automatic_starts`].
+    /// light, so there must be as many as regions; each then has only its share of the photos. Where all of several have found
+    /// one and photos are left, as many more are added. One is the paper's process. Default none:
+    /// [`SegmentOptions::automatic_starts`] where the pixels are known, or else one.
     pub starts: Option<usize>,
     /// The pixels of patterns and photos, by which the starting patterns are made smooth: regions have an extent, noise has none.
     /// Default none: random signs, pixel by pixel.
@@ -84,7 +85,8 @@ impl SegmentOptions {
 
     /// The patterns to start from.
     pub(super) fn start_count(&self) -> usize {
-        self.starts.unwrap_or(Self::automatic_starts(self.photos))
+        let automatic = if self.resolution.is_some() { Self::automatic_starts(self.photos) } else { 1 };
+        self.starts.unwrap_or(automatic)
     }
 
     pub(super) fn check(&self) -> Result<()> {

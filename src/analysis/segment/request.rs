@@ -97,7 +97,7 @@ impl SegmentRequest {
     pub fn photos(&self) -> usize {
         // Where the number of groups is not known yet, it is at most one more than the starting patterns.
         let groups = match self.options.groups.as_slice() {
-            [] => self.options.start_count() + 1,
+            [] => self.options.starts.unwrap_or(SegmentOptions::automatic_starts(self.options.photos)) + 1,
             groups => groups.iter().sum(),
         };
         let evidence = if self.evidence { groups } else { 0 };

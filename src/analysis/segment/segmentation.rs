@@ -139,7 +139,7 @@ impl Segmentation {
             status: format!(
                 "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}{}",
                 taken.photos,
-                kept,
+                options.eigenvectors.max(kept),
                 match embedding.local() {
                     0 => String::new(),
                     local => format!(", and {local} are localized"),

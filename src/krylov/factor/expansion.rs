@@ -215,6 +215,17 @@ impl Expansion {
         self.columns.get(j).and_then(|column| column.get(self.known + i)).copied().unwrap_or(0.0)
     }
 
+    /// Entry `(i, j)` of `T`, the symmetric part of the upper `m × m` of `H`: the mean of `H_ij` and `H_ji`, which
+    /// are two measurements of one number. Where the operator states the errors `e` of its products, they are
+    /// weighted by `1/e²`, so that a noisy late product does not spoil what an early one has measured well.
+    pub(super) fn symmetric(&self, i: usize, j: usize) -> f64 {
+        let square = |k: usize| self.errors.get(k).map_or(0.0, |error| error * error);
+        let (of_i, of_j) = (square(i), square(j));
+        let (upper, lower) = (self.entry(i, j), self.entry(j, i));
+        // Column j of H comes from the product with v_j.
+        if of_i + of_j > 0.0 { (upper * of_i + lower * of_j) / (of_i + of_j) } else { 0.5 * (upper + lower) }
+    }
+
     /// The dimension of the space.
     pub fn n(&self) -> usize {
         self.basis.rows()

@@ -4,7 +4,7 @@ use super::super::basis::norm;
 use super::Expansion;
 
 impl Expansion {
-    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of `(H + Hᵀ)/2`, with their values; the waiting
+    /// Thick restart: `V ← V S` for orthonormal eigenvectors `S` of the symmetric part of `H`, with their values; the waiting
     /// vectors are kept. `H` becomes `diag(values)` with the couplings to the waiting vectors below.
     pub(super) fn restart(&mut self, kept: &[(f64, &[f64])]) {
         let (m, pending) = (self.steps(), self.pending());
@@ -25,7 +25,7 @@ impl Expansion {
         }
     }
 
-    /// The components of `A V s − V T s` for `s` of norm 1, with `T = (H + Hᵀ)/2`.
+    /// The components of `A V s − V T s` for `s` of norm 1, with `T` the symmetric part of `H`.
     pub(super) fn outside(&self, s: &[f64]) -> Outside {
         let m = self.steps();
         let mut known = vec![0.0; self.known];
@@ -36,7 +36,7 @@ impl Expansion {
                 *sum += entry * s[j];
             }
             for (i, sum) in inside.iter_mut().enumerate() {
-                *sum += 0.5 * (self.entry(i, j) - self.entry(j, i)) * s[j];
+                *sum += (self.entry(i, j) - self.symmetric(i, j)) * s[j];
             }
             for (sum, entry) in waiting.iter_mut().zip(column.iter().skip(self.known + m)) {
                 *sum += entry * s[j];

@@ -21,7 +21,7 @@ use crate::lab::source::Source;
 use crate::lab::text::bytes;
 use crate::lab::{Log, SharedObserver, Truth, journal};
 use crate::operator::{Operator, Symmetry};
-use crate::transport::{Assembled, Backend, Channels, predict};
+use crate::transport::{Assembled, Backend, Channels, Part, predict};
 
 impl LightTransport {
     /// Traces the scene, opens the rig or reads the journal. With a run's folder each photo is in its journal before it is used, and none
@@ -168,8 +168,23 @@ impl LightTransport {
             let bytes: Vec<u8> = direct.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
             journal.note(notes::DIRECT, &bytes)?;
         }
+        if let Some(noise) = product_noise(traced) {
+            note(journal, notes::NOISE, &noise)?;
+        }
         self.ambient().map(drop)
     }
+}
+
+/// `‖E‖_F / √n` of each part, in the first channel. Direct light is taken to have the relative noise of the whole matrix.
+pub(super) fn product_noise(traced: &Assembled) -> Option<notes::ProductNoise> {
+    let noise = traced.noise.as_ref()?;
+    let columns = traced.matrix.projector_resolution().pixels() as f64;
+    let of = |part, relative: f64| relative * traced.matrix.frobenius_norm(part, 0) / columns.sqrt();
+    Some(notes::ProductNoise {
+        full: of(Part::Full, noise.operator),
+        direct: of(Part::Direct, noise.operator),
+        global: of(Part::Global, noise.global),
+    })
 }
 
 /// Photos that are there already have the channels that they have.

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use krylux::analysis::segment::{evidence, feature_view, segment};
+use krylux::analysis::segment::{SegmentRequest, evidence, feature_view, segment};
 use krylux::analysis::{
     Blurred, DirectMethod, MASKED, SegmentOptions, Segmentation, WithoutDirect, adjusted_rand_index,
     measure_direct,
@@ -264,5 +264,19 @@ fn direct_light_may_be_measured_in_place_of_being_known_and_both_sides_be_blurre
         // Some of the indirect light returns to its own pixel or nearly so, and counts as direct.
         assert!(relative < 0.15, "{method:?}: {relative}");
         assert!(sharp >= 0.97 && soft >= 0.97, "{method:?}: {sharp} {soft}");
+    }
+}
+
+#[test]
+fn the_regions_of_cartons_are_counted_and_grouped_without_being_told_their_number() {
+    // Another size and seed than those by which the number of starting patterns was chosen.
+    for (scene, regions) in [("carton", 12), ("nine-cells", 9), ("zigzag", 2)] {
+        let mut lab = Lab::builder_of_scene(load(scene)).size(96, 96).samples(128).seed(5).open().unwrap();
+        let found = lab.segment(&SegmentRequest::default()).unwrap().segmentation;
+        let truth = lab.truth().unwrap().unwrap();
+        let (groups, score) = truth.scores(&found).unwrap()[0];
+        println!("{scene}: {}; {groups} groups, adjusted Rand index {score:.4}", found.regions.sentence());
+        assert_eq!((found.photos, found.regions.count, groups), (50, regions, regions), "{scene}");
+        assert!(!found.regions.at_least && score >= 0.97, "{scene}: {score}");
     }
 }

@@ -7,7 +7,7 @@ use super::super::Expansion;
 use super::pairs::{RitzPair, Which};
 use crate::error::{Error, Result};
 
-/// The wanted Ritz pairs, of the symmetric part `T = (H + Hᵀ)/2` of `H = Vᵀ A V`; the other part, which noise and
+/// The wanted Ritz pairs, of the symmetric part `T` of `H = Vᵀ A V` ([`Expansion::symmetric`]); the other part, which noise and
 /// a rig's departures from symmetry leave, is part of the residuals. Both triangles hold a measurement of the
 /// same number, and their mean has less noise than either.
 pub(in super::super) fn ritz(state: &Expansion, which: Which, count: usize) -> Result<Vec<RitzPair>> {
@@ -47,7 +47,7 @@ fn all(state: &Expansion, which: Which) -> Result<Vec<RitzPair>> {
     if m == 0 {
         return Ok(Vec::new());
     }
-    let projected = Mat::from_fn(m, m, |i, j| 0.5 * (state.entry(i, j) + state.entry(j, i)));
+    let projected = Mat::from_fn(m, m, |i, j| state.symmetric(i, j));
     let decomposition = projected.self_adjoint_eigen(Side::Lower).map_err(|_| {
         Error::Numerical(format!("the dense eigensolver failed on a {m}x{m} symmetric matrix"))
     })?;
