@@ -96,16 +96,8 @@ impl Segmentation {
         let features: Vec<Vec<f64>> = (1..vectors.len())
             .map(|index| vectors[index].iter().map(|&entry| embedding.coordinate(index, entry)).collect())
             .collect();
-        let told: Vec<usize> = (0..vectors.len()).filter(|&index| !embedding.is_local(index)).collect();
         let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
-        let gap = |index: usize| {
-            (embedding.gaps[index], index.checked_sub(1).map_or(0.0, |pair| pairs[pair].residual / norm))
-        };
-        let mut gaps: Vec<(f64, f64)> = told.iter().map(|&index| gap(index)).collect();
-        // If the last eigenvector is localized, its eigenvalue still bounds that of the next region.
-        gaps.extend(Some(vectors.len() - 1).filter(|&last| embedding.is_local(last)).map(gap));
-        let second = told.get(1).map(|&index| (vectors[index].as_slice(), pairs[index - 1].residual));
-        let regions = Regions::suggested(&gaps, second, &weights, taken.starts);
+        let regions = count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts));
         let groups =
             if options.groups.is_empty() { &[regions.count.clamp(2, 254)] } else { &options.groups[..] };
         // The eigenvectors after those asked for only served to count the regions.
@@ -148,6 +140,26 @@ impl Segmentation {
             embedding,
         })
     }
+}
+
+/// The number of regions, from all eigenvectors that are not localized. `norm` is that of the matrix; the Krylov process began
+/// from so many `starts`.
+fn count_regions(
+    embedding: &Embedding,
+    pairs: &[RitzPair],
+    vectors: &[Vec<f64>],
+    weights: &[f64],
+    (norm, starts): (f64, usize),
+) -> Regions {
+    let told: Vec<usize> = (0..vectors.len()).filter(|&index| !embedding.is_local(index)).collect();
+    let gap = |index: usize| {
+        (embedding.gaps[index], index.checked_sub(1).map_or(0.0, |pair| pairs[pair].residual / norm))
+    };
+    let mut gaps: Vec<(f64, f64)> = told.iter().map(|&index| gap(index)).collect();
+    // If the last eigenvector is localized, its eigenvalue still bounds that of the next region.
+    gaps.extend(Some(vectors.len() - 1).filter(|&last| embedding.is_local(last)).map(gap));
+    let second = told.get(1).map(|&index| (vectors[index].as_slice(), pairs[index - 1].residual));
+    Regions::suggested(&gaps, second, weights, starts)
 }
 
 /// Renumbers labels by first appearance.
