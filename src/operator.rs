@@ -62,12 +62,16 @@ pub trait Operator {
         &()
     }
 
-    /// The standard errors of the products with `xs` that were taken last, in order: the expected `‖y − A x‖₂`
-    /// due to noise. `xs` are the vectors of the last [`Operator::apply`], [`Operator::apply_block`], or of the
-    /// same with the transpose. Empty by default: the products are exact, or their errors are not known.
-    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
-        let _ = xs;
+    /// The standard errors of the products that were taken last, in order: the expected `‖y − A x‖₂` due to noise
+    /// for each vector of the last [`Operator::apply`] or [`Operator::apply_block`], or of the same with the
+    /// transpose. Empty by default: the products are exact, or their errors are not known.
+    fn standard_errors(&self) -> Vec<f64> {
         Vec::new()
+    }
+
+    /// The standard error of the last product, where a single one was taken; 0 where it is exact or not known.
+    fn standard_error(&self) -> f64 {
+        self.standard_errors().first().copied().unwrap_or(0.0)
     }
 }
 

@@ -149,11 +149,15 @@ impl Operator for Blurred<'_> {
         Ok(())
     }
 
-    /// Those of the photos, reduced by the blur as noise is that is the same in all pixels.
-    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+    /// Those of the photos, reduced by the blur as if their noise were the same in all pixels.
+    fn standard_errors(&self) -> Vec<f64> {
+        let errors = self.operator.standard_errors();
+        if errors.is_empty() {
+            return errors;
+        }
         let ones = vec![1.0; self.photo.len()];
         let left = self.blur.variance(&ones).iter().sum::<f64>() / ones.len() as f64;
-        self.operator.standard_errors(xs).into_iter().map(|error| left.sqrt() * error).collect()
+        errors.into_iter().map(|error| left.sqrt() * error).collect()
     }
 }
 

@@ -117,7 +117,7 @@ impl Operator for LabOperator {
         }
     }
 
-    fn standard_errors(&self, _: &[&[f64]]) -> Vec<f64> {
+    fn standard_errors(&self) -> Vec<f64> {
         self.errors.clone()
     }
 }

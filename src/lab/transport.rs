@@ -110,7 +110,7 @@ impl LightTransport {
                 Direction::Forward => operator.apply_block(xs, ys),
                 Direction::Adjoint => operator.apply_adjoint_block(xs, ys),
             }?;
-            Ok(operator.standard_errors(xs))
+            Ok(operator.standard_errors())
         };
         let Some(journal) = journal else {
             return engine.with_operator(part, channel, |operator| apply(operator, ys));

@@ -74,7 +74,7 @@ impl Operator for MeasuredOperator<'_> {
         Ok(())
     }
 
-    fn standard_errors(&self, _: &[&[f64]]) -> Vec<f64> {
+    fn standard_errors(&self) -> Vec<f64> {
         self.errors.clone()
     }
 }

@@ -35,8 +35,8 @@ macro_rules! forward {
                 (**self).observer()
             }
 
-            fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
-                (**self).standard_errors(xs)
+            fn standard_errors(&self) -> Vec<f64> {
+                (**self).standard_errors()
             }
         }
 
@@ -92,8 +92,8 @@ macro_rules! delegate {
         }
     };
     (@standard_errors $field:tt) => {
-        fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
-            self.$field.standard_errors(xs)
+        fn standard_errors(&self) -> Vec<f64> {
+            self.$field.standard_errors()
         }
     };
 }

@@ -336,6 +336,7 @@ struct Noisy<'a> {
     seed: u64,
     /// Whether it states the errors of its products.
     states: bool,
+    error: f64,
 }
 
 impl Operator for Noisy<'_> {
@@ -352,15 +353,13 @@ impl Operator for Noisy<'_> {
         self.matrix.apply(x, y)?;
         self.seed += 1;
         let error = random(y.len(), self.seed);
-        let share = self.noise.get() * norm(y) / norm(&error);
+        self.error = self.noise.get() * norm(y);
+        let share = self.error / norm(&error);
         y.iter_mut().zip(&error).for_each(|(y, e)| *y += share * e);
         Ok(())
     }
-    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
-        if !self.states {
-            return Vec::new();
-        }
-        xs.iter().map(|x| self.noise.get() * norm(&self.matrix.times(x))).collect()
+    fn standard_errors(&self) -> Vec<f64> {
+        if self.states { vec![self.error] } else { Vec::new() }
     }
 }
 
@@ -369,7 +368,8 @@ fn with_noisy_products_the_residual_at_the_noise_floor_is_true_to_the_noise() {
     let system = named("spd_well");
     let noise = std::cell::Cell::new(1e-3);
     for method in [Method::Minres, Method::Gmres, Method::Cg, Method::BiCgStab] {
-        let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: false };
+        let mut noisy =
+            Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: false, error: 0.0 };
         let options = SolveOptions { noise: 1e-3, rtol: 1e-9, ..SolveOptions::default() };
         let found = solve(method, &mut noisy, &system.b, &options).unwrap();
         assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
@@ -385,7 +385,8 @@ fn relaxed_products_are_ever_noisier_and_reach_the_target_all_the_same() {
     let (target, budget) = (1e-6, 20);
     let relaxed = |adapt: bool| {
         let noise = std::cell::Cell::new(target / budget as f64);
-        let mut noisy = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 7, states: false };
+        let mut noisy =
+            Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 7, states: false, error: 0.0 };
         let options = SolveOptions { products: budget, rtol: 0.3 * target, ..SolveOptions::default() };
         let mut loudest = 0.0_f64;
         let observer = OnStep::new(|step: &Step<'_>| {
@@ -701,10 +702,12 @@ fn an_operator_that_states_its_errors_is_not_taken_for_one_without_symmetry() {
     let noise = std::cell::Cell::new(1e-3);
     for method in [Method::Minres, Method::Cg] {
         let options = SolveOptions { rtol: 1e-9, ..SolveOptions::default() };
-        let mut silent = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: false };
+        let mut silent =
+            Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: false, error: 0.0 };
         let found = solve(method, &mut silent, &system.b, &options).unwrap();
         assert_eq!(found.stats.status, Status::NotSymmetric, "{method:?}: its noise is not known");
-        let mut stating = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: true };
+        let mut stating =
+            Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: true, error: 0.0 };
         let found = solve(method, &mut stating, &system.b, &options).unwrap();
         assert_eq!(found.stats.status, Status::NoiseFloor, "{method:?}");
         let truth = misfit(&system.matrix, &found.x, &system.b) / norm(&system.b);
@@ -712,7 +715,8 @@ fn an_operator_that_states_its_errors_is_not_taken_for_one_without_symmetry() {
         assert!(truth < 1e-3 * (1.0 + 9.5), "{method:?}: {truth:e}");
         // A tolerance of zero asks for the whole budget.
         let whole = SolveOptions { rtol: 0.0, products: 12, ..SolveOptions::default() };
-        let mut stating = Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: true };
+        let mut stating =
+            Noisy { matrix: system.matrix.clone(), noise: &noise, seed: 100, states: true, error: 0.0 };
         let found = solve(method, &mut stating, &system.b, &whole).unwrap();
         assert_ne!(found.stats.status, Status::NoiseFloor, "{method:?}");
     }

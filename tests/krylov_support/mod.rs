@@ -139,11 +139,12 @@ pub struct Noisy<'a, F> {
     pub taken: usize,
     /// Whether it states the errors of its products.
     pub states: bool,
+    error: f64,
 }
 
 impl<'a, F: Fn(usize) -> f64> Noisy<'a, F> {
     pub fn new(operator: &'a mut dyn Operator, noise: F) -> Self {
-        Self { operator, noise, taken: 0, states: false }
+        Self { operator, noise, taken: 0, states: false, error: 0.0 }
     }
 }
 
@@ -161,15 +162,13 @@ impl<F: Fn(usize) -> f64> Operator for Noisy<'_, F> {
         self.operator.apply(x, y)?;
         self.taken += 1;
         let error = Start::Gaussian { seed: 1000 + self.taken as u64 }.vector(y.len());
-        let factor = (self.noise)(self.taken) * norm(x) / norm(&error);
+        self.error = (self.noise)(self.taken) * norm(x);
+        let factor = self.error / norm(&error);
         y.iter_mut().zip(&error).for_each(|(y, error)| *y += factor * error);
         Ok(())
     }
-    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
-        if !self.states {
-            return Vec::new();
-        }
-        xs.iter().map(|x| (self.noise)(self.taken) * norm(x)).collect()
+    fn standard_errors(&self) -> Vec<f64> {
+        if self.states { vec![self.error] } else { Vec::new() }
     }
 }
 

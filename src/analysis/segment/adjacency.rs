@@ -70,9 +70,9 @@ impl Operator for NormalizedAdjacency<'_> {
     }
 
     /// Those of the photos, scaled as if their noise were the same in all pixels.
-    fn standard_errors(&self, xs: &[&[f64]]) -> Vec<f64> {
+    fn standard_errors(&self) -> Vec<f64> {
         let squares: f64 = self.inverse_root.iter().map(|scale| scale * scale).sum();
         let scale = (squares / self.nodes.len() as f64).sqrt();
-        self.global.standard_errors(xs).into_iter().map(|error| scale * error).collect()
+        self.global.standard_errors().into_iter().map(|error| scale * error).collect()
     }
 }

@@ -57,7 +57,7 @@ pub(super) fn power(operator: &mut dyn Operator, options: &EigsOptions) -> Resul
         let value = dot(&x, &product);
         // ‖A x − θ x‖, summed as a vector: the difference of squares would lose half the digits.
         let residual = distance(&product, &x, value);
-        let noise = operator.standard_errors(&[&x]).first().copied().unwrap_or(0.0);
+        let noise = operator.standard_error();
         pairs = vec![pair([value, residual, noise], scale, n, operator.symmetry())];
         best.clone_from(&x);
         let flow = recorder.row(operator, products, &pairs);

@@ -154,7 +154,7 @@ impl Expansion {
         self.fits(operator)?;
         let mut products = vec![vec![0.0; self.n()]; count];
         operator.apply_block(&block(&self.waiting()[..count]), &mut block_mut(&mut products))?;
-        let errors = operator.standard_errors(&block(&self.waiting()[..count]));
+        let errors = operator.standard_errors();
         let errors = errors.into_iter().chain(std::iter::repeat(0.0));
         self.ready = products.into_iter().zip(errors).collect();
         Ok(())
@@ -174,7 +174,7 @@ impl Expansion {
             }
             None => {
                 operator.apply(next, &mut self.work)?;
-                operator.standard_errors(&[next]).first().copied().unwrap_or(0.0)
+                operator.standard_error()
             }
         };
         let length = norm(&self.work);

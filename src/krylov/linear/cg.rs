@@ -66,12 +66,11 @@ impl Cg {
     }
 }
 
-/// The departure from symmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`, where `y` is the product
-/// with `v` that was just taken. Rounding causes departures of 1e-16 times a growth that stays small before
+/// The departure from symmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`, where the product with `v` was
+/// just taken and has this length. Rounding causes departures of 1e-16 times a growth that stays small before
 /// convergence, so anything above 1e-6 is not rounding. Noise causes departures of its own size.
-pub(super) fn symmetry_tolerance(noise: f64, operator: &dyn Adjoint, v: &[f64], y: &[f64]) -> f64 {
-    let stated = operator.standard_errors(&[v]).first().map_or(0.0, |error| error / norm(y));
-    (10.0 * noise.max(stated)).max(1e-6)
+pub(super) fn symmetry_tolerance(noise: f64, operator: &dyn Adjoint, length: f64) -> f64 {
+    (10.0 * noise.max(operator.standard_error() / length)).max(1e-6)
 }
 
 impl Solver for Cg {
@@ -102,11 +101,12 @@ impl Solver for Cg {
         system.tally.product(operator, &self.p, &mut system.work)?;
         let curvature = dot(&self.p, &system.work);
         let asymmetry = (dot(&self.z, &system.work) - curvature).abs();
-        let tolerance = symmetry_tolerance(self.noise, operator, &self.p, &system.work);
-        if asymmetry > tolerance * norm(&self.z) * norm(&system.work) {
+        let length = norm(&system.work);
+        let tolerance = symmetry_tolerance(self.noise, operator, length);
+        if asymmetry > tolerance * norm(&self.z) * length {
             return Ok(Advance::Ended(Status::NotSymmetric));
         }
-        if curvature <= f64::EPSILON * norm(&self.p) * norm(&system.work) {
+        if curvature <= f64::EPSILON * norm(&self.p) * length {
             return Ok(Advance::Ended(Status::Breakdown("the operator is not positive definite")));
         }
         let alpha = self.rho / curvature;

@@ -140,7 +140,7 @@ impl Solver for Minres {
         let length = norm(next);
         let alpha = dot(next, &self.z);
         let asymmetry = if self.beta > 0.0 { (dot(next, &self.z_old) - self.beta).abs() } else { 0.0 };
-        let tolerance = symmetry_tolerance(self.noise, operator, &self.z, next);
+        let tolerance = symmetry_tolerance(self.noise, operator, length);
         if asymmetry > tolerance * length * norm(&self.z_old) {
             return Ok(Advance::Ended(Status::NotSymmetric));
         }

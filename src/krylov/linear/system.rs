@@ -32,16 +32,16 @@ impl Tally {
     /// Takes `y = A x`, counts it and checks it for NaN. A product that fails is not counted.
     pub(crate) fn product(&mut self, operator: &mut dyn Adjoint, x: &[f64], y: &mut [f64]) -> Result<()> {
         operator.apply(x, y)?;
-        self.count(operator, x, y)
+        self.count(operator, y)
     }
 
     /// Takes `x = Aᵀ y`, as [`Tally::product`].
     pub(crate) fn adjoint(&mut self, operator: &mut dyn Adjoint, y: &[f64], x: &mut [f64]) -> Result<()> {
         operator.apply_adjoint(y, x)?;
-        self.count(operator, y, x)
+        self.count(operator, x)
     }
 
-    fn count(&mut self, operator: &dyn Adjoint, of: &[f64], product: &[f64]) -> Result<()> {
+    fn count(&mut self, operator: &dyn Adjoint, product: &[f64]) -> Result<()> {
         let length = norm(product);
         if !length.is_finite() {
             return Err(Error::Numerical(format!(
@@ -50,7 +50,7 @@ impl Tally {
             )));
         }
         self.products += 1;
-        let error = operator.standard_errors(&[of]).first().copied().unwrap_or(0.0);
+        let error = operator.standard_error();
         if error > 0.0 && length > 0.0 {
             let noise = error / length;
             self.noise = if self.noise > 0.0 { self.noise.min(noise) } else { noise };
