@@ -183,7 +183,8 @@ fn holds_run(path: &Path) -> bool {
     path.join(RECORD).exists() || Journal::is_in(&journal_folder(path)) || model::is_in(path)
 }
 
-fn photos_in(run: &Path) -> usize {
+/// Photos in the journal of a run's folder; 0 where there is none that can be read.
+pub(super) fn photos_in(run: &Path) -> usize {
     Journal::read_only(&journal_folder(run)).map_or(0, |journal| journal.photos())
 }
 

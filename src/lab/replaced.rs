@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::folder::{RECORD, REPORT};
+use super::folder::{RECORD, REPORT, photos_in};
 use super::notes::journal_folder;
 use crate::error::{Error, Result};
 use crate::io::model;
-use crate::journal::Journal;
 
 /// A run that was moved aside, into `earlier-N` of its folder.
 pub(super) struct Replaced {
@@ -36,7 +35,7 @@ impl Replaced {
 
     /// Photos of the run that was moved aside.
     pub(super) fn photos(&self) -> usize {
-        Journal::read_only(&journal_folder(&self.aside)).map_or(0, |journal| journal.photos())
+        photos_in(&self.aside)
     }
 
     /// Where the run is now.

@@ -61,8 +61,8 @@ pub(super) fn reproduce(bench: &mut Bench) -> Result<Reproduced> {
         .collect();
     Ok(Reproduced {
         setting: format!(
-            "a carton of 3 × 3 cells, {}, {PHOTOS} photos and {EIGENVECTORS} eigenvectors each, from twelve smooth patterns where the paper starts from one, \
-             since one finds only some of the cells",
+            "a carton of 3 × 3 cells, {}, {PHOTOS} photos and {EIGENVECTORS} eigenvectors each, from twelve smooth \
+             patterns; the paper starts from one, which finds only some of the cells",
             empty_stage.resolution
         ),
         checks,

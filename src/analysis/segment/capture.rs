@@ -4,6 +4,7 @@ use super::adjacency::NormalizedAdjacency;
 use super::graph::Graph;
 use super::laplacian::NegativeLaplacian;
 use super::options::{Cut, SegmentOptions};
+use super::regions::KEPT;
 use super::segmentation::{Segmentation, Taken};
 use crate::analysis::low_rank::smooth_starts;
 use crate::error::{Error, Result};
@@ -264,14 +265,11 @@ fn too_early() -> Error {
 /// The photos that each starting pattern gets before it is decided whether there were enough of them.
 const ROUNDS: usize = 4;
 
-/// An eigenvalue of the normalized cut above this may belong to a region.
-const MAY_BE_REGION: f64 = 0.85;
-
 /// Whether as many eigenvalues as starting patterns may belong to regions, so that further regions may have been missed. The
 /// average cut has no scale to tell by.
 fn is_saturated(lanczos: &BlockLanczos, cut: Cut) -> Result<bool> {
     let pairs = lanczos.ritz(Which::LargestAlgebraic, lanczos.block())?;
-    Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= MAY_BE_REGION))
+    Ok(cut == Cut::Normalized && pairs.iter().all(|pair| pair.value >= KEPT))
 }
 
 fn known_vector(cut: Cut, graph: &Graph) -> Vec<f64> {

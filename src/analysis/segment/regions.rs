@@ -19,7 +19,7 @@ const FLOOR: f64 = 1e-3;
 const EXACT: f64 = 1e-6;
 
 /// A region must keep at least this share of its light.
-const KEPT: f64 = 0.85;
+pub(super) const KEPT: f64 = 0.85;
 
 /// The next eigenvalue must be this many times as far from 1 for the count to be clear, and keep too little light for a region.
 const CLEAR: f64 = 4.0;

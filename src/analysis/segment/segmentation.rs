@@ -93,9 +93,6 @@ impl Segmentation {
             Cut::Average => vec![1.0; graph.degree().len()],
         };
         let mut embedding = Embedding::new(options.cut, graph, pairs, &vectors, &weights);
-        let features: Vec<Vec<f64>> = (1..vectors.len())
-            .map(|index| vectors[index].iter().map(|&entry| embedding.coordinate(index, entry)).collect())
-            .collect();
         let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
         let regions = count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts));
         let groups =
@@ -104,10 +101,13 @@ impl Segmentation {
         let most = if options.groups.is_empty() { regions.count } else { 0 };
         let kept = vectors.len().min(options.eigenvectors.max(most));
         vectors.truncate(kept);
-        let (pairs, features) = (&pairs[..kept - 1], &features[..kept - 1]);
+        let pairs = &pairs[..kept - 1];
         embedding.truncate(kept);
+        let features: Vec<Vec<f64>> = (1..kept)
+            .map(|index| vectors[index].iter().map(|&entry| embedding.coordinate(index, entry)).collect())
+            .collect();
         let labels = groups.iter().map(|&groups| {
-            let clusters = kmeans(features, &weights, &KmeansOptions::new(groups, options.seed));
+            let clusters = kmeans(&features, &weights, &KmeansOptions::new(groups, options.seed));
             (groups, graph.scatter(&number_by_appearance(&clusters.labels), MASKED))
         });
         let resolved = 1 + pairs.iter().filter(|pair| pair.is_resolved(RESOLVED, norm)).count();
