@@ -1,6 +1,7 @@
 //! The calibration of a rig: the responses of its devices, the noise of the camera, the pixel map and the
 //! stability (O'Toole and Kutulakos, section 8.1).
 
+use super::lens_map::LensMap;
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};
 
@@ -43,8 +44,8 @@ pub struct CameraResponse {
 }
 
 /// The pixel map: which camera pixels see each projector pixel, in compressed sparse rows. There is one row
-/// per projector pixel. The weights of a row add up to 1; the row of a projector pixel that no camera pixel
-/// sees is empty.
+/// per projector pixel. The weights of a row keep an evenly lit raster as bright as it is; away from the raster's border
+/// they add up to 1. The row of a projector pixel that no camera pixel sees is empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {
     /// The camera's pixels.
@@ -57,6 +58,8 @@ pub struct Registration {
     pub pixels: Vec<u32>,
     /// The weights of these camera pixels.
     pub weights: Vec<f64>,
+    /// The map that the weights were made from, by which the spread of direct light is known; `None` where none is known.
+    pub lens: Option<LensMap>,
 }
 
 /// The stability of a rig over time.
@@ -123,7 +126,7 @@ impl Registration {
                 starts.push(pixels.len());
             }
         }
-        Self { camera, projector, starts, pixels, weights }
+        Self { camera, projector, starts, pixels, weights, lens: None }
     }
 }
 

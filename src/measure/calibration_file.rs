@@ -15,14 +15,15 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::lens_map::LensMap;
 use super::{Calibration, CameraResponse, Registration, Stability};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::io::{atomic, npy};
 use crate::rig::{CameraInfo, ProjectorInfo};
 
-/// The version of the folder's format.
-const FORMAT: u32 = 1;
+/// The version of the folder's format. Folders of format 1, which have no `[map]`, are read as well.
+const FORMAT: u32 = 2;
 
 const RECORD: &str = "calibration.toml";
 const PROJECTOR: &str = "projector-curve.npy";
@@ -42,6 +43,14 @@ struct Record {
     camera: CameraInfo,
     response: Response,
     stability: Steadiness,
+    map: Option<Map>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Map {
+    homography: [f64; 8],
+    distortion: [f64; 2],
 }
 
 #[derive(Deserialize)]
@@ -96,13 +105,18 @@ impl Calibration {
         let text = crate::file::read_text(&path)?;
         let record: Record =
             toml::from_str(&text).map_err(|error| damaged(&path, error.to_string().trim_end().into()))?;
-        if record.format != FORMAT {
-            let fault =
-                format!("its format is {}, but this version of krylux reads format {FORMAT}", record.format);
+        if !(1..=FORMAT).contains(&record.format) {
+            let fault = format!(
+                "its format is {}, but this version of krylux reads formats 1 to {FORMAT}",
+                record.format
+            );
             return Err(damaged(&path, fault));
         }
-        let Record { projector: projector_info, camera: camera_info, response, stability, .. } = record;
-        let registration = registration(folder, camera_info.resolution, projector_info.resolution)?;
+        let Record { projector: projector_info, camera: camera_info, response, stability, map, .. } = record;
+        let (camera, projector) = (camera_info.resolution, projector_info.resolution);
+        let lens =
+            map.map(|Map { homography, distortion }| LensMap { camera, projector, homography, distortion });
+        let registration = Registration { lens, ..registration(folder, camera, projector)? };
         let curve = if response.linear { None } else { Some(camera_curve(folder, camera_info.bits)?) };
         let calibration = Self {
             projector: projector_curves(folder, &projector_info)?,
@@ -178,13 +192,19 @@ impl Calibration {
     /// the same bits.
     fn head(&self) -> String {
         let Self { projector_info: projector, camera_info: camera, camera: response, .. } = self;
+        let map = self.registration.lens.as_ref().map_or_else(String::new, |lens| {
+            format!(
+                "\n# camera to projector: see the documentation of LensMap\n[map]\nhomography = {:?}\ndistortion = {:?}\n",
+                lens.homography, lens.distortion
+            )
+        });
         format!(
             "[projector]\nname = {}\nresolution = {}\nchannels = {}\nbits = {}\nframe_time = {:?}\n\n\
              [camera]\nname = {}\nresolution = {}\nchannels = {}\nbits = {}\nexposures = [{:?}, {:?}]\n\n\
              # DN; gain in electrons per linear DN\n\
              [response]\nblack = {:?}\nsaturation = {:?}\ngain = {:?}\nread_noise = {:?}\nlinear = {}\n\n\
              # seconds; relative change of white per hour\n\
-             [stability]\nsettle = {:?}\ndrift_per_hour = {:?}\n",
+             [stability]\nsettle = {:?}\ndrift_per_hour = {:?}\n{map}",
             quoted(&projector.name),
             size(projector.resolution),
             projector.channels,
@@ -281,5 +301,5 @@ fn registration(folder: &Path, camera: Resolution, projector: Resolution) -> Res
     if weights.iter().any(|weight| !weight.is_finite()) {
         return Err(damaged(&folder.join(WEIGHTS), "a weight is not finite".into()));
     }
-    Ok(Registration { camera, projector, starts, pixels, weights })
+    Ok(Registration { camera, projector, starts, pixels, weights, lens: None })
 }

@@ -1,25 +1,76 @@
-//! The direct stage: the direct image `diag(A_direct)`, which holds the light that each pixel reflects
-//! straight back to itself.
+//! The direct stage: the light that each pixel reflects straight back to itself, as an operator `S diag(d) K`.
 //!
-//! The projector shows a checkerboard of small squares, shifted step by step. Global light is an average over
-//! many pixels and hardly changes with the shift. Direct light follows the pixel's own pattern value. With
-//! direct light `d`, global light `g` and the pattern value `x_m(i)` of shift `m`, the photos of pixel `i`
-//! are
+//! The projector shows a checkerboard of small squares, shifted step by step. Global light is an average over many pixels and hardly
+//! changes with the shift. Direct light follows the light that arrives at the pixel itself. A projector's lens spreads each pixel's
+//! light over its neighbours, so that this is the blurred pattern `u = K x`. The camera's pixels spread it once more, by the known
+//! matrix `S` ([`Spread`]). With direct light `d` and global light `g`, the photos under the shifts `m` are
 //!
 //! ```text
-//! y_m = d x_m(i) + g,      d = Σ_m (x_m − x̄) y_m / Σ_m (x_m − x̄)²
+//! y_m = S (d ∘ u_m) + g,      minimise over d:  Σ_m ‖y_m − ȳ − S (d ∘ (u_m − ū))‖²
 //! ```
 //!
-//! where `d` is the least-squares fit to the patterns *as shown*, after rounding to levels. Nayar, Krishnan,
-//! Grossberg and Raskar, *Fast separation of direct and global components of a scene using high frequency
+//! The patterns count *as shown*, after rounding to levels. Without `S`, `d = Σ_m (u_m − ū) y_m / Σ_m (u_m − ū)²`. The blur `K` is the
+//! Gaussian with the least residual of this fit, over all pixels, photos and channels. A residual larger than the noise of the photos shows
+//! where the model is wrong, for example because global light resolves the squares; it counts as an error of `d`.
+//!
+//! Nayar, Krishnan, Grossberg and Raskar, *Fast separation of direct and global components of a scene using high frequency
 //! illumination* (2006), doi:10.1145/1141911.1141977.
+
+use std::sync::Arc;
 
 use super::ambient::BlackPhotos;
 use super::calibration::Registration;
+use super::direct_fit::DirectFit;
 use super::hdr::RateFrame;
 use super::photo::Plane;
 use super::registration::combine;
-use crate::image::Resolution;
+use super::spread::Spread;
+use crate::image::{Blur, Resolution};
+
+/// The widest blur that is considered, in pixels, as a standard deviation. It must be narrower than the squares.
+const WIDEST: f64 = 2.0;
+
+/// The narrowest blur that is considered: below it, a sampled Gaussian is a single pixel.
+const NARROWEST: f64 = 0.25;
+
+/// Deviations that are tried before the best one is refined.
+const TRIED: usize = 8;
+
+/// Steps of the refinement; each narrows the interval to 0.62 of its length.
+const REFINED: usize = 8;
+
+/// Steps of conjugate gradients while the blur is chosen, and in the end. The spread is narrow, so that few are enough.
+const STEPS: [usize; 2] = [4, 12];
+
+/// Direct light: `y = S (d ∘ K x)` for each of the camera's channels.
+#[derive(Clone, Debug)]
+pub(super) struct DirectLight {
+    /// `d` and its variance for each of the camera's channels.
+    planes: Vec<Plane>,
+    /// The spread `K` of the projector's pixels; `None` where none was found.
+    blur: Option<Blur>,
+    /// The spread `S` of the camera's pixels; `None` where none is known.
+    spread: Option<Arc<Spread>>,
+}
+
+impl DirectLight {
+    /// The direct light of one channel under a pattern, with its variance.
+    pub(super) fn under(&self, channel: usize, pattern: &[f64]) -> Plane {
+        let Plane { values, variance } = &self.planes[channel];
+        let blurred = self.blur.as_ref().map(|blur| blur.apply(pattern));
+        let light = blurred.as_deref().unwrap_or(pattern);
+        let product = |a: &[f64], power: i32| -> Vec<f64> {
+            a.iter().zip(light).map(|(a, light)| a * light.powi(power)).collect()
+        };
+        let plane = Plane { values: product(values, 1), variance: product(variance, 2) };
+        match &self.spread {
+            None => plane,
+            Some(spread) => {
+                Plane { values: spread.apply(&plane.values), variance: spread.variance(&plane.variance) }
+            }
+        }
+    }
+}
 
 /// The shifted checkerboards, with squares of `side` pixels. Each pixel is lit in about half of the patterns.
 /// Pixels that are not `lit` stay dark.
@@ -42,22 +93,83 @@ pub(super) fn patterns(resolution: Resolution, side: usize, lit: &[bool]) -> Vec
         .collect()
 }
 
-/// The direct image of one channel, from the photos of the patterns that were shown. `channel` is its index
-/// and the number of channels.
-pub(super) fn demodulate(
-    registration: &Registration,
-    rate_frames: &[&RateFrame],
-    shown: &[Vec<f64>],
-    blacks: &BlackPhotos,
-    channel: (usize, usize),
-) -> Plane {
-    let count = shown.len() as f64;
-    let pixels = registration.projector.pixels();
-    let mean: Vec<f64> = (0..pixels).map(|i| shown.iter().map(|x| x[i]).sum::<f64>() / count).collect();
-    let square: Vec<f64> =
-        (0..pixels).map(|i| shown.iter().map(|x| (x[i] - mean[i]).powi(2)).sum::<f64>()).collect();
-    let slope = |i: usize, m: usize| if square[i] > 0.0 { (shown[m][i] - mean[i]) / square[i] } else { 0.0 };
-    combine(registration, rate_frames, &slope, blacks, channel)
+/// The photos of the shifted patterns.
+pub(super) struct Shifts<'a> {
+    /// Which camera pixels see which projector pixel.
+    pub(super) registration: &'a Registration,
+    /// The photos, one for each pattern.
+    pub(super) rate_frames: &'a [&'a RateFrame],
+    /// The patterns that were shown, for each of the camera's channels.
+    pub(super) shown: &'a [Vec<Vec<f64>>],
+    /// The black photo.
+    pub(super) blacks: &'a BlackPhotos,
+}
+
+impl Shifts<'_> {
+    /// Fits the direct light of all channels.
+    pub(super) fn fit(&self) -> DirectLight {
+        let spread =
+            self.registration.lens.as_ref().map(|lens| Arc::new(Spread::new(self.registration, lens)));
+        let channels = self.shown.len();
+        let photos: Vec<Vec<Vec<f64>>> = (0..channels).map(|channel| self.photos(channel)).collect();
+        let fitted = |channel: usize, blur: Option<&Blur>, steps: usize| {
+            let mut fit = DirectFit::new(&self.shown[channel], blur, spread.as_deref(), &photos[channel]);
+            fit.improve(steps);
+            fit
+        };
+        let residual = |deviation: f64| -> f64 {
+            let blur = Blur::new(self.registration.projector, deviation);
+            (0..channels).map(|channel| fitted(channel, blur.as_ref(), STEPS[0]).residual()).sum()
+        };
+        let blur = Blur::new(self.registration.projector, least(&residual));
+        let planes = (0..channels)
+            .map(|channel| {
+                let fit = fitted(channel, blur.as_ref(), STEPS[1]);
+                let noise = self.combined(channel, &|pixel, photo| fit.slope(pixel, photo)).variance;
+                fit.plane(noise, self.registration.projector)
+            })
+            .collect();
+        DirectLight { planes, blur, spread }
+    }
+
+    /// The photos of one channel.
+    fn photos(&self, channel: usize) -> Vec<Vec<f64>> {
+        let of = |photo: usize| {
+            let only = |_: usize, other: usize| f64::from(u8::from(other == photo));
+            self.combined(channel, &only).values
+        };
+        (0..self.rate_frames.len()).map(of).collect()
+    }
+
+    fn combined(&self, channel: usize, coefficient: &dyn Fn(usize, usize) -> f64) -> Plane {
+        combine(self.registration, self.rate_frames, coefficient, self.blacks, (channel, self.shown.len()))
+    }
+}
+
+/// The deviation in pixels with the least residual; 0 where none is better without a blur.
+fn least(residual: &dyn Fn(f64) -> f64) -> f64 {
+    let step = (WIDEST - NARROWEST) / (TRIED - 1) as f64;
+    let tried = (0..TRIED).map(|index| NARROWEST + step * index as f64);
+    let best = tried.map(|deviation| (residual(deviation), deviation)).min_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((_, best)) = best else { return 0.0 };
+    let (mut low, mut high) = ((best - step).max(NARROWEST), (best + step).min(WIDEST));
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let inner = |low: f64, high: f64| [high - golden * (high - low), low + golden * (high - low)];
+    let mut at = inner(low, high);
+    let mut values = at.map(residual);
+    for _ in 0..REFINED {
+        if values[0] < values[1] {
+            high = at[1];
+            at = inner(low, high);
+            values = [residual(at[0]), values[0]];
+        } else {
+            low = at[0];
+            at = inner(low, high);
+            values = [values[1], residual(at[1])];
+        }
+    }
+    let refined = 0.5 * (low + high);
+    if residual(refined) < residual(0.0) { refined } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::calibration::{Calibration, Registration};
+use super::direct::DirectLight;
 use super::display::Display;
 use super::drift::DriftReport;
 use super::frame_source::{Effort, FrameSource};
@@ -36,7 +37,7 @@ pub struct Measurement {
     luma: bool,
     symmetry: Symmetry,
     pub(super) white: Option<Vec<Plane>>,
-    pub(super) direct: Option<Vec<Plane>>,
+    pub(super) direct: Option<Arc<DirectLight>>,
     pub(super) last: Option<Plane>,
 }
 

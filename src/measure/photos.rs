@@ -54,12 +54,14 @@ impl Measurement {
         Ok(self.photo(planes))
     }
 
-    /// The direct image, `diag(A_direct)`, by shifted checkerboards. It is measured once.
+    /// The direct image: the direct light under white, by shifted checkerboards. It is measured once.
     ///
     /// # Errors
     /// [`Error::Option`] when the options exclude this measurement; and those of taking its photos.
     pub fn direct(&mut self) -> Result<Photo> {
-        let planes = self.direct_planes()?;
+        let direct = self.direct_light()?;
+        let white = self.masked(&vec![1.0; self.resolution().pixels()]);
+        let planes = (0..self.camera_channels()).map(|channel| direct.under(channel, &white)).collect();
         Ok(self.photo(planes))
     }
 

@@ -2,18 +2,18 @@
 //! and Kutulakos, section 7.1).
 //!
 //! ```text
-//! full     Σ c_k photo_k + a A 1                       (+ d ∘ (x − shown), where rounding is compensated)
-//! global   Σ c_k photo_k + a A 1 − d ∘ shown           shown = Σ c_k pattern_k + a
-//! direct   d ∘ x                                       without a photo
+//! full     Σ c_k photo_k + a A 1                       (+ D (x − shown), where rounding is compensated)
+//! global   Σ c_k photo_k + a A 1 − D shown             shown = Σ c_k pattern_k + a
+//! direct   D x                                         without a photo
 //! ```
 //!
-//! Here `d` is the direct image, and `a` the coefficient of the white photo `A 1`. The optional blur is
-//! applied to the vector before, and to the product after all of this.
+//! Here `D` is the direct light ([`DirectLight`]), and `a` the coefficient of the white photo `A 1`. The
+//! optional blur is applied to the vector before, and to the product after all of this.
 
 use std::sync::Arc;
 
 use super::bit_planes::decompose;
-use super::direct;
+use super::direct::{self, DirectLight, Shifts};
 use super::display::Displayed;
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
@@ -109,20 +109,20 @@ impl Measurement {
         let mut product = Plane::zero(target.len());
         for (camera_channel, weight) in channel_weights {
             let light = match part {
-                Part::Direct => self.direct_light(camera_channel, target)?,
+                Part::Direct => self.direct_under(camera_channel, target)?,
                 Part::Full if self.options.compensate_rounding => {
                     let mut light = self.sum(&terms, white, camera_channel)?;
                     let shown = self.shown(&terms, white, camera_channel);
                     let missing: Vec<f64> =
                         target.iter().zip(shown).map(|(target, shown)| target - shown).collect();
-                    light.add(1.0, &self.direct_light(camera_channel, &missing)?);
+                    light.add(1.0, &self.direct_under(camera_channel, &missing)?);
                     light
                 }
                 Part::Full => self.sum(&terms, white, camera_channel)?,
                 Part::Global => {
                     let mut light = self.sum(&terms, white, camera_channel)?;
                     let shown = self.shown(&terms, white, camera_channel);
-                    light.add(-1.0, &self.direct_light(camera_channel, &shown)?);
+                    light.add(-1.0, &self.direct_under(camera_channel, &shown)?);
                     light
                 }
             };
@@ -197,24 +197,15 @@ impl Measurement {
         shown
     }
 
-    /// `d ∘ shown` for one channel of the camera.
-    fn direct_light(&mut self, channel: usize, shown: &[f64]) -> Result<Plane> {
-        let direct = &self.direct_planes()?[channel];
-        Ok(Plane {
-            values: direct.values.iter().zip(shown).map(|(direct, shown)| direct * shown).collect(),
-            variance: direct
-                .variance
-                .iter()
-                .zip(shown)
-                .map(|(direct, shown)| direct * shown * shown)
-                .collect(),
-        })
+    /// The direct light under a pattern, for one channel of the camera.
+    fn direct_under(&mut self, channel: usize, pattern: &[f64]) -> Result<Plane> {
+        Ok(self.direct_light()?.under(channel, pattern))
     }
 
-    /// The direct image of each of the camera's channels. It is measured once.
-    pub(super) fn direct_planes(&mut self) -> Result<Vec<Plane>> {
+    /// The direct light. It is measured once.
+    pub(super) fn direct_light(&mut self) -> Result<Arc<DirectLight>> {
         if let Some(direct) = &self.direct {
-            return Ok(direct.clone());
+            return Ok(Arc::clone(direct));
         }
         if self.options.direct == DirectBy::None {
             return Err(Error::Option {
@@ -232,13 +223,14 @@ impl Measurement {
         }
         let blacks = &self.pipeline.references()?.blacks;
         let rate_frames: Vec<&RateFrame> = rate_frames.iter().map(|rate_frame| &**rate_frame).collect();
-        let of_channel = |channel| {
-            let shown: Vec<Vec<f64>> =
-                displayed.iter().map(|shown| shown.seen_by(channel, channels)).collect();
-            direct::demodulate(&self.registration, &rate_frames, &shown, blacks, (channel, channels))
+        let of_channel = |channel| -> Vec<Vec<f64>> {
+            displayed.iter().map(|shown| shown.seen_by(channel, channels)).collect()
         };
-        let planes: Vec<Plane> = (0..channels).map(of_channel).collect();
-        self.direct = Some(planes.clone());
-        Ok(planes)
+        let shown: Vec<Vec<Vec<f64>>> = (0..channels).map(of_channel).collect();
+        let shifts =
+            Shifts { registration: &self.registration, rate_frames: &rate_frames, shown: &shown, blacks };
+        let direct = Arc::new(shifts.fit());
+        self.direct = Some(Arc::clone(&direct));
+        Ok(direct)
     }
 }

@@ -8,9 +8,9 @@
 use super::camera_model::CameraModel;
 use super::gray_code::sum;
 use super::least_squares::Normal;
-use super::lens_map::{LensMap, Match};
 use super::session::CalibrationSession;
 use crate::error::Result;
+use crate::measure::lens_map::{LensMap, Match};
 
 /// The side of a square, in camera pixels.
 const SQUARE: f64 = 6.0;

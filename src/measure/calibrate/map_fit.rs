@@ -7,9 +7,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::least_squares::Normal;
-use super::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, normalized};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
+use crate::measure::lens_map::{LensMap, Match, PARAMETERS, evaluate, half_diagonal, normalized};
 
 /// The number of quadruples that RANSAC tries.
 const TRIALS: usize = 400;

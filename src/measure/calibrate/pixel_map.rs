@@ -2,15 +2,15 @@
 
 use super::camera_model::CameraModel;
 use super::checkerboard::corners;
-use super::footprint::{by_decoding, by_overlap};
 use super::gray_code::{Decoded, gray_code};
-use super::lens_map::{Match, centre};
 use super::map_fit::{self, Fit};
 use super::report::{MapBy, MapFigures};
 use super::session::CalibrationSession;
 use crate::error::Result;
 use crate::image::Resolution;
 use crate::measure::Registration;
+use crate::measure::footprint::by_overlap;
+use crate::measure::lens_map::{Match, centre};
 
 /// A common map is accepted when the points have at most this root mean square distance from it, in projector
 /// pixels.
@@ -19,6 +19,10 @@ const FITS: f64 = 0.75;
 /// A common map is accepted when less than this share of the points are outliers, such as reflections and
 /// edges.
 const OUTLIERS: f64 = 0.5;
+
+/// Gray codes need this many camera pixels per projector pixel along each axis. With fewer, only the camera pixels that lie inside one
+/// projector pixel are decoded, which hides a shift by a part of a pixel.
+const SAMPLED: f64 = 1.5;
 
 /// The least width of the finest stripes that can be decoded, in camera pixels.
 const STRIPE: f64 = 1.5;
@@ -35,7 +39,7 @@ pub(super) fn pixel_map(
     let (camera, projector) = (session.camera().resolution, session.projector().resolution);
     let scale = scale(camera, projector);
     let coarse = coarse(camera, projector);
-    let by = by.unwrap_or(if scale < 0.95 { MapBy::Checkerboard } else { MapBy::GrayCode });
+    let by = by.unwrap_or(if scale < SAMPLED { MapBy::Checkerboard } else { MapBy::GrayCode });
     let decoded = gray_code(session, model, coarse)?;
     let from_codes = map_fit::fit(&matches(&decoded, camera), camera, projector, 0.41 * decoded.step as f64);
     let (fit, points) = match (by, from_codes) {
@@ -83,6 +87,22 @@ pub(super) fn pixel_map(
         Ok(fit) => Err(map_fit::no_map((points as f64 * (1.0 - fit.outliers)) as usize)),
         Err(error) => Err(error),
     }
+}
+
+/// The pixel map by decoding: all camera pixels that were decoded to a projector pixel have equal weights. It
+/// serves where no common map fits, for example when the camera is not at the projector's centre of
+/// projection.
+fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> Registration {
+    let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); projector.pixels()];
+    for seen in &decoded.seen {
+        let [column, row] = seen.at.map(|coordinate| coordinate as usize);
+        rows[row * projector.width + column].push((seen.pixel as u32, 1.0));
+    }
+    for row in &mut rows {
+        let count = row.len() as f64;
+        row.iter_mut().for_each(|entry| entry.1 = 1.0 / count);
+    }
+    Registration::of_rows(camera, projector, rows)
 }
 
 /// The number of camera pixels per projector pixel along an axis; the smaller one of both axes.

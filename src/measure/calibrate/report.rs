@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::lens_map::LensMap;
 use super::measured_value::MeasuredValue;
 use crate::measure::Effort;
+use crate::measure::lens_map::LensMap;
 
 /// The report of a calibration. It is saved as `report.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,9 +3,7 @@
 
 use super::camera_model::CameraModel;
 use super::exposure::{WhiteExposure, fill, search};
-use super::footprint::by_overlap;
 use super::gray_code::{Decoded, gray_code, photo};
-use super::lens_map::{Match, centre};
 use super::linear::Linear;
 use super::map_fit::{Fit, fit};
 use super::pixel_map::coarse;
@@ -13,6 +11,8 @@ use super::session::{CalibrationSession, percentile};
 use super::transfer::transfer;
 use crate::error::Result;
 use crate::image::Resolution;
+use crate::measure::footprint::by_overlap;
+use crate::measure::lens_map::{Match, centre};
 use crate::measure::{CameraResponse, FrameSource, Registration};
 use crate::rig::RawFrame;
 

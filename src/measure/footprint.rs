@@ -1,24 +1,45 @@
-//! Footprints: the camera pixels that see each projector pixel, weighted by overlap.
+//! Footprints: the camera pixels that see each projector pixel, by the overlap of their areas.
 
-use super::gray_code::Decoded;
+use rayon::prelude::*;
+
+use super::calibration::Registration;
 use super::lens_map::LensMap;
+use super::sharp_weights::{Overlaps, Shares};
 use crate::image::Resolution;
-use crate::measure::Registration;
 
 /// A projector pixel counts as seen when lit camera pixels cover at least this share of its area.
 const COVERED: f64 = 0.25;
 
-/// The pixel map by overlap: each camera pixel has the area of its overlap with the projector pixel as its
-/// weight, in the projector's raster. Camera pixels that are not `lit` do not count. The rows of projector
-/// pixels that are covered too little are empty.
+/// The pixel map by overlap: each projector pixel is seen by the camera pixels that overlap it, with weights by which it contains
+/// little light of its neighbours. Camera pixels that are not `lit` do not count. The rows of projector pixels that are covered too
+/// little are empty.
 pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
+    let (areas, rows) = overlaps(map, lit);
+    let shares = Shares::new(&areas, &rows);
+    let covered = |row: &Vec<(u32, f64)>| row.iter().map(|entry| entry.1).sum::<f64>() > COVERED;
+    let overlaps = Overlaps { projector: map.projector, rows: &rows };
+    let sharp = |(pixel, row)| if covered(row) { shares.sharpened(pixel, &overlaps) } else { Vec::new() };
+    let rows = rows.par_iter().enumerate().map(sharp).collect();
+    Registration { lens: Some(map.clone()), ..Registration::of_rows(map.camera, map.projector, rows) }
+}
+
+/// The shares of the areas of the `lit` camera pixels that lie in projector pixels.
+pub(super) fn shares(map: &LensMap, lit: &[bool]) -> Shares {
+    let (areas, rows) = overlaps(map, lit);
+    Shares::new(&areas, &rows)
+}
+
+/// The areas of the `lit` camera pixels in the projector's raster, and their overlaps with each projector pixel.
+fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<(u32, f64)>>) {
     let Resolution { width, height } = map.projector;
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); map.projector.pixels()];
+    let mut areas = vec![0.0; map.camera.pixels()];
     for (pixel, _) in lit.iter().enumerate().filter(|(_, lit)| **lit) {
         let [x, y] = [(pixel % map.camera.width) as f64, (pixel / map.camera.width) as f64];
         let corners: Vec<[f64; 2]> = [[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]]
             .map(|corner| map.to_projector(corner))
             .to_vec();
+        areas[pixel] = area(&corners);
         let span = |axis: usize, size: usize| {
             let along = corners.iter().map(|corner| corner[axis]);
             let low = along.clone().fold(f64::INFINITY, f64::min).floor().max(0.0);
@@ -27,45 +48,27 @@ pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
         };
         for row in span(1, height) {
             for column in span(0, width) {
-                let area = overlap(&corners, [column as f64, row as f64]);
-                if area > 1e-9 {
-                    rows[row * width + column].push((pixel as u32, area));
+                let common = overlap(&corners, [column as f64, row as f64]);
+                if common > 1e-9 {
+                    rows[row * width + column].push((pixel as u32, common));
                 }
             }
         }
     }
-    from_rows(map.camera, map.projector, rows, COVERED)
+    (areas, rows)
 }
 
-/// The pixel map by decoding: all camera pixels that were decoded to a projector pixel have equal weights. It
-/// serves where no common map fits, for example when the camera is not at the projector's centre of
-/// projection.
-pub(super) fn by_decoding(decoded: &Decoded, camera: Resolution, projector: Resolution) -> Registration {
-    let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); projector.pixels()];
-    for seen in &decoded.seen {
-        let [column, row] = seen.at.map(|coordinate| coordinate as usize);
-        rows[row * projector.width + column].push((seen.pixel as u32, 1.0));
-    }
-    from_rows(camera, projector, rows, 0.0)
-}
-
-/// The pixel map of these rows, normalized. Rows with a total weight of `least` or less become empty.
-fn from_rows(
-    camera: Resolution,
-    projector: Resolution,
-    rows: Vec<Vec<(u32, f64)>>,
-    least: f64,
-) -> Registration {
-    let (mut starts, mut pixels, mut weights) = (vec![0], Vec::new(), Vec::new());
-    for row in rows {
-        let total: f64 = row.iter().map(|entry| entry.1).sum();
-        if total > least {
+impl Registration {
+    /// The pixel map with these rows: camera pixels and their weights.
+    pub(super) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<(u32, f64)>>) -> Self {
+        let (mut starts, mut pixels, mut weights) = (vec![0], Vec::new(), Vec::new());
+        for row in rows {
             pixels.extend(row.iter().map(|entry| entry.0));
-            weights.extend(row.iter().map(|entry| entry.1 / total));
+            weights.extend(row.iter().map(|entry| entry.1));
+            starts.push(pixels.len());
         }
-        starts.push(pixels.len());
+        Self { camera, projector, starts, pixels, weights, lens: None }
     }
-    Registration { camera, projector, starts, pixels, weights }
 }
 
 /// The area of the intersection of a convex polygon with the unit square whose top left corner is `at`
@@ -89,6 +92,11 @@ fn overlap(polygon: &[[f64; 2]], at: [f64; 2]) -> f64 {
         }
         points = clipped;
     }
+    area(&points)
+}
+
+/// The area of a polygon.
+fn area(points: &[[f64; 2]]) -> f64 {
     let twice: f64 = (0..points.len())
         .map(|index| {
             let (a, b) = (points[index], points[(index + 1) % points.len()]);

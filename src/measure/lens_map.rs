@@ -9,7 +9,7 @@
 use crate::image::Resolution;
 
 /// The number of parameters: eight of the homography, and two of the distortion.
-pub(super) const PARAMETERS: usize = 10;
+pub(in crate::measure) const PARAMETERS: usize = 10;
 
 /// A correspondence: a camera point, and the projector point that it sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,17 +72,17 @@ impl LensMap {
 }
 
 /// The centre of a camera pixel.
-pub(super) fn centre(pixel: usize, camera: Resolution) -> [f64; 2] {
+pub(in crate::measure) fn centre(pixel: usize, camera: Resolution) -> [f64; 2] {
     [(pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5]
 }
 
 /// Half of the diagonal of a raster, in pixels: the unit of normalized coordinates.
-pub(super) fn half_diagonal(raster: Resolution) -> f64 {
+pub(in crate::measure) fn half_diagonal(raster: Resolution) -> f64 {
     0.5 * (raster.width as f64).hypot(raster.height as f64)
 }
 
 /// Normalized coordinates, which are 0 at the centre, of a point in pixels.
-pub(super) fn normalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
+pub(in crate::measure) fn normalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
     let unit = half_diagonal(raster);
     [(x - 0.5 * raster.width as f64) / unit, (y - 0.5 * raster.height as f64) / unit]
 }
@@ -95,7 +95,10 @@ fn denormalized([x, y]: [f64; 2], raster: Resolution) -> [f64; 2] {
 
 /// The map of a normalized camera point, and its derivatives with respect to the parameters: one row per
 /// coordinate.
-pub(super) fn evaluate(p: &[f64; PARAMETERS], [x, y]: [f64; 2]) -> ([f64; 2], [[f64; PARAMETERS]; 2]) {
+pub(in crate::measure) fn evaluate(
+    p: &[f64; PARAMETERS],
+    [x, y]: [f64; 2],
+) -> ([f64; 2], [[f64; PARAMETERS]; 2]) {
     let square = x * x + y * y;
     let factor = 1.0 + square * (p[8] + square * p[9]);
     let [u, v] = [x * factor, y * factor];
