@@ -126,7 +126,7 @@ fn measure(exact: &mut Lab, text: &str) -> Outcome<String> {
     let mut rig = exact.through_rig(file)?;
     let report = rig.calibrate(&Default::default())?;
     if std::env::var("SHOW").is_ok() {
-        println!("{:?}", report.map);
+        println!("{:?} {:?}", report.map.error, report.evenness);
     }
     let n = exact.resolution().pixels();
     let ones = vec![1.0; n];

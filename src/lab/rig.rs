@@ -115,6 +115,11 @@ impl RigSource {
         &self.observer
     }
 
+    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.
+    pub(super) fn is_symmetric(&self) -> bool {
+        self.symmetry == Symmetry::Symmetric
+    }
+
     /// Pixels of patterns and of photos, which are resampled to them.
     pub fn resolution(&self) -> Resolution {
         self.devices.projector_info().resolution
@@ -254,7 +259,7 @@ impl RigSource {
             hash: blake3::Hash::from_bytes(self.file.hash).to_string(),
             photos: self.resolution(),
             patterns: self.resolution(),
-            symmetric: self.symmetry == Symmetry::Symmetric,
+            symmetric: self.is_symmetric(),
             channels: channels.count(),
         }
     }

@@ -1,6 +1,7 @@
 //! The calibration of a rig: the responses of its devices, the noise of the camera, the pixel map and the
 //! stability (O'Toole and Kutulakos, section 8.1).
 
+use super::flat_field::FlatField;
 use super::lens_map::LensMap;
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, ProjectorInfo};
@@ -23,6 +24,8 @@ pub struct Calibration {
     pub camera: CameraResponse,
     /// Which camera pixels see which projector pixel.
     pub registration: Registration,
+    /// The uneven brightness of projector and camera; `None` where it was not measured.
+    pub flat_field: Option<FlatField>,
     /// The stability of the rig over time.
     pub stability: Stability,
 }
@@ -90,6 +93,7 @@ impl Calibration {
                 curve: None,
             },
             registration: Registration::by_area(projector.resolution, camera.resolution),
+            flat_field: None,
             stability: Stability { settle: 0.0, drift_per_hour: 0.0 },
         }
     }

@@ -6,6 +6,7 @@
 //! | `calibration.toml` | the devices, the camera's numbers, the stability, the checksum |
 //! | `projector-curve.npy` | the projector's response, channels × levels |
 //! | `camera-curve.npy` | linear DN for each count; absent for a linear camera |
+//! | `flat-{projector,camera}.npy` | the uneven brightness of both devices, on the projector's pixels; absent where it was not measured |
 //! | `registration-{starts,pixels,weights}.npy` | the pixel map in compressed sparse rows: camera pixels of each projector pixel |
 //!
 //! The checksum is the [identity](Calibration::identity) of the calibration. It covers all of these files. So
@@ -15,6 +16,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::flat_field::FlatField;
 use super::lens_map::LensMap;
 use super::{Calibration, CameraResponse, Registration, Stability};
 use crate::error::{Error, Result};
@@ -28,6 +30,7 @@ const FORMAT: u32 = 2;
 const RECORD: &str = "calibration.toml";
 const PROJECTOR: &str = "projector-curve.npy";
 const CAMERA: &str = "camera-curve.npy";
+const FLAT: [&str; 2] = ["flat-projector.npy", "flat-camera.npy"];
 const STARTS: &str = "registration-starts.npy";
 const PIXELS: &str = "registration-pixels.npy";
 const WEIGHTS: &str = "registration-weights.npy";
@@ -44,6 +47,8 @@ struct Record {
     response: Response,
     stability: Steadiness,
     map: Option<Map>,
+    #[serde(default)]
+    flat_field: bool,
 }
 
 #[derive(Deserialize)]
@@ -87,6 +92,11 @@ impl Calibration {
         if let Some(curve) = &self.camera.curve {
             npy::write_npy(&folder.join(CAMERA), &[curve.len()], curve)?;
         }
+        if let Some(flat) = &self.flat_field {
+            for (name, values) in FLAT.into_iter().zip([&flat.projector, &flat.camera]) {
+                npy::write_npy(&folder.join(name), &[values.len()], values)?;
+            }
+        }
         let rows = &self.registration;
         let starts: Vec<u64> = rows.starts.iter().map(|&start| start as u64).collect();
         npy::write_npy(&folder.join(STARTS), &[starts.len()], &starts)?;
@@ -113,6 +123,8 @@ impl Calibration {
             return Err(damaged(&path, fault));
         }
         let Record { projector: projector_info, camera: camera_info, response, stability, map, .. } = record;
+        let flat_field =
+            if record.flat_field { Some(flat_field(folder, projector_info.resolution)?) } else { None };
         let (camera, projector) = (camera_info.resolution, projector_info.resolution);
         let lens =
             map.map(|Map { homography, distortion }| LensMap { camera, projector, homography, distortion });
@@ -128,6 +140,7 @@ impl Calibration {
                 curve,
             },
             registration,
+            flat_field,
             stability: Stability { settle: stability.settle, drift_per_hour: stability.drift_per_hour },
             projector_info,
             camera_info,
@@ -160,6 +173,10 @@ impl Calibration {
             hasher.update(&pixel.to_le_bytes());
         });
         numbers(&rows.weights, &mut hasher);
+        if let Some(flat) = &self.flat_field {
+            numbers(&flat.projector, &mut hasher);
+            numbers(&flat.camera, &mut hasher);
+        }
         *hasher.finalize().as_bytes()
     }
 
@@ -229,7 +246,8 @@ impl Calibration {
     fn record(&self) -> String {
         let identity = blake3::Hash::from_bytes(self.identity()).to_string();
         format!(
-            "# Made by krylux rig calibrate; the arrays beside it belong to it.\nformat = {FORMAT}\nidentity = \"{identity}\"\n\n{}",
+            "# Made by krylux rig calibrate; the arrays beside it belong to it.\nformat = {FORMAT}\nidentity = \"{identity}\"\nflat_field = {}\n\n{}",
+            self.flat_field.is_some(),
             self.head()
         )
     }
@@ -264,6 +282,13 @@ fn array(folder: &Path, name: &str, shape: &[usize]) -> Result<Vec<f64>> {
         return Err(damaged(&path, fault));
     }
     Ok(array.values)
+}
+
+fn flat_field(folder: &Path, projector: Resolution) -> Result<FlatField> {
+    let [projector, camera] = FLAT.map(|name| array(folder, name, &[projector.pixels()]));
+    let flat = FlatField { projector: projector?, camera: camera? };
+    flat.check().map_err(|error| damaged(&folder.join(FLAT[0]), error.to_string()))?;
+    Ok(flat)
 }
 
 fn projector_curves(folder: &Path, info: &ProjectorInfo) -> Result<Vec<Vec<f64>>> {

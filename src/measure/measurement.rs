@@ -7,6 +7,7 @@ use super::calibration::{Calibration, Registration};
 use super::direct::DirectLight;
 use super::display::Display;
 use super::drift::DriftReport;
+use super::flat_field::FlatField;
 use super::frame_source::{Effort, FrameSource};
 use super::options::MeasureOptions;
 use super::photo::{Photo, Plane};
@@ -32,11 +33,12 @@ pub struct Measurement {
     pub(super) registration: Registration,
     pub(super) importance: Vec<f64>,
     pub(super) seen: Vec<bool>,
+    pub(super) flat: Option<FlatField>,
     pub(super) blur: Option<Blur>,
     pub(super) options: MeasureOptions,
     luma: bool,
     symmetry: Symmetry,
-    pub(super) white: Option<Vec<Plane>>,
+    pub(super) white: Option<Photo>,
     pub(super) direct: Option<Arc<DirectLight>>,
     pub(super) last: Option<Plane>,
 }
@@ -98,6 +100,7 @@ impl Measurement {
             pipeline: PhotoPipeline::new(exposer),
             display,
             blur: Blur::new(projector.resolution, options.blur),
+            flat: calibration.flat_field.filter(|_| options.flat_field),
             registration,
             importance,
             seen,
@@ -197,9 +200,23 @@ impl Measurement {
             for (camera_channel, weight) in self.channel_weights(channel) {
                 folded.add(weight, &planes[camera_channel]);
             }
-            folded
+            self.light(folded)
         };
         Photo { resolution: self.resolution(), planes: (0..self.channels()).map(fold).collect() }
+    }
+
+    /// The pattern to show for `x`: with 0 at the masked pixels, and divided by the projector's uneven brightness.
+    pub(super) fn even_pattern(&self, x: &[f64]) -> Vec<f64> {
+        let masked = self.masked(x);
+        self.flat.as_ref().map_or(masked.clone(), |flat| flat.pattern(&masked))
+    }
+
+    /// The light of a photo: divided by the camera's uneven brightness.
+    pub(super) fn light(&self, plane: Plane) -> Plane {
+        match &self.flat {
+            Some(flat) => flat.light(plane),
+            None => plane,
+        }
     }
 
     /// The camera's channels that make up one channel of the measurement, and their weights.

@@ -20,6 +20,7 @@
 //! | `ambient` | the black photo is subtracted, and nothing is clipped | 8.2 |
 //! | `drift` | photos are divided by the lamp's brightness, which a sentinel measures | |
 //! | `registration` | camera pixels to projector pixels, with the noise of any sum of photos | 8.1 |
+//! | `flat_field` | patterns are divided by the projector's uneven brightness, photos by the camera's | |
 //! | `display`, [`bit_planes`] | patterns to levels, and sums of frames for more levels | 7.2 |
 //! | `signed`, `noise` | signed vectors as patterns, chosen by predicted noise | 7.1 |
 //! | `direct` | the direct image, which is removed for the pattern that was actually shown | |
@@ -40,6 +41,7 @@ mod direct_fit;
 mod display;
 mod drift;
 mod exposure;
+mod flat_field;
 mod focus;
 mod footprint;
 mod frame_source;
@@ -69,6 +71,7 @@ mod times;
 
 pub use calibration::{Calibration, CameraResponse, Registration, Stability};
 pub use drift::DriftReport;
+pub use flat_field::FlatField;
 pub use focus::focus;
 pub use frame_source::{CaptureRequest, Effort, FrameSource};
 pub use journaled::{JournaledFrames, JournaledPhoto, Opener};

@@ -39,6 +39,8 @@ pub struct MeasureOptions {
     /// Resample photos to the projector's pixels by the measured pixel map. When off, both rasters are
     /// assumed to cover the same field.
     pub registration: bool,
+    /// Divide patterns and photos by the measured uneven brightness of projector and camera.
+    pub flat_field: bool,
     /// Patterns between two sentinels, which are photos of white that measure drift; 0: no sentinels.
     pub sentinel_every: u32,
     /// Standard deviation in pixels of the Gaussian blur of both pattern and photo; 0: no blur.
@@ -110,6 +112,7 @@ impl Default for MeasureOptions {
             ambient: true,
             response: true,
             registration: true,
+            flat_field: true,
             sentinel_every: 16,
             blur: 0.0,
             direct: DirectBy::Patterns,

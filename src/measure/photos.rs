@@ -1,5 +1,6 @@
 //! The photos of a measured rig: white, black, direct image, and patterns.
 
+use super::flat_field::FlatField;
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
 use super::photo::{Photo, Plane};
@@ -14,8 +15,21 @@ impl Measurement {
     /// # Errors
     /// Those of taking it.
     pub fn white(&mut self) -> Result<Photo> {
-        let planes = self.white_planes()?;
-        Ok(self.photo(planes))
+        if let Some(white) = &self.white {
+            return Ok(white.clone());
+        }
+        let even = self.flat.as_ref().is_none_or(FlatField::leaves_patterns);
+        let mut terms = Vec::new();
+        if !even {
+            let target = self.even_pattern(&vec![1.0; self.resolution().pixels()]);
+            self.capture(1.0, &[target], Part::Full, &mut terms)?;
+        }
+        let whole = f64::from(u8::from(even));
+        let planes = (0..self.camera_channels())
+            .map(|channel| self.sum(&terms, whole, channel))
+            .collect::<Result<Vec<Plane>>>()?;
+        let white = self.photo(planes);
+        Ok(self.white.insert(white).clone())
     }
 
     /// The black photo: the light without a pattern. It is taken once. When the ambient stage is switched off
@@ -60,7 +74,7 @@ impl Measurement {
     /// [`Error::Option`] when the options exclude this measurement; and those of taking its photos.
     pub fn direct(&mut self) -> Result<Photo> {
         let direct = self.direct_light()?;
-        let white = self.masked(&vec![1.0; self.resolution().pixels()]);
+        let white = self.even_pattern(&vec![1.0; self.resolution().pixels()]);
         let planes = (0..self.camera_channels()).map(|channel| direct.under(channel, &white)).collect();
         Ok(self.photo(planes))
     }
@@ -78,22 +92,12 @@ impl Measurement {
             )));
         }
         let target: Vec<Vec<f64>> =
-            (0..pattern.channels()).map(|channel| self.masked(&pattern.plane(channel))).collect();
+            (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();
         let mut terms = Vec::new();
         self.capture(1.0, &target, Part::Full, &mut terms)?;
         let planes = (0..self.camera_channels())
             .map(|channel| self.sum(&terms, 0.0, channel))
             .collect::<Result<Vec<Plane>>>()?;
         Ok(self.photo(planes))
-    }
-
-    fn white_planes(&mut self) -> Result<Vec<Plane>> {
-        if self.white.is_none() {
-            let planes = (0..self.camera_channels())
-                .map(|channel| self.sum(&[], 1.0, channel))
-                .collect::<Result<Vec<Plane>>>()?;
-            self.white = Some(planes);
-        }
-        Ok(self.white.clone().unwrap_or_default())
     }
 }

@@ -43,10 +43,11 @@ impl Measurement {
             ));
         }
         let target = match &self.blur {
-            Some(blur) => self.masked(&blur.apply(&self.masked(x))),
-            None => self.masked(x),
+            Some(blur) => self.even_pattern(&blur.apply(&self.masked(x))),
+            None => self.even_pattern(x),
         };
-        let mut product = self.unblurred(part, channel, &target)?;
+        let product = self.unblurred(part, channel, &target)?;
+        let mut product = self.light(product);
         if let Some(blur) = &self.blur {
             product.values = self.masked(&blur.apply(&self.masked(&product.values)));
             product.variance = self.masked(&blur.variance(&product.variance));
@@ -67,8 +68,11 @@ impl Measurement {
         let planes = (0..self.camera_channels())
             .map(|channel| self.sum(&terms, 0.0, channel))
             .collect::<Result<Vec<Plane>>>()?;
-        let patterns = (0..self.channels()).map(|channel| self.masked(&self.shown(&terms, 0.0, channel)));
-        Ok((patterns.collect(), self.photo(planes)))
+        let pattern = |channel| {
+            let shown = self.masked(&self.shown(&terms, 0.0, channel));
+            self.flat.as_ref().map_or(shown.clone(), |flat| flat.shown(&shown))
+        };
+        Ok(((0..self.channels()).map(pattern).collect(), self.photo(planes)))
     }
 
     /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's
@@ -83,18 +87,19 @@ impl Measurement {
         let pixels = self.resolution().pixels();
         let mut photos: [[Vec<f64>; 3]; 3] = Default::default();
         for (primary, photo) in photos.iter_mut().enumerate() {
-            let plane = |channel| self.masked(&vec![f64::from(u8::from(channel == primary)); pixels]);
+            let plane = |channel| self.even_pattern(&vec![f64::from(u8::from(channel == primary)); pixels]);
             let target: Vec<Vec<f64>> = (0..3).map(plane).collect();
             let mut terms = Vec::new();
             self.capture(1.0, &target, Part::Full, &mut terms)?;
             for (channel, plane) in photo.iter_mut().enumerate() {
-                *plane = self.sum(&terms, 0.0, channel)?.values;
+                let sum = self.sum(&terms, 0.0, channel)?;
+                *plane = self.light(sum).values;
             }
         }
         Ok(Some(photos))
     }
 
-    /// The product without the blur.
+    /// The product without the blur, and with the uneven brightness of the devices.
     fn unblurred(&mut self, part: Part, channel: usize, target: &[f64]) -> Result<Plane> {
         let channel_weights = self.channel_weights(channel);
         let mut terms = Vec::new();
@@ -133,8 +138,12 @@ impl Measurement {
 
     /// The decomposition of `target` into patterns, for the photos of one channel.
     fn signed(&mut self, channel: usize, target: &[f64]) -> Result<Signed> {
-        let white = self.white()?;
+        let mut white = vec![0.0; target.len()];
         let channel_weights = self.channel_weights(channel);
+        for &(camera_channel, weight) in &channel_weights {
+            let full = self.sum(&[], 1.0, camera_channel)?.values;
+            white.iter_mut().zip(full).for_each(|(sum, light)| *sum += weight * light);
+        }
         let channels = self.camera_channels();
         let (references, camera) = self.pipeline.parts()?;
         let noise = NoisePrediction {
@@ -144,7 +153,7 @@ impl Measurement {
             importance: &self.importance,
             channel_weights: &channel_weights,
             channels,
-            white: &white.planes[channel].values,
+            white: &white,
         };
         Ok(Signed::choose(target, &self.seen, self.options.signed, &noise))
     }

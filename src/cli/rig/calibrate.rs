@@ -60,6 +60,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
             MapArg::GrayCode => MapBy::GrayCode,
             MapArg::Checkerboard => MapBy::Checkerboard,
         }),
+        ..CalibrateOptions::default()
     };
     let folder = args.folder.clone().unwrap_or_else(|| rig.calibration_folder());
     let run = RunOptions { folder: Some(folder), overwrite: args.overwrite, resume: args.resume };

@@ -68,7 +68,8 @@ impl RigSource {
         options: &CalibrateOptions,
     ) -> Result<(Calibration, CalibrationReport)> {
         let observer = self.observer();
-        calibrate(frames, options, &mut |step| {
+        let coaxial = options.coaxial && self.is_symmetric();
+        calibrate(frames, &CalibrateOptions { coaxial, ..options.clone() }, &mut |step| {
             observer.detail(format_args!("measuring {step}"));
             let step = Step { stage: "calibration", done: 1, total: 1, estimate: Estimate::None };
             observer.0.step(&step)

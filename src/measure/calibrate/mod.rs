@@ -8,6 +8,7 @@
 //! | gain, read noise | pairs of equal frames | `transfer` |
 //! | the projector's response | a ramp of levels | `ramp` |
 //! | the pixel map | Gray codes, or a checkerboard | `gray_code`, `checkerboard`, `lens_map`, `map_fit`, `footprint` |
+//! | the brightness of the projector relative to the camera's | smooth patterns, by the symmetry of the light transport | `reciprocity` |
 //! | drift | the photos of white during the calibration | `stability` |
 //!
 //! While a bench is aligned and checked, [`StructuredLight`] decodes Gray codes without a whole calibration, and
@@ -29,6 +30,7 @@ mod map_fit;
 mod measured_value;
 mod pixel_map;
 mod ramp;
+mod reciprocity;
 mod report;
 mod response;
 mod saturation;
@@ -54,7 +56,7 @@ use camera_model::CameraModel;
 use ramp::Ramp;
 use session::CalibrationSession;
 
-use super::{Calibration, CameraResponse, FrameSource, Stability};
+use super::{Calibration, CameraResponse, FlatField, FrameSource, Stability};
 use crate::error::{Error, Result};
 
 /// The options of a calibration.
@@ -65,11 +67,14 @@ pub struct CalibrateOptions {
     /// What the pixel map is made from. `None`: Gray codes, or a checkerboard when the camera is coarser than
     /// the projector.
     pub map: Option<MapBy>,
+    /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then their uneven brightness can
+    /// be told from that of the scene.
+    pub coaxial: bool,
 }
 
 impl Default for CalibrateOptions {
     fn default() -> Self {
-        Self { takes: 2, map: None }
+        Self { takes: 2, map: None, coaxial: true }
     }
 }
 
@@ -118,6 +123,13 @@ pub fn calibrate(
     }
     step("pixel map")?;
     let (registration, map) = pixel_map::pixel_map(&mut session, &model, options.map)?;
+    let curves: Vec<Vec<f64>> = ramps.iter().map(|ramp| ramp.curve.clone()).collect();
+    let ratio = if options.coaxial {
+        step("flat field")?;
+        Some(reciprocity::ratio(&mut session, &model, &curves, (&registration, map.error))?)
+    } else {
+        None
+    };
     let whites = ramps.iter().map(|ramp| ramp.whites.as_slice()).collect::<Vec<_>>();
     let white_error = ramps.iter().map(|ramp| ramp.white_error).fold(0.0, f64::max);
     let drift_per_hour = stability::drift_per_hour(whites[0], white_error)?;
@@ -126,7 +138,7 @@ pub fn calibrate(
     let calibration = Calibration {
         projector_info: session.projector().clone(),
         camera_info: session.camera().clone(),
-        projector: ramps.iter().map(|ramp| ramp.curve.clone()).collect(),
+        projector: curves,
         camera: CameraResponse {
             black: camera.linear.black,
             saturation: camera.limit,
@@ -135,6 +147,7 @@ pub fn calibrate(
             curve: camera.linear.curve.clone(),
         },
         registration,
+        flat_field: ratio.as_ref().map(|ratio| FlatField::of_ratio(&ratio.values)).transpose()?,
         stability: Stability { settle, drift_per_hour: drift_per_hour.value },
     };
     let report = CalibrationReport {
@@ -157,6 +170,7 @@ pub fn calibrate(
             })
             .collect(),
         map,
+        evenness: ratio.map(|ratio| ratio.range),
         effort: session.effort(),
     };
     Ok((calibration, report))

@@ -15,6 +15,9 @@ pub struct CalibrationReport {
     pub projector: Vec<ProjectorFigures>,
     /// The pixel map.
     pub map: MapFigures,
+    /// The brightness of the projector relative to the camera's: the least over the largest. `None` where the rig is not coaxial.
+    #[serde(default)]
+    pub evenness: Option<MeasuredValue>,
     /// The stability over time.
     pub stability: StabilityFigures,
     /// The costs of the calibration.
