@@ -128,6 +128,9 @@ fn measure(exact: &mut Lab, text: &str) -> Outcome<String> {
     if std::env::var("SHOW").is_ok() {
         println!("{:?} {:?}", report.map.error, report.evenness);
     }
+    if std::env::var("SHEET").is_ok() {
+        rig.measure_flat_field()?;
+    }
     let n = exact.resolution().pixels();
     let ones = vec![1.0; n];
     let (white, _) = product(exact, Part::Full, &ones)?;

@@ -150,6 +150,11 @@ impl RigSource {
         Ok(self.scene.as_ref().map(|scene| scene.truth(self.resolution())).transpose()?.flatten())
     }
 
+    /// The devices, with the settings of the tracer in place of what the file says of a virtual scene.
+    pub(super) fn kind(&self) -> &RigKind {
+        &self.devices
+    }
+
     /// The virtual devices.
     ///
     /// # Errors

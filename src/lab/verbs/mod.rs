@@ -4,6 +4,7 @@ mod audit;
 mod calibrate;
 mod compensate;
 mod eigs;
+mod flat_field;
 mod matrix;
 mod photo;
 mod probe;

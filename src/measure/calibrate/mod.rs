@@ -35,6 +35,7 @@ mod report;
 mod response;
 mod saturation;
 mod session;
+mod sheet;
 mod stability;
 mod structured_light;
 mod summary;
@@ -48,6 +49,7 @@ pub use map_check::map_check;
 pub use map_fit::Fit;
 pub use measured_value::MeasuredValue;
 pub use report::{CalibrationReport, CameraFigures, MapBy, MapFigures, ProjectorFigures, StabilityFigures};
+pub use sheet::flat_field_of_sheet;
 pub use structured_light::StructuredLight;
 
 use std::ops::ControlFlow;

@@ -62,6 +62,8 @@ pub(super) fn ramp(
     let white = session.mean(&white_frame, model.exposure, 4 * model.takes)?;
     let mut references = Vec::new();
     let mut points: Vec<(u16, f64, f64, f64)> = Vec::new();
+    // The light without a pattern is in every photo, and grows with the exposure as well.
+    let black = black_share(model, &white, &base);
     let mut share = 1.0;
     for (index, &level) in levels.iter().rev().enumerate() {
         if index % WHITE_EVERY == 0 {
@@ -70,7 +72,7 @@ pub(super) fn ramp(
         if level == 0 {
             continue;
         }
-        let exposure = longer(session, model.exposure, share);
+        let exposure = longer(session, model.exposure, share + black.value);
         if let Entry::Vacant(entry) = blacks.entry(exposure.to_bits()) {
             entry.insert(session.mean(&black_frame, exposure, 4 * model.takes)?);
         }
@@ -88,11 +90,11 @@ pub(super) fn ramp(
         whites.push((reference.time, light));
         white_error = error;
     }
-    finish(top, &points, whites, white_error, black_share(model, &white, &base))
+    finish(top, &points, whites, white_error, black)
 }
 
-/// The exposure for the next level, when this level has this `share` of white's light: white's exposure times
-/// a power of two. It cannot saturate, because the next level is not brighter.
+/// The exposure for the next level, when this level and the light without a pattern have this `share` of white's light: white's exposure
+/// times a power of two. It cannot saturate, because the next level is not brighter.
 fn longer(session: &CalibrationSession<'_>, exposure: f64, share: f64) -> f64 {
     let factor = (0.8 / share).clamp(1.0, LONGER).log2().floor().exp2();
     let wanted = session.allowed(exposure * factor);

@@ -86,8 +86,7 @@ pub(super) fn ratio(
 
 /// Photos of the patterns on the projector's pixels.
 struct Photos {
-    patterns: Vec<Vec<f64>>,
-    /// The patterns before the spread by the camera's pixels.
+    /// The patterns, before the spread by the camera's pixels.
     before: Vec<Vec<f64>>,
     /// The length of each pattern's gradient, per pixel.
     slopes: Vec<Vec<f64>>,
@@ -141,7 +140,7 @@ impl Photos {
         let spread = registration.lens.as_ref().map(|lens| Spread::new(registration, lens));
         let before = patterns.iter().map(|x| unspread(x, spread.as_ref())).collect();
         let slopes = patterns.iter().map(|x| slope(x, registration.projector)).collect();
-        Ok(Self { patterns, before, slopes, map_error: 0.0, photos, variance })
+        Ok(Self { before, slopes, map_error: 0.0, photos, variance })
     }
 
     /// Adds the equation of two patterns.

@@ -21,10 +21,12 @@ mod poisson;
 mod response;
 mod screen;
 mod sensor;
+mod sheet;
 mod spec;
 mod view;
 mod world;
 
 pub use conditions::{Ambient, Drift, Faults};
 pub use response::Response;
+pub use sheet::MatteSheet;
 pub use spec::{Misregistration, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene};

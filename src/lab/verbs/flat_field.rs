@@ -1,0 +1,52 @@
+//! The uneven brightness of a rig's devices, by a matte sheet.
+
+use crate::error::{Error, Result};
+use crate::lab::{Lab, RigSource};
+use crate::measure::calibrate::flat_field_of_sheet;
+use crate::measure::{Calibration, FlatField, FrameSource, LiveFrames, Measurement, RigKind};
+use crate::rig::MatteSheet;
+
+impl RigSource {
+    /// Measures the uneven brightness of projector and camera by one photo of a matte sheet of one colour, which must fill the view and stand
+    /// square to the camera. Virtual devices get such a sheet in place of their scene.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] where the calibration does not know the factor between the devices, or where no even sheet is seen; those of
+    /// taking the photo.
+    pub fn flat_field(&self) -> Result<FlatField> {
+        let Some(known) = self.calibration.flat_field.clone() else {
+            return Err(Error::Rig {
+                device: "calibration".into(),
+                fault: "it does not tell the brightness of the projector from that of the camera".into(),
+                help: "calibrate the rig in front of a scene first: krylux rig calibrate".into(),
+            });
+        };
+        let calibration = Calibration { flat_field: None, ..self.calibration.clone() };
+        let frames: Box<dyn FrameSource> = match self.kind() {
+            RigKind::Virtual(rig) => {
+                let light = Box::new(MatteSheet { resolution: self.resolution(), channels: self.channels() });
+                let options = &self.file.measurement;
+                let settle = options.settle.unwrap_or(calibration.stability.settle);
+                Box::new(LiveFrames::new(rig.open(light, None)?, settle, options.tries))
+            }
+            RigKind::Hardware(_) => self.opener()(None)?,
+        };
+        let mut measurement = Measurement::new(frames, calibration, self.file.measurement.clone())?;
+        flat_field_of_sheet(&mut measurement, &known)
+    }
+}
+
+impl Lab {
+    /// Measures the uneven brightness of the rig's devices by a matte sheet, as [`RigSource::flat_field`], and takes its photos by that from
+    /// now on. Nothing is written. Call it after [`Lab::calibrate`] and before the first photo of a run.
+    ///
+    /// # Errors
+    /// As [`RigSource::flat_field`]; [`Error::Option`] where the source is no rig.
+    pub fn measure_flat_field(&mut self) -> Result<FlatField> {
+        let rig = self.rig().ok_or_else(|| self.is_no_rig())?;
+        let flat = rig.flat_field()?;
+        let calibration = Calibration { flat_field: Some(flat.clone()), ..rig.calibration.clone() };
+        self.set_calibration(calibration)?;
+        Ok(flat)
+    }
+}
