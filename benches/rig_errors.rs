@@ -121,7 +121,7 @@ fn measure(exact: &mut Lab, text: &str) -> Outcome<String> {
     let file = RigFile::from_bytes(Path::new("assets/rigs/realistic.toml"), text.as_bytes())?;
     let mut file = file;
     if let Some(side) = std::env::var("SQUARE").ok().and_then(|s| s.parse().ok()) {
-        file.measurement.direct_square = side;
+        file.measurement.direct_square = Some(side);
     }
     let mut rig = exact.through_rig(file)?;
     let report = rig.calibrate(&Default::default())?;

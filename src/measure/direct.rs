@@ -33,6 +33,9 @@ const WIDEST: f64 = 2.0;
 /// The narrowest blur that is considered: below it, a sampled Gaussian is a single pixel.
 const NARROWEST: f64 = 0.25;
 
+/// With so many camera pixels for each of the projector's, the camera resolves squares of two pixels.
+const RESOLVES: usize = 4;
+
 /// Deviations that are tried before the best one is refined.
 const TRIED: usize = 8;
 
@@ -70,6 +73,12 @@ impl DirectLight {
             }
         }
     }
+}
+
+/// The side of the squares that suits a pixel map.
+pub(super) fn side(registration: &Registration) -> usize {
+    let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
+    if finer { 2 } else { 4 }
 }
 
 /// The shifted checkerboards, with squares of `side` pixels. Each pixel is lit in about half of the patterns.

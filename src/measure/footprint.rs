@@ -109,28 +109,47 @@ fn area(points: &[[f64; 2]]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::spread::Spread;
+
+    /// A camera of `camera` pixels that looks past by `shift` projector pixels.
+    fn shifted(camera: Resolution, projector: Resolution, shift: f64) -> LensMap {
+        let unit = 0.5 * (projector.width as f64).hypot(projector.height as f64);
+        LensMap {
+            camera,
+            projector,
+            homography: [1.0, 0.0, shift / unit, 0.0, 1.0, 0.0, 0.0, 0.0],
+            distortion: [0.0; 2],
+        }
+    }
 
     #[test]
-    fn a_camera_pixel_between_two_projector_pixels_has_half_weight_in_each() {
+    fn a_pixel_that_is_covered_too_little_has_no_camera_pixels() {
         let raster = Resolution::new(4, 1);
-        let unit = 0.5 * 4.0_f64.hypot(1.0);
-        let map = LensMap {
-            camera: raster,
-            projector: raster,
-            homography: [1.0, 0.0, 0.5 / unit, 0.0, 1.0, 0.0, 0.0, 0.0],
-            distortion: [0.0; 2],
+        let found = by_overlap(&shifted(raster, raster, 0.5), &[true, false, false, true]);
+        let seen = found.seen();
+        // The first, second and fourth are covered by half; the third by none that is lit.
+        assert_eq!(seen, [true, true, false, true]);
+    }
+
+    #[test]
+    fn a_finer_camera_sees_each_pixel_by_itself_and_even_light_stays_even() {
+        let (projector, camera) = (Resolution::new(12, 8), Resolution::new(30, 20));
+        let map = shifted(camera, projector, 0.3);
+        let found = by_overlap(&map, &vec![true; camera.pixels()]);
+        let spread = Spread::new(&found, &map);
+        let one = |pixel: usize| -> Vec<f64> {
+            (0..projector.pixels()).map(|at| f64::from(u8::from(at == pixel))).collect()
         };
-        let found = by_overlap(&map, &[true, true, false, true]);
-        assert_eq!(
-            found.starts,
-            [0, 1, 3, 4, 5],
-            "the first and the last are covered by half, and the third by one lit and one dark camera pixel"
-        );
-        assert_eq!(found.pixels, [0, 0, 1, 1, 3]);
-        let expected = [1.0, 0.5, 0.5, 1.0, 1.0];
-        assert!(
-            found.weights.iter().zip(expected).all(|(weight, expected)| (weight - expected).abs() < 1e-9)
-        );
+        for pixel in 0..projector.pixels() {
+            let own = spread.apply(&one(pixel))[pixel];
+            // A mean over all camera pixels that overlap it would hold 0.6 of its light along each axis: 0.4 in all.
+            assert!((0.97..1.03).contains(&own), "{own} at {pixel}");
+        }
+        let even = spread.apply(&vec![1.0; projector.pixels()]);
+        // Shares below 1e-4 are left out; a row has some ten of them.
+        assert!(even.iter().all(|light| (light - 1.0).abs() < 2e-3), "{even:?}");
+        let noise = found.weights.iter().map(|weight| weight * weight).sum::<f64>() / 96.0;
+        assert!(noise < 0.5, "six camera pixels see each, and at least two of them inside: {noise}");
     }
 
     #[test]

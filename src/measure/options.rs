@@ -47,9 +47,9 @@ pub struct MeasureOptions {
     pub blur: f64,
     /// How the direct light is measured.
     pub direct: DirectBy,
-    /// The side in pixels of the squares that separate the direct light: wider than the blur of projector and
-    /// camera, and smaller than the details of global light.
-    pub direct_square: u32,
+    /// The side in pixels of the squares that separate the direct light. Smaller squares keep more of the global light apart, and need a
+    /// camera that resolves them. `None`: 2 where the camera has at least four pixels for each of the projector's, or else 4.
+    pub direct_square: Option<u32>,
     /// Seconds to wait after a frame is confirmed; `None`: as measured by the calibration.
     pub settle: Option<f64>,
     /// Tries for each frame before the rig is given up.
@@ -116,7 +116,7 @@ impl Default for MeasureOptions {
             sentinel_every: 16,
             blur: 0.0,
             direct: DirectBy::Patterns,
-            direct_square: 4,
+            direct_square: None,
             settle: None,
             tries: 5,
         }
@@ -134,7 +134,7 @@ impl MeasureOptions {
             ("brackets", self.brackets, 1, 12),
             ("takes", self.takes, 1, MOST_TAKES),
             ("black_takes", self.black_takes, 1, MOST_TAKES),
-            ("direct_square", self.direct_square, 1, 1024),
+            ("direct_square", self.direct_square.unwrap_or(1), 1, 1024),
             ("tries", self.tries, 1, 1000),
         ];
         for (key, value, least, most) in counts {
@@ -193,7 +193,7 @@ mod tests {
             ("exposures", MeasureOptions { exposures: vec![0.2, 0.1], ..standard.clone() }),
             ("blur", MeasureOptions { blur: f64::NAN, ..standard.clone() }),
             ("settle", MeasureOptions { settle: Some(-1.0), ..standard.clone() }),
-            ("direct_square", MeasureOptions { direct_square: 0, ..standard.clone() }),
+            ("direct_square", MeasureOptions { direct_square: Some(0), ..standard.clone() }),
         ];
         for (key, options) in wrong {
             let error = options.check().map_err(|error| error.to_string());

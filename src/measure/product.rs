@@ -223,7 +223,9 @@ impl Measurement {
                 help: "give \"patterns\", or keep the direct light (segment --keep-direct)".into(),
             });
         }
-        let (channels, side) = (self.camera_channels(), self.options.direct_square as usize);
+        let channels = self.camera_channels();
+        let side =
+            self.options.direct_square.map_or_else(|| direct::side(&self.registration), |side| side as usize);
         let (mut rate_frames, mut displayed) = (Vec::new(), Vec::new());
         for pattern in direct::patterns(self.resolution(), side, &self.seen) {
             let shown = self.display.show(&[pattern], Part::Direct)?;

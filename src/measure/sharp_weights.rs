@@ -12,8 +12,6 @@
 //! The first term is the light of the neighbours, the second is noise. The condition keeps an evenly lit raster as bright as it is, also at
 //! its border, where camera pixels see past it.
 
-#[cfg(test)]
-use super::calibration::Registration;
 use crate::image::Resolution;
 
 /// `λ`: a share of a neighbour's light of one per cent weighs as much as this much more noise. A mean of six camera pixels has
@@ -157,15 +155,4 @@ fn neighbours(columns: &[&[(u32, f64)]]) -> Vec<u32> {
 /// The index of a projector pixel that is in the list.
 fn position(near: &[u32], pixel: u32) -> usize {
     near.partition_point(|&other| other < pixel)
-}
-
-#[cfg(test)]
-impl Registration {
-    /// The share of a projector pixel's value that is its own light, from `shares` of the camera's pixels: 1 without neighbours' light.
-    fn own_share(&self, pixel: usize, shares: &Shares) -> f64 {
-        let own = |camera: usize| {
-            shares.of(camera as u32).iter().find(|(at, _)| *at as usize == pixel).map_or(0.0, |entry| entry.1)
-        };
-        self.row(pixel).map(|(camera, weight)| weight * own(camera)).sum()
-    }
 }

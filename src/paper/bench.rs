@@ -7,8 +7,8 @@ use super::stage::{Set, Stage};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
-use crate::measure::Calibration;
 use crate::measure::calibrate::CalibrateOptions;
+use crate::measure::{Calibration, FlatField};
 use crate::observer::{Estimate, Observer, Step};
 use crate::transport::{Backend, Part};
 
@@ -97,7 +97,12 @@ impl Bench {
         match self.options.rig {
             Rig::Ideal => self.truth(stage, part),
             Rig::Virtual => {
-                let mut rig = self.open(stage.set, stage.resolution)?.through_devices()?;
+                let even = match stage.set.is_coaxial() {
+                    true => None,
+                    // The symmetry of the light transport tells the devices' uneven brightness. They are the same in front of each scene.
+                    false => self.open(Set::Corner, stage.resolution)?.through_devices(None)?.flat(),
+                };
+                let mut rig = self.open(stage.set, stage.resolution)?.through_devices(even)?.rig;
                 Ok(rig.reference_operators(part)?.swap_remove(0))
             }
         }
@@ -145,16 +150,39 @@ impl OpenScene {
         Ok(Self { stage, lab, calibration: None })
     }
 
-    /// The scene through virtual devices, which are calibrated from captures alone the first time.
-    fn through_devices(&mut self) -> Result<Lab> {
+    /// The scene through virtual devices, which are calibrated from captures alone the first time. Their uneven brightness is measured by a
+    /// sheet, or is `even` where it is known.
+    fn through_devices(&mut self, even: Option<FlatField>) -> Result<Calibrated> {
         let mut rig = self.lab.through_rig(realistic(self.stage.resolution)?)?;
-        match &self.calibration {
-            Some(known) => rig.set_calibration(known.clone())?,
+        if let Some(known) = &self.calibration {
+            rig.set_calibration(known.clone())?;
+            return Ok(Calibrated { rig });
+        }
+        rig.calibrate(&CalibrateOptions::default())?;
+        match even {
             None => {
-                rig.calibrate(&CalibrateOptions::default())?;
-                self.calibration = rig.rig().map(|rig| rig.calibration.clone());
+                rig.measure_flat_field()?;
+            }
+            Some(even) => {
+                let found = rig.rig().map(|rig| rig.calibration.clone());
+                if let Some(found) = found {
+                    rig.set_calibration(Calibration { flat_field: Some(even), ..found })?;
+                }
             }
         }
-        Ok(rig)
+        self.calibration = rig.rig().map(|rig| rig.calibration.clone());
+        Ok(Calibrated { rig })
+    }
+}
+
+/// Calibrated virtual devices in front of a scene.
+struct Calibrated {
+    rig: Lab,
+}
+
+impl Calibrated {
+    /// The uneven brightness of the devices.
+    fn flat(&self) -> Option<FlatField> {
+        self.rig.rig().and_then(|rig| rig.calibration.flat_field.clone())
     }
 }

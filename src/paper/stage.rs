@@ -31,6 +31,11 @@ impl Set {
         matches!(self, Self::Defocused | Self::BothDefocused)
     }
 
+    /// Whether projector and camera have the same pose and lens, so that the light transport is symmetric.
+    pub(super) fn is_coaxial(self) -> bool {
+        self != Self::Defocused
+    }
+
     /// Light paths per pixel. With an open lens, direct light is sampled as well. At 256 paths the optimal pattern exploits the
     /// noise in the fixed matrix, a gain of five per cent that methods with few products cannot reach.
     pub(super) fn samples(self) -> u32 {

@@ -25,7 +25,7 @@ fn a_product_calibrated_from_captures_alone_is_that_of_the_scenes_matrix() {
     println!("calibrated in {:?}: {:?}, settle {}", began.elapsed(), report.effort, report.stability.settle);
     println!("gamma {}, pixel map within {:.3}", report.projector[0].gamma, report.map.error);
     assert!((report.projector[0].gamma.value - 2.2).abs() < 0.02);
-    let options = MeasureOptions { direct_square: 1, ..MeasureOptions::default() };
+    let options = MeasureOptions { direct_square: Some(1), ..MeasureOptions::default() };
     let mut measurement = Measurement::new(Box::new(live), found, options).expect("they belong together");
     let pixels = SIDE * SIDE;
     let x: Vec<f64> = (0..pixels).map(|pixel| (pixel as f64 * 0.37).sin() + 0.2).collect();

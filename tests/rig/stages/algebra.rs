@@ -27,6 +27,7 @@ fn mirrored(mut rig: Rig) -> Rig {
         starts: (0..=size.pixels()).map(|pixel| 4 * pixel).collect(),
         weights: vec![0.25; pixels.len()],
         pixels,
+        lens: None,
     });
     rig.camera.resolution = camera;
     rig

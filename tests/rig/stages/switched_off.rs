@@ -48,6 +48,7 @@ fn without_the_registration_stage_a_rotated_camera_is_an_error() {
         starts: (0..=n).collect(),
         pixels: (0..n as u32).rev().collect(),
         weights: vec![1.0; n],
+        lens: None,
     });
     compare("registration", &rig, &plain(), &MeasureOptions { registration: false, ..plain() }, 20.0);
 }

@@ -52,6 +52,7 @@ fn products_of_a_virtual_rig_with_many_imperfections_are_those_of_its_matrix() {
         starts: (0..=size.pixels()).map(|end| seen.iter().filter(|&&pixel| pixel < end).count()).collect(),
         pixels: seen.iter().map(|&pixel| pixel as u32 - 1).collect(),
         weights: vec![1.0; seen.len()],
+        lens: None,
     };
     let options = MeasureOptions { takes: 4, ..MeasureOptions::default() };
     let frames = Box::new(LiveFrames::new(bench, 0.0, 5));

@@ -30,7 +30,7 @@ fn a_product_measured_with_a_bayer_camera_is_that_of_the_scenes_matrix() {
         let calibration = Calibration::ideal(lamp.info(), &info);
         let devices = Devices::new(lamp, camera, clock);
         // The scene has direct light only, which is not separated here.
-        let options = MeasureOptions { direct_square: 1, ..MeasureOptions::default() };
+        let options = MeasureOptions { direct_square: Some(1), ..MeasureOptions::default() };
         let live = Box::new(LiveFrames::new(devices, 0.0, 5));
         let mut measurement = Measurement::new(live, calibration, options).expect("they belong together");
         assert_eq!(measurement.channels(), info.channels);
