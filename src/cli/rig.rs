@@ -5,6 +5,7 @@ mod bench;
 mod calibrate;
 mod cameras;
 mod check;
+mod flat_field;
 mod list;
 mod preview;
 
@@ -30,6 +31,7 @@ enum Action {
     Preview(Box<preview::Args>),
     Align(Box<align::Args>),
     Calibrate(Box<calibrate::Args>),
+    FlatField(Box<flat_field::Args>),
     Check(Box<check::Args>),
 }
 
@@ -40,6 +42,7 @@ impl Args {
             Action::Preview(args) => &args.output,
             Action::Align(args) => &args.output,
             Action::Calibrate(args) => &args.output,
+            Action::FlatField(args) => &args.output,
             Action::Check(args) => &args.output,
         }
     }
@@ -51,6 +54,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         Action::Preview(args) => preview::run(args, console),
         Action::Align(args) => align::run(args, console),
         Action::Calibrate(args) => calibrate::run(args, console),
+        Action::FlatField(args) => flat_field::run(args, console),
         Action::Check(args) => check::run(args, console),
     }
 }

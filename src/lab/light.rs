@@ -59,10 +59,23 @@ impl Lab {
                 let opened =
                     LightTransport::open(&self.source, &self.settings, self.channels, run, &self.observer)?;
                 self.prepared(&opened, start);
-                Arc::new(Mutex::new(opened))
+                Arc::new(Mutex::new(self.trusted(opened)?))
             }
         };
         Ok(self.transport.insert(transport))
+    }
+
+    /// Refuses a rig that was not calibrated and whose light is not in proportion to its levels and counts: its answers would be wrong, and
+    /// nothing would say so. An audit finds that itself.
+    fn trusted(&self, mut transport: LightTransport) -> Result<LightTransport> {
+        if let Source::Rig(rig) = &self.source
+            && !rig.is_calibrated
+            && !self.audits
+            && let Some(rig) = transport.rig()
+        {
+            rig.measurement.check_proportional()?;
+        }
+        Ok(transport)
     }
 
     /// Records how long the light transport took to open, and what is known of its matrix.

@@ -111,6 +111,8 @@ pub struct Lab {
     kept_truth: Option<Truth>,
     /// Whether the photos of the run go to its journal.
     keeps_photos: bool,
+    /// Whether the question is what is wrong with a rig, so that a rig whose light is not in proportion is answered as well.
+    audits: bool,
     run: Option<RunFolder>,
 }
 
@@ -153,6 +155,7 @@ impl Lab {
             sheet,
             kept_truth: None,
             keeps_photos: true,
+            audits: false,
             run: None,
         }
     }

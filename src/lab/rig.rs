@@ -28,6 +28,8 @@ pub struct RigSource {
     pub file: RigFile,
     /// What is known of the devices; ideal devices where the file names no calibration.
     pub calibration: Calibration,
+    /// Whether the calibration was measured.
+    pub is_calibrated: bool,
     /// The devices, with the settings of the tracer in place of what the file says of a virtual scene.
     devices: RigKind,
     /// The virtual rig's scene, where it is to be traced.
@@ -90,7 +92,7 @@ impl RigSource {
         let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
         let symmetric = scene.as_ref().is_none_or(SceneSource::is_symmetric);
         let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
-        Self { file, calibration, devices, scene, symmetry, observer: observer.clone() }
+        Self { file, calibration, is_calibrated: false, devices, scene, symmetry, observer: observer.clone() }
     }
 
     /// Loads the calibration that the file names; whether it names one.
@@ -107,6 +109,7 @@ impl RigSource {
     pub(super) fn calibrated_by(&mut self, calibration: Calibration) -> Result<()> {
         calibration.check(&self.devices.projector_info(), &self.devices.camera_info())?;
         self.calibration = calibration;
+        self.is_calibrated = true;
         Ok(())
     }
 

@@ -9,6 +9,9 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::transport::Part;
 
+/// Half of the light may be off by this share of white before a rig that was not calibrated is refused.
+const PROPORTIONAL: f64 = 0.03;
+
 impl Measurement {
     /// The white photo, `A 1`. It is taken once.
     ///
@@ -77,6 +80,41 @@ impl Measurement {
         let white = self.even_pattern(&vec![1.0; self.resolution().pixels()]);
         let planes = (0..self.camera_channels()).map(|channel| direct.under(channel, &white)).collect();
         Ok(self.photo(planes))
+    }
+
+    /// Tests by the photo of half the light whether photos are in proportion to what is shown. Nothing is tested where the responses are
+    /// switched off: then levels and counts are meant to be used as they are.
+    ///
+    /// # Errors
+    /// [`Error::Rig`] when they are not; those of taking the photos.
+    pub fn check_proportional(&mut self) -> Result<()> {
+        if !self.options.response {
+            return Ok(());
+        }
+        let half = self.masked(&vec![0.5; self.resolution().pixels()]);
+        let mut terms = Vec::new();
+        self.capture(1.0, &[half], Part::Full, &mut terms)?;
+        let [mut shown, mut seen, mut white, mut error] = [0.0; 4];
+        for channel in 0..self.camera_channels() {
+            let (photo, full) = (self.sum(&terms, 0.0, channel)?, self.sum(&[], 1.0, channel)?);
+            let lit = self.shown(&terms, 0.0, channel);
+            shown += full.values.iter().zip(&lit).map(|(light, share)| light * share).sum::<f64>();
+            seen += photo.values.iter().sum::<f64>();
+            white += full.values.iter().sum::<f64>();
+            error += photo.variance.iter().sum::<f64>();
+        }
+        if (seen - shown).abs() <= PROPORTIONAL * white + 5.0 * error.sqrt() {
+            return Ok(());
+        }
+        Err(Error::Rig {
+            device: "rig".into(),
+            fault: format!(
+                "it was not calibrated, and its light is not in proportion to its levels: {:.1} % of white was shown, {:.1} % was seen",
+                100.0 * shown / white,
+                100.0 * seen / white
+            ),
+            help: "calibrate it with `krylux rig calibrate`, and name the calibration in the rig file; or say there, as `response = false` in [measurement], that levels and counts are to be used as they are".into(),
+        })
     }
 
     /// The photo of a pattern of light in `[0, 1]`, gray or coloured.

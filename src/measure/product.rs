@@ -197,7 +197,7 @@ impl Measurement {
     }
 
     /// The pattern that was shown, which differs from the target by rounding to levels.
-    fn shown(&self, terms: &[Term], white: f64, channel: usize) -> Vec<f64> {
+    pub(super) fn shown(&self, terms: &[Term], white: f64, channel: usize) -> Vec<f64> {
         let mut shown: Vec<f64> = self.seen.iter().map(|&seen| if seen { white } else { 0.0 }).collect();
         for term in terms {
             let light = term.displayed.seen_by(channel, self.camera_channels());

@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::lab::{Calibrated, RunOptions};
 use crate::measure::calibrate::{CalibrateOptions, MapBy};
 
-/// Measure a rig's devices from captures alone: responses, noise, pixel map, latency, drift
+/// Measure a rig's devices from captures alone: responses, noise, pixel map, uneven brightness, latency, drift
 #[derive(clap::Args)]
 pub(in super::super) struct Args {
     #[command(flatten)]
@@ -25,8 +25,8 @@ pub(in super::super) struct Args {
     /// Frames averaged for each level and pattern
     #[arg(long, value_name = "N", default_value_t = 2)]
     takes: u32,
-    /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera is the
-    /// coarser one]
+    /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
+    /// for each of the projector's along an axis]
     #[arg(long, value_enum)]
     map: Option<MapArg>,
     /// Where the calibration goes; name it as `calibration` in the rig file [default: what the rig file

@@ -25,6 +25,7 @@ impl Lab {
     pub fn audit(&mut self, options: &AuditOptions) -> Result<Audit> {
         self.check_for_audit()?;
         self.without_journal();
+        self.audits = true;
         let measured = self.photos_with(
             |found: &Option<Audit>| found.as_ref().is_some_and(|found| !found.white.is_empty()),
             |lab| lab.with_measurement(|measurement| audit(measurement, options)),

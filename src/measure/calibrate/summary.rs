@@ -15,6 +15,12 @@ impl CalibrationReport {
         let mut lines = camera_lines(&self.camera);
         lines.extend(self.projector.iter().enumerate().map(projector_line));
         lines.extend(map_lines(&self.map));
+        if let Some(evenness) = &self.evenness {
+            lines.push(line(
+                "evenness",
+                format!("projector over camera: the least is {evenness} of the largest, by the symmetry of the light transport"),
+            ));
+        }
         lines.extend(stability_lines(&self.stability));
         lines.push(effort_line(&self.effort));
         lines

@@ -1,0 +1,60 @@
+//! `krylux rig flat-field`: the uneven brightness of projector and camera, by a matte sheet.
+
+use serde_json::json;
+
+use super::super::Outcome;
+use super::super::console::Console;
+use super::super::opening::Opening;
+use super::super::options::{OutputArgs, SourceArgs};
+use super::super::trace::TraceArgs;
+use super::bench::require_rig;
+use crate::error::{Error, Result};
+use crate::measure::Calibration;
+
+/// Measure how uneven projector and camera are, by one photo of a matte sheet; added to the rig's calibration
+///
+/// Stand a matte sheet of one colour square to the camera, so that it fills the view, and keep other light away. A virtual rig
+/// gets such a sheet in place of its scene. Calibrate the rig first. From then on patterns are divided by the projector's brightness
+/// and photos by the camera's. Runs that were begun before cannot be continued.
+#[derive(clap::Args)]
+pub(in super::super) struct Args {
+    #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    #[command(flatten)]
+    pub(in super::super) output: OutputArgs,
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    require_rig(&args.source.source, "SOURCE")?;
+    let lab = Opening::new(&args.source, &args.trace).builder(console).open()?;
+    let (Some(rig), Some(folder)) = (lab.rig(), lab.rig().and_then(|rig| rig.file.calibration.clone()))
+    else {
+        return Err(Error::Option {
+            option: "SOURCE".into(),
+            fault: format!("{} names no calibration, which this is added to", args.source.source.display()),
+            help: "calibrate the rig first with `krylux rig calibrate`, and name the calibration in the rig file"
+                .into(),
+        });
+    };
+    let flat = rig.flat_field()?;
+    let darkest = |values: &[f64]| {
+        let [least, most] =
+            [f64::min, f64::max].map(|choose| values.iter().copied().reduce(choose).unwrap_or(1.0));
+        least / most
+    };
+    let [projector, camera] = [darkest(&flat.projector), darkest(&flat.camera)];
+    Calibration { flat_field: Some(flat), ..rig.calibration.clone() }.save(&folder)?;
+    console
+        .say(format_args!("projector its darkest pixel has {projector:.3} of the light of its brightest"))?;
+    console.say(format_args!("camera    its darkest pixel has {camera:.3} of the light of its brightest"))?;
+    console.say(format_args!("wrote     {}", folder.display()))?;
+    console.summary(&json!({
+        "verb": "rig flat-field",
+        "folder": folder,
+        "projector": projector,
+        "camera": camera,
+    }))?;
+    Ok(Outcome::Done)
+}
