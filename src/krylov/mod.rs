@@ -48,7 +48,7 @@ pub use estimators::{
     diagonal, hutch_plus_plus, hutchinson, nystrom, randomized_svd, spectral_density,
 };
 pub use factor::{
-    Arnoldi, BlockLanczos, Expansion, Factorization, Lanczos, PairStatus, RitzPair, Step, Which,
+    Arnoldi, BlockLanczos, Expansion, Factorization, Filter, Lanczos, PairStatus, RitzPair, Step, Which,
 };
 pub use inexact::{Relaxation, relaxed_noise};
 pub use linear::{

@@ -3,11 +3,13 @@
 use super::adjacency::NormalizedAdjacency;
 use super::graph::Graph;
 use super::laplacian::NegativeLaplacian;
+use super::low_pass::low_pass;
 use super::options::{Cut, SegmentOptions};
 use super::regions::KEPT;
 use super::segmentation::{Segmentation, Taken};
 use crate::analysis::low_rank::smooth_starts;
 use crate::error::{Error, Result};
+use crate::image::Resolution;
 use crate::krylov::{
     BlockLanczos, Eigs, EigsOptions, Factorization, HistoryRow, Start, Status, Which, eigs_from,
 };
@@ -77,7 +79,12 @@ impl Capture {
         let Some(graph) = &self.graph else { return Ok(()) };
         if self.lanczos.is_none() {
             let starts = starts(&self.options, graph, 0);
-            self.lanczos = Some(BlockLanczos::new(&starts, &[known_vector(self.options.cut, graph)])?);
+            let known = known_vector(self.options.cut, graph);
+            let mut lanczos = BlockLanczos::new(&starts, std::slice::from_ref(&known))?;
+            if let Some(resolution) = known_pixels(&self.options, graph) {
+                lanczos = lanczos.filtered(low_pass(graph, &known, resolution));
+            }
+            self.lanczos = Some(lanczos);
         }
         loop {
             let block = self.lanczos.as_ref().map_or(0, BlockLanczos::block);
@@ -279,13 +286,18 @@ fn known_vector(cut: Cut, graph: &Graph) -> Vec<f64> {
     }
 }
 
+/// The pixels of the graph's images, where they are known.
+fn known_pixels(options: &SegmentOptions, graph: &Graph) -> Option<Resolution> {
+    options.resolution.filter(|resolution| resolution.pixels() == graph.n())
+}
+
 /// The next starting patterns, after `before` others: random, since ones would have the scene's symmetry, and so would the whole
 /// Krylov space; smooth where the pixels are known. The eigenvectors of regions are constant on them, times those of the known
 /// vector.
 fn starts(options: &SegmentOptions, graph: &Graph, before: usize) -> Vec<Vec<f64>> {
     let (m, count) = (graph.pixels().len(), options.start_count());
     let known = known_vector(options.cut, graph);
-    match options.resolution.filter(|resolution| resolution.pixels() == graph.n() && count > 1) {
+    match known_pixels(options, graph).filter(|_| count > 1) {
         None => {
             let seed = options.seed.wrapping_add(before as u64);
             Start::Rademacher { seed }.block(m, count)

@@ -19,6 +19,7 @@ mod evidence;
 mod features;
 mod graph;
 mod laplacian;
+mod low_pass;
 mod options;
 mod regions;
 mod request;

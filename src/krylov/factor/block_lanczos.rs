@@ -5,7 +5,7 @@ use std::io::{Read, Write};
 use super::factorization::Factorization;
 use super::lanczos::check_symmetric;
 use super::save::{self, Kind};
-use super::{Expansion, Step};
+use super::{Expansion, Filter, Step};
 use crate::error::Result;
 use crate::operator::Operator;
 
@@ -48,6 +48,13 @@ impl BlockLanczos {
     /// As [`super::Lanczos::new`].
     pub fn new(starts: &[Vec<f64>], deflate: &[Vec<f64>]) -> Result<Self> {
         Ok(Self { expansion: Expansion::new(starts, deflate)? })
+    }
+
+    /// Filters the directions that noise dominates, from the next step on; see [`Filter`].
+    #[must_use]
+    pub fn filtered(mut self, filter: Filter) -> Self {
+        self.expansion.filter = Some(filter);
+        self
     }
 
     /// Widens the block by vectors (length `n` each) that start with the next step, to find further copies of an

@@ -9,6 +9,7 @@ use rand_pcg::Pcg64;
 use super::super::basis::{Basis, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::start::gaussian;
+use super::Filter;
 use crate::error::{Error, Result};
 use crate::operator::{Operator, block, block_mut};
 
@@ -63,6 +64,8 @@ pub struct Expansion {
     pub(super) work: Vec<f64>,
     /// Products with the first waiting vectors, which a block has taken before their steps.
     pub(super) ready: VecDeque<(Vec<f64>, f64)>,
+    /// Removes noise from the next direction. It is not saved.
+    pub(super) filter: Option<Filter>,
 }
 
 impl Expansion {
@@ -106,6 +109,7 @@ impl Expansion {
             draws: 0,
             work: vec![0.0; n],
             ready: VecDeque::new(),
+            filter: None,
         };
         if process.basis.len() == known {
             process.append_random();
@@ -191,10 +195,21 @@ impl Expansion {
         self.products += 1;
         self.scale = self.scale.max(length);
         self.errors.push(error);
+        // A filtered direction is none of a Lanczos process: products then have a part along every direction.
+        let recent = if self.filter.is_some() { 0 } else { recent };
         let mut removed = orthogonalize(&self.basis, &mut self.work, recent);
         // The rest of A v is at most the rounding errors of a product of n terms.
         let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
         if !nothing_new && self.basis.len() < n {
+            if let Some((direction, along)) = self.filtered(error, removed.norm) {
+                // The rest beside the direction is noise, or is lost to the residuals.
+                let lost = removed.norm.powi(2) - along * along - error * error;
+                self.leak = (self.leak.powi(2) + lost.max(0.0)).sqrt();
+                removed.coefficients.push(along);
+                self.columns.push(removed.coefficients);
+                self.basis.push_scaled(&direction, 1.0);
+                return Ok(Step::Extended);
+            }
             removed.coefficients.push(removed.norm);
             self.columns.push(removed.coefficients);
             self.basis.push_scaled(&self.work, removed.norm);
@@ -208,6 +223,23 @@ impl Expansion {
             self.append_random();
         }
         Ok(if self.pending() > 0 { Step::Invariant } else { Step::Exhausted })
+    }
+
+    /// The filtered direction of the rest of a product, orthogonal to the basis and of length 1, and the product's part along it; `None` where
+    /// the rest is taken as it is.
+    fn filtered(&self, error: f64, rest: f64) -> Option<(Vec<f64>, f64)> {
+        let mut direction = self.filter.as_ref()?.apply(&self.work, (error / rest).min(1.0))?;
+        if direction.len() != self.n() || !direction.iter().all(|value| value.is_finite()) {
+            return None;
+        }
+        let before = norm(&direction);
+        let left = orthogonalize(&self.basis, &mut direction, 0).norm;
+        if left <= before * f64::EPSILON * (10.0 + (self.n() as f64).sqrt()) {
+            return None;
+        }
+        direction.iter_mut().for_each(|value| *value /= left);
+        let along = direction.iter().zip(&self.work).map(|(a, b)| a * b).sum();
+        Some((direction, along))
     }
 
     /// Entry `(i, j)` of `H`, counted from 0: `v_iᵀ A v_j`, `j < m`, `i < m + p`.

@@ -129,7 +129,20 @@ impl<R: Read> Source<R> {
             basis.push_scaled(&self.floats(n)?, 1.0);
         }
         let (work, ready) = (vec![0.0; n], VecDeque::new());
-        Ok(Expansion { basis, known, block, columns, errors, leak, products, scale, draws, work, ready })
+        Ok(Expansion {
+            basis,
+            known,
+            block,
+            columns,
+            errors,
+            leak,
+            products,
+            scale,
+            draws,
+            work,
+            ready,
+            filter: None,
+        })
     }
 
     fn bytes(&mut self, bytes: &mut [u8]) -> Result<()> {
