@@ -167,6 +167,25 @@ fn measure(exact: &mut Lab, text: &str) -> Outcome<String> {
     let before = rig.costs()?.map_or(0, |c| c.effort.taken);
     let found = segment(&mut rig.reference_operators(Part::Global)?.swap_remove(0), &options)?;
     let frames = rig.costs()?.map_or(0, |c| c.effort.taken) - before;
+    if std::env::var("EIG").is_ok() {
+        println!("values {:.3?} errors {:.3?}", found.eigenvalues, found.residuals);
+        for g in [2] {
+            let o = SegmentOptions { groups: vec![g], ..options.clone() };
+            let f = segment(&mut rig.reference_operators(Part::Global)?.swap_remove(0), &o)?;
+            println!("ari with {g}: {:.4}", adjusted_rand_index(&f.labels[0].1, &labels)?);
+        }
+    }
+    if std::env::var("LAB").is_ok() {
+        for y in (0..width).step_by(2) {
+            println!(
+                "{}  {}",
+                (0..width)
+                    .map(|x| (b'0' + found.labels[0].1[y * width + x].min(9)) as char)
+                    .collect::<String>(),
+                (0..width).map(|x| (b'0' + labels[y * width + x].min(9)) as char).collect::<String>()
+            );
+        }
+    }
     let ari = adjusted_rand_index(&found.labels[0].1, &labels)?;
     let target: Vec<f64> = (0..n)
         .map(|i| 0.35 + 0.25 * (0.3 * (i % width) as f64).sin() * (0.2 * (i / width) as f64).cos())

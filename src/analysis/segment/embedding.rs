@@ -57,8 +57,10 @@ impl Embedding {
             Cut::Average => -pair.value / unit,
         };
         let gaps: Vec<f64> = std::iter::once(0.0).chain(pairs.iter().map(gap)).collect();
-        // `1 − λ` is known only up to the residual, so an unresolved vector is divided by no less.
-        let weight = |(pair, gap): (&RitzPair, &f64)| 1.0 / gap.max(pair.residual / unit).max(FLOOR).sqrt();
+        // `1 − λ` is known only up to the residual, so an unresolved vector is divided by no less. Noise of the photos is no lack of
+        // resolution: it is spread over all pixels, and hardly changes `λ`.
+        let known = |pair: &RitzPair| pair.beyond_noise(weights.len()) / unit;
+        let weight = |(pair, gap): (&RitzPair, &f64)| 1.0 / gap.max(known(pair)).max(FLOOR).sqrt();
         let ranges: Vec<(f64, f64)> = vectors.iter().map(|vector| range(vector, weights)).collect();
         let within = |(vector, &(low, high)): (&Vec<f64>, &(f64, f64))| {
             vector.iter().zip(weights).map(|(u, weight)| weight * u.max(low).min(high).powi(2)).sum()

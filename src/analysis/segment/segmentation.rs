@@ -153,7 +153,10 @@ fn count_regions(
 ) -> Regions {
     let told: Vec<usize> = (0..vectors.len()).filter(|&index| !embedding.is_local(index)).collect();
     let gap = |index: usize| {
-        (embedding.gaps[index], index.checked_sub(1).map_or(0.0, |pair| pairs[pair].residual / norm))
+        (
+            embedding.gaps[index],
+            index.checked_sub(1).map_or(0.0, |pair| pairs[pair].beyond_noise(weights.len()) / norm),
+        )
     };
     let mut gaps: Vec<(f64, f64)> = told.iter().map(|&index| gap(index)).collect();
     // If the last eigenvector is localized, its eigenvalue still bounds that of the next region.

@@ -202,9 +202,10 @@ impl Expansion {
         let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
         if !nothing_new && self.basis.len() < n {
             if let Some((direction, along)) = self.filtered(error, removed.norm) {
-                // The rest beside the direction is noise, or is lost to the residuals.
-                let lost = removed.norm.powi(2) - along * along - error * error;
-                self.leak = (self.leak.powi(2) + lost.max(0.0)).sqrt();
+                // What the filter removes counts as noise of the product.
+                let noise = (removed.norm.powi(2) - along * along).max(0.0).sqrt();
+                self.errors.pop();
+                self.errors.push(noise.max(error));
                 removed.coefficients.push(along);
                 self.columns.push(removed.coefficients);
                 self.basis.push_scaled(&direction, 1.0);

@@ -126,6 +126,14 @@ impl RitzPair {
         evenly(noise.max(self.noise), n)
     }
 
+    /// The part of the residual that the stated errors of the products do not explain, and the component of these errors along any one
+    /// direction of `n` entries: how far the true operator's residual may be along the directions that matter. The residual itself where
+    /// no errors are stated.
+    pub fn beyond_noise(&self, n: usize) -> f64 {
+        let unexplained = (self.residual * self.residual - self.noise * self.noise).max(0.0);
+        (unexplained + evenly(self.noise, n).powi(2)).sqrt()
+    }
+
     /// Whether more products would gain nothing: the residual is within the noise of the products (`noise` for each
     /// with a unit vector, or what the operator states), and `θ` would change by less than the standard error that
     /// this noise leaves in it. An eigenvalue averages over all `n` entries, so that its error is far below that of
