@@ -1,5 +1,5 @@
 //! Errors of a realistic rig's answers against the true light transport, for variants of the rig, scenes and seeds.
-//! `cargo bench --bench rig_errors`; see `benches/README.md`.
+//! `cargo bench --bench rig_errors -- [SCENE or VARIANT]... [--seeds N]`; see `benches/README.md`.
 
 use std::path::Path;
 
@@ -16,213 +16,192 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 const REALISTIC: &str = include_str!("../assets/rigs/realistic.toml");
 
-/// Replacements in the text of the realistic rig's file.
-const VARIANTS: [(&str, &[(&str, &str)]); 11] = [
-    (
-        "evensq2",
-        &[
-            ("vignetting = 0.1 ", "vignetting = 0.0 "),
-            ("vignetting = 0.15", "vignetting = 0.0"),
-            ("takes = 1\nblack", "takes = 1\ndirect_square = 2\nblack"),
-        ],
-    ),
-    (
-        "evensq2takes4",
-        &[
-            ("vignetting = 0.1 ", "vignetting = 0.0 "),
-            ("vignetting = 0.15", "vignetting = 0.0"),
-            ("takes = 1\nblack", "takes = 4\ndirect_square = 2\nblack"),
-        ],
-    ),
-    (
-        "evensq3",
-        &[
-            ("vignetting = 0.1 ", "vignetting = 0.0 "),
-            ("vignetting = 0.15", "vignetting = 0.0"),
-            ("takes = 1\nblack", "takes = 1\ndirect_square = 3\nblack"),
-        ],
-    ),
-    ("even", &[("vignetting = 0.1 ", "vignetting = 0.0 "), ("vignetting = 0.15", "vignetting = 0.0")]),
-    (
-        "even nodist",
-        &[
-            ("vignetting = 0.1 ", "vignetting = 0.0 "),
-            ("vignetting = 0.15", "vignetting = 0.0"),
-            ("distortion = 0.002", "distortion = 0.0"),
-            ("rotation = 0.1", "rotation = 0.0"),
-            ("scale = 1.002", "scale = 1.0"),
-            ("shift = [0.3, 0.4]", "shift = [0, 0]"),
-            ("blur = 0.2", "blur = 0.0"),
-        ],
-    ),
-    ("realistic", &[]),
-    ("ambient 0.2", &[("level = 0.1 ", "level = 0.2 ")]),
-    ("full well 5,000", &[("full_well = 60000", "full_well = 5000")]),
-    ("camera 64x64", &[("size = [160, 160]", "size = [64, 64]")]),
-    ("blur 0.6", &[("blur = 0.2", "blur = 0.6")]),
-    ("gamma 2.8", &[("gamma = 2.2", "gamma = 2.8")]),
+/// Pixels of the projector along each side, as the rig file says.
+const SIDE: usize = 64;
+
+/// Variants of the rig: lines of its file that are replaced.
+const VARIANTS: [(&str, Option<[&str; 2]>); 6] = [
+    ("realistic", None),
+    ("ambient 0.2", Some(["level = 0.1 ", "level = 0.2 "])),
+    ("full well 5,000", Some(["full_well = 60000", "full_well = 5000"])),
+    ("camera 64x64", Some(["size = [160, 160]", "size = [64, 64]"])),
+    ("blur 0.6", Some(["blur = 0.2", "blur = 0.6"])),
+    ("gamma 2.8", Some(["gamma = 2.2", "gamma = 2.8"])),
 ];
 
+/// The pattern's compensation is compared with the optimum among this many products of the true matrix.
+const OPTIMUM: usize = 300;
+
 fn main() -> Outcome<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
-    if arguments.iter().any(|argument| argument == "--test") {
+    let mut arguments: Vec<String> = std::env::args().skip(1).filter(|text| text != "--bench").collect();
+    // `cargo test --benches` passes `--test`; there is nothing to test here.
+    if arguments.iter().any(|text| text == "--test") {
         return Ok(());
     }
-    let wanted = |name: &str| arguments.is_empty() || arguments.iter().any(|a| name.contains(a.as_str()));
+    let mut seeds = 1;
+    if let Some(at) = arguments.iter().position(|text| text == "--seeds") {
+        seeds = arguments.get(at + 1).and_then(|text| text.parse().ok()).ok_or("--seeds needs a number")?;
+        arguments.drain(at..at + 2);
+    }
+    // Nothing was tuned on the last two.
     let scenes: [(&str, Scene); 4] = [
         ("zigzag", builtin::zigzag().to_scene()),
         ("corner", builtin::corner().to_scene()),
         ("two-sheets", builtin::two_sheets().to_scene()),
         ("cornell", builtin::cornell().to_scene()),
     ];
+    let asked = |names: &[&str], name: &str| {
+        let of_these = arguments.iter().filter(|text| names.contains(&text.as_str()));
+        let mut of_these = of_these.peekable();
+        of_these.peek().is_none() || of_these.any(|text| text == name)
+    };
+    let scene_names = scenes.iter().map(|scene| scene.0).collect::<Vec<_>>();
+    let variant_names = VARIANTS.map(|variant| variant.0);
+    println!("{SIDE}x{SIDE} pixels; relative errors, with the standard errors that are stated in brackets\n");
     println!(
-        "scene       variant          seed  direct  global white  product stated  | ARI regions | frames | compensated/optimum MINRES/GMRES"
+        "| scene | variant | seed | white | direct light | global light | global product | Rand index, regions | frames | residual 12 photos, optimum | MINRES, GMRES |"
     );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|");
     for (scene, built) in scenes {
-        if !wanted(scene) {
+        if !asked(&scene_names, scene) {
             continue;
         }
-        let mut exact = Lab::builder_of_scene(built).size(64, 64).samples(256).seed(7).open()?;
-        for (variant, replacements) in VARIANTS {
-            if !arguments.iter().any(|a| a == "all")
-                && !wanted(variant)
-                && (std::env::var("ONLY").is_ok() || variant != "realistic")
-            {
-                continue;
-            }
-            for seed in 1..=std::env::var("SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(1) {
+        let mut exact = Lab::builder_of_scene(built).size(SIDE, SIDE).samples(256).seed(7).open()?;
+        for (variant, replaced) in VARIANTS {
+            for seed in 1..=seeds {
+                if !asked(&variant_names, variant) {
+                    continue;
+                }
                 let mut text = REALISTIC.replace("seed = 1  ", &format!("seed = {seed}  "));
-                for (from, to) in replacements {
-                    assert!(text.contains(from), "{from}");
+                if let Some([from, to]) = replaced {
+                    if !text.contains(from) {
+                        return Err(format!("the rig file has no `{from}`").into());
+                    }
                     text = text.replace(from, to);
                 }
-                let line = measure(&mut exact, &text).unwrap_or_else(|e| e.to_string());
-                println!("{scene:11} {variant:16} {seed:4} {line}");
+                let row = Row::measure(&mut exact, &text)?;
+                println!("| {scene} | {variant} | {seed} | {row} |");
             }
         }
     }
     Ok(())
 }
 
-/// `‖found / unit − truth‖ / ‖truth‖`.
-fn off(found: &[f64], unit: f64, truth: &[f64]) -> f64 {
-    let misfit: Vec<f64> = found.iter().zip(truth).map(|(a, b)| a / unit - b).collect();
-    norm(&misfit) / norm(truth)
+/// A calibrated rig, and the truth behind it.
+struct Pair<'a> {
+    rig: Lab,
+    exact: &'a mut Lab,
+    /// The rig's reading for 1 W/(m² sr), from the white photo.
+    unit: f64,
 }
 
-fn product(lab: &mut Lab, part: Part, x: &[f64]) -> Outcome<(Vec<f64>, Option<f64>)> {
-    let mut operator = lab.reference_operators(part)?.swap_remove(0);
-    let mut y = vec![0.0; x.len()];
-    operator.apply(x, &mut y)?;
-    Ok((y, operator.standard_errors().first().copied()))
+impl Pair<'_> {
+    /// The relative error of a product of the rig, and the standard error that it states.
+    fn product(&mut self, part: Part, x: &[f64]) -> Outcome<[f64; 2]> {
+        let (found, stated) = product(&mut self.rig, part, x)?;
+        let (truth, _) = product(self.exact, part, x)?;
+        Ok([misfit(&found, self.unit, &truth), stated / self.unit / norm(&truth)])
+    }
+
+    /// The relative residual of a pattern by the true matrix.
+    fn residual(&mut self, pattern: &[f64], wanted: &[f64]) -> Outcome<f64> {
+        Ok(misfit(&product(self.exact, Part::Full, pattern)?.0, 1.0, wanted))
+    }
 }
 
-fn measure(exact: &mut Lab, text: &str) -> Outcome<String> {
-    let file = RigFile::from_bytes(Path::new("assets/rigs/realistic.toml"), text.as_bytes())?;
-    let mut file = file;
-    if let Some(side) = std::env::var("SQUARE").ok().and_then(|s| s.parse().ok()) {
-        file.measurement.direct_square = Some(side);
-    }
-    let mut rig = exact.through_rig(file)?;
-    let report = rig.calibrate(&Default::default())?;
-    if std::env::var("SHOW").is_ok() {
-        println!("{:?} {:?}", report.map.error, report.evenness);
-    }
-    if std::env::var("SHEET").is_ok() {
+/// The figures of one row.
+struct Row {
+    products: [[f64; 2]; 4],
+    rand_index: f64,
+    regions: usize,
+    frames: u64,
+    boxed: [f64; 2],
+    solvers: [f64; 2],
+}
+
+impl Row {
+    fn measure(exact: &mut Lab, text: &str) -> Outcome<Self> {
+        let file = RigFile::from_bytes(Path::new("assets/rigs/realistic.toml"), text.as_bytes())?;
+        let mut rig = exact.through_rig(file)?;
+        rig.calibrate(&Default::default())?;
         rig.measure_flat_field()?;
+        let white = vec![1.0; SIDE * SIDE];
+        let (truth, seen) = (product(exact, Part::Full, &white)?.0, product(&mut rig, Part::Full, &white)?.0);
+        let unit = seen.iter().sum::<f64>() / truth.iter().sum::<f64>();
+        let mut pair = Pair { rig, exact, unit };
+        let wave = picture(|x, y| (0.21 * x + 0.5).sin() * (0.13 * y + 0.2).cos());
+        let products = [
+            pair.product(Part::Full, &white)?,
+            pair.product(Part::Direct, &white)?,
+            pair.product(Part::Global, &white)?,
+            pair.product(Part::Global, &wave)?,
+        ];
+        let (rand_index, regions, frames) = segmented(&mut pair)?;
+        let [boxed, solvers] = compensated(&mut pair, &truth, &seen)?;
+        Ok(Self { products, rand_index, regions, frames, boxed, solvers })
     }
-    let n = exact.resolution().pixels();
-    let ones = vec![1.0; n];
-    let (white, _) = product(exact, Part::Full, &ones)?;
-    let (seen, _) = product(&mut rig, Part::Full, &ones)?;
-    let unit = seen.iter().sum::<f64>() / white.iter().sum::<f64>();
-    let pair = |rig: &mut Lab, exact: &mut Lab, part, x: &[f64]| -> Outcome<(f64, f64)> {
-        let (found, stated) = product(rig, part, x)?;
-        let (truth, _) = product(exact, part, x)?;
-        Ok((off(&found, unit, &truth), stated.unwrap_or(0.0) / unit / norm(&truth)))
-    };
-    let (width, resolution) = (exact.resolution().width, exact.resolution());
-    let full = off(&seen, unit, &white);
-    if std::env::var("SHOW").is_ok() {
-        for y in 0..width {
-            println!(
-                "{}",
-                (0..width)
-                    .map(|x| {
-                        let i = y * width + x;
-                        format!("{:4.0}", 1000.0 * (seen[i] / unit / white[i] - 1.0))
-                    })
-                    .collect::<String>()
-            );
+}
+
+impl std::fmt::Display for Row {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for [error, stated] in self.products {
+            write!(formatter, "{error:.4} ({stated:.4}) | ")?;
         }
+        let [[reached, optimum], [minres, gmres]] = [self.boxed, self.solvers];
+        write!(
+            formatter,
+            "{:.4}, {} | {} | {reached:.4}, {optimum:.4} | {minres:.4}, {gmres:.4}",
+            self.rand_index, self.regions, self.frames
+        )
     }
-    let direct = pair(&mut rig, exact, Part::Direct, &ones)?;
-    let global = pair(&mut rig, exact, Part::Global, &ones)?;
-    let wave: Vec<f64> = (0..n)
-        .map(|i| (0.21 * (i % width) as f64 + 0.5).sin() * (0.13 * (i / width) as f64 + 0.2).cos())
-        .collect();
-    let wavy = pair(&mut rig, exact, Part::Global, &wave)?;
-    let options = SegmentOptions { photos: 40, resolution: Some(resolution), ..SegmentOptions::default() };
-    let labels = exact.labels()?;
-    let before = rig.costs()?.map_or(0, |c| c.effort.taken);
-    let found = segment(&mut rig.reference_operators(Part::Global)?.swap_remove(0), &options)?;
-    let frames = rig.costs()?.map_or(0, |c| c.effort.taken) - before;
-    if std::env::var("EIG").is_ok() {
-        println!("values {:.3?} errors {:.3?}", found.eigenvalues, found.residuals);
-        for g in [2] {
-            let o = SegmentOptions { groups: vec![g], ..options.clone() };
-            let f = segment(&mut rig.reference_operators(Part::Global)?.swap_remove(0), &o)?;
-            println!("ari with {g}: {:.4}", adjusted_rand_index(&f.labels[0].1, &labels)?);
-        }
-    }
-    if std::env::var("LAB").is_ok() {
-        for y in (0..width).step_by(2) {
-            println!(
-                "{}  {}",
-                (0..width)
-                    .map(|x| (b'0' + found.labels[0].1[y * width + x].min(9)) as char)
-                    .collect::<String>(),
-                (0..width).map(|x| (b'0' + labels[y * width + x].min(9)) as char).collect::<String>()
-            );
-        }
-    }
-    let ari = adjusted_rand_index(&found.labels[0].1, &labels)?;
-    let target: Vec<f64> = (0..n)
-        .map(|i| 0.35 + 0.25 * (0.3 * (i % width) as f64).sin() * (0.2 * (i / width) as f64).cos())
-        .collect();
-    let mut sorted = white.clone();
+}
+
+/// The adjusted Rand index of the default segmentation by 40 photos, the number of regions, and the frames taken.
+fn segmented(pair: &mut Pair<'_>) -> Outcome<(f64, usize, u64)> {
+    let taken = |rig: &mut Lab| -> Outcome<u64> { Ok(rig.costs()?.map_or(0, |costs| costs.effort.taken)) };
+    let before = taken(&mut pair.rig)?;
+    let resolution = Some(pair.rig.resolution());
+    let options = SegmentOptions { photos: 40, resolution, ..SegmentOptions::default() };
+    let found = segment(&mut pair.rig.reference_operators(Part::Global)?.swap_remove(0), &options)?;
+    let rand_index = adjusted_rand_index(&found.labels[0].1, &pair.exact.labels()?)?;
+    Ok((rand_index, found.regions.count, taken(&mut pair.rig)? - before))
+}
+
+/// The residuals of compensation by 12 photos inside the box and of the optimum, and those of MINRES and GMRES by 8 photos.
+fn compensated(pair: &mut Pair<'_>, white: &[f64], seen: &[f64]) -> Outcome<[[f64; 2]; 2]> {
+    let mut sorted = white.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let peak = 0.5 * sorted[n / 2];
-    let b: Vec<f64> = target.iter().map(|t| peak * t / 0.6).collect();
-    let wanted: Vec<f64> = b.iter().map(|v| unit * v).collect();
-    let boxed = |lab: &mut Lab, b: &[f64], white: &[f64], method, products| -> Outcome<Vec<f64>> {
-        let options =
-            SolveOptions { products, rtol: 0.0, diagonal: Some(white.to_vec()), ..SolveOptions::default() };
+    let peak = 0.5 * sorted[white.len() / 2];
+    let target = picture(|x, y| peak * (0.58 + 0.42 * (0.3 * x).sin() * (0.2 * y).cos()));
+    let wanted: Vec<f64> = target.iter().map(|light| pair.unit * light).collect();
+    let solved = |lab: &mut Lab, b: &[f64], method, products, diagonal| -> Outcome<Vec<f64>> {
+        let options = SolveOptions { products, rtol: 0.0, diagonal, ..SolveOptions::default() };
         let mut operator = lab.reference_operators(Part::Full)?.swap_remove(0);
         Ok(solve(method, &mut operator, b, &options)?.x)
     };
-    let clamp = |x: &[f64]| -> Vec<f64> { x.iter().map(|v| v.clamp(0.0, 1.0)).collect() };
-    let optimum = boxed(exact, &b, &white, Method::Fista, 300)?;
-    let best = off(&product(exact, Part::Full, &clamp(&optimum))?.0, 1.0, &b);
-    let ours = boxed(&mut rig, &wanted, &seen, Method::KrylovBox, 12)?;
-    let reached = off(&product(exact, Part::Full, &clamp(&ours))?.0, 1.0, &b);
-    let score = |rig: &mut Lab, exact: &mut Lab, method| -> Outcome<f64> {
-        let options = SolveOptions { products: 8, rtol: 0.0, ..SolveOptions::default() };
-        let mut operator = rig.reference_operators(Part::Full)?.swap_remove(0);
-        let x = solve(method, &mut operator, &wanted, &options)?.x;
-        Ok(off(&product(exact, Part::Full, &x)?.0, 1.0, &b))
-    };
-    let minres = score(&mut rig, exact, Method::Minres)?;
-    let gmres = score(&mut rig, exact, Method::Gmres)?;
-    Ok(format!(
-        "full {full:.4} direct {:.3} ({:.3}) global {:.3} ({:.3}) product {:.3} ({:.3}) | ARI {ari:.4} {:?} | {frames} | {reached:.4}/{best:.4} = {:.3} | {minres:.4}/{gmres:.4}",
-        direct.0,
-        direct.1,
-        global.0,
-        global.1,
-        wavy.0,
-        wavy.1,
-        found.regions,
-        reached / best
-    ))
+    let clamped = |x: Vec<f64>| -> Vec<f64> { x.into_iter().map(|value| value.clamp(0.0, 1.0)).collect() };
+    let best = clamped(solved(pair.exact, &target, Method::Fista, OPTIMUM, Some(white.to_vec()))?);
+    let ours = clamped(solved(&mut pair.rig, &wanted, Method::KrylovBox, 12, Some(seen.to_vec()))?);
+    let minres = solved(&mut pair.rig, &wanted, Method::Minres, 8, None)?;
+    let gmres = solved(&mut pair.rig, &wanted, Method::Gmres, 8, None)?;
+    let mut residual = |pattern: &[f64]| pair.residual(pattern, &target);
+    Ok([[residual(&ours)?, residual(&best)?], [residual(&minres)?, residual(&gmres)?]])
+}
+
+/// A product and the standard error that the operator states for it.
+fn product(lab: &mut Lab, part: Part, x: &[f64]) -> Outcome<(Vec<f64>, f64)> {
+    let mut operator = lab.reference_operators(part)?.swap_remove(0);
+    let mut y = vec![0.0; x.len()];
+    operator.apply(x, &mut y)?;
+    Ok((y, operator.standard_error()))
+}
+
+/// `‖found / unit − truth‖ / ‖truth‖`.
+fn misfit(found: &[f64], unit: f64, truth: &[f64]) -> f64 {
+    let difference: Vec<f64> = found.iter().zip(truth).map(|(found, truth)| found / unit - truth).collect();
+    norm(&difference) / norm(truth)
+}
+
+fn picture(value: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    (0..SIDE * SIDE).map(|pixel| value((pixel % SIDE) as f64, (pixel / SIDE) as f64)).collect()
 }
