@@ -43,7 +43,9 @@ mod saving;
 mod scene;
 mod settings;
 mod source;
-pub mod text;
+pub #[cfg(test)]
+mod tests_of_rigs;
+mod text;
 mod through_rig;
 mod transport;
 mod verbs;

@@ -34,6 +34,15 @@ fn saved(folder: &Path) -> Calibration {
     calibration.camera.read_noise = 0.1 + 0.2;
     calibration.stability.settle = f64::MIN_POSITIVE;
     calibration.camera.curve = Some((0..256).map(|count| f64::from(count).powf(1.1)).collect());
+    let pixels = projector.resolution.pixels();
+    calibration.registration.lens = Some(LensMap {
+        camera: camera.resolution,
+        projector: projector.resolution,
+        homography: [1.0, 0.1 / 3.0, 0.0, -1e-17, 1.0, 0.2, 0.0, 0.0],
+        distortion: [0.01, -2.0 / 3.0],
+    });
+    let ratio: Vec<f64> = (0..pixels).map(|pixel| 1.0 + pixel as f64 / 7.0).collect();
+    calibration.flat_field = Some(FlatField::of_ratio(&ratio).expect("positive factors"));
     calibration.save(folder).expect("a temporary folder can be written");
     calibration
 }
@@ -56,7 +65,7 @@ fn damage_in_any_file_is_reported_by_name() {
     saved(folder.path());
     let files = std::fs::read_dir(folder.path()).expect("it is there");
     let files: Vec<_> = files.map(|entry| entry.expect("it can be listed").path()).collect();
-    assert_eq!(files.len(), 6);
+    assert_eq!(files.len(), 8);
     for file in files {
         let whole = std::fs::read(&file).expect("just written");
         // The last digit of a number in the record, or the last byte of an array.

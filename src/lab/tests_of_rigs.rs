@@ -1,0 +1,139 @@
+//! What a realistic rig measures, against the true light transport of the scene before it.
+
+use std::path::Path;
+
+use crate::analysis::audit::AuditOptions;
+use crate::analysis::segment::segment;
+use crate::analysis::{SegmentOptions, adjusted_rand_index};
+use crate::error::Result;
+use crate::krylov::norm;
+use crate::lab::Lab;
+use crate::measure::RigFile;
+use crate::operator::Operator;
+use crate::scene::{Scene, builtin};
+use crate::transport::Part;
+
+const REALISTIC: &str = include_str!("../../assets/rigs/realistic.toml");
+
+fn traced(scene: Scene, side: usize) -> Result<Lab> {
+    // Another seed of the light paths than that of the shipped rig files.
+    Lab::builder_of_scene(scene).size(side, side).samples(64).seed(9).open()
+}
+
+/// The realistic rig before a scene, with a camera of `finer` times its pixels per side and lines of its file replaced; not calibrated.
+fn before(exact: &Lab, finer: f64, replaced: &[[&str; 2]]) -> Result<Lab> {
+    let side = (finer * exact.resolution().width as f64).round();
+    let mut text = REALISTIC.replace("size = [160, 160]", &format!("size = [{side}, {side}]"));
+    for [from, to] in replaced {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    exact.through_rig(RigFile::from_bytes(Path::new("assets/rigs/realistic.toml"), text.as_bytes())?)
+}
+
+fn white(lab: &mut Lab, part: Part) -> Result<Vec<f64>> {
+    Ok(lab.white_of(part)?.swap_remove(0))
+}
+
+/// The relative error of a part's photo under white, in the unit that the whole white photo tells.
+fn error(rig: &mut Lab, exact: &mut Lab, part: Part) -> Result<f64> {
+    let unit = white(rig, Part::Full)?.iter().sum::<f64>() / white(exact, Part::Full)?.iter().sum::<f64>();
+    let (found, truth) = (white(rig, part)?, white(exact, part)?);
+    let misfit: Vec<f64> = found.iter().zip(&truth).map(|(found, truth)| found / unit - truth).collect();
+    Ok(norm(&misfit) / norm(&truth))
+}
+
+#[test]
+fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
+    let mut exact = traced(builtin::corner().to_scene(), 32)?;
+    let mut rig = before(&exact, 2.5, &[])?;
+    assert!(rig.measure_flat_field().is_err(), "a rig that was not calibrated");
+    let report = rig.calibrate(&Default::default())?;
+    // The corners of the projector have 0.9 of its light, and those of the camera 0.85.
+    let ratio = report.evenness.map_or(f64::NAN, |evenness| evenness.value);
+    assert!((ratio - 0.944).abs() < 0.03, "{ratio}");
+    let uneven = error(&mut rig, &mut exact, Part::Full)?;
+    let flat = rig.measure_flat_field()?;
+    let corner = |values: &[f64]| values[0] / values.iter().copied().fold(0.0, f64::max);
+    // Half a pixel inside of the corner, the vignetting is a tenth less than in it.
+    assert!((corner(&flat.projector) - 0.905).abs() < 0.02, "{}", corner(&flat.projector));
+    assert!((corner(&flat.camera) - 0.857).abs() < 0.02, "{}", corner(&flat.camera));
+    let even = error(&mut rig, &mut exact, Part::Full)?;
+    // The noise of one white photo is 0.5 % a pixel.
+    assert!(uneven > 0.03 && even < 0.012, "{uneven} {even}");
+    Ok(())
+}
+
+#[test]
+fn direct_light_that_lens_and_camera_spread_is_no_global_light() -> Result<()> {
+    let mut exact = traced(builtin::corner().to_scene(), 32)?;
+    let blurred = ["blur = 0.2", "blur = 0.6"];
+    for (finer, most) in [(2.5, 0.15), (1.0, 0.35)] {
+        let mut rig = before(&exact, finer, &[blurred])?;
+        rig.calibrate(&Default::default())?;
+        rig.measure_flat_field()?;
+        let global = error(&mut rig, &mut exact, Part::Global)?;
+        // Taken as a diagonal, direct light left an error of 1.8 in it.
+        assert!(global < most, "{global} with {finer} camera pixels for each of the projector's");
+    }
+    Ok(())
+}
+
+#[test]
+fn a_camera_as_coarse_as_the_projector_is_registered_to_a_part_of_a_pixel() -> Result<()> {
+    let mut exact = traced(builtin::corner().to_scene(), 48)?;
+    let even = [["vignetting = 0.1 ", "vignetting = 0.0 "], ["vignetting = 0.15", "vignetting = 0.0"]];
+    let mut rig = before(&exact, 1.0, &even)?;
+    let report = rig.calibrate(&Default::default())?;
+    let lens = report.map.lens.ok_or(crate::Error::Interrupted)?;
+    let [x, y] = lens.to_projector([24.0, 24.0]);
+    assert!((x - 24.3).abs() < 0.03 && (y - 24.4).abs() < 0.03, "{x} {y}");
+    let white = error(&mut rig, &mut exact, Part::Full)?;
+    // By Gray codes it was 0.1: the map was that of a camera that does not look past.
+    assert!(white < 0.03, "{white}");
+    Ok(())
+}
+
+#[test]
+fn a_rig_is_calibrated_in_a_lit_room() -> Result<()> {
+    let exact = traced(builtin::corner().to_scene(), 24)?;
+    let mut rig = before(&exact, 2.5, &[["level = 0.1 ", "level = 0.3 "]])?;
+    let report = rig.calibrate(&Default::default())?;
+    let gamma = report.projector[0].gamma.value;
+    assert!((gamma - 2.2).abs() < 0.002, "{gamma}");
+    Ok(())
+}
+
+#[test]
+fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() -> Result<()> {
+    let exact = traced(builtin::corner().to_scene(), 24)?;
+    let refused = before(&exact, 2.5, &[])?.white().map_or_else(|error| error.to_string(), |_| String::new());
+    assert!(refused.contains("was not calibrated") && refused.contains("rig calibrate"), "{refused}");
+    let meant = ["takes = 1", "response = false\ntakes = 1"];
+    assert!(before(&exact, 2.5, &[meant])?.white().is_ok(), "the file says that counts are used as they are");
+    let audit = before(&exact, 2.5, &[])?.audit(&AuditOptions::default())?;
+    assert!(audit.checks.iter().any(|check| check.passed == Some(false)), "an audit finds it");
+    let mut rig = before(&exact, 2.5, &[])?;
+    rig.calibrate(&Default::default())?;
+    assert!(rig.white().is_ok());
+    let linear = ["gamma = 2.2", "gamma = 1.0"];
+    assert!(before(&exact, 2.5, &[linear])?.white().is_ok(), "in proportion without a calibration");
+    Ok(())
+}
+
+#[test]
+fn noise_of_a_twelfth_of_the_light_does_not_ruin_a_segmentation() -> Result<()> {
+    let mut exact = traced(builtin::two_sheets().to_scene(), 64)?;
+    let mut rig = before(&exact, 2.5, &[["full_well = 60000", "full_well = 5000"]])?;
+    rig.calibrate(&Default::default())?;
+    rig.measure_flat_field()?;
+    let resolution = Some(exact.resolution());
+    let options = SegmentOptions { photos: 40, resolution, ..SegmentOptions::default() };
+    let mut global = rig.operator(Part::Global)?;
+    let found = segment(&mut global, &options)?;
+    assert!(global.standard_error() > 0.0);
+    let score = adjusted_rand_index(&found.labels[0].1, &exact.labels()?)?;
+    // Without the low-pass it was between 0 and 0.4: eigenvectors of noise.
+    assert!(score > 0.98 && found.regions.count == 2, "{score} {:?}", found.regions);
+    Ok(())
+}
