@@ -134,6 +134,16 @@ impl Lab {
         LabBuilder::of_scene(scene)
     }
 
+    /// A laboratory around a matrix that a program made, with settings; `name` is used in titles.
+    pub fn builder_of_matrix(matrix: Csr, name: impl Into<String>) -> LabBuilder {
+        LabBuilder::of_matrix(matrix, name.into())
+    }
+
+    /// A laboratory around a rig whose file a program wrote: `text` is its content, and `name` stands for its path. A run keeps the text.
+    pub fn builder_of_rig(name: impl AsRef<Path>, text: impl Into<String>) -> LabBuilder {
+        LabBuilder::of_rig(name.as_ref(), text.into())
+    }
+
     /// A laboratory around a matrix that a program made; `name` is used in titles.
     pub fn of_matrix(matrix: Csr, name: impl Into<String>) -> Self {
         let source = Source::Matrix(MatrixSource::new(matrix, name.into()));
