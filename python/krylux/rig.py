@@ -158,6 +158,8 @@ class Report:
 
 
 def _rig(source, options):
+    if not isinstance(source, ProgramRig) and not str(source).lower().endswith(".toml"):
+        raise _checks.refuse("source", f"{source} is no rig", "give a rig file (.toml), or devices of Python")
     return _opening.request(source, {**_opening.DEFAULTS, **options})
 
 
