@@ -22,6 +22,7 @@ which receives ``uint16[H, W]`` or ``[H, W, 3]`` and returns when they are on sc
 
 import json
 import os
+import types
 
 import numpy as np
 
@@ -141,7 +142,7 @@ def _toml_value(value):
     raise _checks.refuse("measurement", f"{value!r} has no form in a rig file", "give numbers, texts, or lists of them")
 
 
-class Report:
+class Report(types.SimpleNamespace):
     """The outcome of a rig's calibration, check or alignment: attributes by name.
 
     Calibration: ``folder``, ``report``, ``effort``, ``lines``. Check: ``findings``, ``passed``, ``complete``, ``status``.
@@ -151,7 +152,7 @@ class Report:
     """
 
     def __init__(self, fields):
-        self.__dict__.update(fields)
+        super().__init__(**fields)
 
     def __repr__(self):
         return f"<krylux.rig.Report: {', '.join(self.__dict__)}>"

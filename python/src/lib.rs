@@ -37,6 +37,7 @@ fn _krylux(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<lab::Lab>()?;
     module.add_class::<matrix::Matrix>()?;
     module.add_class::<operator::Operator>()?;
+    module.add_function(wrap_pyfunction!(work::panic, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::solve, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::eigenpairs, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::trace, module)?)?;

@@ -78,6 +78,21 @@ impl Operator {
         Ok(y.into_pyarray(py))
     }
 
+    /// The least seconds of a product `A x` in so many, as Rust takes it into a new vector: the measure of what Python adds.
+    fn seconds(&self, x: PyReadonlyArray1<'_, f64>, repeats: usize) -> PyResult<f64> {
+        let (py, x) = (x.py(), x.as_slice()?);
+        self.with(py, |operator| {
+            let mut least = f64::INFINITY;
+            for _ in 0..repeats {
+                let start = std::time::Instant::now();
+                let mut y = vec![0.0; self.shape.0];
+                operator.apply(x, &mut y)?;
+                least = least.min(start.elapsed().as_secs_f64());
+            }
+            Ok(least)
+        })
+    }
+
     /// The products of the rows of `xs`, as rows: one block of krylux.
     fn products<'py>(
         &self,

@@ -128,6 +128,14 @@ freeze_for_good = true
     assert caught.value.device and caught.value.help
 
 
+def test_a_fault_of_krylux_is_an_exception_and_the_interpreter_goes_on():
+    from krylux import _krylux
+
+    with pytest.raises(errors.InternalError, match="krylux failed: a panic on purpose"):
+        _krylux.panic()
+    assert krylux.open(np.eye(2)).eigs(1, photos=2).values[0] == 1
+
+
 def test_exceptions_can_be_pickled_with_their_parts(zigzag):
     import pickle
 
