@@ -52,10 +52,10 @@ class LabOperator(LinearOperator):
         return self._native.standard_errors()
 
     def _matvec(self, x):
-        return self._native.product(_checks.vector(x, "x", self.shape[1]), False)
+        return self._native.product(_vector(x, "x", self.shape[1]), False)
 
     def _rmatvec(self, y):
-        return self._native.product(_checks.vector(y, "y", self.shape[0]), True)
+        return self._native.product(_vector(y, "y", self.shape[0]), True)
 
     def _matmat(self, X):
         return self._block(X, "X", False)
@@ -65,7 +65,10 @@ class LabOperator(LinearOperator):
 
     def _block(self, columns, option, adjoint):
         # One vector in each row: a block of krylux, whose products share one pass over the matrix.
-        rows = _checks.real_array(np.asarray(columns).T, option, np.float64)
+        columns = np.asarray(columns)
+        if columns.dtype is not _FLOAT64:
+            columns = _checks.real_array(columns, option, np.float64)
+        rows = np.ascontiguousarray(columns.T)
         return self._native.products(rows, adjoint).T
 
     def _adjoint(self):
@@ -85,6 +88,16 @@ class LabOperator(LinearOperator):
         rows, cols = self.shape
         symmetric = ", symmetric" if self.is_symmetric else ""
         return f"<LabOperator of {rows}×{cols}: {self.part} light, channel {self.channel}{symmetric}; {self.photos} photos>"
+
+
+_FLOAT64 = np.dtype(np.float64)
+
+
+def _vector(x, option, length):
+    """A contiguous vector in double precision; most vectors are one already, and then nothing is looked at twice."""
+    if type(x) is np.ndarray and x.dtype is _FLOAT64 and x.size == length:
+        return x.ravel()
+    return _checks.vector(x, option, length)
 
 
 class _Transposed(LinearOperator):

@@ -39,6 +39,17 @@ impl Operator {
     }
 }
 
+/// Refuses NaN and infinite entries. It is done here because a look at each number in NumPy takes as long as some hundredth of a product.
+fn check_finite(py: Python<'_>, argument: &str, values: &[f64]) -> PyResult<()> {
+    // Without an early end the loop is vectorized.
+    let wrong = values.iter().filter(|value| !value.is_finite()).count();
+    if wrong == 0 {
+        return Ok(());
+    }
+    let fault = format!("{wrong} of its values are NaN or infinite");
+    Err(errors::option(py, argument, &fault, "replace them by finite numbers"))
+}
+
 #[pymethods]
 impl Operator {
     /// Rows and columns.
@@ -70,6 +81,7 @@ impl Operator {
         adjoint: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (py, x) = (x.py(), x.as_slice()?);
+        check_finite(py, if adjoint { "y" } else { "x" }, x)?;
         let mut y = vec![0.0; if adjoint { self.shape.1 } else { self.shape.0 }];
         self.with(py, |operator| match adjoint {
             true => operator.apply_adjoint(x, &mut y),
@@ -100,6 +112,7 @@ impl Operator {
         adjoint: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (py, count, length) = (xs.py(), xs.shape()[0], xs.shape()[1]);
+        check_finite(py, if adjoint { "Y" } else { "X" }, xs.as_slice()?)?;
         let to = if adjoint { self.shape.1 } else { self.shape.0 };
         let mut values = vec![0.0; count * to];
         let xs: Vec<&[f64]> = xs.as_slice()?.chunks(length.max(1)).collect();
