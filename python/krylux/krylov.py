@@ -15,13 +15,17 @@ __all__ = [
 ]
 
 
-def _describe(A, symmetric=None, progress=False):
-    """An operator as the native part calls it: ``product(rows, adjoint)`` returns rows."""
+def _describe(A, symmetric=None, progress=False, *, trusts=False):
+    """An operator as the native part calls it: ``product(rows, adjoint)`` returns rows.
+
+    ``trusts``: an operator of which nothing is known is taken for symmetric, because the method is for such ones.
+    """
     shape = getattr(A, "shape", None)
     if shape is None or len(shape) != 2 or not hasattr(A, "__matmul__"):
         raise _checks.refuse("A", f"{type(A).__name__} is no operator", "give something with `shape` and `@`")
     if symmetric is None:
         symmetric = _is_symmetric(A)
+        symmetric = trusts if symmetric is None else symmetric
     transposed = None
 
     def product(rows, adjoint):
@@ -49,7 +53,7 @@ def _describe(A, symmetric=None, progress=False):
 
 
 def _is_symmetric(A):
-    """Whether ``A = Aᵀ``, where that is cheap to know; otherwise nothing is taken for granted."""
+    """Whether ``A = Aᵀ``, where that is cheap to know; otherwise ``None``."""
     from .operator import LabOperator
 
     if isinstance(A, LabOperator):
@@ -61,7 +65,7 @@ def _is_symmetric(A):
     if hasattr(A, "tocsr"):
         difference = A - A.T
         return difference.nnz == 0 or not np.any(difference.data)
-    return False
+    return None
 
 
 def _transpose(A):
@@ -106,7 +110,8 @@ def solve(method, A, b, *, products=50, rtol=1e-6, atol=0.0, noise=0.0, x0=None,
     diagonal : array_like, optional
         ``A 1``, where it is known already, for the methods with bounds.
     symmetric : bool, optional
-        Whether ``A = Aᵀ``. Default: known of matrices and of krylux's operators, not assumed of others.
+        Whether ``A = Aᵀ``. Default: known of matrices and of krylux's operators; of others it is assumed by ``"minres"``
+        and ``"cg"``, which are for such operators only, and not by other methods.
     progress : bool or callable
         As in :func:`krylux.open`; silent by default.
 
@@ -121,7 +126,7 @@ def solve(method, A, b, *, products=50, rtol=1e-6, atol=0.0, noise=0.0, x0=None,
     Exception
         Whatever ``A`` raises comes out unchanged.
     """
-    described = _describe(A, symmetric, progress)
+    described = _describe(A, symmetric, progress, trusts=method in ("minres", "cg"))
     m, n = described["shape"]
     divide_by, function = _preconditioner(M, n)
     question = {

@@ -214,12 +214,16 @@ class Lab(Asking):
 
     def _repr_html_(self):
         figures = []
-        if self.kind != "matrix" and not self.is_closed:
+        # A rig's photos are dear: none is taken to look at it.
+        if self.kind in ("scene", "run") and not self.is_closed:
             figures.append(_display.image(_display.light(self.white), f"white photo, in {self.unit}"))
         return _display.page(f"Laboratory {self.name}", repr(self).strip("<>"), *figures)
 
 
-def open(source, **options):
+def open(source, *, size=None, projector_size=None, spp=None, max_bounces=None, seed=None, sampler=None,
+         russian_roulette=False, channels="luma", camera=None, camera_file=None, adapter=None, cache=None,
+         operator="auto", products="auto", memory=None, split_bounces=False, folder=None, resume=False,
+         overwrite=False, progress=None, name=None):
     """Opens a scene, a rig, the folder of an earlier run, or a matrix.
 
     Parameters
@@ -281,8 +285,5 @@ def open(source, **options):
     krylux.Error
         The source cannot be read, or has no use for an argument. The message names both.
     """
-    unknown = sorted(set(options) - set(_opening.DEFAULTS))
-    if unknown:
-        known = ", ".join(_opening.DEFAULTS)
-        raise TypeError(f"open() got an unexpected keyword argument '{unknown[0]}'\n  help: give one of {known}")
-    return Lab(source, {**_opening.DEFAULTS, **options})
+    options = dict(locals())
+    return Lab(options.pop("source"), options)

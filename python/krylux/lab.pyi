@@ -1,3 +1,5 @@
+from collections.abc import Callable
+from os import PathLike
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self, overload
@@ -8,6 +10,7 @@ from scipy.sparse import csr_array
 
 from ._asking import Asking
 from .operator import LabOperator
+from .rig import ProgramRig
 
 class Lab(Asking):
     kind: Literal["scene", "rig", "run", "matrix"]
@@ -51,4 +54,28 @@ class Lab(Asking):
         self, *_: type[BaseException] | BaseException | TracebackType | None
     ) -> None: ...
 
-def open(source: Any, **options: Any) -> Lab: ...
+def open(
+    source: str | PathLike[str] | ArrayLike | ProgramRig | Any,
+    *,
+    size: int | tuple[int, int] | None = None,
+    projector_size: int | tuple[int, int] | None = None,
+    spp: int | None = None,
+    max_bounces: int | None = None,
+    seed: int | None = None,
+    sampler: Literal["sobol", "independent"] | None = None,
+    russian_roulette: bool = False,
+    channels: Literal["luma", "rgb", "native"] = "luma",
+    camera: str | None = None,
+    camera_file: str | PathLike[str] | None = None,
+    adapter: str | None = None,
+    cache: str | PathLike[str] | bool | None = None,
+    operator: Literal["auto", "replay", "retrace"] = "auto",
+    products: Literal["auto", "cpu", "device"] = "auto",
+    memory: int | None = None,
+    split_bounces: bool = False,
+    folder: str | PathLike[str] | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool | Callable[[str, int, int, str], object] | None = None,
+    name: str | None = None,
+) -> Lab: ...
