@@ -1,20 +1,9 @@
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._krylux import Answer as _Answer
-from .lab import Lab
-
-class Answer:
-    photos: int
-    status: str
-    def __init__(self, fields: dict[str, Any], native: _Answer | None = None, lab: Lab | None = None) -> None: ...
-    def save(self, folder: str | PathLike[str] | None = None, *, overwrite: bool = False) -> Path: ...
-    def __getstate__(self) -> dict[str, Any]: ...
-    def __setstate__(self, state: dict[str, Any]) -> None: ...
+from ._answer import Answer as Answer
 
 class Segmentation(Answer):
     labels: dict[int, NDArray[np.uint8]]

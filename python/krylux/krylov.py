@@ -6,75 +6,14 @@ The methods stop where noise would be fitted, keep bounds where they are told to
 
 import numpy as np
 
-from . import _checks, _krylux, _progress, answers
+from . import _checks, _krylux, answers
 from ._asking import columns, eigs_question
+from ._operators import describe, preconditioner
 
 __all__ = [
     "bicgstab", "cg", "cgs", "eigs", "fgmres", "fista", "gmres", "jacobi", "krylov_box", "lsmr", "lsqr", "minres",
     "mrnsd", "multiplicative", "solve", "svd", "trace",
 ]
-
-
-def _describe(A, symmetric=None, progress=False, *, trusts=False):
-    """An operator as the native part calls it: ``product(rows, adjoint)`` returns rows.
-
-    ``trusts``: an operator of which nothing is known is taken for symmetric, because the method is for such ones.
-    """
-    shape = getattr(A, "shape", None)
-    if shape is None or len(shape) != 2 or not hasattr(A, "__matmul__"):
-        raise _checks.refuse("A", f"{type(A).__name__} is no operator", "give something with `shape` and `@`")
-    if symmetric is None:
-        symmetric = _is_symmetric(A)
-        symmetric = trusts if symmetric is None else symmetric
-    transposed = None
-
-    def product(rows, adjoint):
-        nonlocal transposed
-        matrix = A
-        if adjoint:
-            if transposed is None:
-                transposed = _transpose(A)
-            matrix = transposed
-        # Most callers count one product for each vector, so they are taken one by one unless there are several.
-        taken = [matrix @ rows[0]] if len(rows) == 1 else (matrix @ rows.T).T
-        length = matrix.shape[0]
-        answer = _checks.real_array(taken, "A", np.float64)
-        if answer.size != len(rows) * length:
-            raise _checks.refuse("A", f"its product has the shape {np.shape(taken)}", f"return {length} entries for each vector")
-        return answer.reshape(len(rows), length)
-
-    from .operator import LabOperator
-
-    block = 8 if isinstance(A, np.ndarray) else 1
-    if isinstance(A, LabOperator):
-        block = 1
-    return {"product": product, "shape": tuple(int(side) for side in shape), "symmetric": bool(symmetric),
-            "block": block, "progress": _progress.choose(progress), "log": _progress.log}
-
-
-def _is_symmetric(A):
-    """Whether ``A = Aᵀ``, where that is cheap to know; otherwise ``None``."""
-    from .operator import LabOperator
-
-    if isinstance(A, LabOperator):
-        return A.is_symmetric
-    if A.shape[0] != A.shape[1]:
-        return False
-    if isinstance(A, np.ndarray):
-        return bool((A == A.T).all())
-    if hasattr(A, "tocsr"):
-        difference = A - A.T
-        return difference.nnz == 0 or not np.any(difference.data)
-    return None
-
-
-def _transpose(A):
-    for name in ("T", "H"):
-        transposed = getattr(A, name, None)
-        if transposed is not None:
-            return transposed
-    raise _checks.refuse("A", "the method needs the transpose, which it does not have",
-                         "give it a `T`, say symmetric=True, or use gmres")
 
 
 def solve(method, A, b, *, products=50, rtol=1e-6, atol=0.0, noise=0.0, x0=None, M=None, side="right", restart=None,
@@ -126,9 +65,9 @@ def solve(method, A, b, *, products=50, rtol=1e-6, atol=0.0, noise=0.0, x0=None,
     Exception
         Whatever ``A`` raises comes out unchanged.
     """
-    described = _describe(A, symmetric, progress, trusts=method in ("minres", "cg"))
+    described = describe(A, symmetric, progress, trusts=method in ("minres", "cg"))
     m, n = described["shape"]
-    divide_by, function = _preconditioner(M, n)
+    divide_by, function = preconditioner(M, n)
     question = {
         "products": _checks.count(products, "products"),
         "rtol": _checks.finite(rtol, "rtol", 0.0),
@@ -144,20 +83,6 @@ def solve(method, A, b, *, products=50, rtol=1e-6, atol=0.0, noise=0.0, x0=None,
         "diagonal": None if diagonal is None else _checks.vector(diagonal, "diagonal", n),
     }
     return answers.Solution(_krylux.solve(method, described, _checks.vector(b, "b", m), question))
-
-
-def _preconditioner(M, n):
-    """``(a diagonal to divide by, a function of a vector)``, one of which is nothing."""
-    if M is None:
-        return None, None
-    if hasattr(M, "shape") and len(M.shape) == 2:
-        return None, lambda r: _checks.vector(M @ r, "M", n)
-    if callable(M):
-        return None, lambda r: _checks.vector(M(r), "M", n)
-    inverse = _checks.vector(M, "M", n)
-    if not (inverse > 0).all():
-        raise _checks.refuse("M", "some of its entries are not positive", "give a positive vector")
-    return 1 / inverse, None
 
 
 def _named(method, about):
@@ -232,7 +157,7 @@ def eigs(A, count=6, *, which="la", products=50, tolerance=None, method=None, bl
     ----------
     O'Toole and Kutulakos, section 3.
     """
-    described = _describe(A, symmetric, progress)
+    described = describe(A, symmetric, progress)
     m, n = described["shape"]
     if m != n:
         raise _checks.refuse("A", f"it has {m} rows and {n} columns", "give a square operator")
@@ -269,7 +194,7 @@ def trace(A, *, products=50, seed=0, method="hutch++", symmetric=None):
     products : int
         Products that it took.
     """
-    return _krylux.trace(_describe(A, symmetric), _checks.count(products, "products"), _checks.count(seed, "seed", 0), method)
+    return _krylux.trace(describe(A, symmetric), _checks.count(products, "products"), _checks.count(seed, "seed", 0), method)
 
 
 def svd(A, rank=10, *, oversampling=10, iterations=0, seed=0, symmetric=None):
@@ -301,5 +226,5 @@ def svd(A, rank=10, *, oversampling=10, iterations=0, seed=0, symmetric=None):
     """
     question = (_checks.count(rank, "rank"), _checks.count(oversampling, "oversampling", 0),
                 _checks.count(iterations, "iterations", 0), _checks.count(seed, "seed", 0))
-    left, values, right = _krylux.svd(_describe(A, symmetric), question)
+    left, values, right = _krylux.svd(describe(A, symmetric), question)
     return left.T, values, right
