@@ -1,6 +1,7 @@
 //! An open laboratory: its photos, its matrix, its operators, and the folder of its run.
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use krylux::lab::{Lab as Laboratory, RunOptions, SourceKind};
@@ -20,7 +21,22 @@ use crate::{errors, work};
 #[pyclass(frozen, module = "krylux._krylux", name = "Lab")]
 pub(crate) struct Lab {
     lab: Arc<Mutex<Option<Laboratory>>>,
+    /// Photos that were asked for one by one, beside those of operators.
+    photos: AtomicUsize,
     process: u32,
+}
+
+/// A laboratory that goes out of scope leaves a record of its run that is as complete as that of a closed one.
+impl Drop for Lab {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            // Its devices are the parent's: they are neither used nor closed here.
+            std::mem::forget(Arc::clone(&self.lab));
+            return;
+        }
+        // Nobody is left who could be told of an error. Another thread may be at work with an operator, and need the interpreter.
+        let _ = Python::try_attach(|py| work::detached(py, || self.end()));
+    }
 }
 
 impl Lab {
@@ -53,7 +69,8 @@ impl Lab {
     fn new(py: Python<'_>, request: Request) -> PyResult<Self> {
         let builder = request.builder(py)?;
         let lab = work::detached(py, || builder.open())?;
-        Ok(Self { lab: Arc::new(Mutex::new(Some(lab))), process: std::process::id() })
+        let lab = Arc::new(Mutex::new(Some(lab)));
+        Ok(Self { lab, photos: AtomicUsize::new(0), process: std::process::id() })
     }
 
     /// What is known without a photo.
@@ -87,6 +104,7 @@ impl Lab {
     ) -> PyResult<Bound<'py, PyAny>> {
         let pattern = arrays::image(&pattern)?;
         let photo = self.with(py, |lab| lab.photo(&pattern))?;
+        self.photos.fetch_add(1, Ordering::Relaxed);
         Ok(arrays::array(py, &photo)?.into_any())
     }
 
@@ -98,6 +116,7 @@ impl Lab {
     ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
         let pattern = arrays::image(&pattern)?;
         let (photo, error) = self.with(py, |lab| lab.photo_with_error(&pattern))?;
+        self.photos.fetch_add(1, Ordering::Relaxed);
         let error = error.map(|error| arrays::array(py, &error).map(Bound::into_any)).transpose()?;
         Ok((arrays::array(py, &photo)?.into_any(), error))
     }
@@ -105,6 +124,7 @@ impl Lab {
     /// The photo under an all-ones pattern, or without a projector.
     fn plain<'py>(&self, py: Python<'py>, is_white: bool) -> PyResult<Bound<'py, PyAny>> {
         let photo = self.with(py, |lab| if is_white { lab.white() } else { lab.ambient() })?;
+        self.photos.fetch_add(1, Ordering::Relaxed);
         Ok(arrays::array(py, &photo)?.into_any())
     }
 
@@ -199,14 +219,7 @@ impl Lab {
 
     /// Ends the open run, and frees devices and memory. Operators that were handed out stay valid.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        if self.process != std::process::id() {
-            return Ok(());
-        }
-        work::detached(py, || {
-            let lab = self.lab.lock().unwrap_or_else(PoisonError::into_inner).take();
-            let Some(mut lab) = lab else { return Ok(()) };
-            lab.end_run(lab.contact_sheet().len(), "closed")
-        })
+        work::detached(py, || self.end())
     }
 
     #[getter]
@@ -216,6 +229,24 @@ impl Lab {
 }
 
 impl Lab {
+    /// Ends the open run and drops the laboratory. A run that took no photo, or whose rig no longer answers, counts as interrupted.
+    fn end(&self) -> krylux::Result<()> {
+        if self.process != std::process::id() {
+            return Ok(());
+        }
+        let lab = self.lab.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(mut lab) = lab else { return Ok(()) };
+        let photos = lab.contact_sheet().len() + self.photos.load(Ordering::Relaxed);
+        if lab.run().is_none() {
+            return Ok(());
+        }
+        if photos == 0 || lab.costs().is_err() {
+            lab.abort(&krylux::Error::Interrupted);
+            return Ok(());
+        }
+        lab.end_run(photos, "closed")
+    }
+
     fn check_channel(&self, py: Python<'_>, channel: usize) -> PyResult<()> {
         let count = self.with(py, |lab| Ok(lab.channels().count()))?;
         if channel < count {

@@ -19,6 +19,15 @@ pub(crate) struct Operator {
     process: u32,
 }
 
+impl Drop for Operator {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            // Its devices are the parent's: they are neither used nor closed here.
+            std::mem::forget(Arc::clone(&self.operator));
+        }
+    }
+}
+
 impl Operator {
     pub(crate) fn new(operator: LabOperator) -> Self {
         let shape = (operator.rows(), operator.cols());

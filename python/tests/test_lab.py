@@ -1,6 +1,7 @@
 """A laboratory: photos, the matrix, labels, the folder of a run."""
 
 import gc
+import json
 import pickle
 import weakref
 
@@ -111,6 +112,21 @@ def test_a_run_keeps_its_photos_and_answers_again(zigzag, tmp_path):
         assert replay.kind == "run"
         again = replay.segment([2])
         assert np.array_equal(first.labels[2], again.labels[2]) and first.rand_index == again.rand_index
+
+
+@pytest.mark.parametrize("ends", ["close", "forget"])
+def test_a_run_without_an_answer_says_how_it_ended(tmp_path, ideal_rig, ends):
+    for name, use, status in (("used", lambda lab: lab.photo(np.ones((8, 8))), "done"),
+                              ("unused", lambda lab: None, "interrupted")):
+        lab = krylux.open(ideal_rig, size=8, spp=4, folder=tmp_path / name, progress=False)
+        use(lab)
+        if ends == "close":
+            lab.close()
+        else:
+            del lab
+            gc.collect()
+        record = json.loads((tmp_path / name / "run.json").read_text())
+        assert record["status"] == status, record
 
 
 def test_labels_and_truth(zigzag):

@@ -168,6 +168,7 @@ if child == 0:
         except krylux.errors.ForkedError:
             own = krylux.open(matrix, progress=False).eigs(2, photos=10).values
             assert np.allclose(own, true, rtol=1e-12), (own, true)
+            del parent
             again = krylux.open('assets/scenes/zigzag/scene.glb', size=16, spp=16, progress=False)
             assert np.array_equal(again.eigs(2, part='global', photos=10).values, true)
             print('child', flush=True)
