@@ -1,5 +1,7 @@
 """The verbs about light itself: compensation, separation, probing and relighting."""
 
+import os
+
 import numpy as np
 
 from . import _checks, answers
@@ -10,7 +12,7 @@ class Lighting:
 
     def compensate(self, target, *, method=None, photos=None, rtol=None, floor=0.0, lift=None, peak=None,
                    precondition=None, defocus=None, out_of_focus=False, paper=False, crosstalk=None, unmix=False,
-                   compare_methods=False):
+                   compare_methods=False, model=None):
         """Finds what to project, so that the scene looks like a target.
 
         Parameters
@@ -44,6 +46,9 @@ class Lighting:
             Solve each channel by itself, and un-mix the colours afterwards.
         compare_methods : bool
             Give every other method as many photos.
+        model : path
+            The folder of a run on this source, of :meth:`relight` or of any verb that keeps its photos: a model of the light
+            answers, and ``photos`` only correct it.
 
         Returns
         -------
@@ -77,6 +82,7 @@ class Lighting:
             "crosstalk": None if measure or crosstalk is None else _three_by_three(crosstalk),
             "unmix": bool(unmix),
             "compare_methods": bool(compare_methods),
+            "model": None if model is None else os.fspath(model),
         }
         return answers.Compensation(*self._native.compensate(target, question), self)
 
@@ -171,6 +177,10 @@ class Lighting:
         ----------
         O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010).
         """
+        for option, value in (("photos", photos), ("block", block), ("max_error", max_error)):
+            if self._has_model and value is not None:
+                fault = f"{self.name} holds a model that is captured already, and no scene to compare it with"
+                raise _checks.refuse(option, fault, "leave it out, or open the scene or the rig")
         if patterns is None:
             patterns = {"white": np.ones(self.projector_shape, np.float32)}
 

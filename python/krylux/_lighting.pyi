@@ -1,4 +1,5 @@
 from collections.abc import Mapping
+from os import PathLike
 from typing import Literal
 
 from numpy.typing import ArrayLike
@@ -23,6 +24,7 @@ class Lighting:
         crosstalk: ArrayLike | Literal["measure"] | None = None,
         unmix: bool = False,
         compare_methods: bool = False,
+        model: str | PathLike[str] | None = None,
     ) -> answers.Compensation: ...
     def separate(
         self,

@@ -89,6 +89,10 @@ def test_relight_predicts_photos_that_were_not_taken(zigzag, tmp_path):
     with krylux.open(tmp_path / "relight") as run:
         again = run.relight({"left": pattern})
         assert np.array_equal(again.relit["left"], found.relit["left"])
+        with pytest.raises(krylux.errors.OptionError, match="captured already"):
+            run.relight({"left": pattern}, photos=3)
+    by_model = zigzag.compensate(np.full((24, 24), 0.5), model=tmp_path / "relight", photos=3)
+    assert by_model.residual < 0.5 * by_model.uncompensated_residual and by_model.photos <= 3
 
 
 def test_audit_passes_a_simulator_and_finds_an_asymmetric_matrix(zigzag, tmp_path):

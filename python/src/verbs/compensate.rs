@@ -1,9 +1,11 @@
 //! Compensation.
 
-use krylux::analysis::compensate::{CompensateOptions, Compensation, Crosstalk, Precondition};
+use std::path::{Path, PathBuf};
+
+use krylux::analysis::compensate::{CompensateOptions, Compensation, Crosstalk, Precondition, Target};
 use krylux::analysis::{CompensationRow, MethodRun};
 use krylux::krylov::{Constraint, Method};
-use krylux::lab::{ColorMixing, CompensateRequest};
+use krylux::lab::{ColorMixing, CompensateAnswer, CompensateRequest, Lab as Laboratory, open_model};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -33,6 +35,8 @@ struct CompensateQuestion {
     crosstalk: Option<[[f64; 3]; 3]>,
     unmix: bool,
     compare_methods: bool,
+    /// The folder of a run whose model answers, corrected by photos.
+    model: Option<PathBuf>,
 }
 
 impl CompensateQuestion {
@@ -113,6 +117,23 @@ fn fields<'py>(py: Python<'py>, found: &Compensation, methods: &[MethodRun]) -> 
     Ok(fields.0)
 }
 
+/// Answers by the model in a folder, corrected by so many photos.
+fn by_model(
+    lab: &mut Laboratory,
+    folder: &Path,
+    request: &CompensateRequest,
+    photos: Option<usize>,
+) -> krylux::Result<CompensateAnswer> {
+    let mut model = open_model(folder, lab.observer())?;
+    let target = Target::new(&request.target, &model.ambient)?;
+    // Without photos the options still have to be those of a method that takes some.
+    let options =
+        CompensateOptions { photos: request.options.photos.max(1), baseline: false, ..request.options };
+    let corrections = photos.unwrap_or(CompensateOptions::default().photos);
+    let found = lab.compensate_by_model(&mut model, &target, &options, corrections)?;
+    Ok(CompensateAnswer { found, methods: Vec::new() })
+}
+
 #[pymethods]
 impl Lab {
     /// What to project so that the photo is the target.
@@ -128,7 +149,10 @@ impl Lab {
         let options = question.options(py, colors.is_none() && is_symmetric, is_simulated)?;
         let compare_methods = question.compare_methods;
         let request = CompensateRequest { target, options, colors, compare_methods };
-        let answer = self.with(py, |lab| lab.compensate(&request))?;
+        let answer = self.with(py, |lab| match &question.model {
+            None => lab.compensate(&request),
+            Some(folder) => by_model(lab, folder, &request, question.photos),
+        })?;
         let fields = fields(py, &answer.found, &answer.methods)?;
         Ok((fields, Answer::new(Kept::Compensate(Box::new(request), Box::new(answer)))))
     }
