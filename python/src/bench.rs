@@ -36,7 +36,9 @@ pub(crate) fn calibrate<'py>(
     let rig = rig(py, request)?;
     let folder = folder.unwrap_or_else(|| rig.calibration_folder());
     let run = RunOptions { folder: Some(folder), overwrite, resume };
-    let found = work::detached(py, || rig.calibrate(&CalibrateOptions { takes, map }, &run))?;
+    #[allow(clippy::needless_update, reason = "options that Python does not name keep their defaults")]
+    let options = CalibrateOptions { takes, map, ..CalibrateOptions::default() };
+    let found = work::detached(py, || rig.calibrate(&options, &run))?;
     let fields = Fields::new(py);
     let lines = found.report.lines().iter().map(|[of, text]| format!("{of}: {text}")).collect::<Vec<_>>();
     fields.put("folder", found.folder)?.put("lines", lines)?;

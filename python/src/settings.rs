@@ -17,6 +17,9 @@ use crate::errors;
 use crate::matrix;
 use crate::watch::Watcher;
 
+/// The number of columns of a matrix, and its data, indices and row starts as SciPy has them.
+type Arrays = (usize, Py<PyAny>, Py<PyAny>, Py<PyAny>);
+
 /// The source, and the arguments beside it.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -24,7 +27,7 @@ pub(crate) struct Request {
     /// A path; or a name, with one of the next two.
     source: PathBuf,
     /// `(cols, data, indices, indptr)` of a matrix.
-    matrix: Option<(usize, Py<PyAny>, Py<PyAny>, Py<PyAny>)>,
+    matrix: Option<Arrays>,
     /// The text of a rig file whose devices are Python's.
     rig: Option<String>,
     devices: Option<ProgramDevices>,
@@ -156,9 +159,6 @@ pub(crate) fn one_of<T: Copy>(
     })
 }
 
-fn csr(
-    py: Python<'_>,
-    (cols, data, indices, indptr): &(usize, Py<PyAny>, Py<PyAny>, Py<PyAny>),
-) -> PyResult<Csr> {
+fn csr(py: Python<'_>, (cols, data, indices, indptr): &Arrays) -> PyResult<Csr> {
     matrix::from_arrays(py, *cols, &data.extract(py)?, &indices.extract(py)?, &indptr.extract(py)?)
 }
