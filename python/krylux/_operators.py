@@ -25,7 +25,6 @@ def describe(A, symmetric=None, progress=False, *, trusts=False):
             if transposed is None:
                 transposed = _transpose(A)
             matrix = transposed
-        # Most callers count one product for each vector, so they are taken one by one unless there are several.
         taken = [matrix @ rows[0]] if len(rows) == 1 else (matrix @ rows.T).T
         length = matrix.shape[0]
         answer = _checks.real_array(taken, "A", np.float64)
@@ -33,11 +32,9 @@ def describe(A, symmetric=None, progress=False, *, trusts=False):
             raise _checks.refuse("A", f"its product has the shape {np.shape(taken)}", f"return {length} entries for each vector")
         return answer.reshape(len(rows), length)
 
-    from .operator import LabOperator
-
-    block = 8 if isinstance(A, np.ndarray) else 1
-    if isinstance(A, LabOperator):
-        block = 1
+    # Products of a matrix in memory share one pass over it. Any other product may be a photo, which is not taken before it
+    # is needed.
+    block = 8 if isinstance(A, np.ndarray) or hasattr(A, "tocsr") else 1
     return {"product": product, "shape": tuple(int(side) for side in shape), "symmetric": bool(symmetric),
             "block": block, "progress": _progress.choose(progress), "log": _progress.log}
 

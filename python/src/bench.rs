@@ -40,7 +40,7 @@ pub(crate) fn calibrate<'py>(
     let options = CalibrateOptions { takes, map, ..CalibrateOptions::default() };
     let found = work::detached(py, || rig.calibrate(&options, &run))?;
     let fields = Fields::new(py);
-    let lines = found.report.lines().iter().map(|[of, text]| format!("{of}: {text}")).collect::<Vec<_>>();
+    let lines = found.report.lines().iter().map(|[of, text]| format!("{of:<11}{text}")).collect::<Vec<_>>();
     fields.put("folder", found.folder)?.put("lines", lines)?;
     fields.record("report", &found.report)?.record("effort", &found.effort)?;
     Ok(fields.0)
