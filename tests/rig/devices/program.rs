@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use krylux::krylov::EigsOptions;
+use krylux::krylov::{EigsOptions, Start};
 use krylux::lab::{Lab, SourceKind};
 use krylux::measure::{RigFile, RigKind};
 use krylux::rig::{
@@ -61,7 +61,9 @@ fn devices() -> Result<DeviceOpener> {
 fn a_run_of_a_programs_devices_is_replayed_without_them() -> Result<()> {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let run = folder.path().join("run");
-    let options = EigsOptions { count: 1, products: 6, ..EigsOptions::default() };
+    // Random signs of so few pixels may be orthogonal to the white that is looked for.
+    let start = Start::Gaussian { seed: 1 };
+    let options = EigsOptions { count: 1, products: 6, start, ..EigsOptions::default() };
     let mut rig = Lab::builder_of_rig("mine.toml", RIG).devices(devices()?).folder(&run).open()?;
     assert_eq!((rig.kind(), rig.name().as_str()), (SourceKind::Rig, "mine"));
     let found = rig.eigs(Part::Full, &options)?;
