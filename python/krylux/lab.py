@@ -1,6 +1,7 @@
 """The laboratory: one door to a scene, a rig, the folder of an earlier run, or a matrix."""
 
 import os
+import weakref
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class Lab(Asking):
         self.channels = about["channels"]
         self.unit = about["unit"]
         self.seed = about["seed"]
+        self._matrices = weakref.WeakValueDictionary()
         self._photos_of_run = about["photos_of_run"]
         self._has_model = about["has_model"]
 
@@ -139,8 +141,8 @@ class Lab(Asking):
         Returns
         -------
         scipy.sparse.csr_array
-            ``[pixels of a photo, pixels of a pattern]``. Its arrays are read-only views of krylux's own memory, which lives
-            as long as one of them.
+            ``[pixels of a photo, pixels of a pattern]``, ``float64``. Its arrays are read-only views of krylux's own memory,
+            which lives as long as one of them; matrices of one part and channel share it.
 
         Raises
         ------
@@ -149,7 +151,12 @@ class Lab(Asking):
         """
         import scipy.sparse
 
-        native = self._native.matrix(part, _checks.count(channel, "channel", 0))
+        key = (part, _checks.count(channel, "channel", 0))
+        native = None if self.is_closed else self._matrices.get(key)
+        if native is None:
+            # A scene's matrix is in layers of single precision, which are put together once for as long as somebody uses the result.
+            native = self._native.matrix(*key)
+            self._matrices[key] = native
         data, indices, indptr = native.arrays()
         matrix = scipy.sparse.csr_array((data, indices, indptr), shape=native.shape, copy=False)
         # The columns ascend in each row: SciPy need not look, nor sort them in place.

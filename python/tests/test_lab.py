@@ -60,12 +60,17 @@ def test_the_parts_of_the_matrix_add_up(zigzag):
     assert direct.nnz <= 576 and abs(full - direct - of_two).max() < 1e-6 * full.max()
 
 
-def test_the_matrix_is_a_view_that_keeps_its_memory_alive():
+def address(matrix):
+    """Where the entries of a matrix are in memory."""
+    return matrix.data.__array_interface__["data"][0]
+
+
+def test_the_matrix_is_a_view_that_keeps_its_memory_alive(zigzag):
     lab = krylux.open(scipy.sparse.eye_array(5, format="csr"))
     matrix, again = lab.matrix(), lab.matrix()
-    # The laboratory and both matrices share one array.
-    address = [one.data.__array_interface__["data"][0] for one in (matrix, again)]
-    assert address[0] == address[1]
+    assert address(matrix) == address(again), "the laboratory and both matrices share one array"
+    of_scene = zigzag.matrix("global"), zigzag.matrix("global")
+    assert address(of_scene[0]) == address(of_scene[1])
     for array in (matrix.data, matrix.indices):
         assert not array.flags.writeable and not array.flags.owndata
         with pytest.raises(ValueError):
