@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
@@ -18,6 +20,7 @@ class LabOperator(LinearOperator[np.float64]):
         photo_shape: tuple[int, int],
         pattern_shape: tuple[int, int],
     ) -> None: ...
+    def __matmul__(self, x: Any) -> Any: ...
     @property
     def photos(self) -> int: ...
     @property
