@@ -67,6 +67,8 @@
 //! | `relight_run` | a scene relit from the folder of a finished run |
 //! | `sweep_albedo` | one number over twenty values of a material ([`scene`], [`Lab::builder_of_scene`](lab::Lab::builder_of_scene)) |
 //!
+//! The Python package in `python/` stands on the same door: laboratories, operators and solvers for NumPy and SciPy.
+//!
 //! # The map
 //!
 //! | in the paper | here |

@@ -13,10 +13,10 @@ pub(super) fn say(file: &RigFile, console: &Console) -> Result<()> {
     console.say(format_args!("rig       {} ({})", file.path.display(), kind(&file.kind)))?;
     match &file.kind {
         RigKind::Virtual(rig) => console.say(format_args!("  scene   {}", scene(rig)))?,
-        RigKind::Hardware(rig) => console.say(format_args!(
+        kind => console.say(format_args!(
             "  devices {}, {}",
-            rig.projector_info().name,
-            rig.camera_info().name
+            kind.projector_info().name,
+            kind.camera_info().name
         ))?,
     }
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
@@ -49,7 +49,7 @@ pub(super) fn describe(file: &RigFile) -> Value {
     let (projector, camera) = (file.kind.projector_info(), file.kind.camera_info());
     let scene = match &file.kind {
         RigKind::Virtual(rig) => Some(scene(rig)),
-        RigKind::Hardware(_) => None,
+        _ => None,
     };
     json!({
         "path": file.path,
@@ -79,6 +79,7 @@ fn kind(kind: &RigKind) -> &'static str {
     match kind {
         RigKind::Virtual(_) => "virtual",
         RigKind::Hardware(_) => "hardware",
+        RigKind::Program(_) => "program",
     }
 }
 

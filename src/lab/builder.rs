@@ -3,13 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use super::folder::RunOptions;
+use super::matrix::MatrixSource;
+use super::rig::Handed;
 use super::scene::SceneSource;
 use super::settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings};
-use super::source::{Source, not_a_rig};
+use super::source::{Source, SourceKind, check_settings, not_a_rig};
 use super::{Lab, RigSource, SharedObserver};
 use crate::error::Result;
 use crate::image::Resolution;
+use crate::rig::DeviceOpener;
 use crate::scene::Scene;
+use crate::sparse::Csr;
 use crate::transport::{Backend, Channels};
 
 /// Settings of a laboratory that is about to be opened: see [`Lab::builder`].
@@ -19,6 +23,7 @@ pub struct LabBuilder {
     settings: Settings,
     observer: SharedObserver,
     run: Option<RunOptions>,
+    program: Handed,
 }
 
 /// Where a source comes from.
@@ -26,17 +31,31 @@ pub struct LabBuilder {
 enum Origin {
     File(PathBuf),
     Scene(Box<Scene>),
+    Matrix(Csr, String),
 }
 
 impl LabBuilder {
     pub(super) fn new(path: &Path) -> Self {
-        let (settings, observer) = Default::default();
-        Self { origin: Origin::File(path.to_path_buf()), settings, observer, run: None }
+        Self::of(Origin::File(path.to_path_buf()))
     }
 
     pub(super) fn of_scene(scene: Scene) -> Self {
-        let (settings, observer) = Default::default();
-        Self { origin: Origin::Scene(Box::new(scene)), settings, observer, run: None }
+        Self::of(Origin::Scene(Box::new(scene)))
+    }
+
+    pub(super) fn of_matrix(matrix: Csr, name: String) -> Self {
+        Self::of(Origin::Matrix(matrix, name))
+    }
+
+    pub(super) fn of_rig(name: &Path, text: String) -> Self {
+        let mut builder = Self::new(name);
+        builder.program.text = Some(text);
+        builder
+    }
+
+    fn of(origin: Origin) -> Self {
+        let (settings, observer, program) = Default::default();
+        Self { origin, settings, observer, run: None, program }
     }
 
     /// All settings at once.
@@ -116,10 +135,24 @@ impl LabBuilder {
         self
     }
 
+    /// Uses a folder that holds an earlier run, which is replaced when the new run is whole.
+    #[must_use]
+    pub fn overwrite(mut self) -> Self {
+        self.run.get_or_insert_default().overwrite = true;
+        self
+    }
+
     /// Goes on with the run in the folder: no photo that is in its journal is taken again.
     #[must_use]
     pub fn resume(mut self) -> Self {
         self.run.get_or_insert_default().resume = true;
+        self
+    }
+
+    /// Opens the devices of a rig file of `kind = "program"`.
+    #[must_use]
+    pub fn devices(mut self, opener: DeviceOpener) -> Self {
+        self.program.opener = Some(opener);
         self
     }
 
@@ -136,9 +169,13 @@ impl LabBuilder {
     /// As [`Lab::open`], and [`crate::Error::Option`] for a setting that the source has no use for.
     pub fn open(self) -> Result<Lab> {
         let source = match self.origin {
-            Origin::File(path) => Source::open(&path, &self.settings, &self.observer)?,
+            Origin::File(path) => Source::open(&path, &self.program, &self.settings, &self.observer)?,
             Origin::Scene(scene) => {
                 Source::Scene(SceneSource::in_memory(*scene, &self.settings, &self.observer)?)
+            }
+            Origin::Matrix(matrix, name) => {
+                check_settings(SourceKind::Matrix, Path::new(&name), &self.settings)?;
+                Source::Matrix(MatrixSource::new(matrix, name))
             }
         };
         let mut lab = Lab::new(source, self.settings, self.observer);
@@ -154,8 +191,11 @@ impl LabBuilder {
     /// As [`Lab::open`].
     pub fn open_uncalibrated_rig(&self) -> Result<RigSource> {
         match &self.origin {
-            Origin::File(path) => RigSource::uncalibrated(path, &self.settings, &self.observer),
+            Origin::File(path) => {
+                RigSource::uncalibrated(path, &self.program, &self.settings, &self.observer)
+            }
             Origin::Scene(scene) => Err(not_a_rig(&scene.path)),
+            Origin::Matrix(_, name) => Err(not_a_rig(Path::new(name))),
         }
     }
 }

@@ -43,9 +43,9 @@ mod saving;
 mod scene;
 mod settings;
 mod source;
-pub #[cfg(test)]
+#[cfg(test)]
 mod tests_of_rigs;
-mod text;
+pub mod text;
 mod through_rig;
 mod transport;
 mod verbs;
@@ -136,6 +136,16 @@ impl Lab {
     /// A laboratory around a scene that a program made, for example a loaded one with another material.
     pub fn builder_of_scene(scene: Scene) -> LabBuilder {
         LabBuilder::of_scene(scene)
+    }
+
+    /// A laboratory around a matrix that a program made, with settings; `name` is used in titles.
+    pub fn builder_of_matrix(matrix: Csr, name: impl Into<String>) -> LabBuilder {
+        LabBuilder::of_matrix(matrix, name.into())
+    }
+
+    /// A laboratory around a rig whose file a program wrote: `text` is its content, and `name` stands for its path. A run keeps the text.
+    pub fn builder_of_rig(name: impl AsRef<Path>, text: impl Into<String>) -> LabBuilder {
+        LabBuilder::of_rig(name.as_ref(), text.into())
     }
 
     /// A laboratory around a matrix that a program made; `name` is used in titles.

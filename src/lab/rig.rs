@@ -18,7 +18,7 @@ use crate::measure::{
     Calibration, FrameSource, JournaledFrames, LiveFrames, Opener, RigFile, RigKind, RunManifest,
 };
 use crate::operator::Symmetry;
-use crate::rig::{Helper, VirtualRig, VirtualScene};
+use crate::rig::{DeviceOpener, Helper, VirtualRig, VirtualScene};
 use crate::transport::Channels;
 
 /// A rig that can be opened.
@@ -34,9 +34,20 @@ pub struct RigSource {
     devices: RigKind,
     /// The virtual rig's scene, where it is to be traced.
     scene: Option<SceneSource>,
+    /// What a program hands over: its devices, and the text of the rig file where no file holds it.
+    program: Handed,
     /// Symmetric where projector and camera have the same pose and lens. An explicit matrix is taken for that of such a rig.
     symmetry: Symmetry,
     observer: SharedObserver,
+}
+
+/// What a program hands over of a rig.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Handed {
+    /// The text of the rig file, where no file holds it.
+    pub(super) text: Option<String>,
+    /// Opens the devices of a rig file of `kind = "program"`.
+    pub(super) opener: Option<DeviceOpener>,
 }
 
 impl RigSource {
@@ -45,8 +56,13 @@ impl RigSource {
     ///
     /// # Errors
     /// As [`RigFile::load`], [`Calibration::load`], and those of loading a scene.
-    pub(super) fn open(path: &Path, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
-        let mut source = Self::uncalibrated(path, settings, observer)?;
+    pub(super) fn open(
+        path: &Path,
+        program: &Handed,
+        settings: &Settings,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        let mut source = Self::uncalibrated(path, program, settings, observer)?;
         if !source.load_calibration()? {
             observer.note(format_args!(
                 "note: {} names no calibration, so its devices are taken as ideal; `krylux rig calibrate` measures them",
@@ -60,14 +76,23 @@ impl RigSource {
     ///
     /// # Errors
     /// As [`RigFile::load`], and those of loading a scene.
-    pub(super) fn uncalibrated(path: &Path, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
-        let file = RigFile::load(path)?;
+    pub(super) fn uncalibrated(
+        path: &Path,
+        program: &Handed,
+        settings: &Settings,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        let file = match &program.text {
+            Some(text) => RigFile::from_bytes(path, text.as_bytes())?,
+            None => RigFile::load(path)?,
+        };
         let mut devices = file.kind.clone();
         let scene = match &mut devices {
             RigKind::Virtual(rig) => scene_of(&mut rig.scene, path, settings, observer)?,
-            RigKind::Hardware(_) => refuse_tracing(path, settings).map(|()| None)?,
+            _ => refuse_tracing(path, settings).map(|()| None)?,
         };
-        Ok(Self::of_devices(file, devices, scene, observer))
+        let source = Self::of_devices(file, devices, scene, observer);
+        Ok(Self { program: program.clone(), ..source })
     }
 
     /// The virtual devices of `file` in front of an open scene, in place of the one that the file names.
@@ -92,7 +117,9 @@ impl RigSource {
         let calibration = Calibration::ideal(&devices.projector_info(), &devices.camera_info());
         let symmetric = scene.as_ref().is_none_or(SceneSource::is_symmetric);
         let symmetry = if symmetric { Symmetry::Symmetric } else { Symmetry::General };
-        Self { file, calibration, is_calibrated: false, devices, scene, symmetry, observer: observer.clone() }
+        let program = Handed::default();
+        let observer = observer.clone();
+        Self { file, calibration, is_calibrated: false, devices, scene, program, symmetry, observer }
     }
 
     /// Loads the calibration that the file names; whether it names one.
@@ -165,7 +192,7 @@ impl RigSource {
     pub fn devices(&self) -> Result<&VirtualRig> {
         match &self.devices {
             RigKind::Virtual(rig) => Ok(rig),
-            RigKind::Hardware(_) => Err(not_virtual(&self.file.path)),
+            _ => Err(not_virtual(&self.file.path)),
         }
     }
 
@@ -201,6 +228,13 @@ impl RigSource {
         let tries = options.tries;
         let rig = match self.devices.clone() {
             RigKind::Virtual(rig) => rig,
+            RigKind::Program(_) => {
+                let opener = self.program.opener.clone();
+                return Box::new(move |after| {
+                    let opener = opener.as_ref().ok_or_else(DeviceOpener::missing)?;
+                    Ok(Box::new(LiveFrames::new(opener.open(after)?, settle, tries)))
+                });
+            }
             RigKind::Hardware(rig) => {
                 return Box::new(move |after| {
                     let devices = rig.open(&Helper::find()?, after)?;
@@ -239,7 +273,10 @@ impl RigSource {
     /// Keeps beside the journal of the run in `folder` what a replay needs of the rig: its note, its file and its calibration.
     pub(super) fn keep(&self, folder: &Path, journal: &mut Journal) -> Result<()> {
         let path = &self.file.path;
-        let bytes = crate::file::read(path)?;
+        let bytes = match &self.program.text {
+            Some(text) => text.clone().into_bytes(),
+            None => crate::file::read(path)?,
+        };
         if RigFile::from_bytes(path, &bytes)? != self.file {
             return Err(Error::Data {
                 path: path.clone(),

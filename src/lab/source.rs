@@ -5,7 +5,7 @@ use std::path::Path;
 use super::matrix::MatrixSource;
 use super::model::ModelSource;
 use super::notes::{Kind, SourceNote, journal_folder};
-use super::rig::RigSource;
+use super::rig::{Handed, RigSource};
 use super::run::RunSource;
 use super::scene::SceneSource;
 use super::settings::{ChannelChoice, Settings};
@@ -60,22 +60,16 @@ impl SourceKind {
 }
 
 impl Source {
-    pub(super) fn open(path: &Path, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
-        let kind = SourceKind::of(path);
-        if let (SourceKind::Run | SourceKind::Matrix, Some(option)) = (kind, settings.first_of_trace()) {
-            let what = if kind == SourceKind::Run {
-                "a run, whose photos are taken already"
-            } else {
-                "a matrix, for which nothing is traced"
-            };
-            return Err(Error::Option {
-                option: option.into(),
-                fault: format!("{} is {what}", path.display()),
-                help: "leave it out, or give the scene or the rig".into(),
-            });
-        }
-        if let (false, Some(option)) = (kind == SourceKind::Scene, settings.first_of_operator()) {
-            return Err(scenes_only(option));
+    pub(super) fn open(
+        path: &Path,
+        program: &Handed,
+        settings: &Settings,
+        observer: &SharedObserver,
+    ) -> Result<Self> {
+        let kind = if program.text.is_some() { SourceKind::Rig } else { SourceKind::of(path) };
+        check_settings(kind, path, settings)?;
+        if let (true, Some(_)) = (kind != SourceKind::Rig, &program.opener) {
+            return Err(not_a_rig(path));
         }
         Ok(match kind {
             SourceKind::Scene => Self::Scene(SceneSource::open(
@@ -86,7 +80,7 @@ impl Source {
                 settings,
                 observer,
             )?),
-            SourceKind::Rig => Self::Rig(Box::new(RigSource::open(path, settings, observer)?)),
+            SourceKind::Rig => Self::Rig(Box::new(RigSource::open(path, program, settings, observer)?)),
             SourceKind::Run if model::is_in(path) && !Journal::is_in(&journal_folder(path)) => {
                 Self::Model(Box::new(ModelSource::open(path)?))
             }
@@ -215,6 +209,29 @@ impl Source {
             Channels::Rgb => "rgb".into(),
         });
     }
+}
+
+/// Refuses settings that a source of this kind has no use for.
+///
+/// # Errors
+/// [`Error::Option`] naming the setting.
+pub(super) fn check_settings(kind: SourceKind, path: &Path, settings: &Settings) -> Result<()> {
+    if let (SourceKind::Run | SourceKind::Matrix, Some(option)) = (kind, settings.first_of_trace()) {
+        let what = if kind == SourceKind::Run {
+            "a run, whose photos are taken already"
+        } else {
+            "a matrix, for which nothing is traced"
+        };
+        return Err(Error::Option {
+            option: option.into(),
+            fault: format!("{} is {what}", path.display()),
+            help: "leave it out, or give the scene or the rig".into(),
+        });
+    }
+    if let (false, Some(option)) = (kind == SourceKind::Scene, settings.first_of_operator()) {
+        return Err(scenes_only(option));
+    }
+    Ok(())
 }
 
 /// An option that only a scene has a use for.

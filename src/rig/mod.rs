@@ -9,7 +9,7 @@
 //! |---|---|---|
 //! | [`VirtualRig`] | [`VirtualProjector`] | [`VirtualCamera`] |
 //! | [`HardwareRig`] | [`X11Projector`], a monitor of an X server | one of the kinds of [`CameraSpec`] |
-//! | your own | any [`Projector`] | any [`Camera`] |
+//! | [`ProgramRig`], the devices of a program | any [`Projector`] | any [`Camera`] |
 //!
 //! | kind of camera | needs |
 //! |---|---|
@@ -29,6 +29,7 @@ mod hardware;
 mod info;
 pub(crate) mod nearest;
 pub(crate) mod pixels;
+mod program;
 mod usb3;
 mod v4l;
 mod virtual_bench;
@@ -49,6 +50,7 @@ pub use gphoto2::{FoundStillCamera, Gphoto2, Gphoto2Spec, still_cameras};
 pub use hardware::HardwareRig;
 pub use info::{CameraInfo, ProjectorInfo};
 pub use pixels::{Binning, Colour, PixelFormat, Tiles};
+pub use program::{DeviceOpener, ProgramCamera, ProgramProjector, ProgramRig};
 pub use usb3::Usb3Spec;
 #[cfg(feature = "usb3")]
 pub use usb3::{FoundUsbCamera, Usb3Vision, usb_camera_abilities, usb_cameras};

@@ -5,16 +5,19 @@ mod operator;
 
 pub use operator::SparseOperator;
 
+use std::sync::Arc;
+
 use crate::error::{Error, Result};
 
 /// A matrix in compressed sparse rows: row `j` holds the values `weights[row_start[j]..row_start[j + 1]]` at
-/// the columns `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly.
+/// the columns `columns[row_start[j]..row_start[j + 1]]`, which ascend strictly. The arrays never change, and copies of a
+/// matrix share them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Csr {
     cols: usize,
-    row_start: Vec<usize>,
-    columns: Vec<u32>,
-    weights: Vec<f64>,
+    row_start: Arc<Vec<usize>>,
+    columns: Arc<Vec<u32>>,
+    weights: Arc<Vec<f64>>,
 }
 
 impl Csr {
@@ -34,6 +37,7 @@ impl Csr {
             let expected = format!("ascending from 0 to {}", weights.len());
             return mismatch("row starts of a sparse matrix", expected, format!("{ends:?}"));
         }
+        let (row_start, columns, weights) = (Arc::new(row_start), Arc::new(columns), Arc::new(weights));
         let matrix = Self { cols, row_start, columns, weights };
         for row in 0..matrix.rows() {
             let columns = matrix.row(row).0;
@@ -88,7 +92,7 @@ impl Csr {
     /// The transpose.
     pub fn transposed(&self) -> Self {
         let mut row_start = vec![0; self.cols + 1];
-        for &column in &self.columns {
+        for &column in &*self.columns {
             row_start[column as usize + 1] += 1;
         }
         for row in 0..self.cols {
@@ -104,6 +108,7 @@ impl Csr {
             columns[at] = row as u32;
             weights[at] = value;
         }
+        let (row_start, columns, weights) = (Arc::new(row_start), Arc::new(columns), Arc::new(weights));
         Self { cols: self.rows(), row_start, columns, weights }
     }
 

@@ -29,7 +29,7 @@ impl RigSource {
                 let settle = options.settle.unwrap_or(calibration.stability.settle);
                 Box::new(LiveFrames::new(rig.open(light, None)?, settle, options.tries))
             }
-            RigKind::Hardware(_) => self.opener()(None)?,
+            RigKind::Hardware(_) | RigKind::Program(_) => self.opener()(None)?,
         };
         let mut measurement = Measurement::new(frames, calibration, self.file.measurement.clone())?;
         flat_field_of_sheet(&mut measurement, &known)

@@ -16,6 +16,7 @@ pub(super) fn file(file: &RigFile) -> Finding {
     let kind = match file.kind {
         RigKind::Virtual(_) => "virtual",
         RigKind::Hardware(_) => "hardware",
+        RigKind::Program(_) => "program",
     };
     let [shown, seen] = [projector.resolution, camera.resolution];
     let found = format!("{kind} rig, patterns of {shown} and photos of {seen} pixels");
@@ -49,9 +50,10 @@ pub(super) fn devices(
 ) -> Result<bool> {
     let RigKind::Hardware(rig) = kind else {
         let (projector, camera) = (kind.projector_info(), kind.camera_info());
-        recorder.add(Finding::ok("projector", format!("simulated: {} bits", projector.bits)))?;
+        let whose = if matches!(kind, RigKind::Program(_)) { "of a program" } else { "simulated" };
+        recorder.add(Finding::ok("projector", format!("{whose}: {} bits", projector.bits)))?;
         let [shortest, longest] = camera.exposures;
-        let found = format!("simulated: {} bits, exposures {shortest} to {longest} s", camera.bits);
+        let found = format!("{whose}: {} bits, exposures {shortest} to {longest} s", camera.bits);
         recorder.add(Finding::ok("camera", found))?;
         return Ok(true);
     };

@@ -56,7 +56,7 @@ impl Check {
         Ok(())
     }
 
-    fn channels(&self, table: &str, channels: usize) -> Checked {
+    pub(super) fn channels(&self, table: &str, channels: usize) -> Checked {
         if channels == 1 || channels == 3 {
             return Ok(());
         }

@@ -3,9 +3,25 @@
 use super::check::{Check, Checked};
 use crate::rig::genicam::Settings;
 use crate::rig::pixels::Sensor;
-use crate::rig::{CameraSpec, Gphoto2Spec, V4lSpec};
+use crate::rig::{CameraSpec, Gphoto2Spec, ProgramRig, V4lSpec};
 
 impl Check {
+    /// Checks the description of the devices of a program.
+    pub(super) fn program(&self, rig: &ProgramRig) -> Checked {
+        let (projector, camera) = (&rig.projector, &rig.camera);
+        for (table, size, channels, bits) in [
+            ("projector", projector.size, projector.channels, projector.bits),
+            ("camera", camera.size, camera.channels, camera.bits),
+        ] {
+            size.iter()
+                .try_for_each(|&side| self.range(&format!("{table}.size"), side as f64, 1.0, 65535.0))?;
+            self.channels(table, channels)?;
+            self.range(&format!("{table}.bits"), bits.into(), 1.0, 16.0)?;
+        }
+        self.range("projector.frame_time", projector.frame_time, 0.0, 10.0)?;
+        self.times(camera.exposures, 0.0)
+    }
+
     pub(super) fn hardware_camera(&self, spec: &CameraSpec) -> Checked {
         match spec {
             CameraSpec::Gige(spec) => {

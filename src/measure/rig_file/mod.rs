@@ -35,6 +35,23 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
+//! The devices of a program, such as a camera behind its maker's own library, are only described by the file; the program
+//! hands them over ([`LabBuilder::devices`](crate::lab::LabBuilder::devices)):
+//!
+//! ```toml
+//! kind = "program"
+//!
+//! [projector]                     # ProgramProjector
+//! size = [128, 96]
+//!
+//! [camera]                        # ProgramCamera
+//! size = [640, 480]
+//! bits = 12
+//! exposures = [1e-4, 1.0]
+//!
+//! [measurement]                   # MeasureOptions
+//! ```
+//!
 //! A *camera file* is something else: it holds the poses of camera and projector in a scene (see
 //! [`crate::scene::load_with`]). A virtual rig may name one as `scene.camera_file`.
 
@@ -54,7 +71,8 @@ use crate::measure::MeasureOptions;
 use crate::rig::nearest::nearest;
 use crate::rig::{
     Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, GigeSpec, Gphoto2Spec, HardwareRig,
-    ProjectorInfo, Usb3Spec, V4lSpec, VirtualCamera, VirtualProjector, VirtualRig, X11Spec,
+    ProgramCamera, ProgramProjector, ProgramRig, ProjectorInfo, Usb3Spec, V4lSpec, VirtualCamera,
+    VirtualProjector, VirtualRig, X11Spec,
 };
 use crate::transport::Channels;
 use check::Check;
@@ -85,9 +103,11 @@ pub enum RigKind {
     Virtual(VirtualRig),
     /// Real devices.
     Hardware(HardwareRig),
+    /// Devices that a program hands over.
+    Program(ProgramRig),
 }
 
-const KINDS: [&str; 2] = ["virtual", "hardware"];
+const KINDS: [&str; 3] = ["virtual", "hardware", "program"];
 
 impl RigKind {
     /// The description of the projector.
@@ -95,6 +115,7 @@ impl RigKind {
         match self {
             Self::Virtual(rig) => rig.projector_info(),
             Self::Hardware(rig) => rig.projector_info(),
+            Self::Program(rig) => rig.projector_info(),
         }
     }
 
@@ -109,6 +130,7 @@ impl RigKind {
         match self {
             Self::Virtual(rig) => rig.camera_info(),
             Self::Hardware(rig) => rig.camera_info(),
+            Self::Program(rig) => rig.camera_info(),
         }
     }
 }
@@ -150,6 +172,19 @@ struct HardwareTables<C> {
     measurement: MeasureOptions,
 }
 
+/// The tables of the file of a rig whose devices a program hands over.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProgramTables {
+    #[serde(rename = "kind")]
+    _kind: String,
+    calibration: Option<PathBuf>,
+    projector: ProgramProjector,
+    camera: ProgramCamera,
+    #[serde(default)]
+    measurement: MeasureOptions,
+}
+
 /// The part of a file that says the kind of its camera. The type of the other tables depends on it.
 #[derive(Deserialize)]
 struct OfKind {
@@ -182,28 +217,39 @@ impl RigFile {
             .map_err(|_| check.fault("not UTF-8 text", "give a rig file in TOML"))?;
         let hash = *blake3::hash(bytes).as_bytes();
         let folder = path.parent().unwrap_or(Path::new(""));
-        let (kind, calibration, measurement) = if is_virtual(&check, text)? {
-            let tables: VirtualTables = parse(path, text)?;
-            let (calibration, measurement) = (tables.calibration.clone(), tables.measurement.clone());
-            (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
-        } else {
-            let OfKind { camera } = parse(path, text)?;
-            // A missing camera is reported with the other errors of the file below.
-            let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind)
-            {
-                CameraKind::Gige => hardware::<GigeSpec>(&check, text)?,
-                CameraKind::Usb3 => hardware::<Usb3Spec>(&check, text)?,
-                CameraKind::V4l => hardware::<V4lSpec>(&check, text)?,
-                CameraKind::Gphoto2 => hardware::<Gphoto2Spec>(&check, text)?,
-            };
-            check.x11(&rig.projector)?;
-            check.hardware_camera(&rig.camera)?;
-            (RigKind::Hardware(rig), calibration, measurement)
+        let (kind, calibration, measurement) = match kind_of(&check, text)?.as_str() {
+            "virtual" => {
+                let tables: VirtualTables = parse(path, text)?;
+                let (calibration, measurement) = (tables.calibration.clone(), tables.measurement.clone());
+                (RigKind::Virtual(tables.into_rig(&check, folder)?), calibration, measurement)
+            }
+            "program" => {
+                let ProgramTables { calibration, projector, camera, measurement, .. } = parse(path, text)?;
+                let rig = ProgramRig { projector, camera };
+                check.program(&rig)?;
+                (RigKind::Program(rig), calibration, measurement)
+            }
+            _ => real_devices(&check, text)?,
         };
         check.measurement(&measurement)?;
         let calibration = calibration.map(|calibration| folder.join(calibration));
         Ok(Self { path: path.to_path_buf(), hash, calibration, measurement, kind })
     }
+}
+
+/// Parses the file of a rig of real devices, and checks its values.
+fn real_devices(check: &Check, text: &str) -> Result<(RigKind, Option<PathBuf>, MeasureOptions)> {
+    let OfKind { camera } = parse(&check.path, text)?;
+    // A missing camera is reported with the other errors of the file below.
+    let (rig, calibration, measurement) = match camera.map_or(CameraKind::Gige, |camera| camera.kind) {
+        CameraKind::Gige => hardware::<GigeSpec>(check, text)?,
+        CameraKind::Usb3 => hardware::<Usb3Spec>(check, text)?,
+        CameraKind::V4l => hardware::<V4lSpec>(check, text)?,
+        CameraKind::Gphoto2 => hardware::<Gphoto2Spec>(check, text)?,
+    };
+    check.x11(&rig.projector)?;
+    check.hardware_camera(&rig.camera)?;
+    Ok((RigKind::Hardware(rig), calibration, measurement))
 }
 
 /// Parses the file of a rig of real devices with a camera of kind `C`.
@@ -229,12 +275,12 @@ impl VirtualTables {
     }
 }
 
-/// Whether the file describes a virtual rig. A missing or an unknown kind is an error.
-fn is_virtual(check: &Check, text: &str) -> Result<bool> {
+/// The kind of rig that the file describes. A missing or an unknown kind is an error.
+fn kind_of(check: &Check, text: &str) -> Result<String> {
     let table: toml::Table = parse(&check.path, text)?;
     let known = KINDS.join(", ");
     match table.get("kind").map(|kind| kind.as_str()) {
-        Some(Some(kind)) if KINDS.contains(&kind) => Ok(kind == "virtual"),
+        Some(Some(kind)) if KINDS.contains(&kind) => Ok(kind.to_owned()),
         Some(Some(kind)) => {
             let meant = nearest(kind, &KINDS).map_or_else(String::new, |kind| format!("; did you mean \"{kind}\"?"));
             Err(check.fault(format!("unknown kind \"{kind}\"{meant}"), format!("known kinds: {known}")))

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use krylux::Error;
 use krylux::image::Resolution;
-use krylux::measure::Calibration;
+use krylux::measure::calibrate::LensMap;
+use krylux::measure::{Calibration, FlatField};
 use krylux::rig::{CameraInfo, ProjectorInfo};
 
 fn devices() -> (ProjectorInfo, CameraInfo) {

@@ -6,6 +6,7 @@ mod faults;
 mod files;
 mod light;
 mod policy;
+mod program;
 mod resume;
 mod sensor;
 mod support;

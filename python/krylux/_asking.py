@@ -1,0 +1,182 @@
+"""The verbs of a laboratory: what the command line asks, as methods that return arrays."""
+
+import numpy as np
+
+from . import _checks, answers
+from ._lighting import Lighting
+
+
+class Asking(Lighting):
+    """The questions that a laboratory answers; the base of :class:`krylux.Lab`."""
+
+    def segment(self, groups=(), *, photos=None, starts=None, eigenvectors=10, cut="normalized", mu=0.0,
+                mask_below=0.01, direct="source", direct_photos=16, direct_square=4, blur=0.0, features=(),
+                evidence=False):
+        """Segments the scene by how light travels in it: pixels that exchange light form a group.
+
+        Parameters
+        ----------
+        groups : int or sequence of int
+            Numbers of groups, all from the same photos. Default: as many as the light shows regions.
+        photos : int
+            Photos to take at most. Default 50, or as many as the run that is the source might take.
+        starts : int
+            Patterns that the photos start from; 1 is the paper's process. Default: a quarter of the photos, up to 12.
+        eigenvectors : int
+            Eigenvectors that the groups are made from.
+        cut : str
+            ``"normalized"`` or ``"average"``.
+        mu : float
+            Added to every edge of the graph, in units of ``A``.
+        mask_below : float
+            Masks pixels with less than this share of the median global light.
+        direct : str
+            How direct light is kept apart: ``"source"``, ``"patterns"``, ``"estimator"``, or ``"keep"``.
+        direct_photos, direct_square : int
+            Photos of direct light where it is measured, and the side in pixels of the squares of ``"patterns"``.
+        blur : float
+            Standard deviation in pixels by which patterns and photos are blurred.
+        features : sequence of (int, int)
+            Pixels, as ``(column, row)``, whose places in the space of eigenvectors are wanted.
+        evidence : bool
+            Light each group alone, one more photo for each.
+
+        Returns
+        -------
+        krylux.answers.Segmentation
+
+        References
+        ----------
+        O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5.
+        """
+        groups = [groups] if np.ndim(groups) == 0 else list(groups)
+        question = {
+            "photos": self._budget(photos, 50),
+            "groups": [_checks.count(number, "groups") for number in groups],
+            "starts": self._starts(starts),
+            "eigenvectors": _checks.count(eigenvectors, "eigenvectors"),
+            "cut": cut,
+            "mu": _checks.finite(mu, "mu"),
+            "mask_below": _checks.finite(mask_below, "mask_below"),
+            "direct": direct,
+            "direct_photos": _checks.count(direct_photos, "direct_photos"),
+            "direct_square": _checks.count(direct_square, "direct_square"),
+            "blur": _checks.finite(blur, "blur"),
+            "features": [tuple(_checks.count(side, "features", 0) for side in pixel) for pixel in features],
+            "evidence": bool(evidence),
+            "seed": self.seed,
+        }
+        return answers.Segmentation(*self._native.segment(question), self)
+
+    def eigs(self, count=6, *, part="full", which="la", photos=None, tolerance=None, method="lanczos", block=2,
+             max_basis=None):
+        """Computes eigenvalues and eigenvectors of one part of the light transport matrix.
+
+        Parameters
+        ----------
+        count : int
+            How many eigenpairs.
+        part : str
+            ``"full"``, ``"direct"`` or ``"global"`` light.
+        which : str
+            ``"la"``, ``"sa"``, ``"lm"``, ``"sm"``, ``"be"`` or ``"li"``, as in ARPACK.
+        photos : int
+            Photos to take at most. Default 50, or as many as the run that is the source might take.
+        tolerance : float
+            Done when each residual norm is at most this share of the matrix norm. Default 1e-8, or the photos' noise.
+        method : str
+            ``"lanczos"``, ``"block-lanczos"``, ``"arnoldi"`` or ``"power"``.
+        block : int
+            Vectors in the block of ``"block-lanczos"``.
+        max_basis : int
+            The most basis vectors to keep, by restarts.
+
+        Returns
+        -------
+        krylux.answers.Eigenpairs
+
+        References
+        ----------
+        O'Toole and Kutulakos, section 3.
+        """
+        question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance,
+                                 method=method, block=block, max_basis=max_basis, seed=self.seed)
+        fields, native = self._native.eigs(part, question)
+        return answers.Eigenpairs({**columns(fields), "shape": self.projector_shape}, native, self)
+
+    def solve(self, b, *, method="minres", photos=50, rtol=1e-6, lower=0.0, upper=1.0):
+        """Solves ``A x = b`` with the matrix of the first channel.
+
+        Parameters
+        ----------
+        b : array_like
+            An entry for each pixel of a photo.
+        method : str
+            A name of ``krylux solve --method``, such as ``"minres"``, ``"gmres"``, ``"lsqr"`` or ``"krylov-box"``.
+        photos : int
+            Products to take at most.
+        rtol : float
+            Done when ``‖b − A x‖ ≤ rtol ‖b‖``.
+        lower, upper : float
+            The box of the methods that keep one.
+
+        Returns
+        -------
+        krylux.answers.Solution
+        """
+        rhs = _checks.vector(b, "b", self.shape[0] * self.shape[1])
+        bounds = (_checks.finite(lower, "lower"), _checks.finite(upper, "upper"))
+        question = (_checks.count(photos, "photos"), _checks.finite(rtol, "rtol", 0.0), *bounds)
+        return answers.Solution(*self._native.solve(method, rhs, question), self)
+
+    def audit(self, *, patterns=6, tolerance=0.01, asymmetry=0.1):
+        """Checks that the source is the linear, symmetric operator that every other method takes it for.
+
+        Parameters
+        ----------
+        patterns : int
+            Random patterns; symmetry is judged by all pairs of them.
+        tolerance : float
+            Relative deviation from additivity, homogeneity and repeatability that passes.
+        asymmetry : float
+            ``‖A − Aᵀ‖/‖A‖`` that passes.
+
+        Returns
+        -------
+        krylux.answers.Audit
+        """
+        question = (_checks.count(patterns, "patterns"), _checks.finite(tolerance, "tolerance", 0.0),
+                    _checks.finite(asymmetry, "asymmetry", 0.0))
+        return answers.Audit(*self._native.audit(*question), self)
+
+    def _budget(self, photos, default):
+        """The photos that were given, or those of the run, or a default."""
+        return _checks.count(self._photos_of_run or default if photos is None else photos, "photos")
+
+    def _starts(self, starts):
+        if starts is None and self._photos_of_run is not None:
+            # Fewer photos of a run than it has ask for the same patterns.
+            return min(max((self._photos_of_run - 2) // 4, 1), 12)
+        return None if starts is None else _checks.count(starts, "starts")
+
+
+def eigs_question(*, count, which, photos, tolerance, method, block, max_basis, seed, noise=0.0, start=None, deflate=()):
+    """What the native part asks of eigenpairs."""
+    return {
+        "count": _checks.count(count, "count"),
+        "which": which,
+        "photos": _checks.count(photos, "photos"),
+        "tolerance": None if tolerance is None else _checks.finite(tolerance, "tolerance", 0.0),
+        "method": method,
+        "block": _checks.count(block, "block"),
+        "max_basis": None if max_basis is None else _checks.count(max_basis, "max_basis"),
+        "noise": _checks.finite(noise, "noise", 0.0),
+        "seed": _checks.count(seed, "seed", 0),
+        "start": start,
+        "deflate": list(deflate),
+    }
+
+
+def columns(fields):
+    """Eigenvectors as columns, as SciPy has them."""
+    return {**fields, "vectors": fields["vectors"].T, "imaginary_vectors": fields["imaginary_vectors"].T}

@@ -1,0 +1,66 @@
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal
+
+from numpy.typing import ArrayLike
+
+from . import answers
+from ._lighting import Lighting
+
+class Asking(Lighting):
+    seed: int
+    def segment(
+        self,
+        groups: int | Sequence[int] = (),
+        *,
+        photos: int | None = None,
+        starts: int | None = None,
+        eigenvectors: int = 10,
+        cut: Literal["normalized", "average"] = "normalized",
+        mu: float = 0.0,
+        mask_below: float = 0.01,
+        direct: Literal["source", "patterns", "estimator", "keep"] = "source",
+        direct_photos: int = 16,
+        direct_square: int = 4,
+        blur: float = 0.0,
+        features: Iterable[tuple[int, int]] = (),
+        evidence: bool = False,
+    ) -> answers.Segmentation: ...
+    def eigs(
+        self,
+        count: int = 6,
+        *,
+        part: Literal["full", "direct", "global"] = "full",
+        which: Literal["la", "sa", "lm", "sm", "be", "li"] = "la",
+        photos: int | None = None,
+        tolerance: float | None = None,
+        method: Literal["lanczos", "block-lanczos", "arnoldi", "power"] = "lanczos",
+        block: int = 2,
+        max_basis: int | None = None,
+    ) -> answers.Eigenpairs: ...
+    def solve(
+        self,
+        b: ArrayLike,
+        *,
+        method: str = "minres",
+        photos: int = 50,
+        rtol: float = 1e-6,
+        lower: float = 0.0,
+        upper: float = 1.0,
+    ) -> answers.Solution: ...
+    def audit(self, *, patterns: int = 6, tolerance: float = 0.01, asymmetry: float = 0.1) -> answers.Audit: ...
+
+def eigs_question(
+    *,
+    count: int,
+    which: str,
+    photos: int,
+    tolerance: float | None,
+    method: str,
+    block: int,
+    max_basis: int | None,
+    seed: int,
+    noise: float = 0.0,
+    start: Any = None,
+    deflate: Iterable[Any] = (),
+) -> dict[str, Any]: ...
+def columns(fields: dict[str, Any]) -> dict[str, Any]: ...

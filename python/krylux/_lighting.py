@@ -1,0 +1,204 @@
+"""The verbs about light itself: compensation, separation, probing and relighting."""
+
+import os
+
+import numpy as np
+
+from . import _checks, answers
+
+
+class Lighting:
+    """Questions about the light of a scene; a base of :class:`krylux.Lab`."""
+
+    def compensate(self, target, *, method=None, photos=None, rtol=None, floor=0.0, lift=None, peak=None,
+                   precondition=None, defocus=None, out_of_focus=False, paper=False, crosstalk=None, unmix=False,
+                   compare_methods=False, model=None):
+        """Finds what to project, so that the scene looks like a target.
+
+        Parameters
+        ----------
+        target : array_like
+            ``[H, W]`` or ``[H, W, 3]`` of the camera's pixels, in [0, 1] of ``peak``.
+        method : str
+            Default ``"krylov-box"``; see ``krylux compensate --method``.
+        photos : int
+            Photos that the method may take, beside the white one. Default 20.
+        rtol : float
+            Done when what is seen differs from the target by at most this share of it. Default 0.001.
+        floor : float
+            The least that is projected.
+        lift : float
+            Moves the target's values from [0, 1] to [lift, 1].
+        peak : float
+            The radiance that 1 in the target stands for. Default: half the median of the white photo.
+        precondition : str
+            ``"none"``, ``"diagonal"``, ``"multiscale"``, ``"direct"``, ``"geometry"`` or ``"defocus"``; for methods without
+            a box.
+        defocus : float
+            The width of the lens' blur in pixels, for ``"defocus"``.
+        out_of_focus : bool
+            Some lens is out of focus.
+        paper : bool
+            The paper's recipe: five photos of MINRES, preconditioned by the direct image.
+        crosstalk : array_like or "measure"
+            ``[3, 3]``: what each camera channel sees of each projector colour; or measured by three photos more.
+        unmix : bool
+            Solve each channel by itself, and un-mix the colours afterwards.
+        compare_methods : bool
+            Give every other method as many photos.
+        model : path
+            The folder of a run on this source, of :meth:`relight` or of any verb that keeps its photos: a model of the light
+            answers, and ``photos`` only correct it.
+
+        Returns
+        -------
+        krylux.answers.Compensation
+
+        References
+        ----------
+        O'Toole and Kutulakos, section 6.
+        """
+        target = _checks.picture(target, "target", self.shape, self.channels)
+        if target.min() < 0 or target.max() > 1:
+            fault = f"its values are from {target.min():g} to {target.max():g}, but a target's are from 0 to 1"
+            raise _checks.refuse("target", fault, "scale it, and say by peak what 1 stands for")
+        if target.max() == 0:
+            raise _checks.refuse("target", "it is black", "give an image with light in it")
+        measure = isinstance(crosstalk, str) and crosstalk == "measure"
+        if crosstalk is not None and self.channels == 1:
+            raise _checks.refuse("crosstalk", "gray light has no colours to mix", "open the source with channels=\"rgb\"")
+        question = {
+            "method": method,
+            "photos": self._photos_of_run if photos is None else _checks.count(photos, "photos", 0),
+            "rtol": rtol,
+            "floor": _checks.finite(floor, "floor"),
+            "lift": lift,
+            "peak": peak,
+            "precondition": precondition,
+            "defocus": defocus,
+            "out_of_focus": bool(out_of_focus),
+            "paper": bool(paper),
+            "measure_crosstalk": measure,
+            "crosstalk": None if measure or crosstalk is None else _three_by_three(crosstalk),
+            "unmix": bool(unmix),
+            "compare_methods": bool(compare_methods),
+            "model": None if model is None else os.fspath(model),
+        }
+        return answers.Compensation(*self._native.compensate(target, question), self)
+
+    def separate(self, by=None, *, square=2, shifts=4, period=4.0, phases=3, photos=None, sigma=None, probes=None,
+                 bounces=False, compare=False, max_error=None):
+        """Separates direct and global light under white.
+
+        Parameters
+        ----------
+        by : str
+            ``"exact"``, ``"checkerboards"``, ``"sinusoids"``, ``"random"`` or ``"capture"``. Default: exact on scenes,
+            checkerboards on rigs.
+        square, shifts : int
+            Pixels of a checkerboard's squares, and places that they are shifted to in each direction.
+        period : float
+            Pixels of a sinusoid's wave.
+        phases : int
+            Photos of a sinusoid in each of two directions.
+        photos : int
+            Photos of random patterns or of the capture. Default 40.
+        sigma : float
+            How far light counts as near, in pixels. Default: a sixteenth of the width.
+        probes : int
+            Photos that tell near from far global light. Default: 100 on scenes, none on rigs.
+        bounces : bool
+            The second bounce and the rest; open the source with ``split_bounces=True``.
+        compare : bool
+            Compare every method at several numbers of photos (scenes only).
+        max_error : float
+            The largest error of the direct light that is good enough (scenes only).
+
+        Returns
+        -------
+        krylux.answers.Separation
+        """
+        question = {
+            "by": by,
+            "square": _checks.count(square, "square"),
+            "shifts": _checks.count(shifts, "shifts"),
+            "period": _checks.finite(period, "period"),
+            "phases": _checks.count(phases, "phases"),
+            "photos": self._budget(photos, 40),
+            "sigma": sigma,
+            "probes": probes,
+            "bounces": bool(bounces),
+            "compare": bool(compare),
+            "max_error": max_error,
+        }
+        return answers.Separation(*self._native.separate(question), self)
+
+    def probe(self, paths="indirect", *, sigma=None, photos=None):
+        """Takes a photo of which only some light paths are let through.
+
+        Parameters
+        ----------
+        paths : str
+            ``"direct"``, ``"indirect"``, ``"near"``, ``"far"`` or ``"near-indirect"``.
+        sigma : float
+            Near light is weighted by ``exp(−d²/2σ²)`` of the distance ``d`` in pixels. Default: a sixteenth of the width.
+        photos : int
+            Random patterns. Default 100.
+
+        Returns
+        -------
+        krylux.answers.Probing
+        """
+        return answers.Probing(*self._native.probe(paths, sigma, self._budget(photos, 100)), self)
+
+    def relight(self, patterns=None, *, duals=None, photographs=None, photos=None, block=None, max_error=None):
+        """Captures the light transport in a few dozen photos, and answers by the model; a run answers without any photo.
+
+        Parameters
+        ----------
+        patterns : dict of str to array_like
+            Patterns of the projector's pixels to relight with. Default: white.
+        duals : dict of str to array_like
+            Patterns of the camera's pixels, for dual photographs.
+        photographs : dict of str to array_like
+            Photos to take the interreflections out of.
+        photos : int
+            Photos of the capture. Default 40.
+        block : int
+            Patterns that are chosen beforehand; 1 is white alone. Default 12.
+        max_error : float
+            The largest error of a relit photo that is good enough (scenes only).
+
+        Returns
+        -------
+        krylux.answers.Relighting
+
+        References
+        ----------
+        O'Toole and Kutulakos, *Optical computing for fast light transport analysis* (2010).
+        """
+        for option, value in (("photos", photos), ("block", block), ("max_error", max_error)):
+            if self._has_model and value is not None:
+                fault = f"{self.name} holds a model that is captured already, and no scene to compare it with"
+                raise _checks.refuse(option, fault, "leave it out, or open the scene or the rig")
+        if patterns is None:
+            patterns = {"white": np.ones(self.projector_shape, np.float32)}
+
+        def named(of, option, size):
+            return [(name, _checks.picture(array, f"{option}[{name!r}]", size, self.channels))
+                    for name, array in dict(of or {}).items()]
+
+        asked = (
+            named(patterns, "patterns", self.projector_shape),
+            named(duals, "duals", self.shape),
+            named(photographs, "photographs", self.shape),
+        )
+        block = None if block is None else _checks.count(block, "block")
+        return answers.Relighting(*self._native.relight(*asked, (self._budget(photos, 40), block, max_error)), self)
+
+
+def _three_by_three(crosstalk):
+    matrix = _checks.real_array(crosstalk, "crosstalk", np.float64)
+    if matrix.shape != (3, 3):
+        raise _checks.refuse("crosstalk", f"its shape is {matrix.shape}", "give an array of 3 × 3, or \"measure\"")
+    return matrix.tolist()

@@ -1,0 +1,261 @@
+"""The answers of a laboratory: arrays as attributes, to be saved, pickled and shown.
+
+Shapes: ``H×W`` are the pixels of photos; with three channels, pictures are ``H×W×3``. ``k`` counts eigenpairs.
+"""
+
+from . import _display
+from ._answer import Answer
+
+
+class Segmentation(Answer):
+    """Groups of pixels that exchange light: the answer of :meth:`krylux.Lab.segment`.
+
+    Attributes
+    ----------
+    labels : dict of int to numpy.ndarray
+        For each number of groups the label of each pixel, ``uint8[H, W]``; 255 is a pixel without global light.
+    eigenvalues, residuals : numpy.ndarray
+        ``float64[k]``: of the graph's matrix, the known one first, and ``‖A y − θ y‖`` of each.
+    eigenvectors : numpy.ndarray
+        ``float64[k, H, W]``.
+    within : numpy.ndarray
+        ``float64[k]``: nearly 1 for an eigenvector of regions, nearly 0 for one of a few pixels.
+    degree, weights : numpy.ndarray
+        ``float64[H, W]``: the light that each pixel exchanges, and the weight that it has in the clustering.
+    mask : numpy.ndarray
+        ``bool[H, W]``: pixels without global light.
+    regions : dict
+        How many regions the light shows (``count``), and how sure that is; ``regions_sentence`` says it in words.
+    rand_index : dict of int to float
+        The adjusted Rand index against the scene's true labels, for each number of groups; empty where there are none.
+    evidence : dict of int to dict
+        For each number of groups: ``photos`` ``float64[g, H, W]`` of each group lit alone, ``exchange`` ``float64[g, g]``
+        and ``cut``; empty where it was not asked for.
+    direct : numpy.ndarray or None
+        ``float64[H, W]``: the direct light, where it was measured.
+    features : dict or None
+        ``pixels``, ``coordinates`` and ``distances`` of the pixels that were asked for.
+    history : list of tuple
+        ``(photos, eigenvalues, residuals)`` after each photo.
+    """
+
+    def _repr_html_(self):
+        pictures = [
+            _display.image(_display.groups(labels), f"{count} groups") for count, labels in self.labels.items()
+        ]
+        pictures.append(_display.spectrum(self.eigenvalues, self.residuals))
+        return _display.page("Segmentation", self.status, *pictures)
+
+    def _repr_png_(self):
+        return _display.png(_display.enlarged(_display.groups(next(iter(self.labels.values())))))
+
+
+class Eigenpairs(Answer):
+    """The answer of :meth:`krylux.Lab.eigs` and of :func:`krylux.krylov.eigs`.
+
+    Attributes
+    ----------
+    values, imaginary : numpy.ndarray
+        ``float64[k]``: the eigenvalues, the most wanted first; imaginary parts are 0 for a symmetric matrix.
+    vectors, imaginary_vectors : numpy.ndarray
+        ``float64[n, k]``: eigenvectors of norm 1 as columns, as SciPy has them.
+    residuals, bounds, gap_bounds, standard_errors : numpy.ndarray
+        ``float64[k]``: ``‖A y − θ y‖``; bounds on the distance to an eigenvalue, and by Temple and Kato; the errors due to
+        the noise of photos.
+    statuses : list of str
+        ``"converged"``, ``"limited by noise"`` or ``"not resolved"``.
+    asymmetry : float
+        ``‖H − Hᵀ‖/‖H‖`` of the operator on the subspace.
+    history : list of tuple
+        ``(photos, values, residuals)`` after each photo.
+    shape : tuple of int or None
+        ``(H, W)`` of an eigenvector as a picture, where it is one.
+    """
+
+    shape = None
+
+    def picture(self, index):
+        """Eigenvector ``index`` as a picture, ``float64[H, W]``."""
+        if self.shape is None:
+            raise ValueError("these eigenvectors are no pictures: the operator has no pixels")
+        return self.vectors[:, index].reshape(self.shape)
+
+    def _repr_html_(self):
+        pictures = []
+        if self.shape is not None and min(self.shape) > 1:
+            values = self.values[:8]
+            pictures = [
+                _display.image(_display.signed(self.picture(index)), f"{value:.4g}")
+                for index, value in enumerate(values)
+            ]
+        spectrum = _display.spectrum(self.values, self.residuals)
+        return _display.page("Eigenpairs", f"{self.photos} photos: {self.status}", spectrum, *pictures)
+
+
+class Compensation(Answer):
+    """What to project, so that the scene looks like a target: the answer of :meth:`krylux.Lab.compensate`.
+
+    Attributes
+    ----------
+    pattern : numpy.ndarray
+        ``float32[H, W]`` or ``[H, W, 3]``: the pattern, in ``[floor, 1]``.
+    target, observed, uncompensated : numpy.ndarray
+        The target light, the photo of the pattern, and that of the target itself; in the laboratory's unit.
+    unclipped : numpy.ndarray or None
+        The method's own answer, where it had to be clipped.
+    peak : float
+        The radiance that 1 in the target stands for.
+    residual, unclipped_residual, uncompensated_residual : float
+        ``‖b − A x‖/‖b‖`` of the three.
+    history, baseline : numpy.ndarray
+        The residual after each photo, of the method and of projected Jacobi.
+    preparation : int
+        Photos before those of the method.
+    similarity, uncompensated_similarity : dict
+        ``psnr`` in dB, ``ssim``, ``rmse`` and others against the target.
+    methods : dict of str to dict
+        Other methods with as many photos, where they were asked for.
+    good : bool
+        Whether it is better than no compensation, and as good as was asked for.
+    """
+
+    def _repr_html_(self):
+        pictures = [
+            _display.image(_display.light(picture), caption)
+            for picture, caption in (
+                (self.pattern, "pattern"),
+                (self.observed, f"observed: residual {self.residual:.4f}"),
+                (self.uncompensated, f"uncompensated: {self.uncompensated_residual:.4f}"),
+                (self.target, "target"),
+            )
+        ]
+        return _display.page("Compensation", f"{self.photos} photos: {self.status}", *pictures)
+
+    def _repr_png_(self):
+        return _display.png(_display.enlarged(_display.light(self.pattern)))
+
+
+class Separation(Answer):
+    """Direct and global light under white: the answer of :meth:`krylux.Lab.separate`.
+
+    Attributes
+    ----------
+    direct, global_ : numpy.ndarray
+        ``float64[H, W]`` or ``[H, W, 3]``: light of one bounce, and of two and more.
+    standard_error, truth : numpy.ndarray or None
+        Of ``direct``, where the method or the simulator knows them.
+    second, rest : numpy.ndarray or None
+        The second bounce, and the third and later ones, where they were asked for.
+    near, far : numpy.ndarray or None
+        Global light by how far it went; ``near_noise`` and ``near_error`` say how well that is known.
+    method : str
+        The method's name.
+    error : float or None
+        The relative error of ``direct``, where the truth is known.
+    comparison : list of dict
+        Every method at several numbers of photos, where that was asked for.
+    good : bool
+        Whether the error is as small as was asked for.
+    """
+
+    def _repr_html_(self):
+        pictures = [
+            _display.image(_display.light(picture), caption)
+            for picture, caption in ((self.direct, "direct"), (self.global_, "global"))
+        ]
+        return _display.page("Separation", self.status, *pictures)
+
+
+class Probing(Answer):
+    """A photo of which only some light paths are let through: the answer of :meth:`krylux.Lab.probe`.
+
+    Attributes
+    ----------
+    values, standard_errors : numpy.ndarray
+        ``float64[H, W]`` or ``[H, W, 3]``: the photo, and its standard errors.
+    truth : numpy.ndarray or None
+        The exact photo, where the matrix is known.
+    paths : str
+        Which paths were let through.
+    noise : float
+        The norm of the standard errors, relative to that of the photo.
+    error : float or None
+        The relative error, where the exact photo is known.
+    """
+
+    def _repr_html_(self):
+        return _display.page("Probing", self.status, _display.image(_display.light(self.values), self.paths))
+
+    def _repr_png_(self):
+        return _display.png(_display.enlarged(_display.light(self.values)))
+
+
+class Relighting(Answer):
+    """A low-rank model and what it answered: the answer of :meth:`krylux.Lab.relight`.
+
+    Attributes
+    ----------
+    relit, duals, direct : dict of str to numpy.ndarray
+        By name: photos of patterns, dual photographs, and photos without interreflections; ``float32``.
+    truth : dict of str to numpy.ndarray
+        The true photos, where the scene is simulated.
+    errors : dict of str to float
+        ``‖relit − true‖/‖true‖`` of each pattern.
+    model : list of tuple
+        For each channel ``(basis, photos)``, ``float64[r, n]`` and ``float64[r, m]``: orthonormal patterns and their photos
+        without direct light, as rows.
+    rank : int
+        The rank of the model.
+    ambient : numpy.ndarray
+        The photo without projector.
+    curve : list of dict
+        The model's error for each number of photos, where the matrix is known.
+    good : bool
+        Whether the errors are as small as was asked for.
+    """
+
+    def _repr_html_(self):
+        pictures = [_display.image(_display.light(picture), name) for name, picture in self.relit.items()]
+        return _display.page("Relighting", self.status, *pictures)
+
+
+class Audit(Answer):
+    """Whether a source is a linear, symmetric operator: the answer of :meth:`krylux.Lab.audit`.
+
+    Attributes
+    ----------
+    checks : list of dict
+        ``name``, ``verdict``, ``figure``, ``error``, ``bound`` and ``meaning`` of each check.
+    passed : bool
+        Whether no check fails.
+    white, direct_share, additivity : numpy.ndarray or None
+        ``float64[H, W]``: the white photo, the share of direct light, and the departure from additivity.
+    """
+
+    def _repr_html_(self):
+        rows = "".join(
+            f"<tr><td>{check['name']}</td><td>{check['verdict']}</td><td>{check['figure']:.3g}</td></tr>"
+            for check in self.checks
+        )
+        return _display.page("Audit", self.status, f"<table>{rows}</table>")
+
+
+class Solution(Answer):
+    """The answer of :meth:`krylux.Lab.solve` and of the solvers in :mod:`krylux.krylov`.
+
+    Attributes
+    ----------
+    x : numpy.ndarray
+        ``float64[n]``: the best iterate.
+    residual : float
+        Its ``‖b − A x‖/‖b‖``.
+    history, best : numpy.ndarray
+        The residual after each product, and the least so far.
+    products : int
+        Products with ``A`` and ``Aᵀ``.
+    """
+
+    @property
+    def photos(self):
+        """The products: on a rig each is a photo."""
+        return self.products

@@ -1,0 +1,241 @@
+"""The devices of a rig: those of a rig file, and cameras and projectors written in Python.
+
+A camera of Python has these members; so that a maker's own library is ten lines away::
+
+    class MyCamera:
+        name = "my-camera"           # part of every photo's key in a journal
+        size = (640, 480)            # width and height
+        bits = 12                    # of a count; the highest count is 2**bits - 1
+        channels = 1                 # or 3
+        exposures = (1e-4, 1.0)      # the shortest and the longest, in seconds
+
+        def configure(self, exposure):      # seconds; returns what was really set, or None
+            ...
+
+        def capture(self):                  # unsigned integers [H, W] or [H, W, 3], or None where no frame came
+            ...
+
+A projector has ``name``, ``size``, ``bits`` (8), ``channels`` (1), ``frame_time`` (0 seconds) and ``show(levels)``,
+which receives ``uint16[H, W]`` or ``[H, W, 3]`` and returns when they are on screen. A camera may also have
+``restart()``, for a stream that hangs. ``capture`` must begin the exposure after it was called.
+"""
+
+import json
+import os
+import types
+
+import numpy as np
+
+from . import _checks, _krylux, _opening
+
+
+class ProgramRig:
+    """A projector and a camera written in Python, as a source for :func:`krylux.open`.
+
+    Parameters
+    ----------
+    projector, camera : object
+        The devices; the module's text says which members they have.
+    measurement : dict, optional
+        The ``[measurement]`` table of a rig file, such as ``{"exposures": [0.01], "takes": 4}``.
+    calibration : path, optional
+        The folder that a calibration was written to. Default: the devices are taken as ideal.
+
+    Raises
+    ------
+    krylux.errors.OptionError
+        A device lacks a member, or one has an unusable value.
+
+    Examples
+    --------
+    >>> lab = krylux.open(krylux.rig.ProgramRig(MyProjector(), MyCamera()), folder="out/mine")  # doctest: +SKIP
+    """
+
+    def __init__(self, projector, camera, *, measurement=None, calibration=None):
+        self.projector = projector
+        self.camera = camera
+        self.measurement = dict(measurement or {})
+        self.calibration = None if calibration is None else os.path.abspath(calibration)
+        _require(projector, "projector", ("size", "show"))
+        _require(camera, "camera", ("size", "exposures", "configure", "capture"))
+
+    def _description(self):
+        projector, camera = self.projector, self.camera
+        return {
+            "projector": {
+                "name": str(getattr(projector, "name", "projector")),
+                "size": list(_checks.size(projector.size, "projector.size")),
+                "channels": _checks.count(getattr(projector, "channels", 1), "projector.channels"),
+                "bits": _checks.count(getattr(projector, "bits", 8), "projector.bits"),
+                "frame_time": float(getattr(projector, "frame_time", 0.0)),
+            },
+            "camera": {
+                "name": str(getattr(camera, "name", "camera")),
+                "size": list(_checks.size(camera.size, "camera.size")),
+                "channels": _checks.count(getattr(camera, "channels", 1), "camera.channels"),
+                "bits": _checks.count(getattr(camera, "bits", 8), "camera.bits"),
+                "exposures": [_checks.finite(seconds, "camera.exposures", 0.0) for seconds in camera.exposures],
+            },
+        }
+
+    def _request(self, name):
+        description = self._description()
+        camera = _Checked(self.camera, description["camera"])
+        devices = {"projector": self.projector, "camera": camera, "description": json.dumps(description)}
+        return {"source": f"{name or 'program'}.toml", "rig": self._toml(description), "devices": devices}
+
+    def _toml(self, description):
+        """The rig file that describes these devices; a run keeps it."""
+        lines = ['kind = "program"']
+        if self.calibration is not None:
+            lines.append(f"calibration = {_toml_value(self.calibration)}")
+        for table, values in (*description.items(), ("measurement", self.measurement)):
+            lines.append(f"\n[{table}]")
+            lines += [f"{key} = {_toml_value(value)}" for key, value in values.items()]
+        return "\n".join(lines) + "\n"
+
+
+class _Checked:
+    """A camera whose frames are checked and flattened."""
+
+    def __init__(self, camera, about):
+        self._camera = camera
+        width, height = about["size"]
+        self._shape = (height, width) if about["channels"] == 1 else (height, width, about["channels"])
+        self._highest = 2 ** about["bits"] - 1
+        if hasattr(camera, "restart"):
+            self.restart = camera.restart
+
+    def configure(self, exposure):
+        set_ = self._camera.configure(exposure)
+        return None if set_ is None else float(set_)
+
+    def capture(self):
+        frame = self._camera.capture()
+        if frame is None:
+            return None
+        counts = np.asarray(frame)
+        if counts.shape != self._shape or counts.dtype.kind not in "iu":
+            fault = f"it returned {counts.dtype}{list(counts.shape)}"
+            raise _checks.refuse("camera.capture", fault, f"return whole numbers of the shape {list(self._shape)}")
+        if counts.size and (counts.min() < 0 or counts.max() > self._highest):
+            fault = f"it returned counts from {counts.min()} to {counts.max()}"
+            raise _checks.refuse("camera.capture", fault, f"return counts from 0 to {self._highest}, or correct bits")
+        return np.ascontiguousarray(counts, dtype=np.uint16).reshape(-1)
+
+
+def _require(device, kind, members):
+    for member in members:
+        if not hasattr(device, member):
+            raise _checks.refuse(kind, f"it has no `{member}`", f"a {kind} needs {', '.join(members)}")
+
+
+def _toml_value(value):
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, (list, tuple)) or isinstance(value, np.ndarray):
+        return "[" + ", ".join(_toml_value(one) for one in np.asarray(value).tolist()) + "]"
+    raise _checks.refuse("measurement", f"{value!r} has no form in a rig file", "give numbers, texts, or lists of them")
+
+
+class Report(types.SimpleNamespace):
+    """The outcome of a rig's calibration, check or alignment: attributes by name.
+
+    Calibration: ``folder``, ``report``, ``effort``, ``lines``. Check: ``findings``, ``passed``, ``complete``, ``status``.
+    A round of alignment: ``found``, and then ``aligned``, ``disparity`` (median, 95 %, error, in projector pixels),
+    ``shadow`` and ``dark`` (shares), ``offset``, ``place``, ``remedy``, ``symmetry``, ``white`` ``float64[H, W]`` and
+    ``sights`` ``uint8[H, W]`` (0 lit, 1 shadow, 2 dark, 3 outside); or else ``fault`` and ``help``.
+    """
+
+    def __init__(self, fields):
+        super().__init__(**fields)
+
+    def __repr__(self):
+        return f"<krylux.rig.Report: {', '.join(self.__dict__)}>"
+
+
+def _rig(source, options):
+    if not isinstance(source, ProgramRig) and not str(source).lower().endswith(".toml"):
+        raise _checks.refuse("source", f"{source} is no rig", "give a rig file (.toml), or devices of Python")
+    return _opening.request(source, {**_opening.DEFAULTS, **options})
+
+
+def calibrate(source, folder=None, *, takes=2, map=None, overwrite=False, resume=False, **options):
+    """Measures a rig's devices from captures alone: responses, noise, pixel map, latency, drift.
+
+    Parameters
+    ----------
+    source : path or ProgramRig
+        The rig.
+    folder : path, optional
+        Where the calibration goes. Default: what the rig file names, or ``NAME-calibration`` beside it.
+    takes : int
+        Frames averaged for each level and pattern.
+    map : str, optional
+        ``"gray-code"`` or ``"checkerboard"``. Default: Gray codes, or a checkerboard where the camera is coarser.
+    overwrite, resume : bool
+        Calibrate anew into a folder that holds a calibration's photos, or go on with it.
+    **options
+        As those of :func:`krylux.open`.
+
+    Returns
+    -------
+    Report
+        ``folder``, ``report``, ``effort`` and ``lines``.
+    """
+    folder = None if folder is None else os.fspath(folder)
+    if folder is None and isinstance(source, ProgramRig):
+        raise _checks.refuse("folder", "devices of Python have no rig file beside which it could be", "name a folder")
+    run = (folder, bool(overwrite), bool(resume))
+    return Report(_krylux.calibrate(_rig(source, options), _checks.count(takes, "takes"), map, run))
+
+
+def check(source, folder="out", **options):
+    """Checks a bench before a session: devices, light, frames, calibration, disk.
+
+    Parameters
+    ----------
+    source : path or ProgramRig
+        The rig.
+    folder : path
+        The folder of the session's runs; its disk is checked for free space.
+    **options
+        As those of :func:`krylux.open`.
+
+    Returns
+    -------
+    Report
+        ``findings``, ``passed``, ``complete`` and ``status``.
+    """
+    return Report(_krylux.check(_rig(source, options), os.fspath(folder)))
+
+
+def align(source, *, rounds=1, patterns=6, asymmetry=0.1, exposure=None, **options):
+    """Tells whether camera and projector are at one point, and which way the camera must go.
+
+    Parameters
+    ----------
+    source : path or ProgramRig
+        The rig.
+    rounds : int
+        Rounds of structured light.
+    patterns : int
+        Random patterns of each round, by whose pairs symmetry is judged; 0: not at all.
+    asymmetry : float
+        ``‖A − Aᵀ‖/‖A‖`` that passes.
+    exposure : float, optional
+        Seconds of each exposure.
+    **options
+        As those of :func:`krylux.open`.
+
+    Returns
+    -------
+    list of Report
+        One for each round.
+    """
+    question = (_checks.count(patterns, "patterns", 0), _checks.finite(asymmetry, "asymmetry", 0.0), exposure)
+    return [Report(round_) for round_ in _krylux.align_rounds(_rig(source, options), _checks.count(rounds, "rounds"), question)]

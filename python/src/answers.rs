@@ -1,0 +1,73 @@
+//! Answers of a laboratory, kept until they are saved.
+
+use std::sync::{Mutex, PoisonError};
+
+use krylux::analysis::audit::Audit;
+use krylux::analysis::segment::{Segmented, Truth};
+use krylux::krylov::{Eigs, Method, Solution};
+use krylux::lab::{
+    CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Relighting, Saved,
+    Scored, Separated, Solved,
+};
+use pyo3::prelude::*;
+
+/// An answer as krylux has it.
+#[pyclass(frozen, module = "krylux._krylux", name = "Answer")]
+pub(crate) struct Answer(Mutex<Kept>);
+
+/// Each kind of answer, with what its report shows beside it.
+pub(crate) enum Kept {
+    Audit(Audit),
+    Compensate(Box<CompensateRequest>, Box<CompensateAnswer>),
+    Eigs { found: Box<Eigs>, wanted: usize },
+    Probe(ProbedLight),
+    Relight(Box<Relighting>),
+    Segment { found: Box<Segmented>, truth: Option<Truth>, scores: Vec<(usize, f64)> },
+    Separate(Box<Separated>),
+    Solve { found: Box<Solution>, method: Method },
+}
+
+impl Answer {
+    pub(crate) fn new(kept: Kept) -> Self {
+        Self(Mutex::new(kept))
+    }
+
+    /// Writes the answer into the folder of the open run.
+    pub(crate) fn finish(&self, lab: &mut Lab) -> krylux::Result<Saved> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &mut *kept {
+            Kept::Audit(found) => lab.finish(found),
+            Kept::Compensate(request, answer) => {
+                let shown = Compensated::new(&answer.found, &request.options);
+                lab.finish(&Compensated { methods: &answer.methods, ..shown })
+            }
+            Kept::Eigs { found, wanted } => lab.finish(&Eigenpairs { found, wanted: *wanted }),
+            Kept::Probe(found) => lab.finish(found),
+            Kept::Relight(found) => {
+                let saved = lab.finish(&**found)?;
+                // Another folder gets a model of its own.
+                found.files = None;
+                Ok(saved)
+            }
+            Kept::Segment { found, truth, scores } => {
+                lab.finish(&Scored { segmented: found, truth: truth.as_ref(), scores })
+            }
+            Kept::Separate(found) => lab.finish(&**found),
+            Kept::Solve { found, method } => lab.finish(&Solved { found, method: *method }),
+        }
+    }
+
+    /// The verb that asked for the answer.
+    pub(crate) fn verb(&self) -> &'static str {
+        match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Audit(_) => "audit",
+            Kept::Compensate(..) => "compensate",
+            Kept::Eigs { .. } => "eigs",
+            Kept::Probe(_) => "probe",
+            Kept::Relight(_) => "relight",
+            Kept::Segment { .. } => "segment",
+            Kept::Separate(_) => "separate",
+            Kept::Solve { .. } => "solve",
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Errors of krylux as exceptions of Python.
+
+use krylux::Error;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// The exception for an error: a class of `krylux.errors` whose attributes name what to check.
+pub(crate) fn raise(py: Python<'_>, error: &Error) -> PyErr {
+    let path = |path: &std::path::Path| Some(("path", path.display().to_string()));
+    let (class, about, help) = match error {
+        Error::Scene { path: of, help, .. } => ("SceneError", path(of), Some(help)),
+        Error::Data { path: of, help, .. } => ("DataError", path(of), Some(help)),
+        Error::Option { option, help, .. } => {
+            ("OptionError", Some(("option", in_python(option))), Some(help))
+        }
+        Error::Read { path: of, .. } => ("ReadError", path(of), None),
+        Error::Write { path: of, .. } => ("WriteError", path(of), None),
+        Error::NoAdapter { help, .. } => ("NoAdapterError", None, Some(help)),
+        Error::Device { help, .. } => ("DeviceError", None, Some(help)),
+        Error::Rig { device, help, .. } => ("RigError", Some(("device", device.clone())), Some(help)),
+        Error::Saturated { device, help, .. } => {
+            ("SaturatedError", Some(("device", device.clone())), Some(help))
+        }
+        Error::Journal { path: of, help, .. } => ("JournalError", path(of), Some(help)),
+        Error::UnfinishedPaths { .. } => ("UnfinishedPathsError", None, None),
+        Error::Interrupted => ("Interrupted", None, None),
+        Error::Dimension { what, .. } => ("DimensionError", Some(("what", (*what).to_owned())), None),
+        Error::Numerical(_) => ("NumericalError", None, None),
+        _ => ("Error", None, None),
+    };
+    make(py, class, &in_python(&error.to_string()), about, help.map(|help| in_python(help)))
+}
+
+/// A wrong argument of a function in this package.
+pub(crate) fn option(py: Python<'_>, option: &str, fault: &str, help: &str) -> PyErr {
+    let error = Error::Option { option: option.into(), fault: fault.into(), help: help.into() };
+    raise(py, &error)
+}
+
+/// A panic, which is a fault of krylux.
+pub(crate) fn internal(py: Python<'_>, reason: &str) -> PyErr {
+    let help = "please report it with the lines that led here; nothing else in this process is affected";
+    let text = format!("krylux failed: {reason}\n  help: {help}");
+    make(py, "InternalError", &text, None, Some(help.into()))
+}
+
+/// The use of a laboratory that is closed.
+pub(crate) fn closed(py: Python<'_>) -> PyErr {
+    let help = "open the source again";
+    make(py, "ClosedError", &format!("the laboratory is closed\n  help: {help}"), None, Some(help.into()))
+}
+
+/// The use of a laboratory by a process that was forked after it was opened.
+pub(crate) fn forked(py: Python<'_>) -> PyErr {
+    let help = "open the source in the child, or start processes by multiprocessing's `spawn`";
+    let text = format!(
+        "the laboratory was opened before this process was forked: devices and threads stay with the parent\n  help: {help}"
+    );
+    make(py, "ForkedError", &text, None, Some(help.into()))
+}
+
+fn make(
+    py: Python<'_>,
+    class: &str,
+    text: &str,
+    about: Option<(&str, String)>,
+    help: Option<String>,
+) -> PyErr {
+    let made = || -> PyResult<PyErr> {
+        let attributes = PyDict::new(py);
+        if let Some((name, value)) = about {
+            attributes.set_item(name, value)?;
+        }
+        attributes.set_item("help", help)?;
+        let class = py.import("krylux.errors")?.getattr(class)?;
+        Ok(PyErr::from_value(class.call((text,), Some(&attributes))?))
+    };
+    made().unwrap_or_else(|error| error)
+}
+
+/// A text with the options of the command line as arguments of Python: `--max-bounces` becomes `max_bounces`.
+fn in_python(text: &str) -> String {
+    let named = match text {
+        "-o" => return "folder".into(),
+        "SOURCE" | "RIG" => return "source".into(),
+        text => text.strip_prefix("-o: ").map(|rest| format!("folder: {rest}")),
+    };
+    let text = named.unwrap_or_else(|| text.to_owned());
+    let text = text.strip_prefix("SOURCE: ").map(|rest| format!("source: {rest}")).unwrap_or(text);
+    let mut parts = text.split("--");
+    let mut found = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let end = part.find(|c: char| !c.is_ascii_lowercase() && c != '-').unwrap_or(part.len());
+        let (option, rest) = part.split_at(end);
+        if option.is_empty() {
+            found.push_str("--");
+        }
+        found.push_str(&option.replace('-', "_"));
+        found.push_str(rest);
+    }
+    found
+}

@@ -1,0 +1,257 @@
+//! krylux's own solvers on operators of Python.
+
+use krylux::krylov::{
+    Diagonal, Eigs, LowRankOptions, Method, Preconditioner, Side, Solution, SolveOptions, UserPreconditioner,
+    eigs, hutch_plus_plus, hutchinson, randomized_svd, solve_adjoint,
+};
+use krylux::observer::{Observer, Step};
+use krylux::operator::{Adjoint, Operator, Symmetry};
+use krylux::{Error, Result};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{Fields, rows};
+use crate::settings::one_of;
+use crate::verbs::{EigsQuestion, eigs_fields};
+use crate::watch::Watcher;
+use crate::{errors, work};
+
+/// An operator whose products Python takes: `product(rows of vectors, adjoint)` returns rows.
+struct Called {
+    product: Py<PyAny>,
+    shape: (usize, usize),
+    is_symmetric: bool,
+    block: usize,
+    watcher: Watcher,
+}
+
+/// An error that stands for an exception, which comes out in its place.
+fn raised(error: PyErr) -> Error {
+    work::keep(error);
+    Error::Interrupted
+}
+
+impl Called {
+    fn multiply(&self, xs: &[&[f64]], ys: &mut [&mut [f64]], adjoint: bool) -> Result<()> {
+        let (from, to) = if adjoint { self.shape } else { (self.shape.1, self.shape.0) };
+        for x in xs {
+            Error::check_size("entries of the vector to multiply", from, x.len())?;
+        }
+        let taken = Python::try_attach(|py| -> PyResult<Vec<f64>> {
+            py.check_signals()?;
+            let vectors: Vec<Vec<f64>> = xs.iter().map(|x| x.to_vec()).collect();
+            let answer = self.product.call1(py, (rows(py, &vectors, from)?, adjoint))?;
+            let answer: PyReadonlyArray2<'_, f64> = answer.extract(py)?;
+            if answer.shape() != [xs.len(), to] {
+                let fault = format!("its product has the shape {:?}", answer.shape());
+                return Err(errors::option(py, "A", &fault, &format!("return {to} numbers for each vector")));
+            }
+            Ok(answer.as_slice()?.to_vec())
+        });
+        let values = taken.ok_or(Error::Interrupted)?.map_err(raised)?;
+        ys.iter_mut().zip(values.chunks(to.max(1))).for_each(|(y, value)| y.copy_from_slice(value));
+        Ok(())
+    }
+}
+
+impl Operator for Called {
+    fn rows(&self) -> usize {
+        self.shape.0
+    }
+
+    fn cols(&self) -> usize {
+        self.shape.1
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        if self.is_symmetric { Symmetry::Symmetric } else { Symmetry::General }
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.multiply(&[x], &mut [y], false)
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.multiply(xs, ys, false)
+    }
+
+    fn block_size(&self) -> usize {
+        self.block
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self
+    }
+}
+
+impl Observer for Called {
+    fn step(&self, step: &Step<'_>) -> std::ops::ControlFlow<()> {
+        self.watcher.step(step)
+    }
+}
+
+impl Adjoint for Called {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.multiply(&[y], &mut [x], !self.is_symmetric)
+    }
+
+    fn apply_adjoint_block(&mut self, ys: &[&[f64]], xs: &mut [&mut [f64]]) -> Result<()> {
+        self.multiply(ys, xs, !self.is_symmetric)
+    }
+}
+
+/// An operator of Python as its side describes it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Described {
+    product: Py<PyAny>,
+    shape: (usize, usize),
+    symmetric: bool,
+    block: usize,
+    progress: Option<Py<PyAny>>,
+    log: Py<PyAny>,
+}
+
+impl From<Described> for Called {
+    fn from(of: Described) -> Self {
+        let watcher = Watcher::new(of.progress, of.log);
+        Self { product: of.product, shape: of.shape, is_symmetric: of.symmetric, block: of.block, watcher }
+    }
+}
+
+/// The options of a solver.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct SolveQuestion {
+    products: usize,
+    rtol: f64,
+    atol: f64,
+    noise: f64,
+    x0: Option<Vec<f64>>,
+    /// A diagonal to divide by.
+    divide_by: Option<Vec<f64>>,
+    /// A function of rows, as of an operator.
+    preconditioner: Option<Py<PyAny>>,
+    side: String,
+    restart: Option<usize>,
+    lower: f64,
+    upper: f64,
+    diagonal: Option<Vec<f64>>,
+}
+
+impl SolveQuestion {
+    fn options(self, py: Python<'_>) -> PyResult<SolveOptions> {
+        let preconditioner: Option<std::sync::Arc<dyn Preconditioner>> =
+            match (self.divide_by, self.preconditioner) {
+                (Some(entries), _) => Some(std::sync::Arc::new(
+                    Diagonal::new(entries).map_err(|error| errors::raise(py, &error))?,
+                )),
+                (None, Some(product)) => Some(std::sync::Arc::new(called_preconditioner(product))),
+                (None, None) => None,
+            };
+        Ok(SolveOptions {
+            products: self.products,
+            rtol: self.rtol,
+            atol: self.atol,
+            noise: self.noise,
+            x0: self.x0,
+            preconditioner,
+            side: one_of(py, "side", &self.side, &[("right", Side::Right), ("left", Side::Left)])?,
+            restart: self.restart,
+            lower: self.lower,
+            upper: self.upper,
+            diagonal: self.diagonal,
+            surrogate: None,
+        })
+    }
+}
+
+/// `M⁻¹` by a function of Python, which is taken for positive definite.
+fn called_preconditioner(product: Py<PyAny>) -> UserPreconditioner {
+    UserPreconditioner::closure(true, move |r, z| {
+        let taken = Python::try_attach(|py| -> PyResult<()> {
+            let answer = product.call1(py, (r.to_vec().into_pyarray(py),))?;
+            let answer: PyReadonlyArray1<'_, f64> = answer.extract(py)?;
+            if answer.len() != z.len() {
+                let fault = format!("its product has {} entries", answer.len());
+                return Err(errors::option(py, "M", &fault, &format!("return {}", z.len())));
+            }
+            z.copy_from_slice(answer.as_slice()?);
+            Ok(())
+        });
+        taken.ok_or(Error::Interrupted)?.map_err(raised)
+    })
+}
+
+/// The attributes of a solution.
+pub(crate) fn solution_fields<'py>(py: Python<'py>, found: &Solution) -> PyResult<Bound<'py, PyDict>> {
+    let fields = Fields::new(py);
+    fields.numbers("x", found.x.clone())?.put("residual", found.residual)?;
+    fields.numbers("history", found.history.iter().map(|row| row.residual).collect::<Vec<_>>())?;
+    fields.numbers("best", found.history.iter().map(|row| row.best).collect::<Vec<_>>())?;
+    fields.put("products", found.stats.products)?.put("status", found.stats.status.to_string())?;
+    Ok(fields.0)
+}
+
+/// Solves `A x = b`.
+#[pyfunction]
+pub(crate) fn solve<'py>(
+    py: Python<'py>,
+    method: &str,
+    operator: Described,
+    b: PyReadonlyArray1<'py, f64>,
+    question: SolveQuestion,
+) -> PyResult<Bound<'py, PyDict>> {
+    let method = Method::from_name(method).map_err(|error| errors::raise(py, &error))?;
+    let options = question.options(py)?;
+    let (mut operator, b) = (Called::from(operator), b.as_slice()?);
+    let found = work::detached(py, || solve_adjoint(method, &mut operator, b, &options))?;
+    solution_fields(py, &found)
+}
+
+/// Eigenpairs of a square operator.
+#[pyfunction(name = "eigs")]
+pub(crate) fn eigenpairs<'py>(
+    py: Python<'py>,
+    operator: Described,
+    question: EigsQuestion,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (options, mut operator) = (question.options(py)?, Called::from(operator));
+    let found: Eigs = work::detached(py, || eigs(&mut operator, &options))?;
+    eigs_fields(py, &found, operator.cols())
+}
+
+/// The trace of a square operator, with its standard error and the products that it took.
+#[pyfunction]
+pub(crate) fn trace(
+    py: Python<'_>,
+    operator: Described,
+    products: usize,
+    seed: u64,
+    method: &str,
+) -> PyResult<(f64, f64, usize)> {
+    let mut operator = Called::from(operator);
+    let is_plus = one_of(py, "method", method, &[("hutch++", true), ("hutchinson", false)])?;
+    let found = work::detached(py, || match is_plus {
+        true => hutch_plus_plus(&mut operator, products, seed),
+        false => hutchinson(&mut operator, products, seed),
+    })?;
+    Ok((found.value, found.standard_error, found.products))
+}
+
+/// The largest singular values with their vectors as rows, from random products.
+#[pyfunction]
+#[allow(clippy::type_complexity, reason = "the three arrays of a singular value decomposition")]
+pub(crate) fn svd<'py>(
+    py: Python<'py>,
+    operator: Described,
+    question: (usize, usize, usize, u64),
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>, Bound<'py, PyAny>)> {
+    let mut operator = Called::from(operator);
+    let (rank, oversampling, power, seed) = question;
+    let options = LowRankOptions { rank, oversampling, power, seed, ..LowRankOptions::default() };
+    let found = work::detached(py, || randomized_svd(&mut operator, &options))?;
+    let (m, n) = (operator.rows(), operator.cols());
+    Ok((rows(py, &found.left, m)?, found.values.into_pyarray(py), rows(py, &found.right, n)?))
+}

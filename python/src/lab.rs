@@ -1,0 +1,267 @@
+//! An open laboratory: its photos, its matrix, its operators, and the folder of its run.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use krylux::lab::{Lab as Laboratory, RunOptions, SourceKind};
+use krylux::transport::Part;
+use numpy::PyReadonlyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::answers::Answer;
+use crate::arrays::{self, Fields};
+use crate::matrix::Matrix;
+use crate::operator::Operator;
+use crate::settings::{Request, one_of};
+use crate::{errors, work};
+
+/// A laboratory, until it is closed.
+#[pyclass(frozen, module = "krylux._krylux", name = "Lab")]
+pub(crate) struct Lab {
+    lab: Arc<Mutex<Option<Laboratory>>>,
+    /// Photos that were asked for one by one, beside those of operators.
+    photos: AtomicUsize,
+    process: u32,
+}
+
+/// A laboratory that goes out of scope leaves a record of its run that is as complete as that of a closed one.
+impl Drop for Lab {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            // Its devices are the parent's: they are neither used nor closed here.
+            std::mem::forget(Arc::clone(&self.lab));
+            return;
+        }
+        // Nobody is left who could be told of an error. Another thread may be at work with an operator, and need the interpreter.
+        let _ = Python::try_attach(|py| work::detached(py, || self.end()));
+    }
+}
+
+impl Lab {
+    /// Lets `work` use the laboratory, without the interpreter's lock. Threads take turns.
+    pub(crate) fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Laboratory) -> krylux::Result<T> + Send,
+    ) -> PyResult<T> {
+        if self.process != std::process::id() {
+            return Err(errors::forked(py));
+        }
+        let done = work::detached(py, || {
+            let mut lab = self.lab.lock().unwrap_or_else(PoisonError::into_inner);
+            lab.as_mut().map(work).transpose()
+        })?;
+        done.ok_or_else(|| errors::closed(py))
+    }
+}
+
+/// The part of the light of this name.
+pub(crate) fn part(py: Python<'_>, name: &str) -> PyResult<Part> {
+    one_of(py, "part", name, &[("full", Part::Full), ("direct", Part::Direct), ("global", Part::Global)])
+}
+
+#[pymethods]
+impl Lab {
+    /// Opens a source.
+    #[new]
+    fn new(py: Python<'_>, request: Request) -> PyResult<Self> {
+        let builder = request.builder(py)?;
+        let lab = work::detached(py, || builder.open())?;
+        let lab = Arc::new(Mutex::new(Some(lab)));
+        Ok(Self { lab, photos: AtomicUsize::new(0), process: std::process::id() })
+    }
+
+    /// What is known without a photo.
+    fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let fields = Fields::new(py);
+        let (kind, name, photo, pattern, channels, unit, seed, photos, has_model) = self.with(py, |lab| {
+            let [photo, pattern] = [lab.resolution(), lab.projector_resolution()];
+            let channels = lab.channels().count();
+            let known =
+                (lab.kind(), lab.name(), (photo.height, photo.width), (pattern.height, pattern.width));
+            let (unit, photos) = (lab.unit().to_owned(), lab.photos_of_run());
+            Ok((known.0, known.1, known.2, known.3, channels, unit, lab.seed(), photos, lab.has_model()))
+        })?;
+        let kind = match kind {
+            SourceKind::Scene => "scene",
+            SourceKind::Rig => "rig",
+            SourceKind::Run => "run",
+            SourceKind::Matrix => "matrix",
+        };
+        fields.put("kind", kind)?.put("name", name)?.put("resolution", photo)?.put("projector", pattern)?;
+        fields.put("channels", channels)?.put("unit", unit)?.put("seed", seed)?;
+        fields.put("photos_of_run", photos)?.put("has_model", has_model)?;
+        Ok(fields.0)
+    }
+
+    /// The photo of a pattern.
+    fn photo<'py>(
+        &self,
+        py: Python<'py>,
+        pattern: PyReadonlyArrayDyn<'py, f32>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let pattern = arrays::image(&pattern)?;
+        let photo = self.with(py, |lab| lab.photo(&pattern))?;
+        self.photos.fetch_add(1, Ordering::Relaxed);
+        Ok(arrays::array(py, &photo)?.into_any())
+    }
+
+    /// The photo of a pattern, and the standard error of each sample where it is known.
+    fn photo_with_error<'py>(
+        &self,
+        py: Python<'py>,
+        pattern: PyReadonlyArrayDyn<'py, f32>,
+    ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
+        let pattern = arrays::image(&pattern)?;
+        let (photo, error) = self.with(py, |lab| lab.photo_with_error(&pattern))?;
+        self.photos.fetch_add(1, Ordering::Relaxed);
+        let error = error.map(|error| arrays::array(py, &error).map(Bound::into_any)).transpose()?;
+        Ok((arrays::array(py, &photo)?.into_any(), error))
+    }
+
+    /// The photo under an all-ones pattern, or without a projector.
+    fn plain<'py>(&self, py: Python<'py>, is_white: bool) -> PyResult<Bound<'py, PyAny>> {
+        let photo = self.with(py, |lab| if is_white { lab.white() } else { lab.ambient() })?;
+        self.photos.fetch_add(1, Ordering::Relaxed);
+        Ok(arrays::array(py, &photo)?.into_any())
+    }
+
+    /// The region that each pixel of a scene sees.
+    fn labels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (labels, resolution) = self.with(py, |lab| Ok((lab.labels()?, lab.resolution())))?;
+        let fields = Fields::new(py);
+        fields.raster("labels", labels, resolution)?;
+        Ok(fields.0)
+    }
+
+    /// The labels of the scene's author with the regions' names, where there are any.
+    fn truth<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let (truth, resolution) = self.with(py, |lab| Ok((lab.known_truth()?, lab.resolution())))?;
+        let Some(truth) = truth else { return Ok(None) };
+        let fields = Fields::new(py);
+        fields.raster("labels", truth.labels, resolution)?.put("regions", truth.regions)?;
+        Ok(Some(fields.0))
+    }
+
+    /// The noise of a traced matrix, where it is known.
+    fn noise<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(noise) = self.with(py, Laboratory::noise)? else { return Ok(None) };
+        let fields = Fields::new(py);
+        fields.image("white", &noise.white)?.put("white_relative", noise.white_relative)?;
+        fields.put("operator", noise.operator)?.put("global_", noise.global)?;
+        Ok(Some(fields.0))
+    }
+
+    /// The expected error of a product with a vector of norm 1, where a matrix was traced.
+    fn product_noise(&self, py: Python<'_>, part: &str) -> PyResult<Option<f64>> {
+        let part = crate::lab::part(py, part)?;
+        self.with(py, |lab| lab.product_noise(part))
+    }
+
+    /// Whether the matrix is symmetric, and whether photos cost nothing but computing.
+    fn kind_of_light(&self, py: Python<'_>) -> PyResult<(bool, bool)> {
+        self.with(py, |lab| Ok((lab.is_symmetric()?, lab.is_simulated()?)))
+    }
+
+    /// What a rig has cost so far; nothing for other sources.
+    fn costs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let costs = self.with(py, Laboratory::costs)?;
+        let fields = Fields::new(py);
+        fields.record("costs", &costs)?;
+        Ok(fields.0)
+    }
+
+    /// One part and channel of the matrix.
+    fn matrix(&self, py: Python<'_>, part: &str, channel: usize) -> PyResult<Matrix> {
+        let part = crate::lab::part(py, part)?;
+        self.check_channel(py, channel)?;
+        self.with(py, |lab| lab.matrix(part, channel)).map(Matrix::new)
+    }
+
+    /// One part and channel of the light transport as an operator.
+    fn operator(&self, py: Python<'_>, part: &str, channel: usize) -> PyResult<Operator> {
+        let part = crate::lab::part(py, part)?;
+        self.check_channel(py, channel)?;
+        let mut operators = self.with(py, |lab| lab.operators(part))?;
+        Ok(Operator::new(operators.swap_remove(channel)))
+    }
+
+    /// Writes an answer into a folder, or into that of the open run. Returns the folder.
+    #[pyo3(signature = (answer, folder, overwrite))]
+    fn save(
+        &self,
+        py: Python<'_>,
+        answer: &Answer,
+        folder: Option<PathBuf>,
+        overwrite: bool,
+    ) -> PyResult<PathBuf> {
+        self.with(py, |lab| {
+            let open = lab.run().map(|run| run.path.clone());
+            match (&folder, open) {
+                (None, Some(_)) => {}
+                (Some(folder), Some(open)) if *folder == open => {}
+                (Some(_), Some(open)) => return Err(in_another_folder(&open)),
+                (folder, None) => {
+                    let options = RunOptions { folder: folder.clone(), overwrite, resume: false };
+                    lab.begin_run(answer.verb(), &options)?;
+                }
+            }
+            answer.finish(lab).map(|saved| saved.folder)
+        })
+    }
+
+    /// The folder of the open run.
+    fn folder(&self, py: Python<'_>) -> PyResult<Option<PathBuf>> {
+        self.with(py, |lab| Ok(lab.run().map(|run| run.path.clone())))
+    }
+
+    /// Ends the open run, and frees devices and memory. Operators that were handed out stay valid.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        work::detached(py, || self.end())
+    }
+
+    #[getter]
+    fn is_closed(&self, py: Python<'_>) -> bool {
+        py.detach(|| self.lab.lock().unwrap_or_else(PoisonError::into_inner).is_none())
+    }
+}
+
+impl Lab {
+    /// Ends the open run and drops the laboratory. A run that took no photo, or whose rig no longer answers, counts as interrupted.
+    fn end(&self) -> krylux::Result<()> {
+        if self.process != std::process::id() {
+            return Ok(());
+        }
+        let lab = self.lab.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(mut lab) = lab else { return Ok(()) };
+        let photos = lab.contact_sheet().len() + self.photos.load(Ordering::Relaxed);
+        if lab.run().is_none() {
+            return Ok(());
+        }
+        if photos == 0 || lab.costs().is_err() {
+            lab.abort(&krylux::Error::Interrupted);
+            return Ok(());
+        }
+        lab.end_run(photos, "closed")
+    }
+
+    fn check_channel(&self, py: Python<'_>, channel: usize) -> PyResult<()> {
+        let count = self.with(py, |lab| Ok(lab.channels().count()))?;
+        if channel < count {
+            return Ok(());
+        }
+        let help = format!("give a number below {count}, or open the source with channels=\"rgb\"");
+        Err(errors::option(py, "channel", &format!("there is no channel {channel}"), &help))
+    }
+}
+
+/// Photos of an open run are in its own folder.
+fn in_another_folder(open: &std::path::Path) -> krylux::Error {
+    krylux::Error::Option {
+        option: "-o".into(),
+        fault: format!("the photos of this laboratory go to {}", open.display()),
+        help: "save the answer there, by save() without a folder".into(),
+    }
+}

@@ -1,0 +1,199 @@
+"""A laboratory: photos, the matrix, labels, the folder of a run."""
+
+import gc
+import json
+import pickle
+import weakref
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+import krylux
+
+from conftest import SCENES, in_another_process
+
+
+def test_photos_are_the_same_for_any_type_and_strides(zigzag):
+    pattern = np.random.default_rng(0).random((24, 24)).astype(np.float32)
+    photo = zigzag.photo(pattern)
+    assert photo.shape == (24, 24) and photo.dtype == np.float32
+    wide = np.zeros((48, 72))
+    wide[::2, ::3] = pattern
+    for other in (pattern.astype(np.float64), np.asfortranarray(pattern), wide[::2, ::3], pattern[::-1][::-1],
+                  pattern.tolist()):
+        assert np.array_equal(zigzag.photo(other), photo)
+    assert np.array_equal(zigzag.photo(np.ones((24, 24), bool)), zigzag.white)
+
+
+def test_photos_are_products_with_the_matrix(zigzag):
+    pattern = np.random.default_rng(0).random((24, 24)).astype(np.float32)
+    product = (zigzag.matrix() @ pattern.ravel().astype(float)).reshape(24, 24) + zigzag.ambient
+    # Photos are rounded to single precision.
+    assert np.allclose(zigzag.photo(pattern), product, rtol=1e-6)
+
+
+def test_photos_are_those_of_the_command_line_byte_for_byte(command_line, tmp_path):
+    scene, pattern = SCENES / "zigzag" / "scene.glb", np.random.default_rng(1).random((20, 24)).astype(np.float32)
+    np.save(tmp_path / "pattern.npy", pattern)
+    for operator in ("replay", "retrace"):
+        command_line("photo", scene, "--size", "24x20", "--spp", 16, "--seed", 5, "--channels", "rgb", "--operator",
+                     operator, "--pattern", tmp_path / "pattern.npy", "-o", tmp_path / "photo.npy")
+        with krylux.open(scene, size=(24, 20), spp=16, seed=5, channels="rgb", operator=operator) as lab:
+            assert lab.photo(pattern).tobytes() == np.load(tmp_path / "photo.npy").tobytes()
+
+
+def test_coloured_photos_have_three_channels():
+    with krylux.open(SCENES / "cornell" / "scene.glb", size=8, spp=8, channels="rgb", progress=False) as lab:
+        gray, coloured = np.ones((8, 8)), np.ones((8, 8, 3))
+        assert lab.channels == 3 and np.array_equal(lab.photo(gray), lab.photo(coloured))
+        assert lab.photo(coloured).shape == (8, 8, 3)
+        red, green = lab.matrix(channel=0), lab.matrix(channel=1)
+        assert (red != green).nnz > 0
+        with pytest.raises(krylux.errors.OptionError, match="channel: there is no channel 3"):
+            lab.matrix(channel=3)
+
+
+def test_the_parts_of_the_matrix_add_up(zigzag):
+    full, direct, of_two = (zigzag.matrix(part) for part in ("full", "direct", "global"))
+    assert isinstance(full, scipy.sparse.csr_array) and full.shape == (576, 576)
+    assert direct.nnz <= 576 and abs(full - direct - of_two).max() < 1e-6 * full.max()
+
+
+def address(matrix):
+    """Where the entries of a matrix are in memory."""
+    return matrix.data.__array_interface__["data"][0]
+
+
+def test_the_matrix_is_a_view_that_keeps_its_memory_alive(zigzag):
+    lab = krylux.open(scipy.sparse.eye_array(5, format="csr"))
+    matrix, again = lab.matrix(), lab.matrix()
+    assert address(matrix) == address(again), "the laboratory and both matrices share one array"
+    of_scene = zigzag.matrix("global"), zigzag.matrix("global")
+    assert address(of_scene[0]) == address(of_scene[1])
+    for array in (matrix.data, matrix.indices):
+        assert not array.flags.writeable and not array.flags.owndata
+        with pytest.raises(ValueError):
+            array.flags.writeable = True
+    owner = weakref.ref(matrix.data.base)
+    data = matrix.data
+    del lab, matrix, again
+    gc.collect()
+    assert data.tolist() == [1.0] * 5 and owner() is not None
+    del data
+    gc.collect()
+    assert owner() is None
+
+
+def test_the_matrix_is_not_copied_in_memory():
+    out = in_another_process("""
+import numpy as np, scipy.sparse, krylux
+
+def resident():
+    for line in open('/proc/self/status'):
+        if line.startswith('VmRSS'):
+            return int(line.split()[1]) * 1024
+
+n = 2_000_000
+lab = krylux.open(scipy.sparse.diags_array([np.ones(n), np.ones(n - 1), np.ones(n - 2)], offsets=[0, 1, 2]).tocsr())
+lab.matrix().sum()
+before = resident()
+matrices = [lab.matrix() for _ in range(4)]
+total = sum(float(matrix.data[::1000].sum()) for matrix in matrices)
+assert total > 0
+print((resident() - before) / 4 / (matrices[0].data.nbytes + matrices[0].indices.nbytes))
+""")
+    # Only the offsets of the rows, 4 bytes of each, are made anew: 8 of 72 MB here. A copy of the entries would cost 1.
+    assert float(out) < 0.25
+
+
+def test_a_run_keeps_its_photos_and_answers_again(zigzag, tmp_path):
+    with krylux.open(SCENES / "zigzag" / "scene.glb", size=16, spp=16, folder=tmp_path / "run", progress=False) as lab:
+        first = lab.segment([2], photos=12)
+        assert lab.folder == tmp_path / "run"
+        first.save()
+    assert (tmp_path / "run" / "report.html").exists()
+    with krylux.open(tmp_path / "run") as replay:
+        assert replay.kind == "run"
+        again = replay.segment([2])
+        assert np.array_equal(first.labels[2], again.labels[2]) and first.rand_index == again.rand_index
+
+
+@pytest.mark.parametrize("ends", ["close", "forget"])
+def test_a_run_without_an_answer_says_how_it_ended(tmp_path, ideal_rig, ends):
+    for name, use, status in (("used", lambda lab: lab.photo(np.ones((8, 8))), "done"),
+                              ("unused", lambda lab: None, "interrupted")):
+        lab = krylux.open(ideal_rig, size=8, spp=4, folder=tmp_path / name, progress=False)
+        use(lab)
+        if ends == "close":
+            lab.close()
+        else:
+            del lab
+            gc.collect()
+        record = json.loads((tmp_path / name / "run.json").read_text())
+        assert record["status"] == status, record
+
+
+def test_labels_and_truth(zigzag):
+    labels, (truth, regions) = zigzag.labels(), zigzag.truth()
+    assert labels.shape == (24, 24) and labels.dtype == np.uint8
+    assert len(regions) == 2 and set(np.unique(truth)) <= {0, 1, 255}
+    assert krylux.open(np.eye(3)).truth() is None
+
+
+def test_laboratories_answers_and_matrices_are_pickled(zigzag):
+    copy = pickle.loads(pickle.dumps(zigzag))
+    assert np.array_equal(copy.white, zigzag.white)
+    answer = pickle.loads(pickle.dumps(zigzag.eigs(2, part="global", photos=8)))
+    assert answer.values.shape == (2,)
+    matrix = pickle.loads(pickle.dumps(zigzag.matrix()))
+    assert (matrix != zigzag.matrix()).nnz == 0
+    explicit = pickle.loads(pickle.dumps(krylux.open(scipy.sparse.eye_array(3), seed=4)))
+    assert explicit.seed == 4 and np.array_equal(explicit.matrix().toarray(), np.eye(3))
+    with pytest.raises(TypeError, match="pickle the laboratory"):
+        pickle.dumps(zigzag.operator())
+    with pytest.raises(krylux.errors.ClosedError):
+        answer.save("anywhere")
+
+
+def test_matrices_of_any_form_are_sources(tmp_path, rectangular):
+    scipy.sparse.save_npz(tmp_path / "matrix.npz", rectangular)
+    dense = rectangular.toarray()
+    doubled = scipy.sparse.coo_array((np.ones(4), ([0, 0, 1, 1], [2, 2, 1, 0])), shape=(2, 3))
+    for source, true in ((tmp_path / "matrix.npz", dense), (rectangular, dense), (rectangular.tocsc(), dense),
+                         (dense, dense), (dense.astype(np.float32), dense.astype(np.float32)),
+                         (doubled, doubled.toarray())):
+        assert np.array_equal(krylux.open(source).matrix().toarray(), true)
+
+
+def test_nothing_is_loaded_before_it_is_needed():
+    out = in_another_process("""
+import sys, time
+start = time.perf_counter()
+import krylux
+seconds = time.perf_counter() - start
+assert 'scipy' not in sys.modules
+maps = open('/proc/self/maps').read()
+assert 'vulkan' not in maps and 'lvp' not in maps
+print(seconds)
+""")
+    assert float(out) < 0.3
+
+
+def test_matrices_and_runs_need_no_vulkan(zigzag, tmp_path):
+    with krylux.open(SCENES / "zigzag" / "scene.glb", size=12, spp=8, folder=tmp_path / "run", progress=False) as lab:
+        lab.segment([2], photos=10).save()
+    in_another_process("""
+import sys, numpy as np, krylux
+assert np.allclose(krylux.open(np.diag([3.0, 2.0, 1.0])).eigs(1, photos=3).values, [3.0])
+krylux.open(sys.argv[1]).segment([2])
+assert 'vulkan' not in open('/proc/self/maps').read()
+""", tmp_path / "run")
+
+
+def test_a_notebook_shows_labels_photos_and_spectra(zigzag):
+    found = zigzag.segment([2], photos=12)
+    assert found._repr_png_().startswith(b"\x89PNG") and "adjusted" not in found._repr_html_()
+    assert zigzag._repr_html_().count("data:image/png") == 1
+    pairs = zigzag.eigs(2, part="global", photos=8)
+    assert pairs._repr_html_().count("<img") == 2 and "<svg" in pairs._repr_html_()
