@@ -122,7 +122,7 @@ fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(
             let start = Instant::now();
             let one = paper::reproduce(figure, &mut bench)?;
             folder.manifest.record(format!("{}, {}", figure.name(), rig.name()), start.elapsed());
-            say(&one, console)?;
+            say(&one, args.quick, console)?;
             made.push(one);
         }
     }
@@ -147,12 +147,19 @@ fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(
         "figures": gallery.summary(),
         "seconds": folder.seconds(),
     }))?;
-    Ok((if all_met { Outcome::Done } else { Outcome::NotGoodEnough }, verdict.sentence))
+    // The bounds hold for pictures of full size.
+    let is_good = all_met || args.quick;
+    Ok((if is_good { Outcome::Done } else { Outcome::NotGoodEnough }, verdict.sentence))
 }
 
-/// A line for the figure, and one for each number that is not what it has to be.
-fn say(made: &Reproduced, console: &Console) -> Result<()> {
-    let verdict = if made.is_met() { "met" } else { "NOT MET" };
+/// A line for the figure, and one for each number that is not what it has to be; in a quick run, whose pictures are too small for the bounds, the
+/// line only.
+fn say(made: &Reproduced, quick: bool, console: &Console) -> Result<()> {
+    let verdict = match (quick, made.is_met()) {
+        (true, _) => "made",
+        (false, true) => "met",
+        (false, false) => "NOT MET",
+    };
     console.say(format_args!(
         "{:<9} {verdict}, {} photos, {:.1} s ({} rig)",
         made.figure.name(),
@@ -162,7 +169,7 @@ fn say(made: &Reproduced, console: &Console) -> Result<()> {
     ))?;
     for check in &made.checks {
         let line = format!("          {:<12.6} {}", check.value, check.what);
-        if check.is_met() { console.detail(line) } else { console.say(line)? }
+        if quick || check.is_met() { console.detail(line) } else { console.say(line)? }
     }
     Ok(())
 }

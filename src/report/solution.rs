@@ -21,6 +21,7 @@ impl Solved<'_> {
         matches!(
             self.found.stats.status,
             Status::ReachedTolerance
+                | Status::NoiseFloor
                 | Status::SpaceExhausted
                 | Status::LeastSquares
                 | Status::ConstrainedOptimum

@@ -58,9 +58,9 @@ fn all_figures_run_and_their_verdicts_follow_from_the_numbers() {
         assert!(page.contains(&heading), "{heading}");
         assert!(figure["photos"].as_u64().is_some_and(|photos| photos > 0), "{name}");
     }
-    // Small pictures may miss bounds that the paper's meet: the exit status says so.
+    // Small pictures may miss bounds that the paper's meet: a quick run says so in its numbers, and is none the worse.
     assert_eq!(summary["met"], all_met);
-    assert_eq!(output.status.code(), Some(i32::from(!all_met)));
+    assert_eq!(output.status.code(), Some(0));
     assert_eq!(page.matches("class=\"claim\"").count(), FIGURES.len());
     assert_eq!(page.contains("not met"), !all_met);
 

@@ -44,6 +44,7 @@ late = 0.03
 [measurement]
 settle = 0.02
 sentinel_every = 5
+response = false
 "#;
 
 /// Photos with their counts, in the order of the file.

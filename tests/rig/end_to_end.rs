@@ -18,7 +18,8 @@ const SEEDS: [u64; 3] = [101, 102, 103];
 
 /// The segmentation of the tests on zigzag.
 fn two_groups() -> SegmentOptions {
-    SegmentOptions { photos: 40, groups: vec![2], eigenvectors: 4, ..SegmentOptions::default() }
+    let resolution = Some(Resolution::new(rig_support::SIDE, rig_support::SIDE));
+    SegmentOptions { photos: 40, groups: vec![2], eigenvectors: 4, resolution, ..SegmentOptions::default() }
 }
 
 /// The adjusted Rand index against the true labels, and the number of patterns shown.

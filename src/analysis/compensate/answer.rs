@@ -23,7 +23,7 @@ pub(super) struct Answer<'a> {
 
 impl Answer<'_> {
     /// Completes the result with what the method reports. It is good if it is better than no compensation, and within the
-    /// tolerance or the optimum inside the box. Preparation and comparisons are left empty.
+    /// tolerance, the optimum inside the box, or all that its photos allowed where no tolerance was asked for. Preparation and comparisons are left empty.
     pub(super) fn of(self, solved: Solved) -> Result<Compensation> {
         let Self { target, options, peak, b, pattern, observed, uncompensated } = self;
         let scale = norm_of(b);
@@ -33,6 +33,8 @@ impl Answer<'_> {
         let reached = residual <= options.rtol * (1.0 + 1e-6);
         let boxed = options.method.facts().constraint == Constraint::Box;
         let optimal = boxed && solved.status == Status::ConstrainedOptimum;
+        let spent = !options.must_reach
+            && matches!(solved.status, Status::BudgetSpent | Status::NoiseFloor | Status::LeastSquares);
         let (radiance, observed) = (target.radiance(peak)?, target.photo(&observed)?);
         let uncompensated = target.photo(&uncompensated)?;
         Ok(Compensation {
@@ -53,7 +55,7 @@ impl Answer<'_> {
             preparation: 0,
             clamping: None,
             status: solved.status,
-            good: residual < uncompensated_residual && (reached || optimal),
+            good: residual < uncompensated_residual && (reached || optimal || spent),
         })
     }
 }

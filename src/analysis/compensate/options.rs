@@ -12,6 +12,9 @@ pub struct CompensateOptions {
     pub photos: usize,
     /// The relative residual (2-norms) at which the method stops. Default 1e-3.
     pub rtol: f64,
+    /// Whether a pattern that misses `rtol` is not good: a tolerance that was asked for. Default: a pattern is good that is better than no
+    /// compensation, if the method ended because its photos were spent or their noise was reached.
+    pub must_reach: bool,
     /// The least projected value, the paper's `α` in [α, 1]. From 0 to below 1; default 0.
     pub floor: f64,
     /// The radiance that 1 in the target stands for, in W/(m² sr). Default `None`: half the median of the white photo.
@@ -56,6 +59,7 @@ impl Default for CompensateOptions {
             method: Method::KrylovBox,
             photos: 20,
             rtol: 1e-3,
+            must_reach: false,
             floor: 0.0,
             peak: None,
             precondition: None,

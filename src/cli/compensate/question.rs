@@ -29,7 +29,8 @@ pub(in crate::cli) struct Question {
     /// Photos that the method may take, beside the white one [default: 20, or as many as the run that is SOURCE might take]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
-    /// Done when what is seen differs from the target by at most this share of it [default: 0.001]
+    /// Done when what is seen differs from the target by at most this share of it; exit status 1 if that is not reached
+    /// [default: 0.001, and no such status]
     #[arg(long, value_name = "X", value_parser = number::<f64>)]
     rtol: Option<f64>,
     /// Move the target's values from [0, 1] to [α, 1], so that less light has to be taken away [default: 0]
@@ -93,6 +94,7 @@ impl Question {
             method,
             photos: self.photos.or(photos_of_run).unwrap_or(base.photos),
             rtol: self.rtol.unwrap_or(base.rtol),
+            must_reach: self.rtol.is_some(),
             floor: self.floor,
             lift: self.lift.unwrap_or(base.lift),
             precondition: self.precondition.map(Into::into).or(base.precondition.filter(|_| free)),

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::lab::Relighting;
 use crate::lab::{Lab, LabOperator, SourceKind};
+use crate::sparse::Csr;
 use crate::transport::Part;
 
 /// Patterns of a capture that are chosen before any photo is projected back: enough to tell the twelve cups of a carton apart.
@@ -111,10 +112,21 @@ impl Lab {
         if let Some(diagonals) = self.direct_diagonal()? {
             return Ok(diagonals.into_iter().map(DirectPart::Diagonal).collect());
         }
+        if let Some(parts) = self.measured_direct()? {
+            return Ok(parts);
+        }
         match self.traced_matrices(Part::Direct)? {
             Some(matrices) => Ok(matrices.into_iter().map(DirectPart::Matrix).collect()),
             None => self.reference_operators(Part::Direct)?.iter_mut().map(|of| diagonal_of(of)).collect(),
         }
+    }
+
+    /// The direct light of a rig, which its lenses spread.
+    fn measured_direct(&mut self) -> Result<Option<Vec<DirectPart>>> {
+        self.with_measurement(|measurement| {
+            let channels = 0..measurement.channels();
+            channels.map(|channel| direct_part(measurement.direct_rows(channel)?)).collect()
+        })
     }
 
     fn rank_curve(&mut self, model: &SavedModel) -> Result<Vec<crate::analysis::low_rank::RankRow>> {
@@ -131,6 +143,20 @@ impl Lab {
         let [full, global] = operators;
         answer_questions(answer, questions, [Some(full?), Some(global?)])
     }
+}
+
+/// The direct light with these rows.
+fn direct_part(rows: Vec<Vec<(u32, f64)>>) -> Result<DirectPart> {
+    let is_diagonal =
+        |(pixel, row): (usize, &Vec<(u32, f64)>)| row.iter().all(|entry| entry.0 as usize == pixel);
+    if rows.iter().enumerate().all(is_diagonal) {
+        let own = |row: &Vec<(u32, f64)>| row.iter().map(|entry| entry.1).sum();
+        return Ok(DirectPart::Diagonal(rows.iter().map(own).collect()));
+    }
+    let mut starts = vec![0];
+    rows.iter().for_each(|row| starts.push(starts[starts.len() - 1] + row.len()));
+    let (columns, weights) = rows.iter().flatten().copied().unzip();
+    Csr::new(rows.len(), starts, columns, weights).map(DirectPart::Matrix)
 }
 
 /// `[full, global]` are operators of the truth, where it is known.

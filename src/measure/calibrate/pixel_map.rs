@@ -39,7 +39,9 @@ pub(super) fn pixel_map(
     let (camera, projector) = (session.camera().resolution, session.projector().resolution);
     let scale = scale(camera, projector);
     let coarse = coarse(camera, projector);
-    let by = by.unwrap_or(if scale < SAMPLED { MapBy::Checkerboard } else { MapBy::GrayCode });
+    // With fewer squares than a map needs, Gray codes that a camera can decode are better than nothing.
+    let may_fall_back = by.is_none() && coarse == 0;
+    let mut by = by.unwrap_or(if scale < SAMPLED { MapBy::Checkerboard } else { MapBy::GrayCode });
     let decoded = gray_code(session, model, coarse)?;
     let from_codes = map_fit::fit(&matches(&decoded, camera), camera, projector, 0.41 * decoded.step as f64);
     let (fit, points) = match (by, from_codes) {
@@ -47,7 +49,13 @@ pub(super) fn pixel_map(
         (MapBy::Checkerboard, Err(error)) => return Err(error),
         (MapBy::Checkerboard, Ok(first)) => {
             let found = corners(session, model, &first.map, &decoded.lit)?;
-            (map_fit::fit(&found, camera, projector, 0.2), found.len())
+            match map_fit::fit(&found, camera, projector, 0.2) {
+                Err(_) if may_fall_back => {
+                    by = MapBy::GrayCode;
+                    (Ok(first), decoded.seen.len())
+                }
+                fit => (fit, found.len()),
+            }
         }
     };
     let outliers = |fit: &Fit| fit.outliers;

@@ -18,7 +18,7 @@ fn a_photo_of_a_window_by_a_still_camera_is_written_to_a_file() {
          [projector]\nkind = \"x11\"\ndisplay = \"{}\"\nsize = [{width}, {height}]\n\
          [camera]\nkind = \"gphoto2\"\nsize = [{width}, {height}]\niso = 100\nimage_format = \"RAW\"\n\
          exposures = [0.001, 1.0]\ntimeout = 60\n\
-         [measurement]\nexposures = [0.25]\nambient = false\n",
+         [measurement]\nexposures = [0.25]\nambient = false\nresponse = false\n",
         server.display
     );
     studio.write("rig.toml", text);
