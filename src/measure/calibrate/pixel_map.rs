@@ -24,6 +24,9 @@ const OUTLIERS: f64 = 0.5;
 /// projector pixel are decoded, which hides a shift by a part of a pixel.
 const SAMPLED: f64 = 1.5;
 
+/// Where fewer camera pixels than this share are not decoded, each of the others lies inside one projector pixel, and the codes are exact.
+const ALIGNED: f64 = 0.1;
+
 /// The least width of the finest stripes that can be decoded, in camera pixels.
 const STRIPE: f64 = 1.5;
 
@@ -44,6 +47,10 @@ pub(super) fn pixel_map(
     let mut by = by.unwrap_or(if scale < SAMPLED { MapBy::Checkerboard } else { MapBy::GrayCode });
     let decoded = gray_code(session, model, coarse)?;
     let from_codes = map_fit::fit(&matches(&decoded, camera), camera, projector, 0.41 * decoded.step as f64);
+    let is_aligned = |fit: &Fit| decoded.unreliable < ALIGNED && fit.outliers < ALIGNED && decoded.step == 1;
+    if may_fall_back && from_codes.as_ref().is_ok_and(is_aligned) {
+        by = MapBy::GrayCode;
+    }
     let (fit, points) = match (by, from_codes) {
         (MapBy::GrayCode, fit) => (fit, decoded.seen.len()),
         (MapBy::Checkerboard, Err(error)) => return Err(error),

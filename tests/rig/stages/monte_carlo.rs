@@ -41,9 +41,13 @@ fn z(
     [(squares / count).sqrt(), sums.iter().sum::<f64>() / count.sqrt()]
 }
 
-fn check(what: &str, [rms, bias]: [f64; 2]) {
+fn check(what: &str, z: [f64; 2]) {
+    check_from(0.95, what, z);
+}
+
+fn check_from(least: f64, what: &str, [rms, bias]: [f64; 2]) {
     println!("{what}: rms z {rms:.3}, bias {bias:.2} standard errors");
-    assert!((0.95..=1.05).contains(&rms), "{what}: rms z {rms}");
+    assert!((least..=1.05).contains(&rms), "{what}: rms z {rms}");
     // In each repeat, all pixels share one black photo and one exposure; the repeats are independent. The
     // tolerance is five standard errors.
     assert!(bias.abs() < 5.0, "{what}: biased by {bias} standard errors");
@@ -104,9 +108,11 @@ fn the_noise_of_the_direct_image_and_of_its_removal_is_as_predicted() {
         measurement.direct().expect("a dense rig never fails").planes.remove(0)
     };
     let truth = direct(&mut quiet).values;
-    check("direct image", z(&rig, &options, &truth, direct));
+    // The global light of this scene is not the same under all shifts. What the fit leaves counts as an error, too, so that the errors that
+    // are stated may be larger than those by noise.
+    check_from(0.8, "direct image", z(&rig, &options, &truth, direct));
     let truth = product(Part::Global, &x)(&mut quiet).values;
-    check("direct light removed", z(&rig, &options, &truth, product(Part::Global, &x)));
+    check_from(0.8, "direct light removed", z(&rig, &options, &truth, product(Part::Global, &x)));
 }
 
 /// The mean of `‖found − true‖²` over the repeats.
