@@ -14,6 +14,7 @@ __all__ = [
     "calibrate",
     "check",
     "eigs",
+    "flat_field",
     "panic",
     "solve",
     "svd",
@@ -93,6 +94,7 @@ def svd(
 def calibrate(
     request: dict[str, Any], takes: int, map: str | None, run: tuple[str | None, bool, bool]
 ) -> dict[str, Any]: ...
+def flat_field(request: dict[str, Any]) -> dict[str, Any]: ...
 def panic() -> None: ...
 def check(request: dict[str, Any], folder: str) -> dict[str, Any]: ...
 def align_rounds(

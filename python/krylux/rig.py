@@ -194,6 +194,28 @@ def calibrate(source, folder=None, *, takes=2, map=None, overwrite=False, resume
     return Report(_krylux.calibrate(_rig(source, options), _checks.count(takes, "takes"), map, run))
 
 
+def flat_field(source, **options):
+    """Measures how uneven projector and camera are, by one photo of a matte sheet, and adds it to the rig's calibration.
+
+    Stand a matte sheet of one colour square to the camera, so that it fills the view. A virtual rig gets such a sheet in place of its
+    scene. From then on patterns are divided by the projector's brightness, and photos by the camera's.
+
+    Parameters
+    ----------
+    source : path
+        A rig file that names its calibration.
+    **options
+        As those of :func:`krylux.open`.
+
+    Returns
+    -------
+    Report
+        ``folder`` of the calibration; ``projector`` and ``camera``, their brightness at each of the projector's pixels, row by row.
+    """
+    found = _krylux.flat_field(_rig(source, options))
+    return Report({**found, "projector": np.asarray(found["projector"]), "camera": np.asarray(found["camera"])})
+
+
 def check(source, folder="out", **options):
     """Checks a bench before a session: devices, light, frames, calibration, disk.
 

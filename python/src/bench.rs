@@ -46,6 +46,20 @@ pub(crate) fn calibrate<'py>(
     Ok(fields.0)
 }
 
+/// Measures the uneven brightness of a rig's devices by a matte sheet, and adds it to the rig's calibration.
+#[pyfunction]
+pub(crate) fn flat_field<'py>(py: Python<'py>, request: Request) -> PyResult<Bound<'py, PyDict>> {
+    let builder = request.builder(py)?;
+    let (flat, folder) = work::detached(py, || {
+        let lab = builder.open()?;
+        // Python hands over nothing but rigs.
+        lab.rig().ok_or(Error::Interrupted)?.add_flat_field()
+    })?;
+    let fields = Fields::new(py);
+    fields.put("folder", folder)?.put("projector", flat.projector)?.put("camera", flat.camera)?;
+    Ok(fields.0)
+}
+
 /// Checks a rig before a session.
 #[pyfunction]
 pub(crate) fn check<'py>(py: Python<'py>, request: Request, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {

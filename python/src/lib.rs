@@ -43,6 +43,7 @@ fn _krylux(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(krylov::trace, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::svd, module)?)?;
     module.add_function(wrap_pyfunction!(bench::calibrate, module)?)?;
+    module.add_function(wrap_pyfunction!(bench::flat_field, module)?)?;
     module.add_function(wrap_pyfunction!(bench::check, module)?)?;
     module.add_function(wrap_pyfunction!(bench::align_rounds, module)?)
 }

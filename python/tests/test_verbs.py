@@ -116,6 +116,15 @@ def test_a_rig_is_calibrated_checked_and_aligned(ideal_rig, tmp_path):
     calibrated = krylux.rig.calibrate(ideal_rig, tmp_path / "calibration", **options)
     assert calibrated.folder == tmp_path / "calibration" and calibrated.effort["taken"] > 10
     assert calibrated.report["camera"]["linear"] is True and len(calibrated.lines) > 3
+    with pytest.raises(krylux.errors.OptionError, match="names no calibration"):
+        krylux.rig.flat_field(ideal_rig, **options)
+    named = tmp_path / "named.toml"
+    text = ideal_rig.read_text().replace('file = "../', f'file = "{ideal_rig.parent.parent}/')
+    named.write_text(f'calibration = "calibration"\n{text}')
+    uneven = krylux.rig.flat_field(named, **options)
+    # Ideal devices are even, but for the noise of one photo.
+    assert uneven.folder == calibrated.folder and uneven.projector.size == 24 * 24
+    assert np.ptp(uneven.projector) < 0.05 and np.ptp(uneven.camera) < 0.05
     checked = krylux.rig.check(ideal_rig, tmp_path, **options)
     assert checked.complete and {"file", "camera"} <= {finding["name"] for finding in checked.findings}
     (round_,) = krylux.rig.align(ideal_rig, **options)

@@ -63,6 +63,7 @@ impl CompensateQuestion {
             method,
             photos: self.photos.unwrap_or(base.photos),
             rtol: self.rtol.unwrap_or(base.rtol),
+            must_reach: self.rtol.is_some(),
             floor: self.floor,
             lift: self.lift.unwrap_or(base.lift),
             peak: self.peak,

@@ -9,7 +9,6 @@ use super::super::options::{OutputArgs, SourceArgs};
 use super::super::trace::TraceArgs;
 use super::bench::require_rig;
 use crate::error::{Error, Result};
-use crate::measure::Calibration;
 
 /// Measure how uneven projector and camera are, by one photo of a matte sheet; added to the rig's calibration
 ///
@@ -29,23 +28,14 @@ pub(in super::super) struct Args {
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     require_rig(&args.source.source, "SOURCE")?;
     let lab = Opening::new(&args.source, &args.trace).builder(console).open()?;
-    let (Some(rig), Some(folder)) = (lab.rig(), lab.rig().and_then(|rig| rig.file.calibration.clone()))
-    else {
-        return Err(Error::Option {
-            option: "SOURCE".into(),
-            fault: format!("{} names no calibration, which this is added to", args.source.source.display()),
-            help: "calibrate the rig first with `krylux rig calibrate`, and name the calibration in the rig file"
-                .into(),
-        });
-    };
-    let flat = rig.flat_field()?;
+    // Anything but a rig was refused above.
+    let (flat, folder) = lab.rig().ok_or(Error::Interrupted)?.add_flat_field()?;
     let darkest = |values: &[f64]| {
         let [least, most] =
             [f64::min, f64::max].map(|choose| values.iter().copied().reduce(choose).unwrap_or(1.0));
         least / most
     };
     let [projector, camera] = [darkest(&flat.projector), darkest(&flat.camera)];
-    Calibration { flat_field: Some(flat), ..rig.calibration.clone() }.save(&folder)?;
     console
         .say(format_args!("projector its darkest pixel has {projector:.3} of the light of its brightest"))?;
     console.say(format_args!("camera    its darkest pixel has {camera:.3} of the light of its brightest"))?;

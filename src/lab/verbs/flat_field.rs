@@ -1,5 +1,7 @@
 //! The uneven brightness of a rig's devices, by a matte sheet.
 
+use std::path::PathBuf;
+
 use crate::error::{Error, Result};
 use crate::lab::{Lab, RigSource};
 use crate::measure::calibrate::flat_field_of_sheet;
@@ -33,6 +35,28 @@ impl RigSource {
         };
         let mut measurement = Measurement::new(frames, calibration, self.file.measurement.clone())?;
         flat_field_of_sheet(&mut measurement, &known)
+    }
+}
+
+impl RigSource {
+    /// Measures the uneven brightness as [`RigSource::flat_field`], and adds it to the folder of the calibration that the rig file names. Runs that
+    /// were begun before cannot be continued.
+    ///
+    /// # Errors
+    /// As [`RigSource::flat_field`]; [`Error::Option`] where the rig file names no calibration; [`Error::Write`].
+    pub fn add_flat_field(&self) -> Result<(FlatField, PathBuf)> {
+        let Some(folder) = self.file.calibration.clone() else {
+            return Err(Error::Option {
+                option: "SOURCE".into(),
+                fault: format!("{} names no calibration, which this is added to", self.file.path.display()),
+                help:
+                    "calibrate the rig first with `krylux rig calibrate`, and name the calibration in the rig file"
+                        .into(),
+            });
+        };
+        let flat = self.flat_field()?;
+        Calibration { flat_field: Some(flat.clone()), ..self.calibration.clone() }.save(&folder)?;
+        Ok((flat, folder))
     }
 }
 
