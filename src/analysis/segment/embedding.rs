@@ -57,9 +57,9 @@ impl Embedding {
             Cut::Average => -pair.value / unit,
         };
         let gaps: Vec<f64> = std::iter::once(0.0).chain(pairs.iter().map(gap)).collect();
-        // `1 − λ` is known only up to the residual, so an unresolved vector is divided by no less. Noise of the photos is no lack of
-        // resolution: it is spread over all pixels, and hardly changes `λ`.
-        let known = |pair: &RitzPair| pair.beyond_noise(weights.len()) / unit;
+        // `1 − λ` is known only up to the residual, so an unresolved vector is divided by no less. The noise that a low-pass removed is not
+        // in it.
+        let known = |pair: &RitzPair| pair.residual / unit;
         let weight = |(pair, gap): (&RitzPair, &f64)| 1.0 / gap.max(known(pair)).max(FLOOR).sqrt();
         let ranges: Vec<(f64, f64)> = vectors.iter().map(|vector| range(vector, weights)).collect();
         let within = |(vector, &(low, high)): (&Vec<f64>, &(f64, f64))| {
