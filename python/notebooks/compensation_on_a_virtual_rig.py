@@ -24,13 +24,21 @@ calibrated = krylux.rig.calibrate(rig, folder / "calibration", size=32, spp=64)
 print("\n".join(calibrated.lines))
 
 # %% [markdown]
-# Every photo of the run is in its journal before it is used.
+# A matte sheet before the rig tells how uneven projector and camera are.
 
 # %%
 # The rig file with the calibration beside it, in a folder of its own.
 settings = Path(rig).read_text().replace("../", f"{Path('assets').resolve()}/")
 own = folder / "rig.toml"
 own.write_text('calibration = "calibration"\n' + settings)
+uneven = krylux.rig.flat_field(own, size=32, spp=64)
+print(f"darkest over brightest: projector {uneven.projector.min() / uneven.projector.max():.3f}, "
+      f"camera {uneven.camera.min() / uneven.camera.max():.3f}")
+
+# %% [markdown]
+# Every photo of the run is in its journal before it is used.
+
+# %%
 lab = krylux.open(own, size=32, spp=64, folder=folder / "run")
 target = np.full(lab.shape, 0.6)
 found = lab.compensate(target, photos=20)

@@ -38,8 +38,8 @@ def patterns(count, size, seed):
 
 # %% [markdown]
 # The devices: an office projector and a colour camera with noise. Every imperfection that a rig file describes can be
-# added, such as ambient light or drift. Without a calibration a pattern is shown as it is, so that the projector's
-# response is part of what a model has to learn.
+# added, such as ambient light or drift. By `response = false` levels and counts are used as they are, so that the
+# projector's response is part of what a model has to learn.
 
 # %%
 RIG = """
@@ -66,6 +66,9 @@ full_well = 20000
 shot_noise = true
 read_noise = 5
 exposures = [1e-4, 5.0]
+
+[measurement]
+response = false
 """
 
 # %% [markdown]
