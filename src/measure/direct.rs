@@ -104,10 +104,11 @@ impl DirectLight {
     }
 }
 
-/// The side of the squares that suits a pixel map.
+/// The side of the squares that suits a pixel map. Runs by calibrations that know no map of the lens were taken with the larger one, and can
+/// still be asked.
 pub(super) fn side(registration: &Registration) -> usize {
     let finer = registration.camera.pixels() >= RESOLVES * registration.projector.pixels();
-    if finer { 2 } else { 4 }
+    if finer && registration.lens.is_some() { 2 } else { 4 }
 }
 
 /// The shifted checkerboards, with squares of `side` pixels. Each pixel is lit in about half of the patterns.

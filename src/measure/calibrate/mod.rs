@@ -162,18 +162,19 @@ pub fn calibrate(
             sweep: latency.sweep,
         },
         camera: camera.figures,
-        projector: ramps
-            .iter()
-            .map(|ramp| ProjectorFigures {
-                gamma: ramp.gamma,
-                gamma_residual: ramp.gamma_residual,
-                curve_error: ramp.error,
-                black: ramp.black,
-            })
-            .collect(),
+        projector: ramps.iter().map(figures).collect(),
         map,
         evenness: ratio.map(|ratio| ratio.range),
         effort: session.effort(),
     };
     Ok((calibration, report))
+}
+
+fn figures(ramp: &Ramp) -> ProjectorFigures {
+    ProjectorFigures {
+        gamma: ramp.gamma,
+        gamma_residual: ramp.gamma_residual,
+        curve_error: ramp.error,
+        black: ramp.black,
+    }
 }
