@@ -176,7 +176,8 @@ def calibrate(source, folder=None, *, takes=2, map=None, overwrite=False, resume
     takes : int
         Frames averaged for each level and pattern.
     map : str, optional
-        ``"gray-code"`` or ``"checkerboard"``. Default: Gray codes, or a checkerboard where the camera is coarser.
+        ``"gray-code"`` or ``"checkerboard"``. Default: Gray codes, or a checkerboard where the camera has less than 1.5
+        pixels for each of the projector's along an axis.
     overwrite, resume : bool
         Calibrate anew into a folder that holds a calibration's photos, or go on with it.
     **options

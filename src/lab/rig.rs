@@ -221,11 +221,14 @@ impl RigSource {
         })
     }
 
+    /// Seconds to wait after a frame is confirmed.
+    pub(super) fn settle(&self) -> f64 {
+        self.file.measurement.settle.unwrap_or(self.calibration.stability.settle)
+    }
+
     /// Opens the rig whenever raw frames are wanted of it; a scene is traced the first time, and the matrix is kept.
     pub fn opener(&self) -> Opener<'static> {
-        let options = &self.file.measurement;
-        let settle = options.settle.unwrap_or(self.calibration.stability.settle);
-        let tries = options.tries;
+        let (settle, tries) = (self.settle(), self.file.measurement.tries);
         let rig = match self.devices.clone() {
             RigKind::Virtual(rig) => rig,
             RigKind::Program(_) => {

@@ -20,10 +20,11 @@ use std::sync::Arc;
 
 use super::ambient::BlackPhotos;
 use super::calibration::Registration;
-use super::direct_fit::DirectFit;
+use super::direct_fit::{DirectFit, without_mean};
 use super::hdr::RateFrame;
 use super::photo::Plane;
 use super::registration::combine;
+use super::rows::{Entry, merged};
 use super::spread::Spread;
 use crate::image::{Blur, Resolution};
 
@@ -76,16 +77,14 @@ impl DirectLight {
             }
         }
     }
-}
 
-impl DirectLight {
     /// Row `pixel` of the matrix of one channel: columns in ascending order, and their weights. Weights below [`SMALLEST`] of the largest are
     /// left out.
-    pub(super) fn row(&self, channel: usize, pixel: usize) -> Vec<(u32, f64)> {
+    pub(super) fn row(&self, channel: usize, pixel: usize) -> Vec<Entry> {
         let direct = &self.planes[channel].values;
         let own = [(pixel as u32, 1.0)];
         let seen = self.spread.as_ref().map_or(&own[..], |spread| spread.row(pixel));
-        let mut row: Vec<(u32, f64)> = Vec::new();
+        let mut row: Vec<Entry> = Vec::new();
         for &(at, share) in seen {
             let light = share * direct[at as usize];
             match &self.blur {
@@ -95,12 +94,10 @@ impl DirectLight {
                 }
             }
         }
-        row.sort_by_key(|entry| entry.0);
-        let runs = row.chunk_by(|a, b| a.0 == b.0);
-        let row: Vec<(u32, f64)> =
-            runs.map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum())).collect();
+        let mut row = merged(row);
         let most = row.iter().fold(0.0, |most: f64, entry| most.max(entry.1.abs()));
-        row.into_iter().filter(|entry| entry.1.abs() > SMALLEST * most).collect()
+        row.retain(|entry| entry.1.abs() > SMALLEST * most);
+        row
     }
 }
 
@@ -171,13 +168,13 @@ impl Shifts<'_> {
         DirectLight { planes, blur, spread }
     }
 
-    /// The photos of one channel.
+    /// The photos of one channel, less their mean.
     fn photos(&self, channel: usize) -> Vec<Vec<f64>> {
         let of = |photo: usize| {
             let only = |_: usize, other: usize| f64::from(u8::from(other == photo));
             self.combined(channel, &only).values
         };
-        (0..self.rate_frames.len()).map(of).collect()
+        without_mean((0..self.rate_frames.len()).map(of).collect())
     }
 
     fn combined(&self, channel: usize, coefficient: &dyn Fn(usize, usize) -> f64) -> Plane {

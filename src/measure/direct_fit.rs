@@ -20,7 +20,7 @@ pub(super) struct DirectFit<'a> {
 }
 
 impl<'a> DirectFit<'a> {
-    /// The fit without the spread, which is exact where there is none.
+    /// The fit without the spread, which is exact where there is none. The `photos` are less their mean, the patterns as they were `shown`.
     pub(super) fn new(
         shown: &[Vec<f64>],
         blur: Option<&Blur>,
@@ -31,7 +31,7 @@ impl<'a> DirectFit<'a> {
             Some(blur) => shown.iter().map(|pattern| blur.apply(pattern)).collect(),
             None => shown.to_vec(),
         };
-        let (light, photos) = (without_mean(light), without_mean(photos.to_vec()));
+        let light = without_mean(light);
         let sum = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             let pixels = 0..light.first().map_or(0, Vec::len);
             pixels.map(|pixel| (0..light.len()).map(|m| of(m, pixel)).sum()).collect()
@@ -53,14 +53,17 @@ impl<'a> DirectFit<'a> {
     /// `S (d ∘ u_m)`.
     fn photo(&self, m: usize, direct: &[f64]) -> Vec<f64> {
         let light: Vec<f64> = direct.iter().zip(&self.light[m]).map(|(d, u)| d * u).collect();
-        self.spread.map_or_else(|| light.clone(), |spread| spread.apply(&light))
+        match self.spread {
+            Some(spread) => spread.apply(&light),
+            None => light,
+        }
     }
 
-    /// `Σ_m u_m ∘ Sᵀ z_m`.
-    fn adjoint(&self, photos: &[Vec<f64>]) -> Vec<f64> {
+    /// `Σ_m u_m ∘ Sᵀ z_m` for what is left of the photos: half the negative gradient of the sum of squares.
+    fn gradient(&self, spread: &Spread) -> Vec<f64> {
         let mut sum = vec![0.0; self.square.len()];
-        for (photo, light) in photos.iter().zip(&self.light) {
-            let back = self.spread.map_or_else(|| photo.clone(), |spread| spread.apply_transposed(photo));
+        for (left, light) in self.left.iter().zip(&self.light) {
+            let back = spread.apply_transposed(left);
             sum.iter_mut().zip(back.iter().zip(light)).for_each(|(sum, (z, u))| *sum += z * u);
         }
         sum
@@ -75,7 +78,7 @@ impl<'a> DirectFit<'a> {
             gradient.iter().zip(&diagonal).map(|(gradient, diagonal)| ratio(*gradient, *diagonal)).collect()
         };
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let mut gradient = self.adjoint(&self.left);
+        let mut gradient = self.gradient(spread);
         let mut direction = scaled(&gradient);
         let mut norm = dot(&gradient, &direction);
         for _ in 0..steps {
@@ -89,7 +92,7 @@ impl<'a> DirectFit<'a> {
             for (left, image) in self.left.iter_mut().zip(&images) {
                 left.iter_mut().zip(image).for_each(|(left, image)| *left -= step * image);
             }
-            gradient = self.adjoint(&self.left);
+            gradient = self.gradient(spread);
             let next = scaled(&gradient);
             let next_norm = dot(&gradient, &next);
             direction.iter_mut().zip(&next).for_each(|(d, next)| *d = next + next_norm / norm * *d);
@@ -128,7 +131,7 @@ fn ratio(a: f64, b: f64) -> f64 {
 }
 
 /// The planes less their mean.
-fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+pub(super) fn without_mean(mut planes: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let count = planes.len() as f64;
     for pixel in 0..planes.first().map_or(0, Vec::len) {
         let mean = planes.iter().map(|plane| plane[pixel]).sum::<f64>() / count;

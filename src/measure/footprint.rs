@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::calibration::Registration;
 use super::lens_map::LensMap;
+use super::rows::Entry;
 use super::sharp_weights::{Overlaps, Shares};
 use crate::image::Resolution;
 
@@ -16,7 +17,7 @@ const COVERED: f64 = 0.25;
 pub(super) fn by_overlap(map: &LensMap, lit: &[bool]) -> Registration {
     let (areas, rows) = overlaps(map, lit);
     let shares = Shares::new(&areas, &rows);
-    let covered = |row: &Vec<(u32, f64)>| row.iter().map(|entry| entry.1).sum::<f64>() > COVERED;
+    let covered = |row: &Vec<Entry>| row.iter().map(|entry| entry.1).sum::<f64>() > COVERED;
     let overlaps = Overlaps { projector: map.projector, rows: &rows };
     let sharp = |(pixel, row)| if covered(row) { shares.sharpened(pixel, &overlaps) } else { Vec::new() };
     let rows = rows.par_iter().enumerate().map(sharp).collect();
@@ -30,9 +31,9 @@ pub(super) fn shares(map: &LensMap, lit: &[bool]) -> Shares {
 }
 
 /// The areas of the `lit` camera pixels in the projector's raster, and their overlaps with each projector pixel.
-fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<(u32, f64)>>) {
+fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<Entry>>) {
     let Resolution { width, height } = map.projector;
-    let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); map.projector.pixels()];
+    let mut rows: Vec<Vec<Entry>> = vec![Vec::new(); map.projector.pixels()];
     let mut areas = vec![0.0; map.camera.pixels()];
     for (pixel, _) in lit.iter().enumerate().filter(|(_, lit)| **lit) {
         let [x, y] = [(pixel % map.camera.width) as f64, (pixel / map.camera.width) as f64];
@@ -60,7 +61,7 @@ fn overlaps(map: &LensMap, lit: &[bool]) -> (Vec<f64>, Vec<Vec<(u32, f64)>>) {
 
 impl Registration {
     /// The pixel map with these rows: camera pixels and their weights.
-    pub(super) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<(u32, f64)>>) -> Self {
+    pub(super) fn of_rows(camera: Resolution, projector: Resolution, rows: Vec<Vec<Entry>>) -> Self {
         let (mut starts, mut pixels, mut weights) = (vec![0], Vec::new(), Vec::new());
         for row in rows {
             pixels.extend(row.iter().map(|entry| entry.0));

@@ -38,6 +38,9 @@ pub struct Measurement {
     pub(super) options: MeasureOptions,
     luma: bool,
     symmetry: Symmetry,
+    /// The photo of the brightest frame, for each of the camera's channels.
+    pub(super) full_white: Option<Arc<Vec<Plane>>>,
+    /// The photo under even white.
     pub(super) white: Option<Photo>,
     pub(super) direct: Option<Arc<DirectLight>>,
     pub(super) last: Option<Plane>,
@@ -107,6 +110,7 @@ impl Measurement {
             options,
             luma: false,
             symmetry: Symmetry::Symmetric,
+            full_white: None,
             white: None,
             direct: None,
             last: None,
@@ -194,21 +198,27 @@ impl Measurement {
     }
 
     /// The photo of planes of the camera's channels.
-    pub(super) fn photo(&self, planes: Vec<Plane>) -> Photo {
-        let fold = |channel| {
-            let mut folded = Plane::zero(self.registration.projector.pixels());
-            for (camera_channel, weight) in self.channel_weights(channel) {
-                folded.add(weight, &planes[camera_channel]);
-            }
-            self.light(folded)
-        };
-        Photo { resolution: self.resolution(), planes: (0..self.channels()).map(fold).collect() }
+    pub(super) fn photo(&self, planes: &[Plane]) -> Photo {
+        let of = |channel| self.light(self.folded(planes, channel));
+        Photo { resolution: self.resolution(), planes: (0..self.channels()).map(of).collect() }
+    }
+
+    /// One channel of the measurement, from planes of the camera's channels.
+    pub(super) fn folded(&self, planes: &[Plane], channel: usize) -> Plane {
+        let mut folded = Plane::zero(self.registration.projector.pixels());
+        for (camera_channel, weight) in self.channel_weights(channel) {
+            folded.add(weight, &planes[camera_channel]);
+        }
+        folded
     }
 
     /// The pattern to show for `x`: with 0 at the masked pixels, and divided by the projector's uneven brightness.
     pub(super) fn even_pattern(&self, x: &[f64]) -> Vec<f64> {
         let masked = self.masked(x);
-        self.flat.as_ref().map_or(masked.clone(), |flat| flat.pattern(&masked))
+        match &self.flat {
+            Some(flat) => flat.pattern(&masked),
+            None => masked,
+        }
     }
 
     /// The light of a photo: divided by the camera's uneven brightness.

@@ -1,10 +1,13 @@
 //! The photos of a measured rig: white, black, direct image, and patterns.
 
-use super::flat_field::FlatField;
+use std::sync::Arc;
+
 use super::hdr::RateFrame;
 use super::measurement::Measurement;
 use super::photo::{Photo, Plane};
+use super::product::Term;
 use super::registration::combine;
+use super::rows::merged;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::transport::Part;
@@ -21,17 +24,16 @@ impl Measurement {
         if let Some(white) = &self.white {
             return Ok(white.clone());
         }
-        let even = self.flat.as_ref().is_none_or(FlatField::leaves_patterns);
-        let mut terms = Vec::new();
-        if !even {
-            let target = self.even_pattern(&vec![1.0; self.resolution().pixels()]);
-            self.capture(1.0, &[target], Part::Full, &mut terms)?;
-        }
-        let whole = f64::from(u8::from(even));
-        let planes = (0..self.camera_channels())
-            .map(|channel| self.sum(&terms, whole, channel))
-            .collect::<Result<Vec<Plane>>>()?;
-        let white = self.photo(planes);
+        let planes = match &self.flat {
+            Some(flat) if !flat.leaves_patterns() => {
+                let target = self.even_pattern(&vec![1.0; self.resolution().pixels()]);
+                let mut terms = Vec::new();
+                self.capture(1.0, &[target], Part::Full, &mut terms)?;
+                Arc::new(self.sums(&terms, 0.0)?)
+            }
+            _ => self.full_white()?,
+        };
+        let white = self.photo(&planes);
         Ok(self.white.insert(white).clone())
     }
 
@@ -48,7 +50,7 @@ impl Measurement {
         let Some((black, variance)) = references.blacks.exposed.last().zip(references.blacks.variance.last())
         else {
             let planes = vec![Plane::zero(self.registration.projector.pixels()); channels];
-            return Ok(self.photo(planes));
+            return Ok(self.photo(&planes));
         };
         let rate_frame = RateFrame {
             started: black.started,
@@ -57,7 +59,7 @@ impl Measurement {
             shares: None,
             scale: 0.0,
         };
-        let planes = (0..channels)
+        let planes: Vec<Plane> = (0..channels)
             .map(|channel| {
                 combine(
                     &self.registration,
@@ -68,7 +70,7 @@ impl Measurement {
                 )
             })
             .collect();
-        Ok(self.photo(planes))
+        Ok(self.photo(&planes))
     }
 
     /// The direct image: the direct light under white, by shifted checkerboards. It is measured once.
@@ -78,8 +80,9 @@ impl Measurement {
     pub fn direct(&mut self) -> Result<Photo> {
         let direct = self.direct_light()?;
         let white = self.even_pattern(&vec![1.0; self.resolution().pixels()]);
-        let planes = (0..self.camera_channels()).map(|channel| direct.under(channel, &white)).collect();
-        Ok(self.photo(planes))
+        let planes: Vec<Plane> =
+            (0..self.camera_channels()).map(|channel| direct.under(channel, &white)).collect();
+        Ok(self.photo(&planes))
     }
 
     /// Tests by the photo of half the light whether photos are in proportion to what is shown. Nothing is tested where the responses are
@@ -95,8 +98,9 @@ impl Measurement {
         let mut terms = Vec::new();
         self.capture(1.0, &[half], Part::Full, &mut terms)?;
         let [mut shown, mut seen, mut white, mut error] = [0.0; 4];
-        for channel in 0..self.camera_channels() {
-            let (photo, full) = (self.sum(&terms, 0.0, channel)?, self.sum(&[], 1.0, channel)?);
+        let whole = self.full_white()?;
+        for (channel, full) in whole.iter().enumerate() {
+            let photo = self.sum(&terms, 0.0, channel)?;
             let lit = self.shown(&terms, 0.0, channel);
             shown += full.values.iter().zip(&lit).map(|(light, share)| light * share).sum::<f64>();
             seen += photo.values.iter().sum::<f64>();
@@ -125,20 +129,18 @@ impl Measurement {
     pub fn direct_rows(&mut self, channel: usize) -> Result<Vec<Vec<(u32, f64)>>> {
         let direct = self.direct_light()?;
         let weights = self.channel_weights(channel);
-        let even = self.flat.as_ref();
         let row = |pixel: usize| {
-            let mut row: Vec<(u32, f64)> = Vec::new();
-            for &(camera_channel, weight) in &weights {
-                row.extend(direct.row(camera_channel, pixel).into_iter().map(|(at, w)| (at, weight * w)));
-            }
-            row.sort_by_key(|entry| entry.0);
-            let runs = row.chunk_by(|a, b| a.0 == b.0);
-            let sums = runs.map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum::<f64>()));
-            let scaled = |(at, weight): (u32, f64)| {
-                (at, even.map_or(weight, |flat| weight / flat.camera[pixel] / flat.projector[at as usize]))
+            let of_channel = |&(camera_channel, weight): &(usize, f64)| {
+                direct.row(camera_channel, pixel).into_iter().map(move |(at, w)| (at, weight * w))
             };
-            let seen = |entry: &(u32, f64)| self.seen[entry.0 as usize];
-            sums.filter(seen).map(scaled).collect()
+            let mut row = merged(weights.iter().flat_map(of_channel).collect());
+            row.retain(|entry| self.seen[entry.0 as usize]);
+            if let Some(flat) = &self.flat {
+                row.iter_mut().for_each(|(at, weight)| {
+                    *weight = *weight / flat.camera[pixel] / flat.projector[*at as usize];
+                });
+            }
+            row
         };
         Ok((0..self.resolution().pixels()).map(row).collect())
     }
@@ -159,9 +161,21 @@ impl Measurement {
             (0..pattern.channels()).map(|channel| self.even_pattern(&pattern.plane(channel))).collect();
         let mut terms = Vec::new();
         self.capture(1.0, &target, Part::Full, &mut terms)?;
-        let planes = (0..self.camera_channels())
-            .map(|channel| self.sum(&terms, 0.0, channel))
-            .collect::<Result<Vec<Plane>>>()?;
-        Ok(self.photo(planes))
+        let planes = self.sums(&terms, 0.0)?;
+        Ok(self.photo(&planes))
+    }
+
+    /// The photo of the brightest frame, for each of the camera's channels.
+    pub(super) fn full_white(&mut self) -> Result<Arc<Vec<Plane>>> {
+        if let Some(white) = &self.full_white {
+            return Ok(Arc::clone(white));
+        }
+        let white = Arc::new(self.sums(&[], 1.0)?);
+        Ok(Arc::clone(self.full_white.insert(white)))
+    }
+
+    /// `Σ coefficient · photo + white · A 1` for each of the camera's channels.
+    pub(super) fn sums(&mut self, terms: &[Term], white: f64) -> Result<Vec<Plane>> {
+        (0..self.camera_channels()).map(|channel| self.sum(terms, white, channel)).collect()
     }
 }

@@ -65,14 +65,15 @@ impl Measurement {
         let displayed = self.display.of_frame(frame);
         let rate_frame = self.pipeline.photograph(frame)?;
         let terms = [Term { coefficient: 1.0, rate_frame, displayed }];
-        let planes = (0..self.camera_channels())
-            .map(|channel| self.sum(&terms, 0.0, channel))
-            .collect::<Result<Vec<Plane>>>()?;
+        let planes = self.sums(&terms, 0.0)?;
         let pattern = |channel| {
             let shown = self.masked(&self.shown(&terms, 0.0, channel));
-            self.flat.as_ref().map_or(shown.clone(), |flat| flat.shown(&shown))
+            match &self.flat {
+                Some(flat) => flat.shown(&shown),
+                None => shown,
+            }
         };
-        Ok(((0..self.channels()).map(pattern).collect(), self.photo(planes)))
+        Ok(((0..self.channels()).map(pattern).collect(), self.photo(&planes)))
     }
 
     /// Photos of the projector's red, green and blue alone: for each primary, the values of the camera's
@@ -138,12 +139,9 @@ impl Measurement {
 
     /// The decomposition of `target` into patterns, for the photos of one channel.
     fn signed(&mut self, channel: usize, target: &[f64]) -> Result<Signed> {
-        let mut white = vec![0.0; target.len()];
+        let white = self.full_white()?;
+        let white = self.folded(&white, channel);
         let channel_weights = self.channel_weights(channel);
-        for &(camera_channel, weight) in &channel_weights {
-            let full = self.sum(&[], 1.0, camera_channel)?.values;
-            white.iter_mut().zip(full).for_each(|(sum, light)| *sum += weight * light);
-        }
         let channels = self.camera_channels();
         let (references, camera) = self.pipeline.parts()?;
         let noise = NoisePrediction {
@@ -153,7 +151,7 @@ impl Measurement {
             importance: &self.importance,
             channel_weights: &channel_weights,
             channels,
-            white: &white,
+            white: &white.values,
         };
         Ok(Signed::choose(target, &self.seen, self.options.signed, &noise))
     }

@@ -7,66 +7,36 @@
 
 use rayon::prelude::*;
 
-use super::calibrate::LensMap;
 use super::calibration::Registration;
 use super::footprint::shares;
+use super::lens_map::LensMap;
+use super::rows::{Entry, Rows, merged};
 
 /// Entries of `S` below this are left out.
 const SMALLEST: f64 = 1e-4;
 
-/// The matrix `S`, `n × n` for `n` projector pixels, in compressed sparse rows, and its transpose.
+/// The matrix `S`, `n × n` for `n` projector pixels, and its transpose.
 #[derive(Clone, Debug)]
 pub(super) struct Spread {
     rows: Rows,
     columns: Rows,
 }
 
-#[derive(Clone, Debug)]
-struct Rows {
-    starts: Vec<usize>,
-    entries: Vec<(u32, f64)>,
-}
-
-impl Rows {
-    fn new(rows: &[Vec<(u32, f64)>]) -> Self {
-        let mut starts = vec![0];
-        for row in rows {
-            starts.push(starts[starts.len() - 1] + row.len());
-        }
-        Self { starts, entries: rows.concat() }
-    }
-
-    fn row(&self, pixel: usize) -> &[(u32, f64)] {
-        &self.entries[self.starts[pixel]..self.starts[pixel + 1]]
-    }
-
-    fn apply(&self, x: &[f64], weight: impl Fn(f64) -> f64 + Sync) -> Vec<f64> {
-        let sum = |pixel: usize| self.row(pixel).iter().map(|&(at, w)| weight(w) * x[at as usize]).sum();
-        (0..self.starts.len() - 1).into_par_iter().map(sum).collect()
-    }
-}
-
 impl Spread {
     /// The spread of a pixel map that was made with `lens`.
     pub(super) fn new(registration: &Registration, lens: &LensMap) -> Self {
         let shares = shares(lens, &vec![true; registration.camera.pixels()]);
-        let row = |pixel: usize| {
-            let mut row: Vec<(u32, f64)> = Vec::new();
-            for (camera, weight) in registration.row(pixel) {
-                row.extend(shares.of(camera as u32).iter().map(|&(at, share)| (at, weight * share)));
-            }
-            row.sort_by_key(|entry| entry.0);
-            let runs = row.chunk_by(|a, b| a.0 == b.0);
-            let sums = runs.map(|run| (run[0].0, run.iter().map(|entry| entry.1).sum::<f64>()));
-            sums.filter(|entry| entry.1.abs() > SMALLEST).collect::<Vec<(u32, f64)>>()
+        let row = |pixel: usize| -> Vec<Entry> {
+            let of_camera = registration.row(pixel).flat_map(|(camera, weight)| {
+                shares.of(camera as u32).iter().map(move |&(at, share)| (at, weight * share))
+            });
+            let mut row = merged(of_camera.collect());
+            row.retain(|entry| entry.1.abs() > SMALLEST);
+            row
         };
-        let rows: Vec<Vec<(u32, f64)>> =
-            (0..registration.projector.pixels()).into_par_iter().map(row).collect();
-        let mut columns = vec![Vec::new(); rows.len()];
-        for (pixel, row) in rows.iter().enumerate() {
-            row.iter().for_each(|&(at, weight)| columns[at as usize].push((pixel as u32, weight)));
-        }
-        Self { rows: Rows::new(&rows), columns: Rows::new(&columns) }
+        let n = registration.projector.pixels();
+        let rows: Vec<Vec<Entry>> = (0..n).into_par_iter().map(row).collect();
+        Self { rows: Rows::new(&rows), columns: Rows::transposed(&rows, n) }
     }
 
     /// `S y`, for `n` values.
@@ -75,7 +45,7 @@ impl Spread {
     }
 
     /// Row `i` of `S`: pixels and their weights.
-    pub(super) fn row(&self, pixel: usize) -> &[(u32, f64)] {
+    pub(super) fn row(&self, pixel: usize) -> &[Entry] {
         self.rows.row(pixel)
     }
 
@@ -91,6 +61,6 @@ impl Spread {
 
     /// `Σ_i S_ik²` for each pixel `k`.
     pub(super) fn squares(&self) -> Vec<f64> {
-        self.columns.apply(&vec![1.0; self.columns.starts.len() - 1], |weight| weight * weight)
+        self.columns.squares()
     }
 }

@@ -100,9 +100,12 @@ impl Bench {
                 let even = match stage.set.is_coaxial() {
                     true => None,
                     // The symmetry of the light transport tells the devices' uneven brightness. They are the same in front of each scene.
-                    false => self.open(Set::Corner, stage.resolution)?.through_devices(None)?.flat(),
+                    false => {
+                        let corner = self.open(Set::Corner, stage.resolution)?.through_devices(None)?;
+                        calibration_of(&corner).and_then(|known| known.flat_field)
+                    }
                 };
-                let mut rig = self.open(stage.set, stage.resolution)?.through_devices(even)?.rig;
+                let mut rig = self.open(stage.set, stage.resolution)?.through_devices(even)?;
                 Ok(rig.reference_operators(part)?.swap_remove(0))
             }
         }
@@ -152,37 +155,27 @@ impl OpenScene {
 
     /// The scene through virtual devices, which are calibrated from captures alone the first time. Their uneven brightness is measured by a
     /// sheet, or is `even` where it is known.
-    fn through_devices(&mut self, even: Option<FlatField>) -> Result<Calibrated> {
+    fn through_devices(&mut self, even: Option<FlatField>) -> Result<Lab> {
         let mut rig = self.lab.through_rig(realistic(self.stage.resolution)?)?;
         if let Some(known) = &self.calibration {
             rig.set_calibration(known.clone())?;
-            return Ok(Calibrated { rig });
+            return Ok(rig);
         }
         rig.calibrate(&CalibrateOptions::default())?;
-        match even {
-            None => {
+        match (even, calibration_of(&rig)) {
+            (Some(even), Some(found)) => {
+                rig.set_calibration(Calibration { flat_field: Some(even), ..found })?;
+            }
+            _ => {
                 rig.measure_flat_field()?;
             }
-            Some(even) => {
-                let found = rig.rig().map(|rig| rig.calibration.clone());
-                if let Some(found) = found {
-                    rig.set_calibration(Calibration { flat_field: Some(even), ..found })?;
-                }
-            }
         }
-        self.calibration = rig.rig().map(|rig| rig.calibration.clone());
-        Ok(Calibrated { rig })
+        self.calibration = calibration_of(&rig);
+        Ok(rig)
     }
 }
 
-/// Calibrated virtual devices in front of a scene.
-struct Calibrated {
-    rig: Lab,
-}
-
-impl Calibrated {
-    /// The uneven brightness of the devices.
-    fn flat(&self) -> Option<FlatField> {
-        self.rig.rig().and_then(|rig| rig.calibration.flat_field.clone())
-    }
+/// The calibration of the devices of a rig.
+fn calibration_of(rig: &Lab) -> Option<Calibration> {
+    rig.rig().map(|rig| rig.calibration.clone())
 }

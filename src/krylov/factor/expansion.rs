@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use super::super::basis::{Basis, norm};
+use super::super::basis::{Basis, dot, norm};
 use super::super::orthogonalize::orthogonalize;
 use super::super::start::gaussian;
 use super::Filter;
@@ -194,28 +194,28 @@ impl Expansion {
         // Nothing can fail from here on.
         self.products += 1;
         self.scale = self.scale.max(length);
-        self.errors.push(error);
-        // A filtered direction is none of a Lanczos process: products then have a part along every direction.
-        let recent = if self.filter.is_some() { 0 } else { recent };
         let mut removed = orthogonalize(&self.basis, &mut self.work, recent);
         // The rest of A v is at most the rounding errors of a product of n terms.
         let nothing_new = removed.norm <= self.scale * f64::EPSILON * (10.0 + (n as f64).sqrt());
         if !nothing_new && self.basis.len() < n {
-            if let Some((direction, along)) = self.filtered(error, removed.norm) {
-                // What the filter removes counts as noise of the product.
-                let noise = (removed.norm.powi(2) - along * along).max(0.0).sqrt();
-                self.errors.pop();
-                self.errors.push(noise.max(error));
-                removed.coefficients.push(along);
-                self.columns.push(removed.coefficients);
-                self.basis.push_scaled(&direction, 1.0);
-                return Ok(Step::Extended);
-            }
-            removed.coefficients.push(removed.norm);
+            let (error, along) = match self.filtered(error, removed.norm) {
+                Some((direction, along)) => {
+                    self.basis.push_scaled(&direction, 1.0);
+                    // What the filter removes counts as noise of the product.
+                    let noise = (removed.norm.powi(2) - along * along).max(0.0).sqrt();
+                    (noise.max(error), along)
+                }
+                None => {
+                    self.basis.push_scaled(&self.work, removed.norm);
+                    (error, removed.norm)
+                }
+            };
+            self.errors.push(error);
+            removed.coefficients.push(along);
             self.columns.push(removed.coefficients);
-            self.basis.push_scaled(&self.work, removed.norm);
             return Ok(Step::Extended);
         }
+        self.errors.push(error);
         self.columns.push(removed.coefficients);
         if self.pending() > 0 {
             return Ok(Step::Deflated);
@@ -239,7 +239,7 @@ impl Expansion {
             return None;
         }
         direction.iter_mut().for_each(|value| *value /= left);
-        let along = direction.iter().zip(&self.work).map(|(a, b)| a * b).sum();
+        let along = dot(&direction, &self.work);
         Some((direction, along))
     }
 

@@ -27,9 +27,8 @@ impl RigSource {
         let frames: Box<dyn FrameSource> = match self.kind() {
             RigKind::Virtual(rig) => {
                 let light = Box::new(MatteSheet { resolution: self.resolution(), channels: self.channels() });
-                let options = &self.file.measurement;
-                let settle = options.settle.unwrap_or(calibration.stability.settle);
-                Box::new(LiveFrames::new(rig.open(light, None)?, settle, options.tries))
+                let tries = self.file.measurement.tries;
+                Box::new(LiveFrames::new(rig.open(light, None)?, self.settle(), tries))
             }
             RigKind::Hardware(_) | RigKind::Program(_) => self.opener()(None)?,
         };

@@ -18,3 +18,10 @@ pub(super) struct CameraModel<'a> {
     /// Frames averaged for each photo.
     pub(super) takes: u32,
 }
+
+impl CameraModel<'_> {
+    /// The variance of the mean of so many takes of a sample with this light, in linear DN above black.
+    pub(super) fn variance(&self, light: f64, takes: u32) -> f64 {
+        (light.max(0.0) / self.gain + self.read_noise.powi(2)) / f64::from(takes)
+    }
+}

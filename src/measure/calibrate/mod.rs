@@ -66,8 +66,8 @@ use crate::error::{Error, Result};
 pub struct CalibrateOptions {
     /// Frames averaged for each level of the ramp and each pattern.
     pub takes: u32,
-    /// What the pixel map is made from. `None`: Gray codes, or a checkerboard when the camera is coarser than
-    /// the projector.
+    /// What the pixel map is made from. `None`: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
+    /// for each of the projector's along an axis.
     pub map: Option<MapBy>,
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then their uneven brightness can
     /// be told from that of the scene.
@@ -170,6 +170,7 @@ pub fn calibrate(
     Ok((calibration, report))
 }
 
+/// What the report says of one channel of the projector.
 fn figures(ramp: &Ramp) -> ProjectorFigures {
     ProjectorFigures {
         gamma: ramp.gamma,

@@ -117,9 +117,6 @@ fn relative(
     base: &Mean,
 ) -> Result<(f64, f64)> {
     let (mut sum, mut norm, mut variance) = (0.0, 0.0, 0.0);
-    let noise = |light: f64, mean: &Mean| {
-        (light.max(0.0) / model.gain + model.read_noise.powi(2)) / f64::from(mean.takes)
-    };
     for sample in 0..lit.counts.len() {
         let saturated =
             [lit, dark, white, base].iter().any(|mean| f64::from(mean.peaks[sample]) >= model.limit);
@@ -130,7 +127,7 @@ fn relative(
             [lit, dark, white, base].map(|mean| model.linear.of(mean.counts[sample]));
         sum += lit_light - dark_light;
         norm += white_light - base_light;
-        variance += noise(lit_light, lit) + noise(dark_light, dark);
+        variance += model.variance(lit_light, lit.takes) + model.variance(dark_light, dark.takes);
     }
     let [rate, norm] = [sum / lit.exposure, norm / white.exposure];
     if norm <= 0.0 {

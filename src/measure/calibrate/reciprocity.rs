@@ -13,17 +13,16 @@
 //! Direct light is by far the most, so that it must cancel well. The camera's pixels shift and spread it by the matrix `S`: on the left,
 //! `x_j` is therefore replaced by `w_j` with `Sᵀ w_j = x_j`. What an error of the pixel map shifts counts as an error of the equation.
 
-use std::sync::Arc;
-
 use super::camera_model::CameraModel;
 use super::least_squares::Normal;
 use super::session::CalibrationSession;
 use crate::error::Result;
 use crate::image::Resolution;
-use crate::measure::Registration;
 use crate::measure::calibrate::MeasuredValue;
+use crate::measure::display::Display;
 use crate::measure::spread::Spread;
-use crate::rig::Frame;
+use crate::measure::{DitherBy, Registration};
+use crate::transport::Part;
 
 /// Half periods of the patterns along both axes; the first is white.
 const WAVES: [[u32; 2]; 11] =
@@ -57,8 +56,7 @@ pub(super) fn ratio(
     curves: &[Vec<f64>],
     (registration, map_error): (&Registration, f64),
 ) -> Result<Ratio> {
-    let mut photos = Photos::take(session, model, curves, registration)?;
-    photos.map_error = map_error;
+    let photos = Photos::take(session, model, curves, (registration, map_error))?;
     let size = registration.projector;
     let terms: Vec<[f64; TERMS]> = (0..size.pixels()).map(|pixel| polynomials(pixel, size)).collect();
     let mut normal = Normal::new(TERMS);
@@ -102,26 +100,26 @@ impl Photos {
         session: &mut CalibrationSession<'_>,
         model: &CameraModel<'_>,
         curves: &[Vec<f64>],
-        registration: &Registration,
+        (registration, map_error): (&Registration, f64),
     ) -> Result<Self> {
         let exposure = unsaturated(session, model)?;
         let channels = session.camera().channels;
         let dark = session.mean(&session.filled(0), exposure, 4 * model.takes)?;
         let (mut patterns, mut photos, mut variance) = (Vec::new(), Vec::new(), Vec::new());
-        let seen = registration.seen();
+        let (seen, size) = (registration.seen(), registration.projector);
+        let display = Display::new(session.projector(), curves, true, DitherBy::None, 0)?;
         for wave in WAVES {
-            let (frame, shown) = smooth(session, curves, wave, &seen)?;
-            let mean = session.mean(&frame, exposure, model.takes)?;
+            let pattern = (0..size.pixels())
+                .map(|pixel| if seen[pixel] { smooth(centred(pixel, size), wave) } else { 0.0 });
+            let shown = display.show(&[pattern.collect()], Part::Full)?;
+            let mean = session.mean(&shown.frame, exposure, model.takes)?;
             let light = |sample: usize| [&mean, &dark].map(|mean| model.linear.of(mean.counts[sample]));
-            let noise = |light: f64, takes: u32| {
-                (light.max(0.0) / model.gain + model.read_noise.powi(2)) / f64::from(takes)
-            };
             let of_camera: Vec<[f64; 2]> = (0..mean.counts.len() / channels)
                 .map(|pixel| {
                     let samples = pixel * channels..(pixel + 1) * channels;
                     samples.fold([0.0, 0.0], |[sum, square], sample| {
                         let [lit, dark_light] = light(sample);
-                        let more = noise(lit, mean.takes) + noise(dark_light, dark.takes);
+                        let more = model.variance(lit, mean.takes) + model.variance(dark_light, dark.takes);
                         [sum + lit - dark_light, square + more]
                     })
                 })
@@ -133,14 +131,14 @@ impl Photos {
                 })
             };
             let (photo, of_photo) = rows.map(sum).map(|[value, square]| (value, square)).unzip();
-            patterns.push(shown);
+            patterns.push(shown.seen_by(0, 1));
             photos.push(photo);
             variance.push(of_photo);
         }
         let spread = registration.lens.as_ref().map(|lens| Spread::new(registration, lens));
         let before = patterns.iter().map(|x| unspread(x, spread.as_ref())).collect();
         let slopes = patterns.iter().map(|x| slope(x, registration.projector)).collect();
-        Ok(Self { before, slopes, map_error: 0.0, photos, variance })
+        Ok(Self { before, slopes, map_error, photos, variance })
     }
 
     /// Adds the equation of two patterns.
@@ -199,39 +197,17 @@ fn unsaturated(session: &mut CalibrationSession<'_>, model: &CameraModel<'_>) ->
     Ok(exposure)
 }
 
-/// The frame of a smooth pattern, and the light that it shows, averaged over the projector's channels. Pixels that are not `seen` stay
-/// dark.
-fn smooth(
-    session: &CalibrationSession<'_>,
-    curves: &[Vec<f64>],
-    [across, down]: [u32; 2],
-    seen: &[bool],
-) -> Result<(Arc<Frame>, Vec<f64>)> {
-    let (size, channels) = (session.projector().resolution, session.projector().channels);
-    let curve = &curves[0];
-    let level = |pixel: usize| -> u16 {
-        if !seen[pixel] {
-            return 0;
-        }
-        let [x, y] = centred(pixel, size).map(|at| 0.5 * (at + 1.0));
-        let wave = [(across, x), (down, y)]
-            .map(|(periods, at)| (std::f64::consts::PI * f64::from(periods) * at).cos());
-        let wanted = 0.5 + 0.5 * wave[0] * wave[1];
-        let after = curve.partition_point(|&light| light < wanted).min(curve.len() - 1);
-        let before = after.saturating_sub(1);
-        if curve[after] - wanted < wanted - curve[before] { after as u16 } else { before as u16 }
+/// The value of a smooth pattern, from 0 to 1, at a point from −1 to 1 along both axes.
+fn smooth(at: [f64; 2], waves: [u32; 2]) -> f64 {
+    let wave = |axis: usize| {
+        let phase = 0.5 * std::f64::consts::PI * f64::from(waves[axis]) * (at[axis] + 1.0);
+        phase.cos()
     };
-    let levels: Vec<u16> = (0..size.pixels()).map(level).collect();
-    let light = |&level: &u16| {
-        curves.iter().map(|curve| curve[usize::from(level)]).sum::<f64>() / curves.len() as f64
-    };
-    let shown = levels.iter().map(light).collect();
-    let samples = levels.iter().flat_map(|&level| std::iter::repeat_n(level, channels)).collect();
-    Ok((Arc::new(Frame::new(size, channels, samples)?), shown))
+    0.5 + 0.5 * wave(0) * wave(1)
 }
 
 /// The centre of a pixel, from −1 to 1 along both axes.
-fn centred(pixel: usize, size: Resolution) -> [f64; 2] {
+pub(super) fn centred(pixel: usize, size: Resolution) -> [f64; 2] {
     let at = |index: usize, of: usize| (2 * index + 1) as f64 / of as f64 - 1.0;
     [at(pixel % size.width, size.width), at(pixel / size.width, size.height)]
 }

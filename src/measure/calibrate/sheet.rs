@@ -1,6 +1,7 @@
 //! The uneven brightness of projector and camera, by the photo of a matte sheet.
 
 use super::least_squares::Normal;
+use super::reciprocity::centred;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::measure::{FlatField, Measurement};
@@ -46,8 +47,7 @@ fn polynomial(light: &[f64], seen: &[bool], size: Resolution) -> Result<Vec<f64>
     let powers: Vec<(i32, i32)> =
         (0..=DEGREE as i32).flat_map(|x| (0..=DEGREE as i32 - x).map(move |y| (x, y))).collect();
     let terms = |pixel: usize| -> Vec<f64> {
-        let at = |index: usize, of: usize| (2 * index + 1) as f64 / of as f64 - 1.0;
-        let (x, y) = (at(pixel % size.width, size.width), at(pixel / size.width, size.height));
+        let [x, y] = centred(pixel, size);
         // Chebyshev polynomials, which are far less alike than powers.
         let wave = |x: f64, power: i32| (f64::from(power) * x.acos()).cos();
         powers.iter().map(|&(i, j)| wave(x, i) * wave(y, j)).collect()
