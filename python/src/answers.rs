@@ -41,7 +41,7 @@ impl Answer {
                 let shown = Compensated::new(&answer.found, &request.options);
                 lab.finish(&Compensated { methods: &answer.methods, ..shown })
             }
-            Kept::Eigs { found, wanted } => lab.finish(&Eigenpairs { found, wanted: *wanted }),
+            Kept::Eigs { found, wanted } => lab.finish(&Eigenpairs::new(found, *wanted)),
             Kept::Probe(found) => lab.finish(found),
             Kept::Relight(found) => {
                 let saved = lab.finish(&**found)?;
@@ -50,7 +50,7 @@ impl Answer {
                 Ok(saved)
             }
             Kept::Segment { found, truth, scores } => {
-                lab.finish(&Scored { segmented: found, truth: truth.as_ref(), scores })
+                lab.finish(&Scored { segmented: found, truth: truth.as_ref(), scores, estimates: &[] })
             }
             Kept::Separate(found) => lab.finish(&**found),
             Kept::Solve { found, method } => lab.finish(&Solved { found, method: *method }),

@@ -15,6 +15,7 @@
 //! | how well do two segmentations agree? | [`adjusted_rand_index`] |
 //! | what does a measurement on a rig cost, and how accurate is it? | [`mod@plan`] |
 //! | how similar are two images? | [`mod@similarity`] |
+//! | how good is an answer, by light that it was not computed from? | [`mod@verification`] |
 
 pub mod align;
 pub mod audit;
@@ -30,6 +31,7 @@ mod rand_index;
 pub mod segment;
 pub mod separate;
 pub mod similarity;
+pub mod verification;
 
 pub use compensate::{
     Clamping, CompensateOptions, Compensation, CompensationRow, Crosstalk, MethodRun, Precondition, Prior,
@@ -45,3 +47,4 @@ pub use segment::{
 };
 pub use separate::Separation;
 pub use similarity::Similarity;
+pub use verification::EigenpairEstimate;

@@ -8,12 +8,12 @@ use super::console::Console;
 use super::matrix::PartArg;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs, count, number};
+use super::options::{CheckArgs, OutputArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::krylov::{EigsMethod, EigsOptions, Start, Which};
-use crate::lab::text::percent;
+use crate::lab::text::{percent, rounded, with_error};
 use crate::lab::{Eigenpairs, Lab};
 use crate::transport::Part;
 
@@ -28,6 +28,8 @@ pub(super) struct Args {
     operator: OperatorArgs,
     #[command(flatten)]
     question: Question,
+    #[command(flatten)]
+    check: CheckArgs,
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
@@ -137,19 +139,35 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     if args.question.tolerance.is_none() {
         options.noise = lab.product_noise(args.question.part())?.unwrap_or(0.0);
     }
-    let found = lab.eigs(args.question.part(), &options)?;
-    let pairs = Eigenpairs { found: &found, wanted: options.count };
+    let mut found = lab.eigs(args.question.part(), &options)?;
+    console.go_on()?;
+    let estimates = if args.check.is_on() {
+        let verified = lab.verify_eigenpairs(args.question.part(), &found)?;
+        verified.map(|verified| verified.estimates).unwrap_or_default()
+    } else {
+        Vec::new()
+    };
+    for (index, estimate) in estimates.iter().enumerate() {
+        found.standard_errors[index] = estimate.error_of(found.values[index]);
+    }
+    let pairs = Eigenpairs { found: &found, wanted: options.count, estimates: &estimates };
     say(&pairs, console)?;
     let summary = json!({
         "photos": found.stats.products,
         "status": found.stats.status.to_string(),
-        "eigenvalues": found.values,
+        "eigenvalues": found.values.iter().zip(&found.standard_errors)
+            .map(|(&value, &error)| rounded(value, error)).collect::<Vec<f64>>(),
         "imaginary_parts": found.imaginary_values,
         "residuals": found.residuals,
         "bounds": found.bounds,
         "standard_errors": found.standard_errors,
         "statuses": pairs.statuses(),
         "asymmetry": found.asymmetry,
+        "of_scene": estimates.iter().map(|of| json!({
+            "eigenvalue": rounded(of.value, of.standard_error),
+            "standard_error": of.standard_error,
+            "residual": of.residual,
+        })).collect::<Vec<_>>(),
     });
     // Only a tolerance that was asked for can be missed.
     let is_good = args.question.tolerance.is_none() || pairs.is_good();
@@ -163,25 +181,33 @@ fn say(pairs: &Eigenpairs<'_>, console: &Console) -> Result<()> {
     if found.asymmetry > 1e-12 {
         console.say(format_args!("symmetry  {} % off, as measured", percent(found.asymmetry)))?;
     }
-    console.say("           eigenvalue   noise      residual   error at most")?;
+    if !pairs.estimates.is_empty() {
+        console.say("  of the scene, by light paths of another seed as well:")?;
+        console.say("           eigenvalue            residual")?;
+        for (index, of) in pairs.estimates.iter().enumerate() {
+            let residual = of.residual.map(|residual| format!("{residual:.1e}")).unwrap_or_default();
+            let value = with_error(of.value, of.standard_error);
+            console.say(format_args!("  {:>6}   {value:<20}  {residual}", index + 1))?;
+        }
+        console.say("  of the matrix, whose noise is the same in all photos:")?;
+    }
+    console.say("           eigenvalue            residual   error at most")?;
     for (index, status) in pairs.statuses().iter().enumerate() {
         let imaginary = match found.imaginary_values[index] {
             0.0 => String::new(),
             value => format!(" {value:+.8} i"),
         };
+        let value = match pairs.estimates.get(index) {
+            // The estimate above has the error.
+            Some(of) => rounded(found.values[index], of.standard_error).to_string(),
+            None => with_error(found.values[index], found.standard_errors[index]) + &imaginary,
+        };
         console.say(format_args!(
-            "  {:>6}  {:>11.8}{imaginary}   {}    {:.1e}    {:.1e}   {status}",
+            "  {:>6}   {value:<20}  {:.1e}    {:.1e}   {status}",
             index + 1,
-            found.values[index],
-            noise(found.standard_errors[index]),
             found.residuals[index],
             found.bounds[index]
         ))?;
     }
     Ok(())
-}
-
-/// A standard error that is known.
-fn noise(error: f64) -> String {
-    if error > 0.0 { format!("±{error:.1e}") } else { "-       ".into() }
 }

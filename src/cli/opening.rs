@@ -149,9 +149,15 @@ pub(super) fn finish(
     ending: Ending<'_>,
 ) -> Result<(Saved, Outcome)> {
     console.go_on()?;
-    let (noise, rig) = match lab.run() {
-        Some(run) => (json!(run.manifest.noise), json!(run.manifest.rig)),
-        None => (Value::Null, Value::Null),
+    let [noise, rig, verification] = match lab.run() {
+        Some(run) => {
+            let manifest = &run.manifest;
+            if let Some(found) = &manifest.verification {
+                console.say(format_args!("checked   by {}: {found}", found.by))?;
+            }
+            [json!(manifest.noise), json!(manifest.rig), json!(manifest.verification)]
+        }
+        None => [Value::Null, Value::Null, Value::Null],
     };
     let saved = lab.finish(answer)?;
     console.say(format_args!("report    {}", saved.report.display()))?;
@@ -161,6 +167,7 @@ pub(super) fn finish(
         "report": saved.report,
         "noise": noise,
         "rig": rig,
+        "verification": verification,
         "seconds": saved.seconds,
     });
     merge(&mut summary, ending.summary);

@@ -47,6 +47,22 @@ pub(super) struct RunArgs {
     pub(super) resume: bool,
 }
 
+/// Whether an answer is checked.
+#[derive(Args)]
+pub(super) struct CheckArgs {
+    /// Do not check the answer. Without this, the photos that it predicts are compared with independent ones: of a scene by light paths
+    /// of another seed, which takes as long as tracing it once more; of a rig by one more photo
+    #[arg(long = "no-check")]
+    is_off: bool,
+}
+
+impl CheckArgs {
+    /// Whether to check.
+    pub(super) fn is_on(&self) -> bool {
+        !self.is_off
+    }
+}
+
 /// Where a verb that leaves single files keeps the photos of a rig.
 #[derive(Args)]
 pub(super) struct KeepArgs {

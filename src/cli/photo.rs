@@ -12,10 +12,10 @@ use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
 use super::pattern::Pattern;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::picture;
-use crate::lab::{ChannelChoice, Lab, SinglePhoto, SourceKind, text::percent};
+use crate::lab::{ChannelChoice, Lab, OperatorChoice, SinglePhoto, SourceKind, text::percent};
 
 /// Take one photo of a scene under a pattern
 #[derive(clap::Args)]
@@ -37,6 +37,9 @@ pub(super) struct Args {
     /// Where the photo goes, by extension: .exr and .npy keep the radiance, .png is for people; may be given several times
     #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "photo.png")]
     files: Vec<PathBuf>,
+    /// Where the standard error of each pixel goes, as an image like the photo's; a scene is then traced for this photo
+    #[arg(long, value_name = "FILE")]
+    error: Option<PathBuf>,
     #[command(flatten)]
     keep: KeepArgs,
     #[command(flatten)]
@@ -46,11 +49,15 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    args.files.iter().try_for_each(|file| picture::check_writable(file))?;
+    args.files.iter().chain(&args.error).try_for_each(|file| picture::check_writable(file))?;
     let channels = args.channels.map_or(ChannelChoice::Native, Into::into);
     let opening = Opening::new(&args.source, &args.trace).channels(channels);
     let mut settings = opening.settings();
     settings.operator = args.operator.into();
+    let is_scene = SourceKind::of(&args.source.source) == SourceKind::Scene;
+    if args.error.is_some() && is_scene && settings.operator == OperatorChoice::Auto {
+        settings.operator = OperatorChoice::Retrace;
+    }
     let mut lab = opening.builder(console).settings(settings).open()?;
     args.live.show(&lab, console);
     let pattern = args.pattern.image(lab.projector_resolution())?;
@@ -74,6 +81,11 @@ fn write(args: &Args, lab: &mut Lab, pattern: &Image, taken: &SinglePhoto, conso
         picture::write(file, photo)?;
         console.say(format_args!("wrote     {}", file.display()))?;
     }
+    if let Some(file) = &args.error {
+        let Some(error) = &taken.standard_error else { return Err(unknown_error()) };
+        picture::write(file, error)?;
+        console.say(format_args!("wrote     {}", file.display()))?;
+    }
     let (mean, low, high) = statistics(photo);
     let unit = lab.unit();
     console.say(format_args!("radiance  mean {mean:.5}, from {low:.5} to {high:.5} {unit}"))?;
@@ -84,6 +96,7 @@ fn write(args: &Args, lab: &mut Lab, pattern: &Image, taken: &SinglePhoto, conso
     let mut summary = json!({
         "verb": "photo",
         "files": args.files,
+        "error_file": args.error,
         "resolution": photo.resolution(),
         "noise": taken.noise,
         "radiance": { "mean": mean, "min": low, "max": high },
@@ -95,6 +108,15 @@ fn write(args: &Args, lab: &mut Lab, pattern: &Image, taken: &SinglePhoto, conso
     };
     merge(&mut summary, more);
     console.summary(&summary)
+}
+
+fn unknown_error() -> Error {
+    Error::Option {
+        option: "--error".into(),
+        fault: "the standard error of this photo is not known".into(),
+        help: "of a scene, give --spp 2 or more, and leave out --operator replay; of other sources only a rig knows it"
+            .into(),
+    }
 }
 
 /// Mean, least and greatest sample.

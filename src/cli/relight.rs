@@ -8,7 +8,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, count, number};
+use super::options::{ChannelsArg, CheckArgs, OutputArgs, RunArgs, SourceArgs, count, number};
 use super::pattern::Pattern;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -56,6 +56,8 @@ pub(super) struct Args {
     max_error: Option<f64>,
     #[command(flatten)]
     operator: OperatorArgs,
+    #[command(flatten)]
+    check: CheckArgs,
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
@@ -177,6 +179,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 fn conclude(args: &Args, found: &Relighting, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     console.go_on()?;
     say(found, console)?;
+    if args.check.is_on() {
+        lab.verify_relighting(found)?;
+    }
     let summary = json!({
         "photos": found.photos,
         "rank": found.model.rank(),

@@ -8,11 +8,12 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs, number};
+use super::options::{CheckArgs, OutputArgs, RunArgs, SourceArgs, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use crate::analysis::segment::{SegmentRequest, Segmented, Truth};
+use crate::analysis::segment::{SegmentRequest, Truth};
 use crate::error::{Error, Result};
+use crate::lab::text::{rounded, with_error};
 use crate::lab::{Lab, Scored};
 use question::LightArgs;
 pub(super) use question::Question;
@@ -34,6 +35,8 @@ pub(super) struct Args {
     /// groups that the labels have)
     #[arg(long, value_name = "X", value_parser = number::<f64>)]
     min_rand_index: Option<f64>,
+    #[command(flatten)]
+    check: CheckArgs,
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
@@ -59,15 +62,30 @@ fn answer(args: &Args, request: &SegmentRequest, lab: &mut Lab, console: &Consol
     let truth = lab.known_truth()?;
     let scores = truth.as_ref().map(|truth| truth.scores(&segmented.segmentation)).transpose()?;
     let scores = scores.unwrap_or_default();
-    say(&segmented, &scores, console)?;
-    let answer = Scored { segmented: &segmented, truth: truth.as_ref(), scores: &scores };
-    let summary = summary(&segmented, &scores);
+    let is_checked = args.check.is_on() && request.is_of_photos_as_taken();
+    let verified = match is_checked {
+        true => lab.verify_segmentation(request.part(), request.options.cut, &segmented.segmentation)?,
+        false => None,
+    };
+    let at_one = segmented.segmentation.regions.at_one;
+    let refuted = verified.as_ref().map_or(0, |verified| verified.refuted(at_one));
+    let estimates = verified.map(|verified| verified.estimates).unwrap_or_default();
+    let answer =
+        Scored { segmented: &segmented, truth: truth.as_ref(), scores: &scores, estimates: &estimates };
+    say(&answer, console)?;
+    let summary = summary(&answer, refuted);
+    if refuted > 0 {
+        console.note(format_args!(
+            "warning: {refuted} of the {at_one} eigenvectors that were counted as regions are noise: other light paths do not confirm them; give more --spp"
+        ));
+    }
     let (_, outcome) = finish(lab, console, &answer, Ending { run: &args.run, is_good: true, summary })?;
     let is_good = is_good(args.min_rand_index, &scores, truth.as_ref(), console)?;
     Ok(if is_good { outcome } else { Outcome::NotGoodEnough })
 }
 
-fn summary(segmented: &Segmented, scores: &[(usize, f64)]) -> serde_json::Value {
+fn summary(answer: &Scored<'_>, refuted: usize) -> serde_json::Value {
+    let Scored { segmented, scores, estimates, .. } = answer;
     let segmentation = &segmented.segmentation;
     let scores = scores.iter().map(|(groups, score)| (groups.to_string(), json!(score)));
     json!({
@@ -75,10 +93,19 @@ fn summary(segmented: &Segmented, scores: &[(usize, f64)]) -> serde_json::Value 
         "photos_direct": segmented.direct.as_ref().map(|direct| direct.photos),
         "status": segmentation.status,
         "regions": segmentation.regions,
+        "refuted_regions": refuted,
         "eigenvalues": segmentation.eigenvalues,
         "residuals": segmentation.residuals,
+        // The first is known.
+        "of_scene": estimates.iter().map(|of| json!({
+            "eigenvalue": rounded(of.value, of.standard_error),
+            "standard_error": of.standard_error,
+        })).collect::<Vec<_>>(),
         "within": segmentation.embedding.within,
         "masked": segmentation.mask.iter().filter(|&&masked| masked).count(),
+        "share_of_sure": segmentation.labels.iter()
+            .map(|(groups, _)| (groups.to_string(), json!(segmentation.share_of_sure(*groups))))
+            .collect::<serde_json::Map<_, _>>(),
         "adjusted_rand_index": scores.collect::<serde_json::Map<_, _>>(),
         "evidence": segmented.evidence.iter().map(|of| json!({
             "groups": of.groups,
@@ -95,7 +122,8 @@ fn summary(segmented: &Segmented, scores: &[(usize, f64)]) -> serde_json::Value 
     })
 }
 
-fn say(segmented: &Segmented, scores: &[(usize, f64)], console: &Console) -> Result<()> {
+fn say(answer: &Scored<'_>, console: &Console) -> Result<()> {
+    let Scored { segmented, scores, estimates, .. } = answer;
     let segmentation = &segmented.segmentation;
     if let Some(direct) = &segmented.direct {
         let share = direct.direct.iter().sum::<f64>()
@@ -112,16 +140,26 @@ fn say(segmented: &Segmented, scores: &[(usize, f64)], console: &Console) -> Res
         let share = 100.0 * masked as f64 / segmentation.mask.len() as f64;
         console.say(format_args!("masked    {masked} pixels without global light ({share:.1} %)"))?;
     }
-    console.say("          eigenvalue   residual")?;
+    let of_scene = if estimates.is_empty() { "" } else { "   of the scene" };
+    console.say(format_args!("          eigenvalue   residual{of_scene}"))?;
     for (index, (value, residual)) in segmentation.eigenvalues.iter().zip(&segmentation.residuals).enumerate()
     {
         let note = if segmentation.embedding.is_local(index) { "   localized eigenvector" } else { "" };
-        console.say(format_args!("  {:>6}  {value:>10.6}   {residual:.1e}{note}", index + 1))?;
+        let of_scene = match index.checked_sub(1).and_then(|index| estimates.get(index)) {
+            Some(of) => format!("   {:<16}", with_error(of.value, of.standard_error)),
+            None => String::new(),
+        };
+        console.say(format_args!("  {:>6}  {value:>10.6}   {residual:.1e}{of_scene}{note}", index + 1))?;
     }
     console.say(format_args!("regions   {}", segmentation.regions.sentence()))?;
-    for &(groups, score) in scores {
+    for (groups, _) in &segmentation.labels {
+        let sure = 100.0 * segmentation.share_of_sure(*groups).unwrap_or(0.0);
+        let score = scores.iter().find(|(of, _)| of == groups);
+        let score =
+            score.map(|(_, score)| format!("; adjusted Rand index {score:.4} against the true labels"));
         console.say(format_args!(
-            "groups    {groups:>3}: adjusted Rand index {score:.4} against the true labels"
+            "groups    {groups:>3}: {sure:.1} % of the pixels are sure of theirs{}",
+            score.unwrap_or_default()
         ))?;
     }
     for evidence in &segmented.evidence {

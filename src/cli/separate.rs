@@ -7,7 +7,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{ChannelsArg, OutputArgs, RunArgs, SourceArgs, count, number};
+use super::options::{ChannelsArg, CheckArgs, OutputArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::probe::default_sigma;
@@ -62,6 +62,8 @@ pub(super) struct Args {
     max_error: Option<f64>,
     #[command(flatten)]
     operator: OperatorArgs,
+    #[command(flatten)]
+    check: CheckArgs,
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
@@ -133,6 +135,9 @@ fn answer(args: &Args, request: &SeparateRequest, lab: &mut Lab, console: &Conso
     let found = lab.separate(request)?;
     console.go_on()?;
     say(&found, console)?;
+    if args.check.is_on() {
+        lab.verify_separation(&found)?;
+    }
     let near_far = found.near_far.as_ref();
     let summary = json!({
         "method": found.name,

@@ -63,6 +63,9 @@ pub struct Manifest<R> {
     /// The cost of a run on a rig, and how its photos were taken.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub rig: Option<R>,
+    /// How far the answer is from light that it was not computed from.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub verification: Option<Verification>,
     /// The photo budget of the method. A replay of the run with another analysis may use this number of
     /// photos.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -108,6 +111,46 @@ pub struct Noise {
     pub global: f64,
     /// The root-mean-square error of the photo under an all-ones pattern.
     pub white: f64,
+}
+
+/// The comparison of an answer with light that it was not computed from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Verification {
+    /// Which light this was.
+    pub by: Independent,
+    /// The photos that the answer predicts, such as `photos of the eigenvectors`.
+    pub of: String,
+    /// The relative difference of the predicted photos to independent ones, without the noise of the latter.
+    pub error: f64,
+    /// The relative noise of the independent photos. Errors far below it cannot be seen.
+    pub noise: f64,
+}
+
+/// Light that an answer was not computed from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Independent {
+    /// Light paths of another seed.
+    AnotherSeed,
+    /// One more photo of a rig.
+    AnotherPhoto,
+}
+
+impl std::fmt::Display for Independent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::AnotherSeed => "light paths of another seed",
+            Self::AnotherPhoto => "one more photo",
+        })
+    }
+}
+
+impl std::fmt::Display for Verification {
+    /// For example `photos of the eigenvectors: predicted within 2.3 % (noise of the check 0.8 %)`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [error, noise] = [self.error, self.noise].map(|share| 100.0 * share);
+        write!(f, "{}: predicted within {error:.1} % (noise of the check {noise:.1} %)", self.of)
+    }
 }
 
 /// A graphics adapter.
@@ -159,6 +202,7 @@ impl<R: Serialize + DeserializeOwned> Manifest<R> {
             noise: None,
             products: None,
             rig: None,
+            verification: None,
             photos_allowed: None,
             photos: 0,
             timings: Vec::new(),

@@ -147,11 +147,11 @@ impl Answer for Eigs {
     }
 
     fn sentence(&self) -> String {
-        Eigenpairs { found: self, wanted: self.values.len() }.sentence()
+        Eigenpairs::new(self, self.values.len()).sentence()
     }
 
     fn write(&self, lab: &mut Lab, run: &mut RunFolder, seconds: f64) -> Result<Vec<String>> {
-        Answer::write(&Eigenpairs { found: self, wanted: self.values.len() }, lab, run, seconds)
+        Answer::write(&Eigenpairs::new(self, self.values.len()), lab, run, seconds)
     }
 }
 
@@ -235,7 +235,7 @@ impl Answer for Segmented {
         let truth = lab.truth()?;
         let scores = truth.as_ref().map(|truth| truth.scores(&self.segmentation)).transpose()?;
         let scores = scores.unwrap_or_default();
-        let scored = Scored { segmented: self, truth: truth.as_ref(), scores: &scores };
+        let scored = Scored { segmented: self, truth: truth.as_ref(), scores: &scores, estimates: &[] };
         Answer::write(&scored, lab, run, seconds)
     }
 }

@@ -32,7 +32,7 @@ impl Lab {
         (0..channels).map(|channel| self.channel_operator(part, channel)).collect()
     }
 
-    fn channel_operator(&mut self, part: Part, channel: usize) -> Result<LabOperator> {
+    pub(super) fn channel_operator(&mut self, part: Part, channel: usize) -> Result<LabOperator> {
         let transport = Arc::clone(self.transport()?);
         Ok(LabOperator::new(&transport, part, channel, &self.observer, Some(&self.sheet)))
     }

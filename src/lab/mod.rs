@@ -45,10 +45,12 @@ mod settings;
 mod source;
 #[cfg(test)]
 mod tests_of_rigs;
-pub mod text;
+#[cfg(test)]
+mod tests_of_verification;
 mod through_rig;
 mod transport;
 mod verbs;
+mod verification;
 mod view;
 mod virtual_scene;
 
@@ -69,6 +71,7 @@ pub use verbs::{
     BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, MatrixRequest, Questions,
     RelightRequest, SeparateRequest, SinglePhoto,
 };
+pub use verification::VerifiedEigenpairs;
 
 pub use crate::analysis::segment::Truth;
 use crate::error::{Error, Result};
@@ -82,6 +85,7 @@ pub use crate::report::relighting::Relighting;
 pub use crate::report::segmentation::Scored;
 pub use crate::report::separation::Separated;
 pub use crate::report::solution::Solved;
+pub use crate::report::text;
 use crate::scene::Scene;
 use crate::sparse::Csr;
 use crate::transport::Channels;

@@ -1,6 +1,8 @@
 //! The photos of a laboratory, and what they cost.
 
 use super::operator::lock;
+use super::source::Source;
+use super::transport::LightTransport;
 use super::{Lab, Log};
 use crate::error::Result;
 use crate::image::Image;
@@ -18,11 +20,16 @@ impl Lab {
         lock(self.transport()?).photograph(pattern)
     }
 
-    /// As [`Lab::photo`], with the standard error of each sample where the source knows it.
+    /// As [`Lab::photo`], with the standard error of each sample where the source knows it. A scene is traced for this photo, since its matrix
+    /// does not tell the errors of single photos.
     ///
     /// # Errors
     /// As [`Lab::photo`].
     pub fn photo_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
+        if let Source::Scene(scene) = &self.source {
+            let mut traced = LightTransport::of_retraced(scene, self.channels, &self.observer);
+            return traced.photograph_with_error(pattern);
+        }
         lock(self.transport()?).photograph_with_error(pattern)
     }
 

@@ -90,6 +90,11 @@ impl SceneSource {
         }
     }
 
+    /// The same scene, traced with these settings from now on. Its matrix is not shared with this one.
+    pub(super) fn with_settings(&self, settings: TraceSettings) -> Self {
+        Self { settings, kept: Arc::default(), ..self.clone() }
+    }
+
     /// The device, which takes one job at a time.
     pub(super) fn tracer(&self) -> MutexGuard<'_, Tracer> {
         self.tracer.lock().unwrap_or_else(PoisonError::into_inner)

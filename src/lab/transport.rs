@@ -12,7 +12,7 @@ use crate::image::{Image, Resolution};
 use crate::journal::{Journal, Key};
 use crate::measure::RigRecord;
 use crate::operator::{Adjoint, Operator, Symmetry};
-use crate::transport::{Assembled, Bounces, JournaledOperator, Part, Retraced};
+use crate::transport::{Assembled, Bounces, JournaledOperator, Part, Retraced, pooled};
 use engine::Engine;
 
 /// The light transport of a source: what takes photos, and the journal that keeps those of a scene. The journal of a rig is behind its
@@ -161,7 +161,8 @@ impl LightTransport {
                 let settings = scene.settings;
                 let mut retraced = Retraced { tracer: &mut tracer, settings, channels: *channels };
                 let (photo, error) = retraced.photograph_with_error(pattern)?;
-                Ok((photo, (settings.samples > 1).then_some(error)))
+                let error = if settings.samples > 1 { Some(pooled(&error)?) } else { None };
+                Ok((photo, error))
             }
             Engine::Measured(rig) => {
                 let photo = rig.measurement.photograph(pattern)?;

@@ -3,6 +3,8 @@
 use super::html::{Block, Report, Section};
 use super::run::{Files, Run};
 use super::spectrum;
+use super::text::with_error;
+use crate::analysis::EigenpairEstimate;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::exr;
@@ -15,9 +17,16 @@ pub struct Eigenpairs<'a> {
     pub found: &'a Eigs,
     /// How many were wanted.
     pub wanted: usize,
+    /// The eigenpairs of the scene by independent light, one for each that was found; empty where there are none.
+    pub estimates: &'a [EigenpairEstimate],
 }
 
-impl Eigenpairs<'_> {
+impl<'a> Eigenpairs<'a> {
+    /// Eigenpairs without independent estimates.
+    pub fn new(found: &'a Eigs, wanted: usize) -> Self {
+        Self { found, wanted, estimates: &[] }
+    }
+
     /// Whether all that were wanted converged.
     pub fn is_good(&self) -> bool {
         self.found.statuses.iter().all(|&status| status == PairStatus::Converged)
@@ -42,6 +51,11 @@ impl Eigenpairs<'_> {
         files.array("eigenvalues", &[count], &found.values)?;
         files.array("residuals", &[count], &found.residuals)?;
         files.array("bounds", &[count], &found.bounds)?;
+        if !self.estimates.is_empty() {
+            let pairs: Vec<f64> =
+                self.estimates.iter().flat_map(|of| [of.value, of.standard_error]).collect();
+            files.array("eigenvalues-of-scene", &[count, 2], &pairs)?;
+        }
         write_vectors(&mut files, "eigenvectors", size, &found.vectors)?;
         if found.imaginary_values.iter().any(|&value| value != 0.0) {
             files.array("eigenvalues-imaginary", &[count], &found.imaginary_values)?;
@@ -75,6 +89,10 @@ impl Eigenpairs<'_> {
         let sentence = format!("{} photos: {}.", found.stats.products, found.stats.status);
         let bounds = found.bounds.iter().map(|bound| format!("{bound:.1e}")).collect();
         let mut columns = vec![("error at most", bounds), ("verdict", self.statuses())];
+        if !self.estimates.is_empty() {
+            let of_scene = |of: &EigenpairEstimate| with_error(of.value, of.standard_error);
+            columns.insert(0, ("of the scene", self.estimates.iter().map(of_scene).collect()));
+        }
         if found.imaginary_values.iter().any(|&value| value != 0.0) {
             let imaginary = found.imaginary_values.iter().map(|value| format!("{value:+.6} i")).collect();
             columns.insert(0, ("imaginary part", imaginary));
@@ -93,7 +111,7 @@ impl Eigenpairs<'_> {
             blocks: vec![
                 spectrum::stems(&found.values, &found.residuals, "Eigenvalues; bars are residual norms."),
                 spectrum::convergence(&found.history, 1),
-                spectrum::table(&found.values, &found.residuals, &columns),
+                spectrum::table((&found.values, &found.standard_errors), &found.residuals, &columns),
             ],
         });
         sections.extend(run.photos("")?);

@@ -37,6 +37,7 @@ pub mod separation;
 pub mod solution;
 pub(crate) mod spectrum;
 mod svg;
+pub mod text;
 pub mod viewer;
 
 pub(crate) use run::stages;

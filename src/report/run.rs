@@ -6,7 +6,7 @@ use super::contact_sheet::ContactSheet;
 use super::html::{Figure, Outcome, Report, Section, Verdict};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
-use crate::io::manifest::ProductsOn;
+use crate::io::manifest::{Independent, ProductsOn};
 use crate::io::{atomic, npy, picture};
 use crate::measure::{DirectBy, MeasureOptions, RigRecord, RunManifest};
 
@@ -128,6 +128,13 @@ pub(crate) fn facts(
         ("Products", on.to_owned())
     }));
     facts.extend(manifest.rig.iter().flat_map(rig_facts));
+    facts.extend(manifest.verification.as_ref().map(|found| {
+        let by = match found.by {
+            Independent::AnotherSeed => "Checked by light paths of another seed",
+            Independent::AnotherPhoto => "Checked by one more photo",
+        };
+        (by, found.to_string())
+    }));
     facts.extend(more);
     facts.extend(manifest.seed.map(|seed| ("Seed", seed.to_string())));
     facts.extend(manifest.adapter.as_ref().map(|adapter| ("Adapter", adapter.name.clone())));

@@ -3,6 +3,7 @@
 use super::colormap::{paint_signed, robust_range};
 use super::html::{Block, Figure, Legend};
 use super::plot::{LinePlot, Series, StemPlot};
+use super::text::with_error;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::krylov::HistoryRow;
@@ -72,10 +73,18 @@ pub(super) fn convergence(history: &[HistoryRow], first: usize) -> Block {
     Block::Plot { svg: plot.render(), caption: caption.into() }
 }
 
-/// A table of eigenvalue and residual norm of each pair, followed by the columns `more`.
-pub(super) fn table(values: &[f64], residuals: &[f64], more: &[(&str, Vec<String>)]) -> Block {
+/// A table of eigenvalue, with its standard error where one is known, and residual norm of each pair, followed by the columns `more`.
+pub(super) fn table(
+    (values, errors): (&[f64], &[f64]),
+    residuals: &[f64],
+    more: &[(&str, Vec<String>)],
+) -> Block {
     let row = |(index, (value, residual)): (usize, (&f64, &f64))| {
-        let mut cells = vec![(index + 1).to_string(), format!("{value:.6}"), format!("{residual:.1e}")];
+        let shown = match errors.get(index) {
+            Some(&error) if error > 0.0 => with_error(*value, error),
+            _ => format!("{value:.6}"),
+        };
+        let mut cells = vec![(index + 1).to_string(), shown, format!("{residual:.1e}")];
         cells.extend(more.iter().map(|(_, column)| column.get(index).cloned().unwrap_or_default()));
         cells
     };

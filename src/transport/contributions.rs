@@ -95,6 +95,33 @@ impl<const C: usize> Contributions<C> {
     }
 }
 
+impl Contributions<1> {
+    /// The weights of both halves of the samples.
+    pub(super) fn halves(&self) -> Halves {
+        self.halves
+    }
+
+    /// Each contribution of these forward paths, without ambient light, as an entry of the matrix: the run of its path, row and column, and the value.
+    pub(super) fn entries(&self, mut entry: impl FnMut(&Run, [usize; 2], f64)) {
+        for (run, found) in self.parts.iter().flat_map(Read::runs) {
+            let start = run.pixel as usize;
+            for (other, [value]) in found {
+                let (end, value) = ((other & PIXEL_MASK) as usize, f64::from(*value));
+                match other & !PIXEL_MASK {
+                    DIRECT => entry(run, [start, start], value),
+                    AMBIENT => {}
+                    _ if self.symmetric => {
+                        entry(run, [start, end], value);
+                        entry(run, [end, start], value);
+                    }
+                    _ if self.from_seeing => entry(run, [start, end], value),
+                    _ => entry(run, [end, start], value),
+                }
+            }
+        }
+    }
+}
+
 /// The contributions of some runs' paths without zeros: kind and other pixel, and value.
 struct Read<const C: usize> {
     /// Each run, with the end of its contributions.

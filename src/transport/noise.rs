@@ -1,6 +1,10 @@
 //! The noise of the frozen matrix, estimated from the difference of two independent halves of the samples.
 
-use crate::image::Image;
+use crate::error::Result;
+use crate::image::{Blur, Image};
+
+/// The standard deviation in pixels of the neighbourhood that tells a pixel's standard error: the mean of about 28 squares.
+const POOLED: f64 = 1.5;
 
 /// The noise of an estimate `Â = (n₁ Â₁ + n₂ Â₂)/N` from `N` samples per pixel in two independent halves.
 ///
@@ -50,11 +54,29 @@ impl Halves {
         value * self.mean
     }
 
+    /// The contribution of a sample of half `half` to the error (`e` of [`Noise`]).
+    pub(super) fn error_share(self, half: usize, value: f64) -> f64 {
+        value * self.error[half]
+    }
+
     /// Adds a sample of half `half` to a mean and its error (`e` of [`Noise`]).
     pub(super) fn add(self, to: &mut [f64; 2], half: usize, value: f64) {
         to[0] += self.share(value);
-        to[1] += value * self.error[half];
+        to[1] += self.error_share(half, value);
     }
+}
+
+/// Standard errors of the pixels of a photo from one draw of their errors, which tells little of a single pixel: the root of the mean square
+/// over the pixels around each, weighted by a Gaussian of 1.5 pixels.
+pub fn pooled(errors: &Image) -> Result<Image> {
+    let blur = Blur::new(errors.resolution(), POOLED);
+    let plane = |plane: Vec<f64>| -> Vec<f64> {
+        let squares: Vec<f64> = plane.iter().map(|error| error * error).collect();
+        let means = blur.as_ref().map_or(squares.clone(), |blur| blur.apply(&squares));
+        means.into_iter().map(f64::sqrt).collect()
+    };
+    let planes: Vec<Vec<f64>> = errors.planes().into_iter().map(plane).collect();
+    Image::from_planes(errors.resolution(), &planes)
 }
 
 /// `‖error‖/‖value‖` from the squares of both norms; 0 where both are 0.

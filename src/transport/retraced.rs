@@ -81,8 +81,19 @@ impl Retraced<'_> {
         project: impl Fn([f32; 3]) -> [f32; C] + Sync,
         pixels: usize,
     ) -> Result<Vec<[T; C]>> {
-        let samples = self.settings.samples;
         let mut seen = vec![[T::default(); C]; pixels];
+        self.each(way, project, &mut |contributions| contributions.add_to(&mut seen, lit))?;
+        Ok(seen)
+    }
+
+    /// Traces, and hands the contributions of each batch to `add`, in path order.
+    pub(super) fn each<const C: usize>(
+        &mut self,
+        way: Way,
+        project: impl Fn([f32; 3]) -> [f32; C] + Sync,
+        add: &mut (impl FnMut(&Contributions<C>) + Send),
+    ) -> Result<()> {
+        let samples = self.settings.samples;
         // Of the batch before: read, but not yet added up.
         let mut last: Option<Contributions<C>> = None;
         self.tracer.trace(&self.settings, &mut |batch| {
@@ -90,13 +101,13 @@ impl Retraced<'_> {
             // takes longer.
             let (read, ()) = rayon::join(
                 || Contributions::read(batch, samples, way, &project),
-                || last.iter().for_each(|last| last.add_to(&mut seen, lit)),
+                || last.iter().for_each(&mut *add),
             );
             last = Some(read);
             Ok(())
         })?;
-        last.iter().for_each(|last| last.add_to(&mut seen, lit));
-        Ok(seen)
+        last.iter().for_each(add);
+        Ok(())
     }
 }
 

@@ -4,6 +4,7 @@
 mod common;
 
 mod cache;
+mod estimated;
 mod matrix;
 mod noise;
 mod operators;

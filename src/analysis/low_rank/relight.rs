@@ -20,7 +20,8 @@ pub struct Relit {
     pub relit: Image,
     /// The true photo, if the scene is simulated.
     pub truth: Option<Image>,
-    /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1; empty without the true photo.
+    /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1, without the noise of the true photo that its operator
+    /// states; empty without the true photo.
     pub errors: Vec<f64>,
 }
 
@@ -69,13 +70,18 @@ impl SavedModel {
         };
         let ranks = self.rank();
         let found = by_rank(ranks);
+        let mut noise = 0.0;
         let truth = products(full, |operator, channel| {
             let mut photo = vec![0.0; operator.rows()];
             operator.apply(&plane(&pattern, channel), &mut photo)?;
+            noise += operator.standard_error().powi(2);
             Ok(photo)
         })?;
         let errors = match &truth {
-            Some(truth) => (1..=ranks).map(|rank| relative_error(&by_rank(rank), truth)).collect(),
+            Some(truth) => {
+                let of = |rank| without_noise(relative_error(&by_rank(rank), truth), noise, truth);
+                (1..=ranks).map(of).collect()
+            }
             None => Vec::new(),
         };
         Ok(Relit {
@@ -94,15 +100,17 @@ impl SavedModel {
     pub fn dual<O: Adjoint>(&self, name: String, pattern: &Image, full: Option<&mut [O]>) -> Result<Dual> {
         let each = self.channels.iter().enumerate();
         let found: Planes = each.map(|(channel, of)| of.dual(&plane(pattern, channel))).collect();
+        let mut noise = 0.0;
         let truth = products(full, |operator, channel| {
             let mut photo = vec![0.0; operator.cols()];
             operator.apply_adjoint(&plane(pattern, channel), &mut photo)?;
+            noise += operator.standard_error().powi(2);
             Ok(photo)
         })?;
         Ok(Dual {
             name,
             image: Image::from_planes(self.projector, &found)?,
-            error: truth.map(|truth| relative_error(&found, &truth)),
+            error: truth.map(|truth| without_noise(relative_error(&found, &truth), noise, &truth)),
         })
     }
 
@@ -154,10 +162,18 @@ impl SavedModel {
     }
 }
 
+/// The relative error of an answer from its relative difference to a `truth` with noise: `√(‖a − t‖² − noise) / √(‖t‖² − noise)`, where `noise`
+/// is the expected sum of squares of the errors of the truth.
+fn without_noise(difference: f64, noise: f64, truth: &Planes) -> f64 {
+    let size: f64 = truth.iter().flatten().map(|value| value * value).sum();
+    let [off, size] = [difference * difference * size - noise, size - noise].map(|square| square.max(0.0));
+    if off == 0.0 { 0.0 } else { (off / size).sqrt() }
+}
+
 /// Applies `product` to each channel's operator, if there are any.
 fn products<O: Adjoint>(
     operators: Option<&mut [O]>,
-    product: impl Fn(&mut O, usize) -> Result<Vec<f64>>,
+    mut product: impl FnMut(&mut O, usize) -> Result<Vec<f64>>,
 ) -> Result<Option<Planes>> {
     let Some(operators) = operators else { return Ok(None) };
     let each = operators.iter_mut().enumerate();

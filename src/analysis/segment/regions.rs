@@ -19,7 +19,7 @@ const FLOOR: f64 = 1e-3;
 const EXACT: f64 = 1e-6;
 
 /// A region must keep at least this share of its light.
-pub(super) const KEPT: f64 = 0.85;
+pub const KEPT: f64 = 0.85;
 
 /// The next eigenvalue must be this many times as far from 1 for the count to be clear, and keep too little light for a region.
 const CLEAR: f64 = 4.0;
@@ -37,6 +37,8 @@ pub struct Regions {
     pub next: Option<f64>,
     /// The ratio of `next` to `last`, where `last` counts as at least 0.001.
     pub ratio: Option<f64>,
+    /// Regions of `count` that only the coordinates of the pixels show: groups that were divided.
+    pub divided: usize,
     /// Levels of the second eigenvector if its eigenvalue is 1 to six digits: regions without any exchange.
     pub levels: Option<usize>,
     /// Whether there may be more regions than `count`: each starting pattern has found one, or the gap after the last was not
@@ -88,6 +90,7 @@ impl Regions {
         Self {
             count: last + 1 + unseen,
             at_one: last + 1,
+            divided: 0,
             last: gaps.get(last).copied().unwrap_or(0.0),
             next,
             ratio,
@@ -95,6 +98,13 @@ impl Regions {
             at_least,
             clear: !at_least && next.is_some_and(is_far),
         }
+    }
+
+    /// Counts more regions, which the coordinates of the pixels show. The eigenvalues have then not found all copies: there may be even more.
+    pub(super) fn divide(&mut self, more: usize) {
+        self.count += more;
+        self.divided += more;
+        (self.at_least, self.clear) = (true, false);
     }
 
     /// The evidence as a sentence, without its full stop.
@@ -120,7 +130,12 @@ impl Regions {
                 "; the eigenvector at one has {levels} levels, and so many regions exchange nothing at all"
             );
         }
-        if self.next.is_some() && self.at_least {
+        if self.divided > 0 {
+            text += &format!(
+                "; {} of them only by the coordinates of their pixels, since not all eigenvectors were found, so there may be more: allow more --photos",
+                self.divided
+            );
+        } else if self.next.is_some() && self.at_least {
             text += "; each starting pattern has found one, so there may be more: allow more --photos, or give --starts";
         } else if self.next.is_some() && !self.clear {
             text += "; the gap is not clear, so this is a guess";

@@ -93,6 +93,11 @@ impl SegmentRequest {
         if self.direct == DirectLight::Source { Part::Global } else { Part::Full }
     }
 
+    /// Whether the eigenvectors are those of the photos as they are taken: nothing is subtracted from these, and they are not blurred.
+    pub fn is_of_photos_as_taken(&self) -> bool {
+        !matches!(self.direct, DirectLight::Measured(_)) && self.blur == 0.0 && self.options.mu == 0.0
+    }
+
     /// The most photos in total.
     pub fn photos(&self) -> usize {
         // Where the number of groups is not known yet, it is at most one more than the starting patterns.

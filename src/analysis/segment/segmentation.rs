@@ -2,14 +2,24 @@
 
 use super::embedding::{Embedding, mean};
 use super::graph::Graph;
+use super::grouping::{confidence, divided};
 use super::options::{Cut, SegmentOptions};
 use super::{NegativeLaplacian, NormalizedAdjacency, Regions};
-use crate::analysis::kmeans::{KmeansOptions, kmeans};
+use crate::analysis::kmeans::{Clusters, KmeansOptions, kmeans};
 use crate::error::Result;
 use crate::krylov::{HistoryRow, RitzPair, Status};
 
+/// Labels are bytes, of which 255 is that of masked pixels.
+const MOST_GROUPS: usize = 254;
+
 /// The label of a masked pixel.
 pub const MASKED: u8 = 255;
+
+/// An eigenvalue of a normalized cut is at most 1; this much more is a fault of the photos and not of rounding or a little noise.
+const IMPOSSIBLE: f64 = 0.05;
+
+/// A label of this confidence is sure.
+pub const SURE: f64 = 0.95;
 
 /// The share of the matrix norm below which the status sentence counts an eigenvector's residual as resolved.
 const RESOLVED: f64 = 1e-2;
@@ -20,6 +30,9 @@ pub struct Segmentation {
     /// The label of each pixel (`n`) for each requested number of groups `K`. Labels are numbered by first appearance in raster
     /// order; masked pixels have [`MASKED`] (255).
     pub labels: Vec<(usize, Vec<u8>)>,
+    /// How sure the label of each pixel is (`n`, from 0 to 1) for each number of groups: the probability of its group among all groups,
+    /// by its coordinates. It does not say whether the number of groups is right. 0 on masked pixels.
+    pub confidence: Vec<(usize, Vec<f64>)>,
     /// The `k` eigenvalues: `λ` of `D^-½ G D^-½`, descending from 1, for the normalized cut; `λ` of `D − G`, ascending from 0,
     /// for the average cut. The first is known.
     pub eigenvalues: Vec<f64>,
@@ -64,6 +77,13 @@ impl Segmentation {
         entries.map(|(index, u)| self.embedding.coordinate(index, u[pixel])).collect()
     }
 
+    /// The share of the pixels, without masked ones, whose label is [`SURE`] for so many groups.
+    pub fn share_of_sure(&self, groups: usize) -> Option<f64> {
+        let (_, confidence) = self.confidence.iter().find(|(of, _)| *of == groups)?;
+        let seen = self.mask.iter().filter(|masked| !**masked).count();
+        Some(confidence.iter().filter(|value| **value >= SURE).count() as f64 / seen.max(1) as f64)
+    }
+
     pub(super) fn from_vectors(
         taken: &Taken<'_>,
         graph: &Graph,
@@ -94,9 +114,7 @@ impl Segmentation {
         };
         let mut embedding = Embedding::new(options.cut, graph, pairs, &vectors, &weights);
         let norm = if options.cut == Cut::Normalized { 1.0 } else { mean(graph.degree()) };
-        let regions = count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts));
-        let groups =
-            if options.groups.is_empty() { &[regions.count.clamp(2, 254)] } else { &options.groups[..] };
+        let mut regions = count_regions(&embedding, pairs, &vectors, &weights, (norm, taken.starts));
         // The eigenvectors after those asked for only served to count the regions.
         let most = if options.groups.is_empty() { regions.count } else { 0 };
         let kept = vectors.len().min(options.eigenvectors.max(most));
@@ -106,15 +124,23 @@ impl Segmentation {
         let features: Vec<Vec<f64>> = (1..kept)
             .map(|index| vectors[index].iter().map(|&entry| embedding.coordinate(index, entry)).collect())
             .collect();
-        let labels = groups.iter().map(|&groups| {
-            let clusters = kmeans(&features, &weights, &KmeansOptions::new(groups, options.seed));
-            (groups, graph.scatter(&number_by_appearance(&clusters.labels), MASKED))
+        let grouped = |groups| kmeans(&features, &weights, &KmeansOptions::new(groups, options.seed));
+        let found: Vec<Clusters> = match &options.groups[..] {
+            [] => vec![undivided(&mut regions, (&features, &weights), grouped)],
+            groups => groups.iter().map(|&groups| grouped(groups)).collect(),
+        };
+        let labels = found.iter().map(|clusters| {
+            (clusters.centres.len(), graph.scatter(&number_by_appearance(&clusters.labels), MASKED))
+        });
+        let confidence = found.iter().map(|clusters| {
+            (clusters.centres.len(), graph.scatter(&confidence(&features, &weights, clusters), 0.0))
         });
         let resolved = 1 + pairs.iter().filter(|pair| pair.is_resolved(RESOLVED, norm)).count();
         let sign = options.cut.sign();
         let ended = taken.status.map_or("the capture broke off".into(), |status| status.to_string());
         Ok(Self {
             labels: labels.collect(),
+            confidence: confidence.collect(),
             eigenvalues: std::iter::once(known_value)
                 .chain(pairs.iter().map(|pair| sign * pair.value))
                 .collect(),
@@ -132,13 +158,50 @@ impl Segmentation {
                 "{} photos: {ended}; {resolved} of {} eigenvectors have a residual below {RESOLVED}{}",
                 taken.photos,
                 options.eigenvectors.max(kept),
-                match embedding.local() {
-                    0 => String::new(),
-                    local => format!(", and {local} are localized"),
-                },
+                remarks(
+                    &embedding,
+                    &pairs.iter().map(|pair| sign * pair.value).collect::<Vec<f64>>(),
+                    options.cut
+                ),
             ),
             embedding,
         })
+    }
+}
+
+/// What the status sentence ends with: localized eigenvectors, and eigenvalues that light cannot have.
+fn remarks(embedding: &Embedding, values: &[f64], cut: Cut) -> String {
+    let mut text = match embedding.local() {
+        0 => String::new(),
+        local => format!(", and {local} are localized"),
+    };
+    let impossible =
+        values.iter().filter(|value| cut == Cut::Normalized && **value > 1.0 + IMPOSSIBLE).count();
+    if impossible > 0 {
+        let largest = values.iter().copied().fold(0.0, f64::max);
+        text += &format!(
+            "; {impossible} eigenvalues are above one, up to {largest:.2}, as no light can be: noise or direct light in the photos"
+        );
+    }
+    text
+}
+
+/// As many groups as there are regions. A group whose coordinates show two is divided: the eigenvalues do not count a region before an
+/// eigenvector of its own is found, and the eigenvectors of others already tell it apart.
+fn undivided(
+    regions: &mut Regions,
+    (features, weights): (&[Vec<f64>], &[f64]),
+    grouped: impl Fn(usize) -> Clusters,
+) -> Clusters {
+    let most = MOST_GROUPS.min(weights.len()).max(2);
+    loop {
+        let found = grouped(regions.count.clamp(2, most));
+        // One region is two groups only for want of another number.
+        let more = if regions.count < 2 { 0 } else { divided(features, weights, &found) };
+        if more == 0 || regions.count + more > most {
+            return found;
+        }
+        regions.divide(more);
     }
 }
 

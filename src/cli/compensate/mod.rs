@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 
 use super::Outcome;
 use super::console::Console;
-use super::opening::{Ending, Opening, finish, in_run};
+use super::opening::{Ending, Opening, finish, in_run, merge};
 use super::operator::OperatorArgs;
-use super::options::{self, ChannelsArg, OutputArgs, RunArgs, SourceArgs, number};
+use super::options::{self, ChannelsArg, CheckArgs, OutputArgs, RunArgs, SourceArgs, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::{
@@ -50,6 +50,8 @@ pub(super) struct Args {
     compare_methods: bool,
     #[command(flatten)]
     operator: OperatorArgs,
+    #[command(flatten)]
+    check: CheckArgs,
     #[command(flatten)]
     run: RunArgs,
     #[command(flatten)]
@@ -154,17 +156,25 @@ fn answer(
     let request = CompensateRequest { target, options, colors, compare_methods: args.compare_methods };
     let found = lab.compensate(&request)?;
     let answer = Compensated { methods: &found.methods, ..Compensated::new(&found.found, &request.options) };
-    conclude(&args.run, &answer, lab, console)
+    conclude(args, &answer, lab, console)
 }
 
 /// Says what was found, and writes it.
-fn conclude(run: &RunArgs, answer: &Compensated<'_>, lab: &mut Lab, console: &Console) -> Result<Outcome> {
+fn conclude(args: &Args, answer: &Compensated<'_>, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     console.go_on()?;
     say(answer, console)?;
+    // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
+    let is_checked = args.check.is_on() && args.colors.crosstalk.is_none();
+    let verified = if is_checked { lab.verify_compensation(answer.found)? } else { None };
+    if let Some((_, residual)) = &verified {
+        console.say(format_args!("          {residual:.4} of the target by independent light"))?;
+    }
     if let Some(run) = lab.run() {
         console.say(format_args!("project   {}", run.path.join("compensation.npy").display()))?;
     }
-    let ending = Ending { run, is_good: answer.found.good, summary: summary(answer) };
+    let mut summary = summary(answer);
+    merge(&mut summary, json!({ "residual_by_independent_light": verified.map(|(_, residual)| residual) }));
+    let ending = Ending { run: &args.run, is_good: answer.found.good, summary };
     Ok(finish(lab, console, answer, ending)?.1)
 }
 

@@ -38,7 +38,7 @@ fn by_model_alone(args: &Args, options: &CompensateOptions, console: &Console) -
         let names = (model.source.as_str(), model.unit.as_str());
         let answer =
             Compensated { model: Some(names), has_photos: false, ..Compensated::new(&found, options) };
-        conclude(&args.run, &answer, lab, console)
+        conclude(args, &answer, lab, console)
     })
 }
 
@@ -53,7 +53,7 @@ fn corrected(args: &Args, folder: &Path, options: &CompensateOptions, console: &
     lab.check_model(&model)?;
     in_run(&mut lab, &args.run, "compensate", |lab| {
         let found = lab.compensate_by_model(&mut model, &target, options, args.question.corrections())?;
-        conclude(&args.run, &Compensated::new(&found, options), lab, console)
+        conclude(args, &Compensated::new(&found, options), lab, console)
     })
 }
 

@@ -10,7 +10,9 @@ use crate::lab::measured::MeasuredRig;
 use crate::lab::model::ModelParts;
 use crate::lab::scene::SceneSource;
 use crate::operator::Adjoint;
-use crate::transport::{Assembled, Channels, MatrixOperator, Part, Retraced, RetracedOperator, Transport};
+use crate::transport::{
+    Assembled, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, RetracedOperator, Transport,
+};
 
 /// What computes or takes photos.
 pub(super) enum Engine {
@@ -18,6 +20,8 @@ pub(super) enum Engine {
     Replayed(Arc<Assembled>),
     /// A scene that is traced for each photo. The photos equal those of `Replayed`, to rounding.
     Retraced(Box<SceneSource>, Channels),
+    /// As `Retraced`; the errors of its products are known.
+    Estimated(Box<SceneSource>, Channels),
     /// A rig, or the photos that a run took of one.
     Measured(Box<MeasuredRig>),
     /// An explicit matrix.
@@ -44,6 +48,12 @@ impl Engine {
                     Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels };
                 work(&mut RetracedOperator { retraced, part, channel })
             }
+            Self::Estimated(scene, channels) => {
+                let mut tracer = scene.tracer();
+                let retraced =
+                    Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels };
+                work(&mut EstimatedOperator::new(retraced, part, channel))
+            }
             Self::Measured(rig) => work(&mut rig.measurement.operator(part, channel)),
             Self::Explicit(parts) => work(parts.operator(part)?),
             Self::Model(parts) => work(parts.operator(part, channel)),
@@ -54,7 +64,7 @@ impl Engine {
     pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
         match self {
             Self::Replayed(traced) => traced.photograph(pattern),
-            Self::Retraced(scene, channels) => {
+            Self::Retraced(scene, channels) | Self::Estimated(scene, channels) => {
                 let mut tracer = scene.tracer();
                 Retraced { tracer: &mut tracer, settings: scene.settings, channels: *channels }
                     .photograph(pattern)

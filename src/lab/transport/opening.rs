@@ -159,6 +159,16 @@ impl LightTransport {
         Self::new(engine, shape, observer)
     }
 
+    /// A scene that is traced for each product, whose error is known.
+    pub(in crate::lab) fn of_estimated(
+        scene: &SceneSource,
+        channels: Channels,
+        observer: &SharedObserver,
+    ) -> Self {
+        let retraced = Self::of_retraced(scene, channels, observer);
+        Self { engine: Engine::Estimated(Box::new(scene.clone()), channels), ..retraced }
+    }
+
     /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
     fn keep_known(&mut self) -> Result<()> {
         let Self { engine: Engine::Replayed(traced), journal: Some(journal), .. } = self else {

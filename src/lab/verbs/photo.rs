@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::image::Image;
 use crate::lab::Lab;
+use crate::lab::operator::lock;
 use crate::lab::settings::OperatorChoice;
 use crate::lab::source::{Source, scenes_only};
 use crate::lab::transport::LightTransport;
@@ -16,6 +17,8 @@ use std::sync::{Arc, Mutex};
 pub struct SinglePhoto {
     /// The photo.
     pub photo: Image,
+    /// The standard error of each sample, where it is known: of a photo that was traced for itself, or taken by a rig.
+    pub standard_error: Option<Image>,
     /// The relative error, where it is known.
     pub noise: Option<f64>,
     /// Whether `noise` is that of the white photo by the same matrix, rather than of this photo.
@@ -46,8 +49,9 @@ impl Lab {
             return Err(scenes_only("--operator"));
         }
         let white: Option<Noise> = self.noise()?;
-        let (photo, error) = self.photo_with_error(pattern)?;
-        let of_photo = error.map(|error| norm(&error) / norm(&photo)).filter(|noise| noise.is_finite());
+        let (photo, standard_error) = lock(self.transport()?).photograph_with_error(pattern)?;
+        let of_photo = standard_error.as_ref().map(|error| norm(error) / norm(&photo));
+        let of_photo = of_photo.filter(|noise| noise.is_finite());
         let rig = match self.kind() {
             crate::lab::SourceKind::Scene => None,
             _ => self.costs()?,
@@ -59,6 +63,7 @@ impl Lab {
             noise: white.as_ref().map(|noise| noise.white_relative).or(of_photo),
             is_of_white: white.is_some(),
             photo,
+            standard_error,
             rig,
         })
     }

@@ -134,14 +134,15 @@ impl Lab {
         rank_curve(&model.channels, &matrices, &mut self.reference_operators(Part::Global)?)
     }
 
-    /// Asks the model, and the true matrix where there is one.
+    /// Asks the model, and for the truth light paths of another seed: the noise of the captured photos is in the model. Interreflections are
+    /// removed by hundreds of products, which only the scene's own matrix can take.
     fn ask(&mut self, answer: &mut Relighting, questions: &Questions) -> Result<()> {
-        let operators = match self.assembled()? {
-            Some(_) => [Part::Full, Part::Global].map(|part| self.reference_operators(part)),
-            None => return answer_questions(answer, questions, [None, None]),
+        let full = self.independent_operators(Part::Full)?;
+        let global = match self.assembled()? {
+            Some(_) => Some(self.reference_operators(Part::Global)?),
+            None => None,
         };
-        let [full, global] = operators;
-        answer_questions(answer, questions, [Some(full?), Some(global?)])
+        answer_questions(answer, questions, [full, global])
     }
 }
 

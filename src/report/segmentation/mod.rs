@@ -6,9 +6,10 @@ mod features;
 use super::html::{Block, Figure, Legend, Report, Section, Swatch};
 use super::palette::{label_color, paint_labels};
 use super::run::{Files, Run};
+use super::text::with_error;
 use super::{figure, spectrum};
-use crate::analysis::MASKED;
 use crate::analysis::segment::{Segmented, Truth};
+use crate::analysis::{EigenpairEstimate, MASKED};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::exr;
@@ -23,6 +24,8 @@ pub struct Scored<'a> {
     pub truth: Option<&'a Truth>,
     /// The adjusted Rand index of each number of groups; empty without true labels.
     pub scores: &'a [(usize, f64)],
+    /// The eigenvalues of the scene by independent light, without the first, which is known; empty where there are none.
+    pub estimates: &'a [EigenpairEstimate],
 }
 
 impl Scored<'_> {
@@ -52,6 +55,9 @@ impl Scored<'_> {
         files.array("degree", &[height, width], &found.degree)?;
         for (groups, labels) in &found.labels {
             files.array(&format!("labels-{groups}"), &[height, width], labels)?;
+        }
+        for (groups, confidence) in &found.confidence {
+            files.array(&format!("confidence-{groups}"), &[height, width], confidence)?;
         }
         if let Some(truth) = self.truth {
             files.array("labels-true", &[height, width], &truth.labels)?;
@@ -91,7 +97,7 @@ impl Scored<'_> {
             let score = score.map_or(String::new(), |(_, score)| format!(", adjusted Rand index {score:.4}"));
             let figure = Figure {
                 png: paint_labels(run.resolution, labels).encode_png()?,
-                caption: format!("{groups} groups{score}"),
+                caption: format!("{groups} groups{score}{}", self.sure(*groups)),
                 legend: Legend::of_labels(labels),
             };
             Ok((format!("labels-{groups}"), figure))
@@ -107,6 +113,14 @@ impl Scored<'_> {
         })
     }
 
+    /// How many labels are sure, as the end of a caption.
+    fn sure(&self, groups: usize) -> String {
+        match self.segmented.segmentation.share_of_sure(groups) {
+            Some(share) => format!(", {:.1} % of the pixels are sure of theirs", 100.0 * share),
+            None => String::new(),
+        }
+    }
+
     fn page(&self, run: &Run<'_>, pictures: Pictures) -> Result<Report> {
         let found = &self.segmented.segmentation;
         let figures =
@@ -116,7 +130,7 @@ impl Scored<'_> {
             Block::Figures(beside.chain(pictures.labels.into_iter().map(|(_, figure)| figure)).collect());
         let mut sections = vec![Section {
             title: "Groups".into(),
-            text: "Pixels of one colour exchange light with one another, and little with the rest. All numbers of groups come from the same photos.".into(),
+            text: "Pixels of one colour exchange light with one another, and little with the rest. All numbers of groups come from the same photos. A pixel is sure of its group if the probability of this group, by its coordinates, is 0.95 or more; that the number of groups is right is another question.".into(),
             blocks: vec![groups],
         }];
         for of in &self.segmented.evidence {
@@ -137,7 +151,7 @@ impl Scored<'_> {
                 spectrum::stems(&found.eigenvalues, &found.residuals, "Eigenvalues; bars are residual norms. As many at one as there are regions that exchange no light."),
                 // The first pair is known in advance and has no history.
                 spectrum::convergence(&found.history, 2),
-                spectrum::table(&found.eigenvalues, &found.residuals, &self.local()),
+                spectrum::table((&found.eigenvalues, &[]), &found.residuals, &self.columns()),
             ],
         });
         sections.extend(run.photos(ORDER)?);
@@ -157,12 +171,20 @@ impl Scored<'_> {
         Ok(run.page((true, self.sentence()), found.photos, more, sections))
     }
 
-    /// A table column that marks localized eigenvectors; empty if there are none.
-    fn local(&self) -> Vec<(&'static str, Vec<String>)> {
+    /// Further table columns: the eigenvalues of the scene, and which eigenvectors are localized, where there are any.
+    fn columns(&self) -> Vec<(&'static str, Vec<String>)> {
+        let mut columns = Vec::new();
+        if !self.estimates.is_empty() {
+            let of_scene = self.estimates.iter().map(|of| with_error(of.value, of.standard_error));
+            columns.push(("of the scene", std::iter::once("1, known".into()).chain(of_scene).collect()));
+        }
         let embedding = &self.segmented.segmentation.embedding;
         let mark = |index| if embedding.is_local(index) { "a few pixels alone" } else { "regions" };
         let marks = (0..embedding.within.len()).map(|index| mark(index).to_owned()).collect();
-        if embedding.local() == 0 { Vec::new() } else { vec![("tells of", marks)] }
+        if embedding.local() > 0 {
+            columns.push(("tells of", marks));
+        }
+        columns
     }
 
     fn sentence(&self) -> String {

@@ -13,6 +13,34 @@ pub fn percent(share: f64) -> String {
     format!("{percent:.decimals$}")
 }
 
+/// A value with its standard error, of which two digits are shown, and no digit of the value beyond them: `0.0971 ±0.0012`. Without an error the
+/// value has eight decimals.
+pub fn with_error(value: f64, error: f64) -> String {
+    if error > 0.0 && error.is_finite() {
+        let decimals = decimals(error);
+        format!("{value:.decimals$} ±{error:.decimals$}")
+    } else {
+        format!("{value:.8}")
+    }
+}
+
+/// The value without the digits that its standard error leaves open; as it is where no error is known.
+pub fn rounded(value: f64, error: f64) -> f64 {
+    if error > 0.0 && error.is_finite() {
+        let decimals = decimals(error);
+        // What was just printed is a number.
+        format!("{value:.decimals$}").parse().unwrap_or(value)
+    } else {
+        value
+    }
+}
+
+/// The decimals that show two digits of an error.
+fn decimals(error: f64) -> usize {
+    // From 0 to 324, the smallest positive number.
+    (1.0 - error.log10().floor()).clamp(0.0, 324.0) as usize
+}
+
 /// `1048576` as `1,048,576`.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
@@ -42,6 +70,14 @@ mod tests {
     #[test]
     fn percentages_have_three_digits() {
         assert_eq!([1.5, 0.25, 0.0123].map(super::percent), ["150", "25.0", "1.23"]);
+    }
+
+    #[test]
+    fn values_have_no_digits_beyond_their_errors() {
+        assert_eq!(super::with_error(0.097_127_39, 0.001_234), "0.0971 ±0.0012");
+        assert_eq!(super::with_error(1234.5, 56.0), "1234 ±56");
+        assert_eq!(super::with_error(0.25, 0.0), "0.25000000");
+        assert_eq!([super::rounded(0.097_127, 0.0012), super::rounded(0.5, f64::NAN)], [0.0971, 0.5]);
     }
 
     #[test]

@@ -1,0 +1,117 @@
+//! Answers are checked with light that they were not computed from.
+
+use crate::analysis::SegmentOptions;
+use crate::analysis::segment::{Cut, SegmentRequest};
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io::manifest::Independent;
+use crate::krylov::EigsOptions;
+use crate::lab::{Lab, Questions, RelightRequest, RunOptions, SeparateRequest};
+use crate::measure::RigFile;
+use crate::scene::builtin;
+use crate::transport::Part;
+
+fn zigzag() -> Result<Lab> {
+    Lab::builder_of_scene(builtin::zigzag().to_scene()).size(24, 24).samples(16).open()
+}
+
+fn pairs() -> EigsOptions {
+    EigsOptions { count: 3, products: 20, ..EigsOptions::default() }
+}
+
+#[test]
+fn eigenpairs_of_a_scene_are_checked_by_another_seed_and_the_record_says_so() -> Result<()> {
+    let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
+    let run = folder.path().join("run");
+    let mut lab = zigzag()?;
+    lab.begin_run("eigs", &RunOptions { folder: Some(run.clone()), ..RunOptions::default() })?;
+    let found = lab.eigs(Part::Global, &pairs())?;
+    let photos = lab.contact_sheet().len();
+    let Some(checked) = lab.verify_eigenpairs(Part::Global, &found)? else { unreachable!("a scene") };
+    assert_eq!((checked.verification.by, checked.estimates.len()), (Independent::AnotherSeed, 3));
+    assert_eq!(lab.contact_sheet().len(), photos, "no photo of the run");
+    for (estimate, theta) in checked.estimates.iter().zip(&found.values) {
+        // The eigenvectors fit the noise of 16 samples.
+        assert!(estimate.quotient[0] < *theta && estimate.value < *theta, "{estimate:?} {theta}");
+        assert!(estimate.error_of(*theta) >= estimate.standard_error && estimate.standard_error > 0.0);
+    }
+    assert!(checked.verification.error > 0.01 && checked.verification.noise > 0.01);
+    lab.finish(&found)?;
+    let record = std::fs::read_to_string(run.join("run.json")).map_err(Error::reading(&run))?;
+    assert!(record.contains("\"another-seed\""), "{record}");
+    let page = std::fs::read_to_string(run.join("report.html")).map_err(Error::reading(&run))?;
+    assert!(page.contains("Checked by light paths of another seed"));
+    Ok(())
+}
+
+#[test]
+fn a_matrix_has_no_other_light() -> Result<()> {
+    let matrix = crate::sparse::Csr::new(2, vec![0, 1, 2], vec![0, 1], vec![2.0, 1.0])?;
+    let mut lab = Lab::of_matrix(matrix, "two");
+    let found = lab.eigs(Part::Full, &EigsOptions { count: 1, products: 2, ..pairs() })?;
+    assert_eq!(lab.verify_eigenpairs(Part::Full, &found)?, None);
+    Ok(())
+}
+
+#[test]
+fn a_rig_is_checked_by_one_more_photo_of_each_answer() -> Result<()> {
+    let mut rig = zigzag()?.through_rig(RigFile::load("assets/rigs/ideal.toml".as_ref())?)?;
+    let found = rig.eigs(Part::Full, &pairs())?;
+    let photos = rig.contact_sheet().len();
+    let Some(checked) = rig.verify_eigenpairs(Part::Full, &found)? else { unreachable!("a rig") };
+    assert_eq!(rig.contact_sheet().len(), photos + 1);
+    assert_eq!((checked.verification.by, checked.estimates.len()), (Independent::AnotherPhoto, 0));
+    // Three vectors of unit norm and one photo. Their residuals are what it must show.
+    let expected = found.residuals.iter().map(|r| r * r).sum::<f64>().sqrt()
+        / found.values.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let seen = checked.verification.error;
+    assert!((seen - expected).abs() < 0.2 * expected + 2e-3, "{seen} {expected}");
+    Ok(())
+}
+
+#[test]
+fn a_segmentation_is_checked_pair_by_pair() -> Result<()> {
+    let mut lab = zigzag()?;
+    let options = SegmentOptions { photos: 24, ..SegmentOptions::groups([2]) };
+    let request = SegmentRequest { options, ..SegmentRequest::default() };
+    let found = lab.segment(&request)?.segmentation;
+    let checked = lab.verify_segmentation(Part::Global, Cut::Normalized, &found)?;
+    let Some(checked) = checked else { unreachable!("a scene") };
+    assert_eq!(checked.estimates.len(), found.eigenvalues.len() - 1);
+    let second = &checked.estimates[0];
+    // Two sheets that exchange no light: the eigenvalue is 1.
+    assert!((second.value - 1.0).abs() < 3.0 * second.standard_error + 0.01, "{second:?}");
+    assert_eq!(checked.refuted(2), 0, "{:?}", checked.estimates);
+    assert_eq!(lab.verify_segmentation(Part::Global, Cut::Average, &found)?, None);
+    Ok(())
+}
+
+#[test]
+fn a_model_is_scored_by_light_that_it_did_not_see() -> Result<()> {
+    let mut lab = zigzag()?;
+    let white = Image::filled(lab.projector_resolution(), 1, 1.0);
+    let questions = Questions { patterns: vec![("white".into(), white)], ..Questions::default() };
+    let request = RelightRequest { photos: 20, block: 4, questions, max_error: None };
+    let model = lab.relight(&request)?;
+    let worst = model.worst().unwrap_or(f64::NAN);
+    // White is among the photos of the model, so that it has white's own noise: that of the matrix.
+    let noise = lab.noise()?.map_or(f64::NAN, |noise| noise.white_relative);
+    assert!((worst / noise - 1.0).abs() < 0.5, "{worst} {noise}");
+    let Some(checked) = lab.verify_relighting(&model)? else { unreachable!("a scene") };
+    assert!((checked.error / worst - 1.0).abs() < 0.3, "{checked:?}");
+    Ok(())
+}
+
+#[test]
+fn a_separation_predicts_a_checkerboard_that_it_did_not_see() -> Result<()> {
+    let mut lab = Lab::builder_of_scene(builtin::corner().to_scene()).size(24, 24).samples(64).open()?;
+    let request =
+        SeparateRequest { by: None, bounces: false, near_far: None, compare: None, max_error: None };
+    let mut found = lab.separate(&request)?;
+    let Some(checked) = lab.verify_separation(&found)? else { unreachable!("a scene") };
+    assert!(checked.error < 0.05, "{checked:?}");
+    found.direct[0].iter_mut().for_each(|value| *value *= 1.3);
+    let wrong = lab.verify_separation(&found)?.map_or(0.0, |wrong| wrong.error);
+    assert!(wrong > 0.15, "{wrong}");
+    Ok(())
+}

@@ -1,0 +1,196 @@
+//! Products with their errors, by tracing anew. With another seed than that of a matrix they are independent of it, so that they can tell
+//! how good an answer is that was computed with this matrix.
+
+use super::contributions::Way;
+use super::matrix::{Direction, Part};
+use super::{Channels, Retraced, RetracedOperator, Transport, luminance};
+use crate::error::{Error, Result};
+use crate::operator::{Adjoint, Operator, Symmetry, delegate};
+use crate::render::TraceSettings;
+
+/// Vectors that are multiplied in one pass over the light paths.
+const TOGETHER: usize = 8;
+
+/// A product `y = P x` with its error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EstimatedProduct {
+    /// `y`, an entry for each camera pixel.
+    pub product: Vec<f64>,
+    /// One draw of the error of each entry: its mean is 0, and its variance is that of `y` ([`super::Noise`]).
+    pub error: Vec<f64>,
+    /// The form of [`Question::shift`] with its standard error, for a coaxial rig. Its error is summed pixel by pixel, so that it is known
+    /// from as many numbers as there are pixels.
+    pub quadratic: Option<[f64; 2]>,
+}
+
+/// What is asked of independent light paths.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The pattern `x`, an entry for each projector pixel; its entries may be negative.
+    pub pattern: &'a [f64],
+    /// The number `s` of the form `xᵀ P x − s xᵀ D x`, where the diagonal matrix `D` has the row sums of `P`. With 0 it is the Rayleigh
+    /// quotient of a vector of norm 1. With an eigenvalue of `D⁻¹ P` it is what this eigenvalue is off, for `xᵀ D x = 1`.
+    pub shift: f64,
+}
+
+/// Sums of squares over all pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Squares {
+    /// Of the differences to a prediction.
+    pub difference: f64,
+    /// Of the errors: what noise adds to the other two.
+    pub noise: f64,
+    /// Of the product.
+    pub product: f64,
+}
+
+impl EstimatedProduct {
+    /// The sums of squares that tell how near a prediction of this product is.
+    pub fn squares(&self, prediction: &[f64]) -> Squares {
+        let of = |values: &[f64]| values.iter().map(|value| value * value).sum();
+        let difference = prediction.iter().zip(&self.product).map(|(p, y)| (p - y).powi(2)).sum();
+        Squares { difference, noise: of(&self.error), product: of(&self.product) }
+    }
+}
+
+/// The same settings with another seed, which no matrix of a program's runs has by accident.
+pub fn with_other_seed(settings: &TraceSettings) -> TraceSettings {
+    TraceSettings { seed: settings.seed ^ 0x5eed_cafe, ..*settings }
+}
+
+impl Retraced<'_> {
+    /// The products of one part and channel with the patterns of `asked`. Eight are taken in one pass over the light paths.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] when a vector has another length; as [`Transport::photograph`].
+    pub fn estimated_products(
+        &mut self,
+        part: Part,
+        channel: usize,
+        asked: &[Question<'_>],
+    ) -> Result<Vec<EstimatedProduct>> {
+        let columns = self.pattern_resolution().pixels();
+        for question in asked {
+            Error::check_size("entries of a pattern", columns, question.pattern.len())?;
+        }
+        let mut found = Vec::with_capacity(asked.len());
+        for asked in asked.chunks(TOGETHER) {
+            found.extend(self.estimated_block(part, channel, asked)?);
+        }
+        Ok(found)
+    }
+
+    fn estimated_block(
+        &mut self,
+        part: Part,
+        channel: usize,
+        asked: &[Question<'_>],
+    ) -> Result<Vec<EstimatedProduct>> {
+        let symmetric = self.tracer.symmetric(&self.settings);
+        let mut lit = vec![[0.0; TOGETHER]; self.pattern_resolution().pixels()];
+        let mut shifts = [0.0; TOGETHER];
+        for (place, question) in asked.iter().enumerate() {
+            lit.iter_mut().zip(question.pattern).for_each(|(lit, &value)| lit[place] = value);
+            shifts[place] = question.shift;
+        }
+        let mut sums = Sums::new(self.photo_resolution().pixels(), symmetric);
+        let way = Way { direction: Direction::Forward, part, with_ambient: false };
+        let is_gray = self.channels == Channels::Luma;
+        let project = |rgb: [f32; 3]| [if is_gray { luminance(rgb) } else { rgb[channel] }];
+        self.each(way, project, &mut |contributions| {
+            let halves = contributions.halves();
+            contributions.entries(|run, [row, column], value| {
+                for (place, light) in lit[column].iter().enumerate() {
+                    halves.add(&mut sums.products[row][place], run.half, value * light);
+                    if symmetric {
+                        let own = lit[row][place];
+                        let term = value * own * (light - shifts[place] * own);
+                        halves.add(&mut sums.of_starts[run.pixel as usize][place], run.half, term);
+                    }
+                }
+            });
+        })?;
+        Ok((0..asked.len()).map(|place| sums.product(place)).collect())
+    }
+}
+
+/// `y = P x` for one part and channel, by light paths of the settings' seed. The errors of its products are known
+/// ([`Operator::standard_errors`]). That of the transpose of a rig that is not coaxial is not stated: 0.
+pub struct EstimatedOperator<'a> {
+    operator: RetracedOperator<'a>,
+    errors: Vec<f64>,
+}
+
+impl<'a> EstimatedOperator<'a> {
+    /// The operator of a scene with its settings; `channel` is below [`Channels::count`].
+    pub fn new(retraced: Retraced<'a>, part: Part, channel: usize) -> Self {
+        Self { operator: RetracedOperator { retraced, part, channel }, errors: Vec::new() }
+    }
+}
+
+impl Operator for EstimatedOperator<'_> {
+    delegate!(operator: rows, cols, symmetry);
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.apply_block(&[x], &mut [y])
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        let RetracedOperator { retraced, part, channel } = &mut self.operator;
+        let asked: Vec<Question<'_>> = xs.iter().map(|pattern| Question { pattern, shift: 0.0 }).collect();
+        let products = retraced.estimated_products(*part, *channel, &asked)?;
+        self.errors.clear();
+        for (product, y) in products.iter().zip(ys) {
+            y.copy_from_slice(&product.product);
+            self.errors.push(product.error.iter().map(|error| error * error).sum::<f64>().sqrt());
+        }
+        Ok(())
+    }
+
+    fn block_size(&self) -> usize {
+        TOGETHER
+    }
+
+    fn standard_errors(&self) -> Vec<f64> {
+        self.errors.clone()
+    }
+}
+
+impl Adjoint for EstimatedOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        if self.symmetry() == Symmetry::Symmetric {
+            return self.apply(y, x);
+        }
+        self.errors = vec![0.0];
+        self.operator.apply_adjoint(y, x)
+    }
+}
+
+/// Sums over the light paths, for each pattern of a block: means and errors.
+struct Sums {
+    /// Of each row of the product.
+    products: Vec<[[f64; 2]; TOGETHER]>,
+    /// Of the quadratic form, by the pixels that the paths start from, which are independent of each other; for a coaxial rig.
+    of_starts: Vec<[[f64; 2]; TOGETHER]>,
+}
+
+impl Sums {
+    fn new(rows: usize, symmetric: bool) -> Self {
+        let starts = if symmetric { rows } else { 0 };
+        Self { products: vec![[[0.0; 2]; TOGETHER]; rows], of_starts: vec![[[0.0; 2]; TOGETHER]; starts] }
+    }
+
+    fn product(&self, place: usize) -> EstimatedProduct {
+        let of = |which: usize| self.products.iter().map(|row| row[place][which]).collect();
+        let quadratic = (!self.of_starts.is_empty()).then(|| {
+            let [mut value, mut variance] = [0.0; 2];
+            for start in &self.of_starts {
+                let [mean, error] = start[place];
+                value += mean;
+                variance += error * error;
+            }
+            [value, variance.sqrt()]
+        });
+        EstimatedProduct { product: of(0), error: of(1), quadratic }
+    }
+}
