@@ -102,6 +102,16 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
+    /// A photo that only the devices or the scene could take is not among those of a finished run.
+    #[error("{}: {fault}\n  help: {help}", path.display())]
+    NotTaken {
+        /// The journal of the run.
+        path: PathBuf,
+        /// Which photo is missing.
+        fault: String,
+        /// What to do about it.
+        help: String,
+    },
     /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a
     /// shader invocation without an error.
     #[error(

@@ -21,7 +21,9 @@ pub(crate) fn raise(py: Python<'_>, error: &Error) -> PyErr {
         Error::Saturated { device, help, .. } => {
             ("SaturatedError", Some(("device", device.clone())), Some(help))
         }
-        Error::Journal { path: of, help, .. } => ("JournalError", path(of), Some(help)),
+        Error::Journal { path: of, help, .. } | Error::NotTaken { path: of, help, .. } => {
+            ("JournalError", path(of), Some(help))
+        }
         Error::UnfinishedPaths { .. } => ("UnfinishedPathsError", None, None),
         Error::Interrupted => ("Interrupted", None, None),
         Error::Dimension { what, .. } => ("DimensionError", Some(("what", (*what).to_owned())), None),

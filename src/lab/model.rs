@@ -9,10 +9,11 @@ use super::{Lab, Log, SharedObserver};
 use crate::analysis::LowRank;
 use crate::analysis::low_rank::{SavedModel, estimated_direct, from_products};
 use crate::error::{Error, Result};
+use crate::image::Image;
 use crate::io::{manifest, model};
 use crate::journal::Journal;
 use crate::measure::RunManifest;
-use crate::operator::{Adjoint, Operator, Product};
+use crate::operator::{Adjoint, Operator, Product, delegate};
 use crate::sparse::{Csr, SparseOperator};
 use crate::transport::Part;
 
@@ -58,12 +59,63 @@ impl ModelParts {
         Ok(Self { model, global, direct })
     }
 
-    pub(super) fn operator(&mut self, part: Part, channel: usize) -> &mut dyn Adjoint {
-        match part {
-            Part::Full => &mut self.model.channels[channel],
-            Part::Global => &mut self.global[channel],
-            Part::Direct => &mut self.direct[channel],
-        }
+    pub(super) fn operator(&mut self, part: Part, channel: usize) -> ModelOperator<'_> {
+        // Either of the first two has the captured patterns.
+        let (whole, global) = (&mut self.model.channels[channel], &mut self.global[channel]);
+        let (operator, captured): (&mut dyn Adjoint, Option<&LowRank>) = match part {
+            Part::Full => (whole, Some(global)),
+            Part::Global => (global, Some(whole)),
+            Part::Direct => (&mut self.direct[channel], None),
+        };
+        ModelOperator { operator, captured, errors: Vec::new() }
+    }
+
+    /// The standard errors of a photo's samples that the rank of the model leaves, spread evenly over the pixels.
+    pub(super) fn errors(&self, pattern: &Image) -> Result<Image> {
+        let plane = |(channel, model): (usize, &LowRank)| {
+            let error = model.error_of_rank(&pattern.plane(channel.min(pattern.channels() - 1)));
+            vec![error / (model.rows().max(1) as f64).sqrt(); model.rows()]
+        };
+        let planes: Vec<Vec<f64>> = self.model.channels.iter().enumerate().map(plane).collect();
+        Image::from_planes(self.model.resolution, &planes)
+    }
+}
+
+/// One part and channel of a model, which states what its rank leaves open as the errors of its products. Direct light is known.
+pub(super) struct ModelOperator<'a> {
+    operator: &'a mut dyn Adjoint,
+    captured: Option<&'a LowRank>,
+    errors: Vec<f64>,
+}
+
+impl ModelOperator<'_> {
+    fn state_errors(&mut self, xs: &[&[f64]]) {
+        let error = |x: &&[f64]| self.captured.map_or(0.0, |model| model.error_of_rank(x));
+        self.errors = xs.iter().map(error).collect();
+    }
+}
+
+impl Operator for ModelOperator<'_> {
+    delegate!(operator: rows, cols, symmetry, block_size);
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.apply_block(&[x], &mut [y])
+    }
+
+    fn apply_block(&mut self, xs: &[&[f64]], ys: &mut [&mut [f64]]) -> Result<()> {
+        self.state_errors(xs);
+        self.operator.apply_block(xs, ys)
+    }
+
+    fn standard_errors(&self) -> Vec<f64> {
+        self.errors.clone()
+    }
+}
+
+impl Adjoint for ModelOperator<'_> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        self.state_errors(&[y]);
+        self.operator.apply_adjoint(y, x)
     }
 }
 

@@ -3,10 +3,12 @@
 mod engine;
 mod opening;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::measured::MeasuredRig;
-use super::{SharedObserver, journal, notes};
+use super::model::{ModelParts, open_model};
+use super::{Log, SharedObserver, journal, notes};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::journal::{Journal, Key};
@@ -20,6 +22,8 @@ use engine::Engine;
 pub(super) struct LightTransport {
     engine: Engine,
     journal: Option<Journal>,
+    /// The finished run that the photos are of, whose model answers what was not photographed.
+    run: Option<PathBuf>,
     shape: Shape,
     observer: SharedObserver,
 }
@@ -96,15 +100,47 @@ impl LightTransport {
         self.rig().map(|rig| rig.record(is_complete)).transpose()
     }
 
+    /// From now on a photo that the finished run did not take is an error.
+    pub(super) fn without_model(&mut self) {
+        self.run = None;
+    }
+
+    /// Calls `ask`, and once more with a model of the finished run's photos in their place where one of them was not taken.
+    fn or_by_model<T>(&mut self, mut ask: impl FnMut(&mut Self) -> Result<T>) -> Result<T> {
+        let missing = match ask(self) {
+            Err(error @ Error::NotTaken { .. }) => error,
+            found => return found,
+        };
+        let Some(folder) = self.run.take() else { return Err(missing) };
+        let model = open_model(&folder, &self.observer)?;
+        self.observer.note(format_args!(
+            "note: not every photo that this asks for was taken: a model of rank {} of the run's photos answers, and what they leave open counts as its error",
+            model.rank()
+        ));
+        self.engine = Engine::Model(Box::new(ModelParts::new(model)?));
+        self.journal = None;
+        ask(self)
+    }
+
     /// Products of one part and channel with several vectors, and their standard errors where the source knows them.
     pub(super) fn products(
+        &mut self,
+        of: (Part, usize),
+        direction: Direction,
+        xs: &[&[f64]],
+        ys: &mut [&mut [f64]],
+    ) -> Result<Vec<f64>> {
+        self.or_by_model(|transport| transport.products_taken(of, direction, xs, ys))
+    }
+
+    fn products_taken(
         &mut self,
         (part, channel): (Part, usize),
         direction: Direction,
         xs: &[&[f64]],
         ys: &mut [&mut [f64]],
     ) -> Result<Vec<f64>> {
-        let Self { engine, journal, shape, observer } = self;
+        let Self { engine, journal, shape, observer, .. } = self;
         let apply = |operator: &mut dyn Adjoint, ys: &mut [&mut [f64]]| {
             match direction {
                 Direction::Forward => operator.apply_block(xs, ys),
@@ -148,13 +184,21 @@ impl LightTransport {
 
     /// A photo, with the ambient light; on a rig without it, unless its file says otherwise.
     pub(super) fn photograph(&mut self, pattern: &Image) -> Result<Image> {
+        self.or_by_model(|transport| transport.photograph_taken(pattern))
+    }
+
+    fn photograph_taken(&mut self, pattern: &Image) -> Result<Image> {
         let shown: Vec<u8> = pattern.samples().iter().flat_map(|sample| sample.to_le_bytes()).collect();
         let name = format!("photo of {}", Key::of(&[&shown]));
-        self.journaled_image(&name, |engine| engine.photograph(pattern))
+        self.image_taken(&name, |engine| engine.photograph(pattern))
     }
 
     /// As [`Self::photograph`], with the standard error of each sample where it is known.
     pub(super) fn photograph_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
+        self.or_by_model(|transport| transport.photograph_with_error_taken(pattern))
+    }
+
+    fn photograph_with_error_taken(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         match &mut self.engine {
             Engine::Retraced(scene, channels) => {
                 let mut tracer = scene.tracer();
@@ -168,6 +212,12 @@ impl LightTransport {
                 let photo = rig.measurement.photograph(pattern)?;
                 Ok((photo.to_image()?, Some(photo.errors_to_image()?)))
             }
+            Engine::Model(parts) => {
+                let errors = parts.errors(pattern)?;
+                Ok((self.engine.photograph(pattern)?, Some(errors)))
+            }
+            // A run whose journal has not this photo.
+            Engine::JournalOnly => Ok((self.photograph_taken(pattern)?, None)),
             _ => Ok((self.photograph(pattern)?, None)),
         }
     }
@@ -198,11 +248,11 @@ impl LightTransport {
     }
 
     /// The image of this name: from the journal, or taken and kept there.
-    fn journaled_image(
-        &mut self,
-        name: &str,
-        take: impl FnOnce(&mut Engine) -> Result<Image>,
-    ) -> Result<Image> {
+    fn journaled_image(&mut self, name: &str, take: impl Fn(&mut Engine) -> Result<Image>) -> Result<Image> {
+        self.or_by_model(|transport| transport.image_taken(name, &take))
+    }
+
+    fn image_taken(&mut self, name: &str, take: impl FnOnce(&mut Engine) -> Result<Image>) -> Result<Image> {
         let Some(journal) = &mut self.journal else { return take(&mut self.engine) };
         let resolution = self.shape.photos;
         if let Some(bytes) = journal.read_note(name)? {
@@ -210,7 +260,7 @@ impl LightTransport {
             return Image::new(resolution, samples.len() / resolution.pixels().max(1), samples);
         }
         if let Engine::JournalOnly = self.engine {
-            return Err(Error::Journal {
+            return Err(Error::NotTaken {
                 path: journal.path().into(),
                 fault: format!(
                     "the photo `{name}` is not among its {}, and there is no scene",

@@ -176,7 +176,7 @@ fn numbers(bytes: &[u8]) -> Vec<f64> {
 
 fn not_journaled(journal: &Journal, name: &str) -> Error {
     let folder = journal.path().parent().and_then(|journal| journal.parent()).unwrap_or(journal.path());
-    Error::Journal {
+    Error::NotTaken {
         path: journal.path().into(),
         fault: format!("a photo ({name}) is not among its {}, and there is no scene", journal.photos()),
         help: format!("give the scene: krylux VERB SCENE --resume -o {}", folder.display()),

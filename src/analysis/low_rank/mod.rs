@@ -22,6 +22,7 @@ mod inverse;
 mod model;
 mod relight;
 mod saved;
+mod unseen;
 
 pub use capture::{LowRankCapture, capture, smooth_starts};
 pub use channels::{DirectPart, RankRow, capture_channels, diagonal_of, rank_curve};

@@ -56,7 +56,7 @@ impl Engine {
             }
             Self::Measured(rig) => work(&mut rig.measurement.operator(part, channel)),
             Self::Explicit(parts) => work(parts.operator(part)?),
-            Self::Model(parts) => work(parts.operator(part, channel)),
+            Self::Model(parts) => work(&mut parts.operator(part, channel)),
             Self::JournalOnly => Err(Error::Interrupted),
         }
     }

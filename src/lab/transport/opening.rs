@@ -85,7 +85,7 @@ impl LightTransport {
     }
 
     fn new(engine: Engine, shape: Shape, observer: &SharedObserver) -> Self {
-        Self { engine, journal: None, shape, observer: observer.clone() }
+        Self { engine, journal: None, run: None, shape, observer: observer.clone() }
     }
 
     fn of_rig(rig: MeasuredRig, shape: Shape, observer: &SharedObserver) -> Self {
@@ -101,13 +101,17 @@ impl LightTransport {
         shape: Shape,
         observer: &SharedObserver,
     ) -> Result<Self> {
+        let folder = Some(run.folder.clone());
         if run.note.kind == Kind::Rig {
-            return Ok(Self::of_rig(run.measured(native, observer)?, shape, observer));
+            return Ok(Self {
+                run: folder,
+                ..Self::of_rig(run.measured(native, observer)?, shape, observer)
+            });
         }
         require_channels(channels, run.note.channels)?;
         let shape = Shape { symmetry: run.note.symmetry(), ..shape };
         let journal = Some(run.journal(observer)?);
-        Ok(Self { journal, ..Self::new(Engine::JournalOnly, shape, observer) })
+        Ok(Self { journal, run: folder, ..Self::new(Engine::JournalOnly, shape, observer) })
     }
 
     fn of_matrix(source: &MatrixSource, shape: Shape, observer: &SharedObserver) -> Self {

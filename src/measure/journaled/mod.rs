@@ -205,7 +205,7 @@ impl<'a> JournaledFrames<'a> {
     fn missing(&self, request: &CaptureRequest) -> Error {
         let path = self.journal.path();
         let folder = path.parent().and_then(|journal| journal.parent()).unwrap_or(path);
-        Error::Journal {
+        Error::NotTaken {
             path: path.into(),
             fault: format!(
                 "take {} at {} s of a frame with mean level {:.1} is not among its {} photos, and no rig is attached",
