@@ -1,6 +1,6 @@
 // Traces the specular chains of one endpoint: rays from its pixels through mirrors and glass, to the surfaces
 // behind them that scatter. Each invocation traces one path. At each surface that scatters, it writes a
-// photon to a slot of its own.
+// photon to its own slot.
 #import parameters
 #import bvh
 #import sampler

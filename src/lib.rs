@@ -2,7 +2,7 @@
 //!
 //! A projector lights a scene, a camera takes the photo, the photo is projected back, and so on. These photos span
 //! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so its eigenvectors and
-//! what follows from them are had from a few dozen photos, without ever measuring `A` itself. The method is
+//! what follows from them come from a few dozen photos, without ever measuring `A` itself. The method is
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
 //!
 //! # Five lines

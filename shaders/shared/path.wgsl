@@ -9,7 +9,7 @@
 // refractive index, n² cosθ dω (étendue); densities of start points are per area on the image plane at
 // distance 1.
 //
-// Nothing is summed here: each path writes to slots of its own, so that results repeat to the bit.
+// Nothing is summed here: each path writes to its own slots, so that results repeat to the bit.
 #import features
 #import parameters
 #import sampler

@@ -2,7 +2,7 @@
 //!
 //! A file is a ZIP archive. Its members `indices`, `indptr`, `data`, `shape` and `format` are SciPy's. They
 //! hold the last layer: the light of two bounces and more, or of three and more if the second bounce is a
-//! layer of its own. The members of other layers have the layer's name as a prefix. `direct` is the diagonal,
+//! separate layer. The members of other layers have the layer's name as a prefix. `direct` is the diagonal,
 //! `ambient` the photo without the projector, `white_error` the noise of the white photo, and `noise` the
 //! relative errors. `krylux.json` is the record of everything else.
 

@@ -56,7 +56,7 @@ pub(super) struct Question {
     /// At which end of the spectrum
     #[arg(long, value_enum, default_value = "la")]
     which: WhichArg,
-    /// Photos (products with the matrix) to take at most [default: 50, or as many as the run that is SOURCE might take]
+    /// Photos (products with the matrix) to take at most [default: 50, or the budget of the run that is SOURCE]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// Done when each residual norm is at most this share of the matrix norm; exit with 1 if that is not reached. Without

@@ -93,7 +93,7 @@ impl From<&RunArgs> for RunOptions {
     }
 }
 
-/// Runs `work` in a run of its own: the folder is there before the first photo, and its record says how the run ended.
+/// Runs `work` in its own run: the folder is there before the first photo, and its record says how the run ended.
 pub(super) fn in_run<T>(
     lab: &mut Lab,
     run: &RunArgs,

@@ -110,7 +110,7 @@ pub(super) struct OutputArgs {
 pub(super) enum ChannelsArg {
     /// One gray pattern, one photo weighted by luminance
     Luma,
-    /// Red, green and blue, each a system of its own
+    /// Red, green and blue, each a separate system
     Rgb,
 }
 

@@ -21,7 +21,7 @@ pub(super) struct Args {
     source: SourceArgs,
     #[command(flatten)]
     trace: TraceArgs,
-    /// Runs on the twin, each with noise of its own
+    /// Runs on the twin, each with its own noise
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = count::<u64>)]
     trials: u64,
     #[command(flatten)]

@@ -31,8 +31,8 @@ pub(super) struct Args {
     /// Near light is weighted by exp(−d²/2σ²) of the distance d in pixels [default: a sixteenth of the width]
     #[arg(long, value_name = "σ", value_parser = number::<f64>)]
     sigma: Option<f64>,
-    /// Random patterns; near-indirect takes two photos for each, and indirect and far a white one more [default: 100, or as many as
-    /// the run that is SOURCE might take]
+    /// Random patterns; near-indirect takes two photos for each, and indirect and far a white one more [default: 100, or the
+    /// budget of the run that is SOURCE]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     #[command(flatten)]

@@ -34,7 +34,7 @@ pub(super) struct Args {
     /// One gray system, or red, green and blue as three [default: luma, or what the model has]
     #[arg(long, value_enum)]
     channels: Option<ChannelsArg>,
-    /// Photos of the capture [default: 40, or as many as the run that is SOURCE might take]
+    /// Photos of the capture [default: 40, or the budget of the run that is SOURCE]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// Patterns of the capture that are chosen beforehand, white and smooth random ones; the others are photos projected back. 1 is
@@ -188,6 +188,7 @@ fn conclude(args: &Args, found: &Relighting, lab: &mut Lab, console: &Console) -
         "relit": found.relit.iter().map(|relit| json!({
             "pattern": relit.name,
             "relative_error": relit.errors.last(),
+            "stated_error": relit.stated,
         })).collect::<Vec<_>>(),
         "dual": found.duals.iter().map(|dual| json!({
             "pattern": dual.name,
@@ -213,9 +214,18 @@ fn say(found: &Relighting, console: &Console) -> Result<()> {
     for relit in &found.relit {
         match relit.errors.last() {
             Some(error) => {
-                console.say(format_args!("relit     {}: within {} %", relit.name, percent(*error)))?;
+                console.say(format_args!(
+                    "relit     {}: within {} % of independent light; the photos leave about {} % open",
+                    relit.name,
+                    percent(*error),
+                    percent(relit.stated)
+                ))?;
             }
-            None => console.say(format_args!("relit     {}", relit.name))?,
+            None => console.say(format_args!(
+                "relit     {}: about {} % off, by what the photos leave open",
+                relit.name,
+                percent(relit.stated)
+            ))?,
         }
     }
     for reduced in &found.reduced {

@@ -40,8 +40,8 @@ pub(super) struct Args {
     /// Photos of a sinusoid in each of two directions
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = count::<usize>)]
     phases: usize,
-    /// Photos of random patterns or of the capture, beside the white one [default: 40, or as many as the run that is SOURCE might
-    /// take]
+    /// Photos of random patterns or of the capture, beside the white one [default: 40, or the budget of the run that is
+    /// SOURCE]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// The second bounce, and three and more, as images (scenes only)

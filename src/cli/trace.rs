@@ -55,7 +55,7 @@ pub(super) struct TraceArgs {
     /// [default: 1]
     #[arg(long, value_name = "R", value_parser = number::<f32>)]
     gather_radius: Option<f32>,
-    /// Pixels of a projector that stands apart from the camera [default: as many as the camera's]
+    /// Pixels of a projector that stands apart from the camera [default: those of the camera]
     #[arg(long, value_name = "N|WxH")]
     projector_size: Option<Size>,
     /// The graphics adapter whose name contains this; `krylux info` lists them

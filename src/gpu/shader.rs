@@ -83,7 +83,7 @@ pub(crate) fn kernel(name: &str, constants: &[(&str, f64)]) -> Result<naga::Modu
     Ok(module)
 }
 
-/// `text` with its overrides replaced by constants. Each override has a line of its own. Constants in the
+/// `text` with its overrides replaced by constants. Each override has its own line. Constants in the
 /// text spare a second pass over the module, which overrides would need.
 fn with_constants(name: &str, text: &str, constants: &[(&str, f64)]) -> Result<String> {
     let mut out = String::with_capacity(text.len());

@@ -1,4 +1,4 @@
-//! The run that a new one replaces waits in a folder of its own until the new one is whole.
+//! The run that a new one replaces waits in a separate folder until the new one is whole.
 
 use std::path::{Path, PathBuf};
 

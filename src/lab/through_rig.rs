@@ -25,7 +25,7 @@ impl Lab {
     /// let [seen, light] = [rig.white()?, exact.white()?].map(|photo| photo.plane(0));
     /// # let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     /// # let cosine = product(&seen, &light) / (product(&seen, &seen) * product(&light, &light)).sqrt();
-    /// # // A calibrated camera sees the same picture but for vignetting and noise, in units of its own.
+    /// # // A calibrated camera sees the same picture but for vignetting and noise, in its own units.
     /// # assert!(cosine > 0.99 && seen != light, "{cosine}");
     /// # Ok(())
     /// # }

@@ -7,7 +7,7 @@
 //! operator for the Krylov methods. A [`RigFile`] describes a rig; [`rig_check`] and [`preview`] help to set
 //! one up.
 //!
-//! Each correction is a stage with a file of its own, and [`MeasureOptions`] can switch it off. Sections are
+//! Each correction is a stage in its own file, and [`MeasureOptions`] can switch it off. Sections are
 //! those of O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
 //!
 //! | file | stage | section |

@@ -35,7 +35,7 @@ pub struct Observed<'a, O: ?Sized> {
 }
 
 impl<'a, O: ?Sized> Observed<'a, O> {
-    /// `operator`, watched by `observer` instead of its own.
+    /// `operator`, watched by `observer` and not by the observer it had.
     pub fn new(operator: &'a mut O, observer: &'a dyn Observer) -> Self {
         Self { operator, observer }
     }

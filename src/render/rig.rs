@@ -15,7 +15,7 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    /// The rig of a scene. Without a projector of its own, the scene has a coaxial rig.
+    /// The rig of a scene. A scene without a projector has a coaxial rig.
     pub(super) fn new(scene: &Scene) -> Self {
         Self { camera: scene.camera.clone(), projector: scene.projector.clone() }
     }

@@ -12,7 +12,7 @@ pub const MAX_BOUNCES: u32 = 64;
 /// The settings of a trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSettings {
-    /// Pixels of the camera, and of a projector without a resolution of its own.
+    /// Pixels of the camera, and of a projector whose resolution is not given.
     pub resolution: Resolution,
     /// Pixels of the projector; `None` for those of the camera.
     pub projector: Option<Resolution>,

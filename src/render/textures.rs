@@ -119,7 +119,7 @@ pub(super) fn srgb_table() -> Vec<f32> {
 
 /// A direction in 32 bits: octahedral coordinates (Cigolla et al., "A Survey of Efficient Representations for
 /// Independent Unit Vectors", JCGT 3(2), 2014), 16 bits each. The zero vector, for a corner without a normal,
-/// has a word of its own.
+/// has its own word.
 pub(super) fn pack_normal(normal: Vec3) -> u32 {
     let sum = normal.abs().element_sum();
     if sum.is_nan() || sum <= 0.0 {

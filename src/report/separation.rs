@@ -155,7 +155,7 @@ impl Separated {
         if !errors.is_empty() {
             sections.push(Section {
                 title: "How right it is".into(),
-                text: "Light that comes back to its own pixel, or to its neighbours, cannot be told from direct light by patterns.".into(),
+                text: "Light that comes back to its own pixel, or to its neighbours, cannot be distinguished from direct light by patterns.".into(),
                 blocks: vec![Block::Figures(errors)],
             });
         }

@@ -75,7 +75,7 @@ impl TransportMatrix {
         self.rig.symmetric
     }
 
-    /// One or three channels, each a system of its own.
+    /// One or three channels, each a separate system.
     pub fn channels(&self) -> Channels {
         self.channels
     }

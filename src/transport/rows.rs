@@ -254,7 +254,7 @@ impl<const C: usize> Rows<C> {
 /// The error for a connection that does not belong to its path's pixel.
 fn stray(pixel: u32) -> Error {
     Error::Numerical(format!(
-        "a light path from pixel {pixel} ends at neither of its own pixels: this is a fault in krylux"
+        "a light path from pixel {pixel} ends at neither pixel that it belongs to: this is a fault in krylux"
     ))
 }
 

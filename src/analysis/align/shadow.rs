@@ -6,7 +6,7 @@ use crate::measure::calibrate::{Decoded, LensMap};
 /// A pixel with less than this share of the median direct light is not lit, …
 const UNLIT: f64 = 0.05;
 
-/// … and at most this share of its own light under white is direct.
+/// … and at most this share of its light under white is direct.
 const INDIRECT: f64 = 0.25;
 
 /// A pixel sees the scene if its light exceeds this many standard deviations of the noise, …

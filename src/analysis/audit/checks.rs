@@ -194,7 +194,7 @@ pub(super) fn crosstalk(crosstalk: &Crosstalk) -> Check {
         row.iter().enumerate().filter(move |(color, _)| *color != channel).map(|(_, entry)| *entry)
     });
     let most = others.fold(0.0, f64::max);
-    let meaning = "of its own colour's light is the most that a camera channel sees of another of the projector's colours; \
+    let meaning = "of the light of its colour is the most that a camera channel sees of another of the projector's colours; \
                    compensate takes that into account by --crosstalk measure";
     Check::told("crosstalk", most, 0.0, meaning.into())
 }

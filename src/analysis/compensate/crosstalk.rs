@@ -46,7 +46,7 @@ impl Crosstalk {
     /// its own colour is part of `A_c` and counts as 1; the other entries are least-squares ratios over all pixels.
     ///
     /// # Errors
-    /// As [`Crosstalk::new`]; [`Error::Numerical`] when a channel sees none of its own colour.
+    /// As [`Crosstalk::new`]; [`Error::Numerical`] when a channel does not see its own colour.
     pub fn measured(photos: &[[Vec<f64>; 3]; 3]) -> Result<Self> {
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let mut matrix = [[0.0; 3]; 3];

@@ -117,7 +117,7 @@ impl Run<'_> {
         (0..most).filter_map(at).map(|answers| self.patterns(answers)).collect()
     }
 
-    /// The options of one system. `upper` is the channel's response to white, in units of its own colour.
+    /// The options of one system. `upper` is the channel's response to white, in units of the same colour.
     fn solve_options(
         &mut self,
         operator: &mut dyn Adjoint,

@@ -4,6 +4,7 @@ use super::{SavedModel, cancel_interreflections};
 use crate::analysis::planes::{Planes, relative_error};
 use crate::error::{Error, Result};
 use crate::image::Image;
+use crate::krylov::norm;
 use crate::operator::Adjoint;
 
 /// The most products with the model, or with the true matrix, to remove the interreflections of one photo.
@@ -18,6 +19,9 @@ pub struct Relit {
     pub pattern: Image,
     /// The photo predicted by the model, ambient light included.
     pub relit: Image,
+    /// The relative error that the rank of the model leaves, as its own photos tell it ([`LowRank::error_of_rank`](super::LowRank::error_of_rank)); their
+    /// noise is not in it.
+    pub stated: f64,
     /// The true photo, if the scene is simulated.
     pub truth: Option<Image>,
     /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1, without the noise of the true photo that its operator
@@ -70,6 +74,9 @@ impl SavedModel {
         };
         let ranks = self.rank();
         let found = by_rank(ranks);
+        let each = self.channels.iter().enumerate();
+        let errors = each.map(|(channel, of)| of.error_of_rank(&plane(&pattern, channel)));
+        let stated = norm(&errors.collect::<Vec<f64>>()) / norm(&found.concat()).max(f64::MIN_POSITIVE);
         let mut noise = 0.0;
         let truth = products(full, |operator, channel| {
             let mut photo = vec![0.0; operator.rows()];
@@ -87,6 +94,7 @@ impl SavedModel {
         Ok(Relit {
             name: name.to_owned(),
             relit: self.with_ambient(&found)?,
+            stated,
             truth: truth.as_ref().map(|truth| self.with_ambient(truth)).transpose()?,
             pattern,
             errors,

@@ -32,10 +32,10 @@ pub struct SegmentOptions {
     /// one.
     pub groups: Vec<usize>,
     /// The number of eigenvectors, including the known one; at least 2. Each Lanczos photo adds at most one. Where no number of
-    /// groups is given, there are at least as many as regions. Default 10.
+    /// groups is given, there are no fewer than regions. Default 10.
     pub eigenvectors: usize,
     /// The patterns that the Krylov process starts from. Each finds one region of those that exchange the same small amount of
-    /// light, so there must be as many as regions; each then has only its share of the photos. Where all of several have found
+    /// light, so there must be one for each region; each then has only its share of the photos. Where all of several have found
     /// one and photos are left, as many more are added. One is the paper's process. Default none:
     /// [`SegmentOptions::automatic_starts`] where the pixels are known, or else one.
     pub starts: Option<usize>,

@@ -24,7 +24,7 @@ pub const SURE: f64 = 0.95;
 /// The share of the matrix norm below which the status sentence counts an eigenvector's residual as resolved.
 const RESOLVED: f64 = 1e-2;
 
-/// A segmentation of `n` pixels with `k` eigenvectors: as many as requested, or fewer if there were too few photos.
+/// A segmentation of `n` pixels with `k` eigenvectors: the number requested, or fewer if there were too few photos.
 #[derive(Clone, Debug)]
 pub struct Segmentation {
     /// The label of each pixel (`n`) for each requested number of groups `K`. Labels are numbered by first appearance in raster
@@ -91,14 +91,7 @@ impl Segmentation {
         mut vectors: Vec<Vec<f64>>,
     ) -> Result<Self> {
         let options = taken.options;
-        let (known, known_value, known_residual) = match options.cut {
-            Cut::Normalized => {
-                (NormalizedAdjacency::known_vector(graph), 1.0, NormalizedAdjacency::known_residual(graph))
-            }
-            Cut::Average => {
-                (NegativeLaplacian::known_vector(graph), 0.0, NegativeLaplacian::known_residual(graph))
-            }
-        };
+        let (known, known_value, known_residual) = known_pair(options.cut, graph);
         let length = crate::krylov::norm(&known);
         vectors.insert(0, known.iter().map(|value| value / length).collect());
         if options.cut == Cut::Normalized {
@@ -169,6 +162,18 @@ impl Segmentation {
     }
 }
 
+/// The eigenvector that is known in advance, its eigenvalue, and a bound on its residual.
+fn known_pair(cut: Cut, graph: &Graph) -> (Vec<f64>, f64, f64) {
+    match cut {
+        Cut::Normalized => {
+            (NormalizedAdjacency::known_vector(graph), 1.0, NormalizedAdjacency::known_residual(graph))
+        }
+        Cut::Average => {
+            (NegativeLaplacian::known_vector(graph), 0.0, NegativeLaplacian::known_residual(graph))
+        }
+    }
+}
+
 /// What the status sentence ends with: localized eigenvectors, and eigenvalues that light cannot have.
 fn remarks(embedding: &Embedding, values: &[f64], cut: Cut) -> String {
     let mut text = match embedding.local() {
@@ -186,8 +191,8 @@ fn remarks(embedding: &Embedding, values: &[f64], cut: Cut) -> String {
     text
 }
 
-/// As many groups as there are regions. A group whose coordinates show two is divided: the eigenvalues do not count a region before an
-/// eigenvector of its own is found, and the eigenvectors of others already tell it apart.
+/// As many groups as there are regions. A group whose coordinates show two is divided: the eigenvalues do not count a region before its
+/// eigenvector is found, and the eigenvectors of others already tell it apart.
 fn undivided(
     regions: &mut Regions,
     (features, weights): (&[Vec<f64>], &[f64]),

@@ -26,7 +26,7 @@ pub(in crate::cli) struct Question {
     /// afterwards: minres, gmres, fgmres, cg, cgs, bicgstab, lsqr, lsmr [default: krylov-box]
     #[arg(long, value_name = "NAME", value_parser = method)]
     method: Option<Method>,
-    /// Photos that the method may take, beside the white one [default: 20, or as many as the run that is SOURCE might take]
+    /// Photos that the method may take, beside the white one [default: 20, or the budget of the run that is SOURCE]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
     /// Done when what is seen differs from the target by at most this share of it; exit status 1 if that is not reached

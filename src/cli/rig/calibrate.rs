@@ -25,6 +25,10 @@ pub(in super::super) struct Args {
     /// Frames averaged for each level and pattern
     #[arg(long, value_name = "N", default_value_t = 2)]
     takes: u32,
+    /// Levels of the projector that are shown at most; those between them are interpolated [default: 257, or 33 where more than
+    /// half a second passes from one frame to the next]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(3..))]
+    levels: Option<u16>,
     /// What the pixel map is made from [default: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
     /// for each of the projector's along an axis]
     #[arg(long, value_enum)]
@@ -56,6 +60,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let rig = Opening::new(&args.source, &args.trace).builder(console).open_uncalibrated_rig()?;
     let options = CalibrateOptions {
         takes: args.takes,
+        levels: args.levels.map(usize::from),
         map: args.map.map(|map| match map {
             MapArg::GrayCode => MapBy::GrayCode,
             MapArg::Checkerboard => MapBy::Checkerboard,

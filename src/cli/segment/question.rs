@@ -13,13 +13,13 @@ use crate::transport::Part;
 /// What is asked, of whatever source.
 #[derive(clap::Args)]
 pub(in crate::cli) struct Question {
-    /// Photos to take at most [default: 50, or as many as the run that is SOURCE might take]
+    /// Photos to take at most [default: 50, or the budget of the run that is SOURCE]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     photos: Option<usize>,
-    /// Numbers of groups, all from the same photos [default: as many as the light shows regions]
+    /// Numbers of groups, all from the same photos [default: the number of regions that the light shows]
     #[arg(long, value_name = "K,K,...", value_delimiter = ',', value_parser = count::<usize>)]
     groups: Vec<usize>,
-    /// Patterns that the photos start from: at least as many as regions; 1 is the paper's process [default: a quarter of the
+    /// Patterns that the photos start from: no fewer than regions; 1 is the paper's process [default: a quarter of the
     /// photos, from 1 to 12]
     #[arg(long, value_name = "N", value_parser = count::<usize>)]
     starts: Option<usize>,

@@ -68,7 +68,7 @@ impl Cg {
 
 /// The departure from symmetry that is tolerated in `uᵀ A v`, relative to `‖u‖ ‖A v‖`, where the product with `v` was
 /// just taken and has this length. Rounding causes departures of 1e-16 times a growth that stays small before
-/// convergence, so anything above 1e-6 is not rounding. Noise causes departures of its own size.
+/// convergence, so anything above 1e-6 is not rounding. Noise causes departures of the size of the noise.
 pub(super) fn symmetry_tolerance(noise: f64, operator: &dyn Adjoint, length: f64) -> f64 {
     (10.0 * noise.max(operator.standard_error() / length)).max(1e-6)
 }

@@ -66,17 +66,20 @@ use crate::error::{Error, Result};
 pub struct CalibrateOptions {
     /// Frames averaged for each level of the ramp and each pattern.
     pub takes: u32,
+    /// Levels of the projector that are shown at most, from 3 on. `None`: 257, or 33 where more than half a second passes from one frame to the
+    /// next.
+    pub levels: Option<usize>,
     /// What the pixel map is made from. `None`: Gray codes, or a checkerboard where the camera has less than 1.5 pixels
     /// for each of the projector's along an axis.
     pub map: Option<MapBy>,
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric. Only then their uneven brightness can
-    /// be told from that of the scene.
+    /// be distinguished from that of the scene.
     pub coaxial: bool,
 }
 
 impl Default for CalibrateOptions {
     fn default() -> Self {
-        Self { takes: 2, map: None, coaxial: true }
+        Self { takes: 2, levels: None, map: None, coaxial: true }
     }
 }
 
@@ -118,10 +121,11 @@ pub fn calibrate(
         exposure,
         takes: options.takes,
     };
+    let most_levels = options.levels.unwrap_or_else(|| ramp::levels_for(settle + exposure));
     let mut ramps: Vec<Ramp> = Vec::new();
     for channel in 0..session.projector().channels {
         step("projector")?;
-        ramps.push(ramp::ramp(&mut session, &model, channel)?);
+        ramps.push(ramp::ramp(&mut session, &model, channel, most_levels)?);
     }
     step("pixel map")?;
     let (registration, map) = pixel_map::pixel_map(&mut session, &model, options.map)?;

@@ -19,8 +19,12 @@ use crate::error::{Error, Result};
 /// The number of levels between two photos of white.
 const WHITE_EVERY: usize = 16;
 
-/// The largest number of levels that are shown. Levels between them are interpolated.
-const LEVELS: usize = 257;
+/// The largest number of levels that are shown, and that for a camera whose frames take longer than [`SLOW`] seconds each: a still camera
+/// needs minutes for a dozen. Levels between them are interpolated.
+const LEVELS: [usize; 2] = [257, 33];
+
+/// Seconds from one frame to the next.
+const SLOW: f64 = 0.5;
 
 /// The largest exposure of dark levels, as a multiple of that of white.
 const LONGER: f64 = 16.0;
@@ -52,9 +56,10 @@ pub(super) fn ramp(
     session: &mut CalibrationSession<'_>,
     model: &CameraModel<'_>,
     channel: usize,
+    most_levels: usize,
 ) -> Result<Ramp> {
     let top = session.top();
-    let levels = levels(top);
+    let levels = levels(top, most_levels);
     let white_frame = session.filled_channel(channel, top)?;
     let black_frame = session.filled_channel(channel, 0)?;
     let base = session.mean(&black_frame, model.exposure, 4 * model.takes)?;
@@ -101,9 +106,14 @@ fn longer(session: &CalibrationSession<'_>, exposure: f64, share: f64) -> f64 {
     if wanted < 1.5 * exposure { exposure } else { wanted }
 }
 
-/// All levels, or [`LEVELS`] of them at equal steps, including the lowest and the highest.
-fn levels(top: u16) -> Vec<u16> {
-    let count = (usize::from(top) + 1).min(LEVELS);
+/// The number of levels for a rig that takes so many seconds from one frame to the next.
+pub(super) fn levels_for(seconds: f64) -> usize {
+    LEVELS[usize::from(seconds > SLOW)]
+}
+
+/// All levels, or `most` of them at equal steps, including the lowest and the highest.
+fn levels(top: u16, most: usize) -> Vec<u16> {
+    let count = (usize::from(top) + 1).min(most).max(2);
     (0..count).map(|index| (index * usize::from(top) / (count - 1)) as u16).collect()
 }
 
@@ -177,9 +187,19 @@ fn finish(
     if let Some(last) = knots.last_mut() {
         last.1 = 1.0;
     }
-    let curve = (0..=top as usize).map(|level| at(&knots, level as f64 / top)).collect();
+    let curve = interpolated(&knots, top, gamma.value);
     let error = corrected.iter().map(|point| point.2).fold(0.0, f64::max);
     Ok(Ramp { curve, error, gamma, gamma_residual, black, whites, white_error })
+}
+
+/// The light of each level from that of some. Between two of them its root `1/γ` is nearly linear in the level.
+fn interpolated(knots: &[(f64, f64)], top: f64, gamma: f64) -> Vec<f64> {
+    let levels = (0..=top as usize).map(|level| level as f64 / top);
+    if knots.len() as f64 > top {
+        return levels.map(|level| at(knots, level)).collect();
+    }
+    let roots: Vec<(f64, f64)> = knots.iter().map(|&(x, light)| (x, light.powf(1.0 / gamma))).collect();
+    levels.map(|level| at(&roots, level).powf(gamma)).collect()
 }
 
 /// The exponent by Gauss–Newton iteration. Where the residuals are larger than the noise, the standard error

@@ -4,7 +4,7 @@
 //! is the variance of one frame, `σ² = σ_read² + s/gain`. Here `s` is the signal in linear DN above black,
 //! and the gain is in electrons per DN. This is a line over `s` (Janesick, *Photon Transfer*, 2007; EMVA
 //! 1288, section 6). The variance of rounding to counts, 1/12, is known. It is subtracted, because the noise
-//! model of [`crate::measure`] adds it as a term of its own.
+//! model of [`crate::measure`] adds it as a separate term.
 
 use super::least_squares::Normal;
 use super::linear::Linear;

@@ -123,7 +123,10 @@ impl Relighting {
             figures.push(pattern);
             let caption = match relit.errors.last() {
                 Some(error) => format!("Relit {number}: within {}", percent(*error)),
-                None => format!("Relit {number}"),
+                None => format!(
+                    "Relit {number}: about {} off, by what the photos leave open",
+                    percent(relit.stated)
+                ),
             };
             figures.push(self.image(files, &format!("relit-{number}"), &relit.relit, scale, caption)?);
             if let Some(truth) = &relit.truth {

@@ -31,7 +31,7 @@ pub(super) fn section(run: &Run<'_>, evidence: &Evidence) -> Result<Section> {
     Ok(Section {
         title: format!("Evidence for {} groups", evidence.groups),
         text: format!(
-            "Each group was lit alone, by a photo of its own; each picture is developed by itself, and direct light is left out where it was for the groups. What is dark receives nothing from the group. The cut's value, light that leaves its group in shares of each group's light, added up, is {:.4}.",
+            "Each group was lit alone, in its own photo; each picture is developed by itself, and direct light is left out where it was for the groups. What is dark receives nothing from the group. The cut's value, light that leaves its group in shares of each group's light, added up, is {:.4}.",
             evidence.cut()
         ),
         blocks: vec![Block::Figures(figures.collect::<Result<_>>()?), table],

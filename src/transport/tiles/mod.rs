@@ -2,7 +2,7 @@
 //! entries are read at the speed of memory.
 //!
 //! Within a tile, eight rows of about equally many entries form a *slice* (the format is known as sliced
-//! ELLPACK). The eight sums are computed at the same time, each with the entries of its own row from left to
+//! ELLPACK). The eight sums are computed at the same time, each with the entries of one row from left to
 //! right. So a product has the same bits whatever the tiles' shape, the number of threads and the
 //! instructions used.
 
