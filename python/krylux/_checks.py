@@ -12,6 +12,11 @@ def refuse(option, fault, help, kind=errors.OptionError):
     return kind(f"{option}: {fault}\n  help: {help}", option=option, help=help)
 
 
+def closed(fault, help):
+    """An exception about something that can no longer be used."""
+    return errors.ClosedError(f"{fault}\n  help: {help}", help=help)
+
+
 def real_array(value, option, dtype):
     """A C-contiguous array of real, finite numbers in ``dtype``; copied only where it has to be."""
     try:

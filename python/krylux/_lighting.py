@@ -1,10 +1,9 @@
 """The verbs about light itself: compensation, separation, probing and relighting."""
 
-import os
-
 import numpy as np
 
 from . import _checks, answers
+from ._questions import compensate_question
 
 
 class Lighting:
@@ -58,32 +57,7 @@ class Lighting:
         ----------
         O'Toole and Kutulakos, section 6.
         """
-        target = _checks.picture(target, "target", self.shape, self.channels)
-        if target.min() < 0 or target.max() > 1:
-            fault = f"its values are from {target.min():g} to {target.max():g}, but a target's are from 0 to 1"
-            raise _checks.refuse("target", fault, "scale it, and say by peak what 1 stands for")
-        if target.max() == 0:
-            raise _checks.refuse("target", "it is black", "give an image with light in it")
-        measure = isinstance(crosstalk, str) and crosstalk == "measure"
-        if crosstalk is not None and self.channels == 1:
-            raise _checks.refuse("crosstalk", "gray light has no colours to mix", "open the source with channels=\"rgb\"")
-        question = {
-            "method": method,
-            "photos": self._photos_of_run if photos is None else _checks.count(photos, "photos", 0),
-            "rtol": rtol,
-            "floor": _checks.finite(floor, "floor"),
-            "lift": lift,
-            "peak": peak,
-            "precondition": precondition,
-            "defocus": defocus,
-            "out_of_focus": bool(out_of_focus),
-            "paper": bool(paper),
-            "measure_crosstalk": measure,
-            "crosstalk": None if measure or crosstalk is None else _three_by_three(crosstalk),
-            "unmix": bool(unmix),
-            "compare_methods": bool(compare_methods),
-            "model": None if model is None else os.fspath(model),
-        }
+        target, question = compensate_question(self, locals())
         return answers.Compensation(*self._native.compensate(target, question), self)
 
     def separate(self, by=None, *, square=2, shifts=4, period=4.0, phases=3, photos=None, sigma=None, probes=None,
@@ -195,10 +169,3 @@ class Lighting:
         )
         block = None if block is None else _checks.count(block, "block")
         return answers.Relighting(*self._native.relight(*asked, (self._budget(photos, 40), block, max_error)), self)
-
-
-def _three_by_three(crosstalk):
-    matrix = _checks.real_array(crosstalk, "crosstalk", np.float64)
-    if matrix.shape != (3, 3):
-        raise _checks.refuse("crosstalk", f"its shape is {matrix.shape}", "give an array of 3 × 3, or \"measure\"")
-    return matrix.tolist()

@@ -7,8 +7,8 @@ The methods stop where noise would be fitted, keep bounds where they are told to
 import numpy as np
 
 from . import _checks, _krylux, answers
-from ._asking import columns, eigs_question
 from ._operators import describe, preconditioner
+from ._questions import columns, eigs_question
 
 __all__ = [
     "bicgstab", "cg", "cgs", "eigs", "fgmres", "fista", "gmres", "jacobi", "krylov_box", "lsmr", "lsqr", "minres",
@@ -49,7 +49,7 @@ def solve(method, A, b, *, products=50, rtol=1e-6, atol=0.0, noise=0.0, x0=None,
     diagonal : array_like, optional
         ``A 1``, where it is known already, for the methods with bounds.
     symmetric : bool, optional
-        Whether ``A = Aᵀ``. Default: known of matrices and of krylux's operators; of others it is assumed by ``"minres"``
+        Whether ``A = Aᵀ``, for a square ``A``. Default: known of matrices and of krylux's operators; of others it is assumed by ``"minres"``
         and ``"cg"``, which are for such operators only, and not by other methods.
     progress : bool or callable
         As in :func:`krylux.open`; silent by default.

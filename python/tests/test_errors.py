@@ -131,9 +131,29 @@ freeze_for_good = true
 def test_a_fault_of_krylux_is_an_exception_and_the_interpreter_goes_on():
     from krylux import _krylux
 
-    with pytest.raises(errors.InternalError, match="krylux failed: a panic on purpose"):
-        _krylux.panic()
+    # No operator of the package has this shape: its vectors have more bytes than addresses, which is a panic in Rust.
+    described = {"product": None, "shape": (2**62, 2**62), "symmetric": True, "block": 1, "progress": None,
+                 "log": lambda *_: None}
+    with pytest.raises(errors.InternalError, match="krylux failed: capacity overflow\n  help: please report it"):
+        _krylux.trace(described, 2, 0, "hutchinson")
     assert krylux.open(np.eye(2)).eigs(1, photos=2).values[0] == 1
+
+
+@pytest.mark.parametrize("side", [2**40, 2**62, 2**70])
+def test_operators_that_claim_any_shape_are_refused(side):
+    class Claim:
+        shape = (side, side)
+
+        def __matmul__(self, x):
+            raise AssertionError("no product is asked for")
+
+    for call in (lambda: krylux.krylov.eigs(Claim(), 1), lambda: krylux.krylov.trace(Claim()),
+                 lambda: krylux.krylov.svd(Claim())):
+        with pytest.raises(errors.OptionError, match="fits into memory") as caught:
+            call()
+        assert caught.value.option == "A"
+    with pytest.raises(errors.OptionError, match="symmetric: A has 2 rows"):
+        krylux.krylov.lsqr(np.ones((2, 3)), np.ones(2), symmetric=True)
 
 
 def test_exceptions_can_be_pickled_with_their_parts(zigzag):
