@@ -82,8 +82,8 @@ class Asking(Lighting):
         ----------
         O'Toole and Kutulakos, section 3.
         """
-        question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance,
-                                 method=method, block=block, max_basis=max_basis, seed=self.seed)
+        question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance, method=method,
+                                 block=_checks.vectors(block, "block", self._pixels), max_basis=max_basis, seed=self.seed)
         fields, native = self._native.eigs(part, question)
         return answers.Eigenpairs({**columns(fields), "shape": self.projector_shape}, native, self)
 
@@ -140,4 +140,9 @@ class Asking(Lighting):
         if starts is None and self._photos_of_run is not None:
             # Fewer photos of a run than it has ask for the same patterns.
             return min(max((self._photos_of_run - 2) // 4, 1), 12)
-        return None if starts is None else _checks.count(starts, "starts")
+        return _checks.maybe(_checks.vectors, starts, "starts", self._pixels)
+
+    @property
+    def _pixels(self):
+        """Pixels of a pattern."""
+        return self.projector_shape[0] * self.projector_shape[1]

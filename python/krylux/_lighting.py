@@ -98,12 +98,12 @@ class Lighting:
             "shifts": _checks.count(shifts, "shifts"),
             "period": _checks.finite(period, "period"),
             "phases": _checks.count(phases, "phases"),
-            "photos": self._budget(photos, 40),
-            "sigma": sigma,
-            "probes": probes,
+            "photos": _checks.vectors(self._budget(photos, 40), "photos", self._pixels),
+            "sigma": _checks.maybe(_checks.finite, sigma, "sigma", 0.0),
+            "probes": _checks.maybe(_checks.count, probes, "probes", 0),
             "bounces": bool(bounces),
             "compare": bool(compare),
-            "max_error": max_error,
+            "max_error": _checks.maybe(_checks.finite, max_error, "max_error"),
         }
         return answers.Separation(*self._native.separate(question), self)
 
@@ -123,6 +123,7 @@ class Lighting:
         -------
         krylux.answers.Probing
         """
+        sigma = _checks.maybe(_checks.finite, sigma, "sigma", 0.0)
         return answers.Probing(*self._native.probe(paths, sigma, self._budget(photos, 100)), self)
 
     def relight(self, patterns=None, *, duals=None, photographs=None, photos=None, block=None, max_error=None):
@@ -167,5 +168,6 @@ class Lighting:
             named(duals, "duals", self.shape),
             named(photographs, "photographs", self.shape),
         )
-        block = None if block is None else _checks.count(block, "block")
+        block = _checks.maybe(_checks.vectors, block, "block", self._pixels)
+        max_error = _checks.maybe(_checks.finite, max_error, "max_error")
         return answers.Relighting(*self._native.relight(*asked, (self._budget(photos, 40), block, max_error)), self)

@@ -45,7 +45,7 @@ def describe(A, symmetric=None, progress=False, *, trusts=False):
 
 def _shape(shape):
     """Rows and columns, of which a vector has to fit into memory: an operator may claim any shape."""
-    rows, cols = (_checks.count(side, "A", 0) for side in shape)
+    rows, cols = (_checks.count(side, "A", 0, 2**128) for side in shape)
     try:
         np.empty(max(rows, cols))
     except (MemoryError, ValueError) as error:

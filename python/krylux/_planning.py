@@ -61,6 +61,7 @@ class Planning(Asking):
         else:
             part = asked.pop("part")
             asked["photos"] = self._budget(asked["photos"], 50)
+            _checks.vectors(asked["block"], "block", self._pixels)
             found = self._native.plan_eigs(part, eigs_question(**asked, seed=self.seed), trials)
         return answers.Plan(found)
 

@@ -21,7 +21,7 @@ def segment_question(lab, asked):
         "mu": _checks.finite(asked["mu"], "mu"),
         "mask_below": _checks.finite(asked["mask_below"], "mask_below"),
         "direct": asked["direct"],
-        "direct_photos": _checks.count(asked["direct_photos"], "direct_photos"),
+        "direct_photos": _checks.vectors(asked["direct_photos"], "direct_photos", lab._pixels),
         "direct_square": _checks.count(asked["direct_square"], "direct_square"),
         "blur": _checks.finite(asked["blur"], "blur"),
         "features": pixels,
@@ -72,7 +72,7 @@ def eigs_question(*, count, which, photos, tolerance, method, block, max_basis, 
         "block": _checks.count(block, "block"),
         "max_basis": None if max_basis is None else _checks.count(max_basis, "max_basis"),
         "noise": _checks.finite(noise, "noise", 0.0),
-        "seed": _checks.count(seed, "seed", 0),
+        "seed": _checks.count(seed, "seed", 0, 2**64 - 1),
         "start": start,
         "deflate": list(deflate),
     }
@@ -84,8 +84,7 @@ def columns(fields):
 
 
 def _number(asked, option, least=None):
-    value = asked[option]
-    return None if value is None else _checks.finite(value, option, least)
+    return _checks.maybe(_checks.finite, asked[option], option, least)
 
 
 def _three_by_three(crosstalk):

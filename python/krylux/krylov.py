@@ -166,8 +166,8 @@ def eigs(A, count=6, *, which="la", products=50, tolerance=None, method=None, bl
     known = [] if deflate is None else [_checks.vector(one, "deflate", n) for one in np.asarray(deflate).T]
     start = None if start is None else _checks.vector(start, "start", n)
     question = eigs_question(count=count, which=which, photos=_checks.count(products, "products"),
-                             tolerance=tolerance, method=method, block=block, max_basis=max_basis, seed=seed,
-                             noise=noise, start=start, deflate=known)
+                             tolerance=tolerance, method=method, block=_checks.vectors(block, "block", n),
+                             max_basis=max_basis, seed=seed, noise=noise, start=start, deflate=known)
     return answers.Eigenpairs(columns(_krylux.eigs(described, question)))
 
 
@@ -194,7 +194,9 @@ def trace(A, *, products=50, seed=0, method="hutch++", symmetric=None):
     products : int
         Products that it took.
     """
-    return _krylux.trace(describe(A, symmetric), _checks.count(products, "products"), _checks.count(seed, "seed", 0), method)
+    described = describe(A, symmetric)
+    products = _checks.vectors(products, "products", described["shape"][1])
+    return _krylux.trace(described, products, _checks.count(seed, "seed", 0, 2**64 - 1), method)
 
 
 def svd(A, rank=10, *, oversampling=10, iterations=0, seed=0, symmetric=None):
@@ -224,7 +226,11 @@ def svd(A, rank=10, *, oversampling=10, iterations=0, seed=0, symmetric=None):
     ----------
     Halko, Martinsson and Tropp, *Finding structure with randomness* (2011), doi:10.1137/090771806.
     """
-    question = (_checks.count(rank, "rank"), _checks.count(oversampling, "oversampling", 0),
-                _checks.count(iterations, "iterations", 0), _checks.count(seed, "seed", 0))
-    left, values, right = _krylux.svd(describe(A, symmetric), question)
+    described = describe(A, symmetric)
+    oversampling = _checks.count(oversampling, "oversampling", 0)
+    _checks.vectors(min(_checks.count(rank, "rank") + oversampling, max(*described["shape"], 1)), "rank",
+                    max(described["shape"]))
+    question = (rank, oversampling, _checks.count(iterations, "iterations", 0),
+                _checks.count(seed, "seed", 0, 2**64 - 1))
+    left, values, right = _krylux.svd(described, question)
     return left.T, values, right

@@ -313,6 +313,7 @@ def align(source, *, rounds=1, patterns=6, asymmetry=0.1, exposure=None, **optio
     list of Report
         One for each round.
     """
+    exposure = _checks.maybe(_checks.finite, exposure, "exposure", 0.0)
     question = (_checks.count(patterns, "patterns", 0), _checks.finite(asymmetry, "asymmetry", 0.0), exposure)
     return [Report(round_) for round_ in _krylux.align_rounds(_rig(source, options), _checks.count(rounds, "rounds"), question)]
 
@@ -358,7 +359,7 @@ def preview(source, pattern=None, *, frames=None, exposure=None, **options):
     ...     print(frame.status)
     """
     frames = None if frames is None else _checks.count(frames, "frames")
-    exposure = None if exposure is None else _checks.finite(exposure, "exposure", 0.0)
+    exposure = _checks.maybe(_checks.finite, exposure, "exposure", 0.0)
     if pattern is not None:
         pattern = _checks.real_array(pattern, "pattern", np.float32)
         if pattern.ndim not in (2, 3) or (pattern.ndim == 3 and pattern.shape[2] != 3):

@@ -8,6 +8,8 @@ import pytest
 import krylux
 from krylux import errors
 
+from conftest import ROOT
+
 
 class Screen:
     """A projector that keeps its frame in memory, where the camera finds it."""
@@ -167,6 +169,31 @@ def test_a_camera_that_is_triggered_needs_to_say_nothing():
         # Levels are rounded to 8 bits.
         assert np.allclose(seen / seen.max(), pattern, atol=0.5 / 255)
         assert lab.costs["effort"]["late"] == 0
+
+
+def test_the_camera_of_the_readme_works_as_it_is_printed():
+    screen, scope = Screen(), {}
+    exec((ROOT / "python" / "README.md").read_text().split("```python\n")[2].split("```")[0], scope)
+
+    class Device(Timed):
+        def set_exposure(self, exposure):
+            self.exposure = exposure
+
+        def trigger(self):
+            self.frame, _ = self.shoot()
+
+        def wait_for_frame(self):
+            return self.frame >> 4
+
+    class Small(scope["MyCamera"]):
+        size = (6, 4)
+
+    camera = Small(Device(screen))
+    pattern = np.linspace(0, 1, 24).reshape(4, 6)
+    with krylux.open(krylux.rig.ProgramRig(screen, camera, measurement={"exposures": [2e-3]}), progress=False) as lab:
+        seen = lab.photo(pattern)
+    # Levels are rounded to 8 bits, counts of 0 to 1593 to whole numbers.
+    assert np.allclose(seen / seen.max(), pattern, atol=0.5 / 255 + 1 / 1593)
 
 
 def test_frames_of_a_camera_that_runs_freely_are_of_the_pattern_or_refused():

@@ -33,6 +33,10 @@ def test_wrong_vectors_are_named(zigzag):
         A @ np.where(np.arange(576) == 5, np.nan, 1.0)
     with pytest.raises(errors.ArrayError, match="data type is complex"):
         A @ np.ones(576, complex)
+    with pytest.raises(errors.OptionError, match="X: 2 of its values are NaN"):
+        A @ np.where(np.arange(576 * 3).reshape(576, 3) < 2, np.inf, 1.0)
+    with pytest.raises(errors.OptionError, match="x: 1 of its values are NaN"):
+        A @ np.where(np.arange(1152) == 10, np.nan, 1.0)[::2]
     with pytest.raises(errors.OptionError, match='part: there is no "glob"'):
         zigzag.operator("glob")
 
@@ -61,6 +65,23 @@ def test_the_texts_of_krylux_name_arguments_of_python(tmp_path):
     with pytest.raises(errors.DataError, match="broken.toml") as caught:
         krylux.open(tmp_path / "broken.toml")
     assert caught.value.path.endswith("broken.toml")
+
+
+@pytest.mark.parametrize("size", [10**5, 10**6, 2**31, 2**40])
+def test_sizes_that_no_machine_holds_are_errors(size):
+    # In a process of its own, because an allocation that fails would end it.
+    from conftest import in_another_process
+
+    in_another_process("""
+import sys, krylux
+try:
+    lab = krylux.open('assets/scenes/corner/scene.glb', size=int(sys.argv[1]), spp=1, cache=False, progress=False)
+    lab.white
+except krylux.Error as error:
+    assert error.help, error
+else:
+    raise AssertionError('it was traced')
+""", size)
 
 
 def test_wrong_questions_are_named(zigzag):
