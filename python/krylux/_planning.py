@@ -57,7 +57,10 @@ class Planning(Asking):
         if verb == "segment":
             found = self._native.plan_segment(segment_question(self, asked), trials)
         elif verb == "compensate":
-            found = self._native.plan_compensate(*compensate_question(self, asked), trials)
+            target, question = compensate_question(self, asked)
+            if target.ndim == 3:
+                raise _checks.refuse("target", "it is coloured, and a plan is of gray light", "give an array of H×W")
+            found = self._native.plan_compensate(target, question, trials)
         else:
             part = asked.pop("part")
             asked["photos"] = self._budget(asked["photos"], 50)

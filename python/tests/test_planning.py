@@ -65,6 +65,9 @@ def test_what_cannot_be_planned_is_named(zigzag, ideal_rig):
             assert caught.value.option == option, caught.value
         with pytest.raises(TypeError, match="unexpected keyword argument 'group'"):
             lab.plan("segment", group=2)
+    with krylux.open(ideal_rig, size=8, spp=4, channels="rgb", progress=False) as lab:
+        with pytest.raises(errors.OptionError, match="target: it is coloured"):
+            lab.plan("compensate", np.ones((8, 8, 3)))
 
 
 def test_a_plan_is_stopped_by_its_callback(ideal_rig):
