@@ -82,8 +82,9 @@ class Asking(Lighting):
         ----------
         O'Toole and Kutulakos, section 3.
         """
-        question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance, method=method,
-                                 block=_checks.vectors(block, "block", self._pixels), max_basis=max_basis, seed=self.seed)
+        block = _checks.vectors(block, "block", self._pixels)
+        question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance,
+                                 method=method, block=block, max_basis=max_basis, seed=self.seed)
         fields, native = self._native.eigs(part, question)
         return answers.Eigenpairs({**columns(fields), "shape": self.projector_shape}, native, self)
 

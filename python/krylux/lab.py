@@ -6,10 +6,10 @@ import weakref
 import numpy as np
 
 from . import _checks, _display, _krylux, _opening
-from ._planning import Planning
+from ._rigs import OnRigs
 
 
-class Lab(Planning):
+class Lab(OnRigs):
     """An open laboratory. Obtain one by :func:`krylux.open`.
 
     Nothing is traced and no photo is taken before one is asked for. Threads may share a laboratory, and take turns. It
@@ -189,86 +189,6 @@ class Lab(Planning):
 
         native = self._native.operator(part, _checks.count(channel, "channel", 0))
         return LabOperator(native, part, channel, self.shape, self.projector_shape)
-
-    def through_rig(self, rig, *, folder=None, resume=False, overwrite=False):
-        """Looks at the same scene through the virtual devices of a rig file.
-
-        The file's own scene is left aside, and this one is not traced again. So the photos of a realistic projector and
-        camera can be compared with the true light. The devices are taken as ideal where the file names no calibration,
-        until :meth:`calibrate`.
-
-        Parameters
-        ----------
-        rig : path
-            A rig file (``.toml``) of virtual devices.
-        folder, resume, overwrite
-            As those of :func:`krylux.open`, for a run of the new laboratory.
-
-        Returns
-        -------
-        krylux.Lab
-            A laboratory of kind ``"rig"``, whose unit is DN/s. This one stays open.
-
-        Raises
-        ------
-        krylux.errors.DataError
-            There is no scene, or the devices are real.
-        krylux.errors.OptionError
-            The scene's projector has other pixels than its camera.
-
-        Examples
-        --------
-        >>> exact = krylux.open("assets/scenes/corner/scene.glb", size=32)      # doctest: +SKIP
-        >>> rig = exact.through_rig("assets/rigs/realistic.toml")               # doctest: +SKIP
-        >>> rig.calibrate()                                                     # doctest: +SKIP
-        >>> seen, light = rig.white, exact.white                                # doctest: +SKIP
-        """
-        path = os.path.abspath(rig)
-        if not os.path.isfile(path):
-            raise _checks.refuse("rig", f"there is no file {os.fspath(rig)!r}", "give a rig file (.toml)")
-        lab = object.__new__(Lab)
-        lab._source, lab._options, lab._is_calibrated = self._source, self._options, False
-        lab._rigs = (*self._rigs, path)
-        lab._hold(self._native.through_rig(path))
-        if folder is not None:
-            lab._native.begin_run(os.fspath(folder), bool(resume), bool(overwrite))
-        elif resume or overwrite:
-            raise _checks.refuse("folder", "there is none to go on with or to use anew", "name the folder")
-        return lab
-
-    def calibrate(self, *, takes=2, map=None, flat_field=False):
-        """Calibrates the devices of a rig from captures alone, and takes photos by that from now on.
-
-        Nothing is written: :func:`krylux.rig.calibrate` leaves a folder that a rig file can name. Call it before the
-        first photo of a run.
-
-        Parameters
-        ----------
-        takes : int
-            Frames averaged for each level and pattern.
-        map : str, optional
-            ``"gray-code"`` or ``"checkerboard"``. Default: as the camera's pixels allow.
-        flat_field : bool
-            Measure also how uneven projector and camera are, by a matte sheet: a virtual rig gets one in place of its
-            scene; before a real one it has to stand when the rest is done.
-
-        Returns
-        -------
-        krylux.rig.Report
-            ``report``, every figure with its standard error, and ``lines``, the same in words.
-
-        Raises
-        ------
-        krylux.errors.OptionError
-            The source is no rig.
-        krylux.errors.RigError
-            The rig fails, or its photos cannot be evaluated.
-        """
-        from .rig import Report
-
-        found = self._native.calibrate(_checks.count(takes, "takes"), map, bool(flat_field))
-        self._is_calibrated = True
-        return Report(found)
 
     @property
     def folder(self):

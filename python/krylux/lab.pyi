@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from ._planning import Planning
+from ._rigs import OnRigs
 from .operator import LabOperator
-from .rig import ProgramRig, Report
+from .rig import ProgramRig
 
-class Lab(Planning):
+class Lab(OnRigs):
     kind: Literal["scene", "rig", "run", "matrix"]
     name: str
     shape: tuple[int, int]
@@ -44,17 +44,6 @@ class Lab(Planning):
     def truth(self) -> tuple[NDArray[np.uint8], list[str]] | None: ...
     def matrix(self, part: Literal["full", "direct", "global"] = "full", *, channel: int = 0) -> csr_array[np.float64]: ...
     def operator(self, part: Literal["full", "direct", "global"] = "full", *, channel: int = 0) -> LabOperator: ...
-    def through_rig(
-        self,
-        rig: str | PathLike[str],
-        *,
-        folder: str | PathLike[str] | None = None,
-        resume: bool = False,
-        overwrite: bool = False,
-    ) -> Lab: ...
-    def calibrate(
-        self, *, takes: int = 2, map: Literal["gray-code", "checkerboard"] | None = None, flat_field: bool = False
-    ) -> Report: ...
     @property
     def folder(self) -> Path | None: ...
     def close(self) -> None: ...
