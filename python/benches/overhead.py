@@ -2,7 +2,10 @@
 
 `python python/benches/overhead.py [SCENE ...]`
 
-The lower quartiles of many repetitions are compared, taken in turns: other work on the machine adds time to some of them.
+A product is `A @ x` at 128×128 pixels. In Python it checks `x`, makes a new array, and frees it; in Rust, on the same
+thread and for the same operator, it makes and frees a vector. Other work on the machine adds time to some products, and
+moves others: so each product of Python has one of Rust beside it, in turns before and after it, and the median of their
+differences is held against the median of Rust's.
 """
 
 import sys
@@ -12,6 +15,8 @@ import numpy as np
 
 import krylux
 
+SCENES = ["zigzag", "cornell", "corner"]
+
 
 def seconds(work):
     """The seconds that a call takes."""
@@ -20,34 +25,41 @@ def seconds(work):
     return time.perf_counter() - start
 
 
-def quartile(times):
-    """The time below which a quarter of them are."""
-    return float(np.quantile(times, 0.25))
+def overhead(one, other, pairs):
+    """``(median seconds of other, 1 + median difference over it)`` of two functions that return seconds."""
+    differences, others = [], []
+    for pair in range(pairs):
+        if pair % 2:
+            mine = one()
+            theirs = other()
+        else:
+            theirs = other()
+            mine = one()
+        differences.append(mine - theirs)
+        others.append(theirs)
+    typical = float(np.median(others))
+    return typical, 1 + float(np.median(differences)) / typical
 
 
-def measure(scene="cornell", side=128, rounds=40):
+def measure(scene, side=128, pairs=400):
     """The time of a product in Python over that in Rust, and of a block of eight over eight single products."""
     with krylux.open(f"assets/scenes/{scene}/scene.glb", size=side, progress=False) as lab:
         A, entries = lab.operator("global"), lab.matrix("global").nnz
         X = np.asfortranarray(np.random.default_rng(0).standard_normal((A.shape[1], 8)))
         x = X[:, 0].copy()
-        python, rust, block, singles = [], [], [], []
-        for _ in range(rounds):
-            for _ in range(4):
-                python.append(seconds(lambda: A @ x))
-                rust.append(A._native.seconds(x, 1))
-            block.append(seconds(lambda: A @ X))
-            singles.append(seconds(lambda: [A @ X[:, column] for column in range(8)]))
+        rust, ratio = overhead(lambda: seconds(lambda: A @ x), lambda: A._native.seconds(x, 1), pairs)
+        _, block = overhead(lambda: seconds(lambda: A @ X), lambda: seconds(lambda: [A @ X[:, k] for k in range(8)]),
+                            pairs // 10)
     return {
         "entries": entries,
-        "rust_seconds": quartile(rust),
-        "python_over_rust": quartile(python) / quartile(rust),
-        "block_over_singles": quartile(block) / quartile(singles),
+        "rust_seconds": rust,
+        "python_over_rust": ratio,
+        "block_over_singles": block,
     }
 
 
 if __name__ == "__main__":
-    for scene in sys.argv[1:] or ["cornell", "zigzag"]:
+    for scene in sys.argv[1:] or SCENES:
         print(scene)
         for name, value in measure(scene).items():
             print(f"  {name:20} {value:.4g}")

@@ -30,14 +30,19 @@ __all__ = [
     "Lab",
     "LabOperator",
     "__version__",
+    "answers",
+    "compare",
     "errors",
+    "images",
     "krylov",
     "open",
+    "paper",
+    "reproduce",
     "rig",
 ]
 
 #: Where each name is found, when it is first asked for.
-_PLACES = {"Lab": "lab", "open": "lab", "LabOperator": "operator"}
+_PLACES = {"Lab": "lab", "open": "lab", "LabOperator": "operator", "compare": "images", "reproduce": "paper"}
 
 
 def __getattr__(name):
@@ -45,7 +50,7 @@ def __getattr__(name):
 
     if name in _PLACES:
         return getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
-    if name in ("krylov", "rig", "lab", "operator", "answers"):
+    if name in ("answers", "images", "krylov", "lab", "operator", "paper", "rig"):
         return importlib.import_module(f".{name}", __name__)
     raise AttributeError(f"module 'krylux' has no attribute '{name}'")
 

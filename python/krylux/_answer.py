@@ -1,5 +1,7 @@
 """What all answers have in common."""
 
+from . import _checks
+
 
 class Answer:
     """The base of all answers.
@@ -41,11 +43,9 @@ class Answer:
         krylux.errors.ClosedError
             The laboratory is closed, or the answer was pickled and has none.
         """
-        from . import errors
-
         if self._lab is None:
-            help = "save the answer in the process that asked for it"
-            raise errors.ClosedError(f"the answer has no laboratory to be saved by\n  help: {help}", help=help)
+            raise _checks.closed("the answer has no laboratory to be saved by",
+                                 "save the answer in the process that asked for it")
         return self._lab._save(self._native, folder, overwrite)
 
     def __getstate__(self):

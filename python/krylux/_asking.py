@@ -1,9 +1,8 @@
 """The verbs of a laboratory: what the command line asks, as methods that return arrays."""
 
-import numpy as np
-
 from . import _checks, answers
 from ._lighting import Lighting
+from ._questions import columns, eigs_question, segment_question
 
 
 class Asking(Lighting):
@@ -49,23 +48,7 @@ class Asking(Lighting):
         ----------
         O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5.
         """
-        groups = [groups] if np.ndim(groups) == 0 else list(groups)
-        question = {
-            "photos": self._budget(photos, 50),
-            "groups": [_checks.count(number, "groups") for number in groups],
-            "starts": self._starts(starts),
-            "eigenvectors": _checks.count(eigenvectors, "eigenvectors"),
-            "cut": cut,
-            "mu": _checks.finite(mu, "mu"),
-            "mask_below": _checks.finite(mask_below, "mask_below"),
-            "direct": direct,
-            "direct_photos": _checks.count(direct_photos, "direct_photos"),
-            "direct_square": _checks.count(direct_square, "direct_square"),
-            "blur": _checks.finite(blur, "blur"),
-            "features": [tuple(_checks.count(side, "features", 0) for side in pixel) for pixel in features],
-            "evidence": bool(evidence),
-            "seed": self.seed,
-        }
+        question = segment_question(self, locals())
         return answers.Segmentation(*self._native.segment(question), self)
 
     def eigs(self, count=6, *, part="full", which="la", photos=None, tolerance=None, method="lanczos", block=2,
@@ -99,6 +82,7 @@ class Asking(Lighting):
         ----------
         O'Toole and Kutulakos, section 3.
         """
+        block = _checks.vectors(block, "block", self._pixels)
         question = eigs_question(count=count, which=which, photos=self._budget(photos, 50), tolerance=tolerance,
                                  method=method, block=block, max_basis=max_basis, seed=self.seed)
         fields, native = self._native.eigs(part, question)
@@ -157,26 +141,9 @@ class Asking(Lighting):
         if starts is None and self._photos_of_run is not None:
             # Fewer photos of a run than it has ask for the same patterns.
             return min(max((self._photos_of_run - 2) // 4, 1), 12)
-        return None if starts is None else _checks.count(starts, "starts")
+        return _checks.maybe(_checks.vectors, starts, "starts", self._pixels)
 
-
-def eigs_question(*, count, which, photos, tolerance, method, block, max_basis, seed, noise=0.0, start=None, deflate=()):
-    """What the native part asks of eigenpairs."""
-    return {
-        "count": _checks.count(count, "count"),
-        "which": which,
-        "photos": _checks.count(photos, "photos"),
-        "tolerance": None if tolerance is None else _checks.finite(tolerance, "tolerance", 0.0),
-        "method": method,
-        "block": _checks.count(block, "block"),
-        "max_basis": None if max_basis is None else _checks.count(max_basis, "max_basis"),
-        "noise": _checks.finite(noise, "noise", 0.0),
-        "seed": _checks.count(seed, "seed", 0),
-        "start": start,
-        "deflate": list(deflate),
-    }
-
-
-def columns(fields):
-    """Eigenvectors as columns, as SciPy has them."""
-    return {**fields, "vectors": fields["vectors"].T, "imaginary_vectors": fields["imaginary_vectors"].T}
+    @property
+    def _pixels(self):
+        """Pixels of a pattern."""
+        return self.projector_shape[0] * self.projector_shape[1]

@@ -1,5 +1,5 @@
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 from numpy.typing import ArrayLike
 
@@ -48,19 +48,3 @@ class Asking(Lighting):
         upper: float = 1.0,
     ) -> answers.Solution: ...
     def audit(self, *, patterns: int = 6, tolerance: float = 0.01, asymmetry: float = 0.1) -> answers.Audit: ...
-
-def eigs_question(
-    *,
-    count: int,
-    which: str,
-    photos: int,
-    tolerance: float | None,
-    method: str,
-    block: int,
-    max_basis: int | None,
-    seed: int,
-    noise: float = 0.0,
-    start: Any = None,
-    deflate: Iterable[Any] = (),
-) -> dict[str, Any]: ...
-def columns(fields: dict[str, Any]) -> dict[str, Any]: ...

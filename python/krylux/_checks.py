@@ -12,6 +12,11 @@ def refuse(option, fault, help, kind=errors.OptionError):
     return kind(f"{option}: {fault}\n  help: {help}", option=option, help=help)
 
 
+def closed(fault, help):
+    """An exception about something that can no longer be used."""
+    return errors.ClosedError(f"{fault}\n  help: {help}", help=help)
+
+
 def real_array(value, option, dtype):
     """A C-contiguous array of real, finite numbers in ``dtype``; copied only where it has to be."""
     try:
@@ -54,15 +59,35 @@ def vector(value, option, length):
     return array.reshape(length)
 
 
-def count(value, option, least=1):
-    """A whole number of at least ``least``."""
+#: The largest number of photos, pixels or the like: that of the command line.
+MOST = 2**24
+
+
+def count(value, option, least=1, most=MOST):
+    """A whole number from ``least`` to ``most``, whose bound keeps sums and products of such numbers small."""
     try:
         number = _operator.index(value)
     except TypeError as error:
         fault = f"{value!r} is no whole number"
-        raise refuse(option, fault, f"give a whole number from {least} on", errors.ArrayError) from error
-    if number < least:
-        raise refuse(option, f"it is {number}", f"give a whole number from {least} on")
+        raise refuse(option, fault, f"give a whole number from {least} to {most}", errors.ArrayError) from error
+    if not least <= number <= most:
+        raise refuse(option, f"it is {number}", f"give a whole number from {least} to {most}")
+    return number
+
+
+def maybe(check, value, option, *bounds):
+    """The value, checked where one is given."""
+    return None if value is None else check(value, option, *bounds)
+
+
+def vectors(number, option, length):
+    """A number of vectors that fit into memory: Rust ends the program where memory is refused."""
+    number = count(number, option)
+    try:
+        np.empty((number, length))
+    except (MemoryError, ValueError) as error:
+        fault = f"{number} vectors of {length} entries do not fit into memory"
+        raise refuse(option, fault, "give a smaller number") from error
     return number
 
 

@@ -59,6 +59,11 @@ def groups(labels):
     return np.where((labels == 255)[..., None], np.uint8(0), colors)
 
 
+def text(words):
+    """Words as HTML."""
+    return html.escape(str(words))
+
+
 def image(pixels, caption):
     """An HTML figure."""
     data = base64.b64encode(png(enlarged(pixels))).decode()

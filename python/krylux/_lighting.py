@@ -1,10 +1,9 @@
 """The verbs about light itself: compensation, separation, probing and relighting."""
 
-import os
-
 import numpy as np
 
 from . import _checks, answers
+from ._questions import compensate_question
 
 
 class Lighting:
@@ -58,32 +57,7 @@ class Lighting:
         ----------
         O'Toole and Kutulakos, section 6.
         """
-        target = _checks.picture(target, "target", self.shape, self.channels)
-        if target.min() < 0 or target.max() > 1:
-            fault = f"its values are from {target.min():g} to {target.max():g}, but a target's are from 0 to 1"
-            raise _checks.refuse("target", fault, "scale it, and say by peak what 1 stands for")
-        if target.max() == 0:
-            raise _checks.refuse("target", "it is black", "give an image with light in it")
-        measure = isinstance(crosstalk, str) and crosstalk == "measure"
-        if crosstalk is not None and self.channels == 1:
-            raise _checks.refuse("crosstalk", "gray light has no colours to mix", "open the source with channels=\"rgb\"")
-        question = {
-            "method": method,
-            "photos": self._photos_of_run if photos is None else _checks.count(photos, "photos", 0),
-            "rtol": rtol,
-            "floor": _checks.finite(floor, "floor"),
-            "lift": lift,
-            "peak": peak,
-            "precondition": precondition,
-            "defocus": defocus,
-            "out_of_focus": bool(out_of_focus),
-            "paper": bool(paper),
-            "measure_crosstalk": measure,
-            "crosstalk": None if measure or crosstalk is None else _three_by_three(crosstalk),
-            "unmix": bool(unmix),
-            "compare_methods": bool(compare_methods),
-            "model": None if model is None else os.fspath(model),
-        }
+        target, question = compensate_question(self, locals())
         return answers.Compensation(*self._native.compensate(target, question), self)
 
     def separate(self, by=None, *, square=2, shifts=4, period=4.0, phases=3, photos=None, sigma=None, probes=None,
@@ -124,12 +98,12 @@ class Lighting:
             "shifts": _checks.count(shifts, "shifts"),
             "period": _checks.finite(period, "period"),
             "phases": _checks.count(phases, "phases"),
-            "photos": self._budget(photos, 40),
-            "sigma": sigma,
-            "probes": probes,
+            "photos": _checks.vectors(self._budget(photos, 40), "photos", self._pixels),
+            "sigma": _checks.maybe(_checks.finite, sigma, "sigma", 0.0),
+            "probes": _checks.maybe(_checks.count, probes, "probes", 0),
             "bounces": bool(bounces),
             "compare": bool(compare),
-            "max_error": max_error,
+            "max_error": _checks.maybe(_checks.finite, max_error, "max_error"),
         }
         return answers.Separation(*self._native.separate(question), self)
 
@@ -149,6 +123,7 @@ class Lighting:
         -------
         krylux.answers.Probing
         """
+        sigma = _checks.maybe(_checks.finite, sigma, "sigma", 0.0)
         return answers.Probing(*self._native.probe(paths, sigma, self._budget(photos, 100)), self)
 
     def relight(self, patterns=None, *, duals=None, photographs=None, photos=None, block=None, max_error=None):
@@ -193,12 +168,6 @@ class Lighting:
             named(duals, "duals", self.shape),
             named(photographs, "photographs", self.shape),
         )
-        block = None if block is None else _checks.count(block, "block")
+        block = _checks.maybe(_checks.vectors, block, "block", self._pixels)
+        max_error = _checks.maybe(_checks.finite, max_error, "max_error")
         return answers.Relighting(*self._native.relight(*asked, (self._budget(photos, 40), block, max_error)), self)
-
-
-def _three_by_three(crosstalk):
-    matrix = _checks.real_array(crosstalk, "crosstalk", np.float64)
-    if matrix.shape != (3, 3):
-        raise _checks.refuse("crosstalk", f"its shape is {matrix.shape}", "give an array of 3 × 3, or \"measure\"")
-    return matrix.tolist()

@@ -38,9 +38,11 @@ def request(source, options):
     asked["projector_size"] = _checks.size(asked["projector_size"], "projector_size")
     for option in ("spp", "max_bounces"):
         if asked[option] is not None:
-            asked[option] = _whole(asked[option], option, 1)
+            asked[option] = _checks.count(asked[option], option)
     if asked["seed"] is not None:
-        asked["seed"] = _whole(asked["seed"], "seed", 0)
+        asked["seed"] = _checks.count(asked["seed"], "seed", 0, 2**32 - 1)
+    if asked["memory"] is not None:
+        asked["memory"] = _checks.count(asked["memory"], "memory", 0, 2**64 - 1)
     cache = asked.pop("cache")
     asked["cached"] = cache is not False
     asked["cache"] = None if cache in (None, True, False) else os.fspath(cache)
@@ -51,13 +53,6 @@ def request(source, options):
     asked.update(matrix=None, rig=None, devices=None)
     asked.update(_source(source, name))
     return asked
-
-
-def _whole(value, option, least):
-    number = _checks.count(value, option, least)
-    if number >= 2**32:
-        raise _checks.refuse(option, f"it is {number}", "give a number below 2³²")
-    return number
 
 
 def _source(source, name):

@@ -16,6 +16,10 @@ def describe(A, symmetric=None, progress=False, *, trusts=False):
     if symmetric is None:
         symmetric = _is_symmetric(A)
         symmetric = trusts if symmetric is None else symmetric
+    rows, cols = _shape(shape)
+    if symmetric and rows != cols:
+        fault = f"A has {rows} rows and {cols} columns, and is not symmetric"
+        raise _checks.refuse("symmetric", fault, "leave it out, or use lsqr or lsmr")
     transposed = None
 
     def product(rows, adjoint):
@@ -35,8 +39,19 @@ def describe(A, symmetric=None, progress=False, *, trusts=False):
     # Products of a matrix in memory share one pass over it. Any other product may be a photo, which is not taken before it
     # is needed.
     block = 8 if isinstance(A, np.ndarray) or hasattr(A, "tocsr") else 1
-    return {"product": product, "shape": tuple(int(side) for side in shape), "symmetric": bool(symmetric),
+    return {"product": product, "shape": (rows, cols), "symmetric": bool(symmetric),
             "block": block, "progress": _progress.choose(progress), "log": _progress.log}
+
+
+def _shape(shape):
+    """Rows and columns, of which a vector has to fit into memory: an operator may claim any shape."""
+    rows, cols = (_checks.count(side, "A", 0, 2**128) for side in shape)
+    try:
+        np.empty(max(rows, cols))
+    except (MemoryError, ValueError) as error:
+        fault = f"it has {rows} rows and {cols} columns, and no vector of that length fits into memory"
+        raise _checks.refuse("A", fault, "give an operator whose `shape` is that of its matrix") from error
+    return rows, cols
 
 
 def _is_symmetric(A):

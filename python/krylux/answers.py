@@ -1,4 +1,4 @@
-"""The answers of a laboratory: arrays as attributes, to be saved, pickled and shown.
+"""The answers of a laboratory: arrays as attributes, to be pickled and shown, and saved by their ``save``.
 
 Shapes: ``H×W`` are the pixels of photos; with three channels, pictures are ``H×W×3``. ``k`` counts eigenpairs.
 """
@@ -259,3 +259,42 @@ class Solution(Answer):
     def photos(self):
         """The products: on a rig each is a photo."""
         return self.products
+
+
+class Plan:
+    """What a verb will cost on a rig, and how good its answer will be: the answer of :meth:`krylux.Lab.plan`.
+
+    Every array has one entry for each trial, whose noise is its own; their spread is that of the prediction.
+
+    Attributes
+    ----------
+    verb : str
+        ``"segment"``, ``"compensate"`` or ``"eigs"``.
+    photos, patterns, frames : numpy.ndarray
+        ``uint64[t]``: products that the method takes, distinct patterns that are shown, and frames of the camera.
+    seconds : numpy.ndarray
+        ``float64[t]``: seconds on the rig.
+    figures : dict of str to numpy.ndarray
+        ``float64[t]`` by name: adjusted Rand indices of the groups, residuals of a compensation, or errors of eigenvalues.
+    ideal : dict
+        What the figures are held against: the answer with ideal devices.
+    trials : list of dict
+        The trials with all that is known of them.
+    """
+
+    def __init__(self, fields):
+        self.__dict__.update(fields)
+
+    def __repr__(self):
+        return (f"<Plan of {self.verb}: {self.photos.mean():.0f} photos, {self.frames.mean():.0f} frames, "
+                f"{self.seconds.mean():.1f} s on the rig; the mean of {len(self.seconds)} trials>")
+
+    def _repr_html_(self):
+        costs = {"photos": self.photos, "patterns": self.patterns, "frames": self.frames, "seconds": self.seconds}
+        rows = "".join(
+            f"<tr><td>{_display.text(name)}</td><td>{values.mean():.4g}</td><td>{values.min():.4g}</td>"
+            f"<td>{values.max():.4g}</td></tr>"
+            for name, values in {**costs, **self.figures}.items() if len(values)
+        )
+        head = "<tr><th></th><th>mean</th><th>least</th><th>largest</th></tr>"
+        return _display.page("Plan", repr(self).strip("<>"), f"<table>{head}{rows}</table>")

@@ -1,4 +1,4 @@
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,3 +106,14 @@ class Solution(Answer):
     products: int
     @property
     def photos(self) -> int: ...  # type: ignore[override]
+
+class Plan:
+    verb: Literal["segment", "compensate", "eigs"]
+    photos: NDArray[np.uint64]
+    patterns: NDArray[np.uint64]
+    frames: NDArray[np.uint64]
+    seconds: NDArray[np.float64]
+    figures: dict[str, NDArray[np.float64]]
+    ideal: dict[str, Any]
+    trials: list[dict[str, Any]]
+    def __init__(self, fields: dict[str, Any]) -> None: ...

@@ -7,8 +7,8 @@ The methods stop where noise would be fitted, keep bounds where they are told to
 import numpy as np
 
 from . import _checks, _krylux, answers
-from ._asking import columns, eigs_question
 from ._operators import describe, preconditioner
+from ._questions import columns, eigs_question
 
 __all__ = [
     "bicgstab", "cg", "cgs", "eigs", "fgmres", "fista", "gmres", "jacobi", "krylov_box", "lsmr", "lsqr", "minres",
@@ -49,7 +49,7 @@ def solve(method, A, b, *, products=50, rtol=1e-6, atol=0.0, noise=0.0, x0=None,
     diagonal : array_like, optional
         ``A 1``, where it is known already, for the methods with bounds.
     symmetric : bool, optional
-        Whether ``A = Aᵀ``. Default: known of matrices and of krylux's operators; of others it is assumed by ``"minres"``
+        Whether ``A = Aᵀ``, for a square ``A``. Default: known of matrices and of krylux's operators; of others it is assumed by ``"minres"``
         and ``"cg"``, which are for such operators only, and not by other methods.
     progress : bool or callable
         As in :func:`krylux.open`; silent by default.
@@ -166,8 +166,8 @@ def eigs(A, count=6, *, which="la", products=50, tolerance=None, method=None, bl
     known = [] if deflate is None else [_checks.vector(one, "deflate", n) for one in np.asarray(deflate).T]
     start = None if start is None else _checks.vector(start, "start", n)
     question = eigs_question(count=count, which=which, photos=_checks.count(products, "products"),
-                             tolerance=tolerance, method=method, block=block, max_basis=max_basis, seed=seed,
-                             noise=noise, start=start, deflate=known)
+                             tolerance=tolerance, method=method, block=_checks.vectors(block, "block", n),
+                             max_basis=max_basis, seed=seed, noise=noise, start=start, deflate=known)
     return answers.Eigenpairs(columns(_krylux.eigs(described, question)))
 
 
@@ -194,7 +194,9 @@ def trace(A, *, products=50, seed=0, method="hutch++", symmetric=None):
     products : int
         Products that it took.
     """
-    return _krylux.trace(describe(A, symmetric), _checks.count(products, "products"), _checks.count(seed, "seed", 0), method)
+    described = describe(A, symmetric)
+    products = _checks.vectors(products, "products", described["shape"][1])
+    return _krylux.trace(described, products, _checks.count(seed, "seed", 0, 2**64 - 1), method)
 
 
 def svd(A, rank=10, *, oversampling=10, iterations=0, seed=0, symmetric=None):
@@ -224,7 +226,11 @@ def svd(A, rank=10, *, oversampling=10, iterations=0, seed=0, symmetric=None):
     ----------
     Halko, Martinsson and Tropp, *Finding structure with randomness* (2011), doi:10.1137/090771806.
     """
-    question = (_checks.count(rank, "rank"), _checks.count(oversampling, "oversampling", 0),
-                _checks.count(iterations, "iterations", 0), _checks.count(seed, "seed", 0))
-    left, values, right = _krylux.svd(describe(A, symmetric), question)
+    described = describe(A, symmetric)
+    oversampling = _checks.count(oversampling, "oversampling", 0)
+    _checks.vectors(min(_checks.count(rank, "rank") + oversampling, max(*described["shape"], 1)), "rank",
+                    max(described["shape"]))
+    question = (rank, oversampling, _checks.count(iterations, "iterations", 0),
+                _checks.count(seed, "seed", 0, 2**64 - 1))
+    left, values, right = _krylux.svd(described, question)
     return left.T, values, right

@@ -6,10 +6,10 @@ import weakref
 import numpy as np
 
 from . import _checks, _display, _krylux, _opening
-from ._asking import Asking
+from ._rigs import OnRigs
 
 
-class Lab(Asking):
+class Lab(OnRigs):
     """An open laboratory. Obtain one by :func:`krylux.open`.
 
     Nothing is traced and no photo is taken before one is asked for. Threads may share a laboratory, and take turns. It
@@ -34,7 +34,13 @@ class Lab(Asking):
     def __init__(self, source, options):
         self._source = source
         self._options = options
-        self._native = _krylux.Lab(_opening.request(source, options))
+        #: The rig files that the source is seen through, and whether its devices were calibrated since.
+        self._rigs = ()
+        self._is_calibrated = False
+        self._hold(_krylux.Lab(_opening.request(source, options)))
+
+    def _hold(self, native):
+        self._native = native
         about = self._native.describe()
         self.kind = about["kind"]
         self.name = about["name"]
@@ -208,12 +214,17 @@ class Lab(Asking):
         self.close()
 
     def __reduce__(self):
+        if self._is_calibrated:
+            raise TypeError(
+                "the laboratory was calibrated in this process, which a copy in another would not know\n"
+                "  help: write the calibration by krylux.rig.calibrate, name it in the rig file, and open that"
+            )
         # Another process cannot use the same folder at the same time, nor this one's callback.
         options = {**self._options, "folder": None, "resume": False, "overwrite": False, "progress": None}
         source = self._source
         if isinstance(source, (str, os.PathLike)):
             source = os.path.abspath(source)
-        return (Lab, (source, options))
+        return (_again, (source, options, self._rigs))
 
     def __repr__(self):
         height, width = self.shape
@@ -225,6 +236,14 @@ class Lab(Asking):
         if self.kind in ("scene", "run") and not self.is_closed:
             figures.append(_display.image(_display.light(self.white), f"white photo, in {self.unit}"))
         return _display.page(f"Laboratory {self.name}", repr(self).strip("<>"), *figures)
+
+
+def _again(source, options, rigs):
+    """A laboratory with the same settings, through the same rigs."""
+    lab = Lab(source, options)
+    for rig in rigs:
+        lab = lab.through_rig(rig)
+    return lab
 
 
 def open(source, *, size=None, projector_size=None, spp=None, max_bounces=None, seed=None, sampler=None,

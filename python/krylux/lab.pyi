@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from ._asking import Asking
+from ._rigs import OnRigs
 from .operator import LabOperator
 from .rig import ProgramRig
 
-class Lab(Asking):
+class Lab(OnRigs):
     kind: Literal["scene", "rig", "run", "matrix"]
     name: str
     shape: tuple[int, int]

@@ -54,7 +54,7 @@ class LabOperator(LinearOperator):
     def __matmul__(self, x):
         # Most products are of plain vectors. SciPy would look at them several times on the way.
         if type(x) is np.ndarray and x.ndim == 1 and x.dtype is _FLOAT64 and x.size == self.shape[1]:
-            return self._native.product(x.ravel(), False)
+            return self._native.product(x, False)
         return super().__matmul__(x)
 
     def _matvec(self, x):

@@ -15,135 +15,33 @@ A camera of Python has these members; so that a maker's own library is ten lines
         def capture(self):                  # unsigned integers [H, W] or [H, W, 3], or None where no frame came
             ...
 
+**A frame has to be exposed after** ``capture`` **was called.** Then the pattern is on screen. Many libraries let a camera
+run freely: what they return next was exposed before, and shows an earlier pattern, or half of two. There are two ways out:
+
+* ``capture`` triggers the camera (*software trigger*), and waits for that frame. krylux measures how long the call takes:
+  a frame that comes before its exposure can have passed is refused, with an error that says so.
+* ``capture`` returns ``(frame, started)``, where ``started`` is the time of :func:`time.monotonic` at which the exposure
+  began. The camera may run freely: frames from before the pattern had settled are refused and taken again, as those of
+  krylux's own cameras are.
+
+A camera that only computes its frames says ``simulated = True``; then nothing is measured.
+
 A projector has ``name``, ``size``, ``bits`` (8), ``channels`` (1), ``frame_time`` (0 seconds) and ``show(levels)``,
 which receives ``uint16[H, W]`` or ``[H, W, 3]`` and returns when they are on screen. A camera may also have
-``restart()``, for a stream that hangs. ``capture`` must begin the exposure after it was called.
+``restart()``, for a stream that hangs.
 """
 
-import json
 import os
 import types
 
 import numpy as np
 
 from . import _checks, _krylux, _opening
-
-
-class ProgramRig:
-    """A projector and a camera written in Python, as a source for :func:`krylux.open`.
-
-    Parameters
-    ----------
-    projector, camera : object
-        The devices; the module's text says which members they have.
-    measurement : dict, optional
-        The ``[measurement]`` table of a rig file, such as ``{"exposures": [0.01], "takes": 4}``.
-    calibration : path, optional
-        The folder that a calibration was written to. Default: the devices are taken as ideal.
-
-    Raises
-    ------
-    krylux.errors.OptionError
-        A device lacks a member, or one has an unusable value.
-
-    Examples
-    --------
-    >>> lab = krylux.open(krylux.rig.ProgramRig(MyProjector(), MyCamera()), folder="out/mine")  # doctest: +SKIP
-    """
-
-    def __init__(self, projector, camera, *, measurement=None, calibration=None):
-        self.projector = projector
-        self.camera = camera
-        self.measurement = dict(measurement or {})
-        self.calibration = None if calibration is None else os.path.abspath(calibration)
-        _require(projector, "projector", ("size", "show"))
-        _require(camera, "camera", ("size", "exposures", "configure", "capture"))
-
-    def _description(self):
-        projector, camera = self.projector, self.camera
-        return {
-            "projector": {
-                "name": str(getattr(projector, "name", "projector")),
-                "size": list(_checks.size(projector.size, "projector.size")),
-                "channels": _checks.count(getattr(projector, "channels", 1), "projector.channels"),
-                "bits": _checks.count(getattr(projector, "bits", 8), "projector.bits"),
-                "frame_time": float(getattr(projector, "frame_time", 0.0)),
-            },
-            "camera": {
-                "name": str(getattr(camera, "name", "camera")),
-                "size": list(_checks.size(camera.size, "camera.size")),
-                "channels": _checks.count(getattr(camera, "channels", 1), "camera.channels"),
-                "bits": _checks.count(getattr(camera, "bits", 8), "camera.bits"),
-                "exposures": [_checks.finite(seconds, "camera.exposures", 0.0) for seconds in camera.exposures],
-            },
-        }
-
-    def _request(self, name):
-        description = self._description()
-        camera = _Checked(self.camera, description["camera"])
-        devices = {"projector": self.projector, "camera": camera, "description": json.dumps(description)}
-        return {"source": f"{name or 'program'}.toml", "rig": self._toml(description), "devices": devices}
-
-    def _toml(self, description):
-        """The rig file that describes these devices; a run keeps it."""
-        lines = ['kind = "program"']
-        if self.calibration is not None:
-            lines.append(f"calibration = {_toml_value(self.calibration)}")
-        for table, values in (*description.items(), ("measurement", self.measurement)):
-            lines.append(f"\n[{table}]")
-            lines += [f"{key} = {_toml_value(value)}" for key, value in values.items()]
-        return "\n".join(lines) + "\n"
-
-
-class _Checked:
-    """A camera whose frames are checked and flattened."""
-
-    def __init__(self, camera, about):
-        self._camera = camera
-        width, height = about["size"]
-        self._shape = (height, width) if about["channels"] == 1 else (height, width, about["channels"])
-        self._highest = 2 ** about["bits"] - 1
-        if hasattr(camera, "restart"):
-            self.restart = camera.restart
-
-    def configure(self, exposure):
-        set_ = self._camera.configure(exposure)
-        return None if set_ is None else float(set_)
-
-    def capture(self):
-        frame = self._camera.capture()
-        if frame is None:
-            return None
-        counts = np.asarray(frame)
-        if counts.shape != self._shape or counts.dtype.kind not in "iu":
-            fault = f"it returned {counts.dtype}{list(counts.shape)}"
-            raise _checks.refuse("camera.capture", fault, f"return whole numbers of the shape {list(self._shape)}")
-        if counts.size and (counts.min() < 0 or counts.max() > self._highest):
-            fault = f"it returned counts from {counts.min()} to {counts.max()}"
-            raise _checks.refuse("camera.capture", fault, f"return counts from 0 to {self._highest}, or correct bits")
-        return np.ascontiguousarray(counts, dtype=np.uint16).reshape(-1)
-
-
-def _require(device, kind, members):
-    for member in members:
-        if not hasattr(device, member):
-            raise _checks.refuse(kind, f"it has no `{member}`", f"a {kind} needs {', '.join(members)}")
-
-
-def _toml_value(value):
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, (list, tuple)) or isinstance(value, np.ndarray):
-        return "[" + ", ".join(_toml_value(one) for one in np.asarray(value).tolist()) + "]"
-    raise _checks.refuse("measurement", f"{value!r} has no form in a rig file", "give numbers, texts, or lists of them")
+from ._program import ProgramRig
 
 
 class Report(types.SimpleNamespace):
-    """The outcome of a rig's calibration, check or alignment: attributes by name.
+    """What was found of a rig: attributes by name, as each function says.
 
     Calibration: ``folder``, ``report``, ``effort``, ``lines``. Check: ``findings``, ``passed``, ``complete``, ``status``.
     A round of alignment: ``found``, and then ``aligned``, ``disparity`` (median, 95 %, error, in projector pixels),
@@ -155,7 +53,8 @@ class Report(types.SimpleNamespace):
         super().__init__(**fields)
 
     def __repr__(self):
-        return f"<krylux.rig.Report: {', '.join(self.__dict__)}>"
+        status = self.__dict__.get("status")
+        return f"<krylux.rig.Report: {status or ', '.join(self.__dict__)}>"
 
 
 def _rig(source, options):
@@ -260,5 +159,95 @@ def align(source, *, rounds=1, patterns=6, asymmetry=0.1, exposure=None, **optio
     list of Report
         One for each round.
     """
+    exposure = _checks.maybe(_checks.finite, exposure, "exposure", 0.0)
     question = (_checks.count(patterns, "patterns", 0), _checks.finite(asymmetry, "asymmetry", 0.0), exposure)
     return [Report(round_) for round_ in _krylux.align_rounds(_rig(source, options), _checks.count(rounds, "rounds"), question)]
+
+
+def preview(source, pattern=None, *, frames=None, exposure=None, **options):
+    """Shows what the camera sees, frame by frame, while somebody sets up the rig.
+
+    Nothing is converted to light: figures are those of the camera's counts. The devices are open from the first frame
+    until the loop ends.
+
+    Parameters
+    ----------
+    source : path or ProgramRig
+        The rig.
+    pattern : array_like, optional
+        ``[H, W]`` or ``[H, W, 3]`` of the projector's pixels: 0 is its lowest level, 1 its highest. Default: white.
+    frames : int, optional
+        Frames to take. Default: without end.
+    exposure : float, optional
+        Seconds of each exposure. Default: the longest of the rig file, or that at which white fills 70 % of the range.
+    **options
+        As those of :func:`krylux.open`.
+
+    Yields
+    ------
+    Report
+        ``counts`` ``uint16[H, W]`` or ``[H, W, 3]``; ``picture`` ``uint8[H, W, 3]`` in sRGB, where saturated pixels are red
+        and those with a count of 0 blue; ``figures``, a dictionary of ``focus`` (higher is sharper; ``None`` for the first
+        frame), ``best_focus``, ``saturated`` and ``black`` (shares of the samples), ``brightest`` (a count), ``mean`` (a
+        share of the range), ``per_second`` and ``exposure`` (seconds); ``range``, the counts without light, from which
+        on they are saturated, and the highest; ``status``, the figures as a line.
+
+    Raises
+    ------
+    krylux.errors.OptionError
+        The source is no rig, or the pattern does not have the projector's pixels.
+    krylux.errors.RigError
+        The rig fails.
+
+    Examples
+    --------
+    >>> for frame in krylux.rig.preview("bench.toml", frames=100):      # doctest: +SKIP
+    ...     print(frame.status)
+    """
+    frames = None if frames is None else _checks.count(frames, "frames")
+    exposure = _checks.maybe(_checks.finite, exposure, "exposure", 0.0)
+    if pattern is not None:
+        pattern = _checks.real_array(pattern, "pattern", np.float32)
+        if pattern.ndim not in (2, 3) or (pattern.ndim == 3 and pattern.shape[2] != 3):
+            raise _checks.refuse("pattern", f"its shape is {pattern.shape}", "give an array of H×W or H×W×3")
+    return _frames(_rig(source, options), pattern, frames, exposure)
+
+
+def _frames(request, pattern, frames, exposure):
+    running = _krylux.Preview(request, pattern, exposure)
+    try:
+        while frames is None or frames > 0:
+            yield Report(running.next())
+            frames = None if frames is None else frames - 1
+    finally:
+        running.close()
+
+
+def list(source=None, *, display=None):
+    """Lists the monitors and cameras that a rig file may name, and what they can do.
+
+    Parameters
+    ----------
+    source : path, optional
+        A rig file, whose X server and camera are queried, too.
+    display : str, optional
+        The X server, such as ``":0"``. Default: that of the rig file, or of ``DISPLAY``.
+
+    Returns
+    -------
+    Report
+        ``monitors``, dictionaries of ``name``, ``resolution``, ``place``, ``primary`` and ``frame_time``; ``cameras``,
+        dictionaries of ``kind``, what identifies the camera, and ``abilities`` where they are known; ``virtual``, the
+        ``projector`` and ``camera`` of a rig file whose devices are none of these, or ``None``; ``notes``, why a kind of
+        device could not be searched for.
+
+    Raises
+    ------
+    krylux.errors.OptionError
+        The source is no rig file.
+    krylux.errors.DataError
+        The rig file is malformed.
+    """
+    if source is not None and not os.fspath(source).lower().endswith(".toml"):
+        raise _checks.refuse("source", f"{source} is no rig file", "give a rig file (.toml), or nothing")
+    return Report(_krylux.attached(None if source is None else os.fspath(source), display))

@@ -1,10 +1,11 @@
-from collections.abc import Mapping, Sequence
+import builtins
+from collections.abc import Generator, Mapping, Sequence
 from os import PathLike
 from types import SimpleNamespace
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 class _Projector(Protocol):
     @property
@@ -17,7 +18,7 @@ class _Camera(Protocol):
     @property
     def exposures(self) -> Sequence[float]: ...
     def configure(self, exposure: float, /) -> float | None: ...
-    def capture(self) -> NDArray[Any] | None: ...
+    def capture(self) -> NDArray[Any] | tuple[NDArray[Any], float] | None: ...
 
 class ProgramRig:
     projector: _Projector
@@ -58,4 +59,13 @@ def align(
     asymmetry: float = 0.1,
     exposure: float | None = None,
     **options: Any,
-) -> list[Report]: ...
+) -> builtins.list[Report]: ...
+def preview(
+    source: str | PathLike[str] | ProgramRig,
+    pattern: ArrayLike | None = None,
+    *,
+    frames: int | None = None,
+    exposure: float | None = None,
+    **options: Any,
+) -> Generator[Report]: ...
+def list(source: str | PathLike[str] | None = None, *, display: str | None = None) -> Report: ...

@@ -2,7 +2,8 @@
 # # Compensation on a virtual rig
 #
 # What must be projected, so that a folded wall looks evenly bright? The devices are simulated, with noise, a
-# projector of 8 bits, and a camera of its own response.
+# projector of 8 bits, and a camera of its own response. The scene is also looked at without devices, so that the answer
+# can be held against the true light.
 
 # %%
 import tempfile
@@ -14,33 +15,31 @@ import numpy as np
 import krylux
 
 folder = Path(tempfile.mkdtemp())
-rig = "assets/rigs/realistic.toml"
+scene = krylux.open("assets/scenes/zigzag/scene.glb", size=32, spp=64)
+lab = scene.through_rig("assets/rigs/realistic.toml", folder=folder / "run")
+print(scene.unit, "and", lab.unit)
 
 # %% [markdown]
-# The devices are calibrated from captures alone.
+# The devices are calibrated from captures alone. A matte sheet before the rig tells how uneven projector and camera
+# are. For a rig on a bench, `krylux.rig.calibrate` and `krylux.rig.flat_field` write the same into a folder that the rig
+# file names.
 
 # %%
-calibrated = krylux.rig.calibrate(rig, folder / "calibration", size=32, spp=64)
+calibrated = lab.calibrate(flat_field=True)
 print("\n".join(calibrated.lines))
 
 # %% [markdown]
-# A matte sheet before the rig tells how uneven projector and camera are.
+# What will twenty photos cost, and how good will the answer be? The twin of the rig tells, with noise of its own.
 
 # %%
-# The rig file with the calibration beside it, in a folder of its own.
-settings = Path(rig).read_text().replace("../", f"{Path('assets').resolve()}/")
-own = folder / "rig.toml"
-own.write_text('calibration = "calibration"\n' + settings)
-uneven = krylux.rig.flat_field(own, size=32, spp=64)
-print(f"darkest over brightest: projector {uneven.projector.min() / uneven.projector.max():.3f}, "
-      f"camera {uneven.camera.min() / uneven.camera.max():.3f}")
+target = np.full(lab.shape, 0.6)
+planned = lab.plan("compensate", target, photos=20, trials=2)
+planned
 
 # %% [markdown]
 # Every photo of the run is in its journal before it is used.
 
 # %%
-lab = krylux.open(own, size=32, spp=64, folder=folder / "run")
-target = np.full(lab.shape, 0.6)
 found = lab.compensate(target, photos=20)
 print(found.status)
 print(f"residual {found.residual:.4f}, uncompensated {found.uncompensated_residual:.4f}")
@@ -52,6 +51,14 @@ figure, axis = plt.subplots(figsize=(5, 3))
 axis.semilogy(np.arange(1, len(found.history) + 1), found.history, marker="o")
 axis.set(xlabel="photos", ylabel="residual of what is seen")
 figure.tight_layout()
+
+# %% [markdown]
+# How even is the true light, which no device disturbs?
+
+# %%
+for name, pattern in (("white", np.ones(scene.shape)), ("the pattern", found.pattern)):
+    light = scene.photo(pattern)
+    print(f"{name}: the light varies by {100 * light.std() / light.mean():.1f} % of its mean")
 
 # %% [markdown]
 # The run's folder holds the pattern to project, the report, and all photos: it answers again without the rig.

@@ -97,6 +97,17 @@ impl<'py> Fields<'py> {
         self.put(name, shaped(self.0.py(), values, size.height, size.width, 1)?)
     }
 
+    /// Interleaved samples as an array of `H×W`, or of `H×W×3` in colour.
+    pub(crate) fn raster_of<T: numpy::Element>(
+        &self,
+        name: &str,
+        samples: Vec<T>,
+        size: Resolution,
+        channels: usize,
+    ) -> PyResult<&Self> {
+        self.put(name, shaped(self.0.py(), samples, size.height, size.width, channels)?)
+    }
+
     /// Vectors of one value for each pixel as an array of `k×H×W`.
     pub(crate) fn stack(&self, name: &str, vectors: &[Vec<f64>], size: Resolution) -> PyResult<&Self> {
         let stacked = Array3::from_shape_vec((vectors.len(), size.height, size.width), vectors.concat());

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use krylux::Error;
 use krylux::analysis::align::{AlignOptions, Alignment, Round, Sight, align};
 use krylux::lab::{RigSource, RunOptions};
-use krylux::measure::calibrate::{CalibrateOptions, MapBy, StructuredLight};
+use krylux::measure::calibrate::{CalibrateOptions, CalibrationReport, MapBy, StructuredLight};
 use krylux::measure::rig_check::{self, RigToCheck};
 use krylux::rig::Helper;
 use pyo3::prelude::*;
@@ -16,7 +16,8 @@ use crate::arrays::Fields;
 use crate::settings::{Request, one_of};
 use crate::work;
 
-fn rig(py: Python<'_>, request: Request) -> PyResult<RigSource> {
+/// The rig of a request, whose calibration may not be there yet.
+pub(crate) fn rig(py: Python<'_>, request: Request) -> PyResult<RigSource> {
     let builder = request.builder(py)?;
     work::detached(py, || builder.open_uncalibrated_rig())
 }
@@ -31,19 +32,33 @@ pub(crate) fn calibrate<'py>(
     run: (Option<PathBuf>, bool, bool),
 ) -> PyResult<Bound<'py, PyDict>> {
     let (folder, overwrite, resume) = run;
-    let maps = [("gray-code", MapBy::GrayCode), ("checkerboard", MapBy::Checkerboard)];
-    let map = map.map(|name| one_of(py, "map", &name, &maps)).transpose()?;
+    let options = calibrate_options(py, takes, map)?;
     let rig = rig(py, request)?;
     let folder = folder.unwrap_or_else(|| rig.calibration_folder());
     let run = RunOptions { folder: Some(folder), overwrite, resume };
-    #[allow(clippy::needless_update, reason = "options that Python does not name keep their defaults")]
-    let options = CalibrateOptions { takes, map, ..CalibrateOptions::default() };
     let found = work::detached(py, || rig.calibrate(&options, &run))?;
     let fields = Fields::new(py);
-    let lines = found.report.lines().iter().map(|[of, text]| format!("{of:<11}{text}")).collect::<Vec<_>>();
-    fields.put("folder", found.folder)?.put("lines", lines)?;
-    fields.record("report", &found.report)?.record("effort", &found.effort)?;
+    fields.put("folder", found.folder)?.record("effort", &found.effort)?;
+    report_fields(&fields, &found.report)?;
     Ok(fields.0)
+}
+
+/// How devices are calibrated.
+pub(crate) fn calibrate_options(
+    py: Python<'_>,
+    takes: u32,
+    map: Option<String>,
+) -> PyResult<CalibrateOptions> {
+    let maps = [("gray-code", MapBy::GrayCode), ("checkerboard", MapBy::Checkerboard)];
+    let map = map.map(|name| one_of(py, "map", &name, &maps)).transpose()?;
+    Ok(CalibrateOptions { takes, map, ..CalibrateOptions::default() })
+}
+
+/// How well the devices are known.
+pub(crate) fn report_fields(fields: &Fields<'_>, report: &CalibrationReport) -> PyResult<()> {
+    let lines = report.lines().iter().map(|[of, text]| format!("{of:<11}{text}")).collect::<Vec<_>>();
+    fields.put("lines", lines)?.record("report", report)?;
+    Ok(())
 }
 
 /// Measures the uneven brightness of a rig's devices by a matte sheet, and adds it to the rig's calibration.

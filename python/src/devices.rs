@@ -118,16 +118,19 @@ impl Camera for PythonCamera {
     }
 
     fn capture(&mut self) -> krylux::Result<Option<RawFrame>> {
-        // A frame without a time of its own was triggered by this call.
         let (called, info) = (self.clock.seconds(), &self.info);
-        let taken = Python::try_attach(|py| -> PyResult<Option<Vec<u16>>> {
+        let taken = Python::try_attach(|py| -> PyResult<Option<(Vec<u16>, f64)>> {
             py.check_signals()?;
             let answer = self.device.call_method0(py, "capture")?;
-            let counts: Option<PyReadonlyArray1<'_, u16>> = answer.extract(py)?;
-            counts.map(|counts| Ok(counts.as_slice()?.to_vec())).transpose()
+            // The counts, and how many seconds ago their exposure began, where the camera says so.
+            let counts: Option<(PyReadonlyArray1<'_, u16>, Option<f64>)> = answer.extract(py)?;
+            let Some((counts, age)) = counts else { return Ok(None) };
+            // Any other frame was triggered by this call.
+            let started = age.map_or(called, |age| self.clock.seconds() - age);
+            Ok(Some((counts.as_slice()?.to_vec(), started)))
         });
-        let counts = taken.ok_or_else(|| gone("camera"))?.map_err(|error| failed("camera", error))?;
-        let Some(counts) = counts else { return Ok(None) };
+        let taken = taken.ok_or_else(|| gone("camera"))?.map_err(|error| failed("camera", error))?;
+        let Some((counts, started)) = taken else { return Ok(None) };
         self.id += 1;
         Ok(Some(RawFrame {
             resolution: info.resolution,
@@ -135,7 +138,7 @@ impl Camera for PythonCamera {
             counts,
             exposure: self.exposure,
             id: self.id,
-            started: called,
+            started,
         }))
     }
 

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use krylux::lab::{Lab as Laboratory, RunOptions, SourceKind};
+use krylux::measure::RigFile;
 use krylux::transport::Part;
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
@@ -40,6 +41,11 @@ impl Drop for Lab {
 }
 
 impl Lab {
+    fn around(lab: Laboratory) -> Self {
+        let lab = Arc::new(Mutex::new(Some(lab)));
+        Self { lab, photos: AtomicUsize::new(0), process: std::process::id() }
+    }
+
     /// Lets `work` use the laboratory, without the interpreter's lock. Threads take turns.
     pub(crate) fn with<T: Send>(
         &self,
@@ -68,9 +74,39 @@ impl Lab {
     #[new]
     fn new(py: Python<'_>, request: Request) -> PyResult<Self> {
         let builder = request.builder(py)?;
-        let lab = work::detached(py, || builder.open())?;
-        let lab = Arc::new(Mutex::new(Some(lab)));
-        Ok(Self { lab, photos: AtomicUsize::new(0), process: std::process::id() })
+        Ok(Self::around(work::detached(py, || builder.open())?))
+    }
+
+    /// The same scene through the virtual devices of a rig file.
+    fn through_rig(&self, py: Python<'_>, file: PathBuf) -> PyResult<Self> {
+        self.with(py, |lab| lab.through_rig(RigFile::load(&file)?)).map(Self::around)
+    }
+
+    /// Begins a run in a folder.
+    fn begin_run(&self, py: Python<'_>, folder: PathBuf, resume: bool, overwrite: bool) -> PyResult<()> {
+        let options = RunOptions { folder: Some(folder), overwrite, resume };
+        self.with(py, |lab| lab.begin_run("run", &options).map(|_| ()))
+    }
+
+    /// Measures the rig's devices from captures, and takes photos by that from now on.
+    fn calibrate<'py>(
+        &self,
+        py: Python<'py>,
+        takes: u32,
+        map: Option<String>,
+        flat_field: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let options = crate::bench::calibrate_options(py, takes, map)?;
+        let report = self.with(py, |lab| {
+            let report = lab.calibrate(&options)?;
+            if flat_field {
+                lab.measure_flat_field()?;
+            }
+            Ok(report)
+        })?;
+        let fields = Fields::new(py);
+        crate::bench::report_fields(&fields, &report)?;
+        Ok(fields.0)
     }
 
     /// What is known without a photo.

@@ -10,17 +10,21 @@
 //! | `lab`, `verbs`, `answers` | the laboratory, its questions, and what can be saved |
 //! | `matrix`, `operator`, `arrays` | matrices, products and pictures as arrays |
 //! | `krylov` | krylux's solvers on operators of Python |
-//! | `devices`, `bench` | cameras and projectors of Python, and the devices of a rig |
+//! | `pictures`, `figures` | pictures from files and their comparison, and the paper's figures |
+//! | `devices`, `bench`, `preview` | cameras and projectors of Python, and the devices of a rig |
 
 mod answers;
 mod arrays;
 mod bench;
 mod devices;
 mod errors;
+mod figures;
 mod krylov;
 mod lab;
 mod matrix;
 mod operator;
+mod pictures;
+mod preview;
 mod settings;
 mod verbs;
 mod watch;
@@ -34,14 +38,19 @@ fn _krylux(module: &Bound<'_, PyModule>) -> PyResult<()> {
     work::note_process();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<answers::Answer>()?;
+    module.add_class::<figures::Figures>()?;
     module.add_class::<lab::Lab>()?;
     module.add_class::<matrix::Matrix>()?;
     module.add_class::<operator::Operator>()?;
-    module.add_function(wrap_pyfunction!(work::panic, module)?)?;
+    module.add_class::<preview::Preview>()?;
     module.add_function(wrap_pyfunction!(krylov::solve, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::eigenpairs, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::trace, module)?)?;
     module.add_function(wrap_pyfunction!(krylov::svd, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::read_picture, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::compare, module)?)?;
+    module.add_function(wrap_pyfunction!(figures::reproduce, module)?)?;
+    module.add_function(wrap_pyfunction!(preview::attached, module)?)?;
     module.add_function(wrap_pyfunction!(bench::calibrate, module)?)?;
     module.add_function(wrap_pyfunction!(bench::flat_field, module)?)?;
     module.add_function(wrap_pyfunction!(bench::check, module)?)?;

@@ -56,13 +56,6 @@ fn text_of(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no reason given".into())
 }
 
-/// Panics, for the test that a panic is an exception.
-#[pyfunction]
-pub(crate) fn panic(py: Python<'_>) -> PyResult<()> {
-    #[allow(clippy::panic, reason = "it is what the test asks for")]
-    detached(py, || panic!("a panic on purpose"))
-}
-
 /// The threads for products in a process that was forked after this one had started its own.
 static CHILD_POOL: Mutex<Option<(u32, Arc<rayon::ThreadPool>)>> = Mutex::new(None);
 

@@ -60,9 +60,9 @@ def command_line():
     return run
 
 
-def in_another_process(code, *arguments, timeout=120):
+def in_another_process(code, *arguments, timeout=120, folder=ROOT, **environment):
     """Runs Python code in a fresh interpreter, and returns what it printed."""
-    done = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], cwd=ROOT, capture_output=True, text=True,
-                          timeout=timeout, check=False)
+    done = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], cwd=folder, capture_output=True, text=True,
+                          timeout=timeout, check=False, env={**os.environ, **environment})
     assert done.returncode == 0, done.stderr
     return done.stdout

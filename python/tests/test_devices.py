@@ -1,10 +1,14 @@
 """A camera and a projector written in Python, behind the rig traits."""
 
+import time
+
 import numpy as np
 import pytest
 
 import krylux
 from krylux import errors
+
+from conftest import ROOT
 
 
 class Screen:
@@ -23,7 +27,7 @@ class Screen:
 class Eye:
     """A camera that sees each pixel, and a tenth of all light everywhere."""
 
-    name, size, bits, exposures = "eye", (6, 4), 16, (1e-5, 1e-2)
+    name, size, bits, exposures, simulated = "eye", (6, 4), 16, (1e-5, 1e-2), True
 
     def __init__(self, screen, fails_after=None):
         self.screen, self.fails_after, self.taken, self.exposure = screen, fails_after, 0, None
@@ -126,3 +130,110 @@ def test_it_is_checked_and_calibrated_like_any_rig(tmp_path):
                                        calibration=found.folder)
     with krylux.open(calibrated, progress=False) as lab:
         assert lab.white.shape == (24, 24)
+
+
+class Timed(Eye):
+    """A camera whose exposures take their time; `shoot` returns a frame of the pattern that is on screen when it begins."""
+
+    simulated, exposures = False, (1e-3, 0.02)
+
+    def shoot(self):
+        light = 2.0 * self.screen.levels
+        started = time.monotonic()
+        time.sleep(self.exposure)
+        return np.minimum(light * 50, 65535).astype(np.uint16), started
+
+    def capture(self):
+        return self.shoot()[0]
+
+
+class Free(Timed):
+    """A camera that runs freely: each call returns the frame that was exposed before it."""
+
+    waiting = None
+
+    def capture(self):
+        waiting, self.waiting = self.waiting, self.shoot()
+        return waiting
+
+
+def timed(kind):
+    screen = Screen()
+    return krylux.rig.ProgramRig(screen, kind(screen), measurement={"exposures": [5e-3], "sentinel_every": 0})
+
+
+def test_a_camera_that_is_triggered_needs_to_say_nothing():
+    pattern = np.linspace(0, 1, 24).reshape(4, 6)
+    with krylux.open(timed(Timed), progress=False) as lab:
+        seen = lab.photo(pattern)
+        # Levels are rounded to 8 bits.
+        assert np.allclose(seen / seen.max(), pattern, atol=0.5 / 255)
+        assert lab.costs["effort"]["late"] == 0
+
+
+def test_the_camera_of_the_readme_works_as_it_is_printed():
+    screen, scope = Screen(), {}
+    exec((ROOT / "python" / "README.md").read_text().split("```python\n")[2].split("```")[0], scope)
+
+    class Device(Timed):
+        def set_exposure(self, exposure):
+            self.exposure = exposure
+
+        def trigger(self):
+            self.frame, _ = self.shoot()
+
+        def wait_for_frame(self):
+            return self.frame >> 4
+
+    class Small(scope["MyCamera"]):
+        size = (6, 4)
+
+    camera = Small(Device(screen))
+    pattern = np.linspace(0, 1, 24).reshape(4, 6)
+    with krylux.open(krylux.rig.ProgramRig(screen, camera, measurement={"exposures": [2e-3]}), progress=False) as lab:
+        seen = lab.photo(pattern)
+    # Levels are rounded to 8 bits, counts of 0 to 1593 to whole numbers.
+    assert np.allclose(seen / seen.max(), pattern, atol=0.5 / 255 + 1 / 1593)
+
+
+def test_frames_of_a_camera_that_runs_freely_are_of_the_pattern_or_refused():
+    pattern = np.linspace(0, 1, 24).reshape(4, 6)
+    with krylux.open(timed(Free), progress=False) as lab:
+        for shown in (pattern, pattern[::-1], 1 - pattern):
+            seen = lab.photo(shown)
+            assert np.allclose(seen / seen.max(), shown, atol=1 / 255)
+        assert lab.costs["effort"]["late"] >= 3, "the frame before each pattern is late"
+
+
+def test_a_frame_that_was_in_flight_is_an_error_that_says_so():
+    class Hasty(Timed):
+        def capture(self):
+            return np.zeros((4, 6), np.uint16)
+
+    with krylux.open(timed(Hasty), progress=False) as lab, pytest.raises(errors.OptionError) as caught:
+        lab.white
+    assert "exposed before it was asked for" in str(caught.value) and "time.monotonic()" in caught.value.help
+    assert caught.value.option == "camera.capture"
+
+
+@pytest.mark.parametrize("started, text", [
+    (lambda: time.monotonic() + 1, "only before"), (time.time, "only before"), (lambda: np.nan, "it is nan"),
+    (lambda: None, "is no number"),
+])
+def test_times_that_cannot_be_are_refused(started, text):
+    class Wrong(Timed):
+        def capture(self):
+            return self.shoot()[0], started()
+
+    with krylux.open(timed(Wrong), progress=False) as lab, pytest.raises(errors.OptionError, match=text) as caught:
+        lab.white
+    assert caught.value.option == "camera.capture"
+
+
+def test_a_camera_whose_frames_are_always_old_is_given_up_with_a_reason():
+    class Old(Timed):
+        def capture(self):
+            return self.shoot()[0], time.monotonic() - 100
+
+    with krylux.open(timed(Old), progress=False) as lab, pytest.raises(errors.RigError, match="before the pattern had settled"):
+        lab.white

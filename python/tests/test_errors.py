@@ -33,6 +33,10 @@ def test_wrong_vectors_are_named(zigzag):
         A @ np.where(np.arange(576) == 5, np.nan, 1.0)
     with pytest.raises(errors.ArrayError, match="data type is complex"):
         A @ np.ones(576, complex)
+    with pytest.raises(errors.OptionError, match="X: 2 of its values are NaN"):
+        A @ np.where(np.arange(576 * 3).reshape(576, 3) < 2, np.inf, 1.0)
+    with pytest.raises(errors.OptionError, match="x: 1 of its values are NaN"):
+        A @ np.where(np.arange(1152) == 10, np.nan, 1.0)[::2]
     with pytest.raises(errors.OptionError, match='part: there is no "glob"'):
         zigzag.operator("glob")
 
@@ -61,6 +65,23 @@ def test_the_texts_of_krylux_name_arguments_of_python(tmp_path):
     with pytest.raises(errors.DataError, match="broken.toml") as caught:
         krylux.open(tmp_path / "broken.toml")
     assert caught.value.path.endswith("broken.toml")
+
+
+@pytest.mark.parametrize("size", [10**5, 10**6, 2**31, 2**40])
+def test_sizes_that_no_machine_holds_are_errors(size):
+    # In a process of its own, because an allocation that fails would end it.
+    from conftest import in_another_process
+
+    in_another_process("""
+import sys, krylux
+try:
+    lab = krylux.open('assets/scenes/corner/scene.glb', size=int(sys.argv[1]), spp=1, cache=False, progress=False)
+    lab.white
+except krylux.Error as error:
+    assert error.help, error
+else:
+    raise AssertionError('it was traced')
+""", size)
 
 
 def test_wrong_questions_are_named(zigzag):
@@ -131,9 +152,29 @@ freeze_for_good = true
 def test_a_fault_of_krylux_is_an_exception_and_the_interpreter_goes_on():
     from krylux import _krylux
 
-    with pytest.raises(errors.InternalError, match="krylux failed: a panic on purpose"):
-        _krylux.panic()
+    # No operator of the package has this shape: its vectors have more bytes than addresses, which is a panic in Rust.
+    described = {"product": None, "shape": (2**62, 2**62), "symmetric": True, "block": 1, "progress": None,
+                 "log": lambda *_: None}
+    with pytest.raises(errors.InternalError, match="krylux failed: capacity overflow\n  help: please report it"):
+        _krylux.trace(described, 2, 0, "hutchinson")
     assert krylux.open(np.eye(2)).eigs(1, photos=2).values[0] == 1
+
+
+@pytest.mark.parametrize("side", [2**40, 2**62, 2**70])
+def test_operators_that_claim_any_shape_are_refused(side):
+    class Claim:
+        shape = (side, side)
+
+        def __matmul__(self, x):
+            raise AssertionError("no product is asked for")
+
+    for call in (lambda: krylux.krylov.eigs(Claim(), 1), lambda: krylux.krylov.trace(Claim()),
+                 lambda: krylux.krylov.svd(Claim())):
+        with pytest.raises(errors.OptionError, match="fits into memory") as caught:
+            call()
+        assert caught.value.option == "A"
+    with pytest.raises(errors.OptionError, match="symmetric: A has 2 rows"):
+        krylux.krylov.lsqr(np.ones((2, 3)), np.ones(2), symmetric=True)
 
 
 def test_exceptions_can_be_pickled_with_their_parts(zigzag):

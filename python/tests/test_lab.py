@@ -11,7 +11,7 @@ import scipy.sparse
 
 import krylux
 
-from conftest import SCENES, in_another_process
+from conftest import ROOT, SCENES, in_another_process
 
 
 def test_photos_are_the_same_for_any_type_and_strides(zigzag):
@@ -183,12 +183,29 @@ print(seconds)
 def test_matrices_and_runs_need_no_vulkan(zigzag, tmp_path):
     with krylux.open(SCENES / "zigzag" / "scene.glb", size=12, spp=8, folder=tmp_path / "run", progress=False) as lab:
         lab.segment([2], photos=10).save()
+    # As on a machine without a driver: the loader finds none.
+    nowhere = {name: str(tmp_path / "nowhere.json") for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")}
     in_another_process("""
 import sys, numpy as np, krylux
 assert np.allclose(krylux.open(np.diag([3.0, 2.0, 1.0])).eigs(1, photos=3).values, [3.0])
 krylux.open(sys.argv[1]).segment([2])
 assert 'vulkan' not in open('/proc/self/maps').read()
-""", tmp_path / "run")
+try:
+    krylux.open('assets/scenes/zigzag/scene.glb', size=8, cache=False).white
+except krylux.errors.NoAdapterError as error:
+    assert 'Vulkan' in str(error) and error.help
+else:
+    raise AssertionError('a scene was traced without Vulkan')
+""", tmp_path / "run", **nowhere)
+
+
+@pytest.mark.parametrize("page", ["README.md", "python/README.md"])
+def test_the_example_of_the_readme_runs_as_it_is_printed(page, tmp_path):
+    text = (ROOT / page).read_text()
+    code = text.split("```python\n")[1].split("```")[0]
+    assert len([line for line in code.splitlines() if line and not line.startswith("import")]) <= 5
+    (tmp_path / "assets").symlink_to(ROOT / "assets")
+    in_another_process(code, folder=tmp_path, timeout=300)
 
 
 def test_a_notebook_shows_labels_photos_and_spectra(zigzag):

@@ -56,6 +56,20 @@ def test_products_equal_those_of_the_matrix_and_are_counted(zigzag, dense):
     assert A.photos == 18
 
 
+def test_vectors_of_any_type_and_strides_are_taken(zigzag):
+    A = zigzag.operator("global")
+    wide = np.random.default_rng(4).integers(-3, 4, (1152, 6)).astype(float)
+    x, X = wide[::2, 0], wide[::2, ::2]
+    assert not x.flags.c_contiguous and not X.flags.c_contiguous
+    true, block = A @ x.copy(), A @ X.copy()
+    for form in (x, x.astype(np.float32), x.astype(np.int16), x.tolist(), x.astype(">f8"), x[::-1].copy()[::-1]):
+        assert np.array_equal(A @ form, true)
+        assert np.array_equal(A.matvec(form), true)
+    assert np.array_equal(A @ x[:, None], true[:, None])
+    for form in (X, np.asfortranarray(X), X.astype(np.float32), X.astype(int)):
+        assert np.array_equal(A @ form, block)
+
+
 def test_a_block_has_the_bits_of_single_products(zigzag):
     A = zigzag.operator("full")
     X = np.random.default_rng(0).standard_normal((576, 9))

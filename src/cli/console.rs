@@ -122,11 +122,6 @@ impl Console {
         self.quiet
     }
 
-    /// A bar for steps of `what`: drawn on a terminal, invisible in a pipe and with `-q`.
-    pub(super) fn bar(&self, what: &'static str) -> Bar {
-        Bar::steps(self, what)
-    }
-
     /// One line that is rewritten again and again.
     pub(super) fn line(&self) -> Bar {
         Bar::line(self)

@@ -22,7 +22,7 @@ const PHOTOS: &str = "{prefix:<9} {bar:16} {pos:>3}/{len}  {elapsed} gone, {eta}
 /// What is shown of a running computation.
 #[derive(Default)]
 pub(super) struct Progress {
-    tracing: Option<Bar>,
+    steps: Option<Bar>,
     photos: Option<PhotoLine>,
     taken: u64,
     viewer: Option<Display>,
@@ -45,7 +45,7 @@ impl Progress {
 
     /// Takes bar and line off the screen, before something else is written.
     pub(super) fn clear(&mut self) {
-        self.tracing = None;
+        self.steps = None;
         self.photos = None;
     }
 
@@ -53,16 +53,16 @@ impl Progress {
         match step.stage {
             // While photos are traced one by one, the line about photos says more.
             "tracing" if self.photos.is_some() => {}
-            "tracing" => {
-                let bar = self.tracing.get_or_insert_with(|| Bar::steps(console, "tracing"));
+            "tracing" | "trials" => {
+                let bar = self.steps.get_or_insert_with(|| Bar::steps(console, step.stage));
                 // Whether to go on is asked by the console.
                 let _ = bar.at(step.done, step.total);
                 if step.done == step.total {
-                    self.tracing = None;
+                    self.steps = None;
                 }
             }
             _ if step.done == 0 => {
-                self.tracing = None;
+                self.steps = None;
                 self.photos = Some(PhotoLine::new(console, self.taken, self.taken + step.total));
             }
             _ => {

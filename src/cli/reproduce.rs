@@ -1,8 +1,6 @@
 //! `krylux reproduce`: the paper's figures, made again and held to bounds.
 
-use std::path::PathBuf;
 use std::sync::{Arc, LazyLock};
-use std::time::Instant;
 
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
@@ -14,7 +12,7 @@ use super::opener;
 use super::options::{OutputArgs, RunArgs};
 use crate::error::{Error, Result};
 use crate::lab::{RunFolder, SharedObserver};
-use crate::paper::{self, Bench, BenchOptions, Figure, Gallery, Reproduced, Rig};
+use crate::paper::{self, BenchOptions, Figure, Gallery, Reproduced, Rig};
 
 /// Make the paper's figures again: pictures, numbers and a page that holds them beside what the paper says
 #[derive(clap::Args)]
@@ -114,26 +112,13 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(Outcome, String)> {
-    let mut made = Vec::new();
-    for &rig in args.rigs() {
-        let options = BenchOptions { rig, quick: args.quick, adapter: args.adapter.clone() };
-        let mut bench = Bench::new(options, Arc::new(console.clone()));
-        for figure in args.figures() {
-            let start = Instant::now();
-            let one = paper::reproduce(figure, &mut bench)?;
-            folder.manifest.record(format!("{}, {}", figure.name(), rig.name()), start.elapsed());
-            say(&one, args.quick, console)?;
-            made.push(one);
-        }
-    }
+    let benches =
+        args.rigs().iter().map(|&rig| BenchOptions { rig, quick: args.quick, adapter: args.adapter.clone() });
+    let observer = SharedObserver(Arc::new(console.clone()));
+    let mut said = |one: &Reproduced| say(one, args.quick, console);
+    let made = paper::reproduce_all(&args.figures(), benches, &observer, &mut said)?;
     let gallery = Gallery { made: &made, quick: args.quick };
-    folder.manifest.photos = made.iter().map(|one| one.photos as u64).sum();
-    let seconds = folder.seconds();
-    let start = Instant::now();
-    let files = gallery.write(&folder.path, &folder.manifest, seconds)?;
-    folder.manifest.record("files", start.elapsed());
-    folder.manifest.outputs = files;
-    let report: PathBuf = folder.path.join("report.html");
+    let report = gallery.write_into(folder)?;
     console.say(format_args!("report    {}", report.display()))?;
     let verdict = gallery.verdict();
     console.say(format_args!("verdict   {}", verdict.sentence))?;

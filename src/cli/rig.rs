@@ -3,7 +3,6 @@
 mod align;
 mod bench;
 mod calibrate;
-mod cameras;
 mod check;
 mod flat_field;
 mod list;

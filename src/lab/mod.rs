@@ -68,8 +68,8 @@ pub use rig::RigSource;
 pub use settings::{CacheChoice, ChannelChoice, OperatorChoice, Settings, TraceOverrides};
 pub use source::SourceKind;
 pub use verbs::{
-    BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, MatrixRequest, Questions,
-    RelightRequest, SeparateRequest, SinglePhoto,
+    BLOCK, Calibrated, ColorMixing, CompensateAnswer, CompensateRequest, MatrixRequest, Plan, PlanRequest,
+    Questions, RelightRequest, SeparateRequest, SinglePhoto,
 };
 pub use verification::VerifiedEigenpairs;
 

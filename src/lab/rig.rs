@@ -146,7 +146,7 @@ impl RigSource {
     }
 
     /// Whether projector and camera have the same pose and lens, so that the matrix is symmetric.
-    pub(super) fn is_symmetric(&self) -> bool {
+    pub fn is_symmetric(&self) -> bool {
         self.symmetry == Symmetry::Symmetric
     }
 

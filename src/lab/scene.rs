@@ -54,14 +54,14 @@ impl SceneSource {
         let options = LoadOptions { camera, camera_file };
         let load = || load(path, &options, observer);
         let (scene, tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
-        Ok(Self::new(scene, tracer, trace, settings, observer))
+        Self::new(scene, tracer, trace, settings, observer)
     }
 
     /// A scene that a program made. Its matrix is neither looked up in the cache nor kept there, since the scene may differ from the file that its
     /// hash names.
     pub(super) fn in_memory(scene: Scene, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
         let tracer = Tracer::new(&scene, settings.adapter.as_deref())?;
-        let source = Self::new(scene, tracer, settings.trace.for_scene(), settings, observer);
+        let source = Self::new(scene, tracer, settings.trace.for_scene(), settings, observer)?;
         Ok(Self { cache: None, ..source })
     }
 
@@ -71,14 +71,16 @@ impl SceneSource {
         trace: TraceSettings,
         settings: &Settings,
         observer: &SharedObserver,
-    ) -> Self {
+    ) -> Result<Self> {
         tracer.observe(Arc::clone(&observer.0));
         let adapter = tracer.adapter().clone();
         let AdapterSummary { name, kind, driver_version, .. } = &adapter;
         observer.detail(format_args!("adapter   {name} ({kind}), {driver_version}"));
         // The scene's rig may say how many pixels its projector has.
         let trace = TraceSettings { projector: trace.projector.or(scene.projector_resolution), ..trace };
-        Self {
+        // Before a pattern of so many pixels is made.
+        trace.check()?;
+        Ok(Self {
             scene: Arc::new(scene),
             tracer: Arc::new(Mutex::new(tracer)),
             adapter,
@@ -87,7 +89,7 @@ impl SceneSource {
             backend: settings.backend,
             kept: Arc::default(),
             observer: observer.clone(),
-        }
+        })
     }
 
     /// The same scene, traced with these settings from now on. Its matrix is not shared with this one.

@@ -48,6 +48,7 @@ pub use figure::{Content, Figure, Panel, Plot, Reproduced, Strip};
 pub use gallery::Gallery;
 
 use crate::error::Result;
+use crate::lab::SharedObserver;
 
 /// Reproduces `figure` on `bench`.
 ///
@@ -69,4 +70,26 @@ pub fn reproduce(figure: Figure, bench: &mut Bench) -> Result<Reproduced> {
     }?;
     made.seconds = start.elapsed().as_secs_f64();
     Ok(made)
+}
+
+/// Reproduces `figures` on one bench after the other. `made` is told of each figure as soon as it is there.
+///
+/// # Errors
+/// Those of [`reproduce`] and of `made`.
+pub fn reproduce_all(
+    figures: &[Figure],
+    benches: impl IntoIterator<Item = BenchOptions>,
+    observer: &SharedObserver,
+    made: &mut dyn FnMut(&Reproduced) -> Result<()>,
+) -> Result<Vec<Reproduced>> {
+    let mut all = Vec::new();
+    for options in benches {
+        let mut bench = Bench::new(options, std::sync::Arc::clone(&observer.0));
+        for &figure in figures {
+            let one = reproduce(figure, &mut bench)?;
+            made(&one)?;
+            all.push(one);
+        }
+    }
+    Ok(all)
 }

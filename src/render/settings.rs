@@ -45,44 +45,48 @@ impl TraceSettings {
             gather: Gather::default(),
         }
     }
+
+    /// Checks the limits of the settings.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming the option of the command line.
+    pub fn check(&self) -> Result<()> {
+        check_size("--size", self.resolution)?;
+        if let Some(projector) = self.projector {
+            check_size("--projector-size", projector)?;
+        }
+        let unusable = |option: &str, fault: String, help: String| {
+            Err(Error::Option { option: option.into(), fault, help })
+        };
+        let Gather { radius, photons } = self.gather;
+        if self.samples == 0 || self.samples > 1 << 20 {
+            let fault = format!("{} samples per pixel cannot be traced", self.samples);
+            return unusable("--spp", fault, "give 1 to 1048576, e.g. --spp 64".into());
+        }
+        if !(radius.is_finite() && radius > 0.0) {
+            let help = "give a positive number, e.g. --gather-radius 1".into();
+            return unusable("--gather-radius", format!("{radius} is no radius"), help);
+        }
+        if photons > 1 << 16 {
+            let fault = format!("{photons} chains per pixel cannot be traced");
+            return unusable("--gather-photons", fault, "give 0 to 65536, e.g. --gather-photons 16".into());
+        }
+        if self.max_bounces == 0 || self.max_bounces > MAX_BOUNCES {
+            let fault = format!("{} surface hits per path cannot be traced", self.max_bounces);
+            let help = format!("give 1 (direct light only) to {MAX_BOUNCES}, e.g. --max-bounces 6");
+            return unusable("--max-bounces", fault, help);
+        }
+        Ok(())
+    }
 }
 
-/// Checks the limits of the settings. The error names the option of the command line.
-pub(super) fn check(settings: &TraceSettings) -> Result<()> {
-    let Resolution { width, height } = settings.resolution;
+fn check_size(option: &str, size: Resolution) -> Result<()> {
+    let Resolution { width, height } = size;
     if width == 0 || height == 0 || width > 16384 || height > 16384 {
         return Err(Error::Option {
-            option: "--size".into(),
-            fault: format!("{} pixels cannot be traced", settings.resolution),
-            help: "give 1 to 16384 pixels a side, e.g. --size 128 or --size 128x96".into(),
-        });
-    }
-    if settings.samples == 0 || settings.samples > 1 << 20 {
-        return Err(Error::Option {
-            option: "--spp".into(),
-            fault: format!("{} samples per pixel cannot be traced", settings.samples),
-            help: "give 1 to 1048576, e.g. --spp 64".into(),
-        });
-    }
-    if !(settings.gather.radius.is_finite() && settings.gather.radius > 0.0) {
-        return Err(Error::Option {
-            option: "--gather-radius".into(),
-            fault: format!("{} is no radius", settings.gather.radius),
-            help: "give a positive number, e.g. --gather-radius 1".into(),
-        });
-    }
-    if settings.gather.photons > 1 << 16 {
-        return Err(Error::Option {
-            option: "--gather-photons".into(),
-            fault: format!("{} chains per pixel cannot be traced", settings.gather.photons),
-            help: "give 0 to 65536, e.g. --gather-photons 16".into(),
-        });
-    }
-    if settings.max_bounces == 0 || settings.max_bounces > MAX_BOUNCES {
-        return Err(Error::Option {
-            option: "--max-bounces".into(),
-            fault: format!("{} surface hits per path cannot be traced", settings.max_bounces),
-            help: format!("give 1 (direct light only) to {MAX_BOUNCES}, e.g. --max-bounces 6"),
+            option: option.into(),
+            fault: format!("{size} pixels cannot be traced"),
+            help: format!("give 1 to 16384 pixels a side, e.g. {option} 128 or {option} 128x96"),
         });
     }
     Ok(())

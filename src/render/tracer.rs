@@ -15,7 +15,7 @@ use super::output::{Output, StagingBuffers};
 use super::parameters::Parameters;
 use super::pipeline::Pipeline;
 use super::rig::Rig;
-use super::settings::{TraceSettings, check};
+use super::settings::TraceSettings;
 use super::strategy::{Strategy, StrategyBuilder};
 use super::strategy_run::{Kernel, StrategyRun};
 use super::summary::TraceSummary;
@@ -124,7 +124,7 @@ impl Tracer {
         settings: &TraceSettings,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<TraceSummary> {
-        check(settings)?;
+        settings.check()?;
         let strategies = self.strategy_builder().strategies(settings)?;
         let total = strategies.iter().map(Strategy::paths).sum();
         let mut summary = TraceSummary::default();
@@ -188,7 +188,7 @@ impl Tracer {
     /// [`Error::Device`] when the device failed.
     pub fn regions(&mut self, resolution: Resolution) -> Result<Vec<Option<u32>>> {
         let settings = TraceSettings { max_bounces: 1, ..TraceSettings::new(resolution, 1) };
-        check(&settings)?;
+        settings.check()?;
         let camera = self.rig.camera(&settings);
         let template = self.strategy_builder().strategy(&settings, [camera; 2], [1; 2], true)?;
         let kernel = Pipeline::new(&self.gpu, "primary_regions", &template.features)?;

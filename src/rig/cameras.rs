@@ -79,7 +79,7 @@ pub(super) fn timeout() -> f64 {
 
 /// The error where krylux was built without support for a kind of camera.
 #[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
-pub(crate) fn not_built(what: &str, feature: &str) -> crate::Error {
+pub(super) fn not_built(what: &str, feature: &str) -> crate::Error {
     super::camera_fault(
         format!("this krylux was built without {what}"),
         format!("build it with --features {feature}"),

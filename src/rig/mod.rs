@@ -18,6 +18,7 @@
 //! | `V4l`, behind Linux's video interface | the feature `v4l` |
 //! | [`Gphoto2`], a still camera | the programs `gphoto2` and `dcraw` (or another RAW decoder) |
 
+mod attached;
 mod cameras;
 mod clock;
 mod devices;
@@ -35,8 +36,9 @@ mod v4l;
 mod virtual_bench;
 mod x11;
 
+pub use attached::{AttachedCamera, AttachedDevices};
 #[cfg(not(all(feature = "gige", feature = "usb3", feature = "v4l")))]
-pub(crate) use cameras::not_built;
+use cameras::not_built;
 pub use cameras::{CameraKind, CameraSpec};
 pub use clock::WallClock;
 pub use devices::{Camera, Clock, Devices, Projector, Shown, Stamp, Waited};

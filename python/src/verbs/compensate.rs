@@ -20,7 +20,7 @@ use crate::settings::one_of;
 /// What is asked of a compensation.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-struct CompensateQuestion {
+pub(super) struct CompensateQuestion {
     method: Option<String>,
     photos: Option<usize>,
     rtol: Option<f64>,
@@ -41,7 +41,12 @@ struct CompensateQuestion {
 
 impl CompensateQuestion {
     /// The options of krylux for a symmetric rig or another; a comparison with a baseline costs nothing where photos are products.
-    fn options(&self, py: Python<'_>, is_symmetric: bool, is_simulated: bool) -> PyResult<CompensateOptions> {
+    pub(super) fn options(
+        &self,
+        py: Python<'_>,
+        is_symmetric: bool,
+        is_simulated: bool,
+    ) -> PyResult<CompensateOptions> {
         let base = match self.paper {
             true => CompensateOptions::paper(is_symmetric, 0.1),
             false => CompensateOptions::default(),

@@ -3,6 +3,7 @@
 mod compensate;
 mod eigs;
 mod light;
+mod plan;
 mod relight;
 mod segment;
 mod separate;

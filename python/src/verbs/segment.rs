@@ -15,7 +15,7 @@ use crate::settings::one_of;
 /// What is asked of a segmentation.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-struct SegmentQuestion {
+pub(super) struct SegmentQuestion {
     photos: usize,
     groups: Vec<usize>,
     starts: Option<usize>,
@@ -23,7 +23,7 @@ struct SegmentQuestion {
     cut: String,
     mu: f64,
     mask_below: f64,
-    direct: String,
+    pub(super) direct: String,
     direct_photos: usize,
     direct_square: usize,
     blur: f64,
@@ -33,7 +33,7 @@ struct SegmentQuestion {
 }
 
 impl SegmentQuestion {
-    fn request(self, py: Python<'_>) -> PyResult<SegmentRequest> {
+    pub(super) fn request(self, py: Python<'_>) -> PyResult<SegmentRequest> {
         let shifts = self.direct_photos.isqrt();
         let direct = [
             ("source", DirectLight::Source),

@@ -79,13 +79,12 @@ impl From<PreconditionArg> for Precondition {
 }
 
 impl Question {
-    /// The library's options for a coaxial rig.
-    pub(in crate::cli) fn options(&self) -> CompensateOptions {
-        self.options_on(true, None)
-    }
-
     /// The library's options for a rig whose light transport is symmetric or not; `photos_of_run` is the default budget of a run that is asked again.
-    pub(super) fn options_on(&self, symmetric: bool, photos_of_run: Option<usize>) -> CompensateOptions {
+    pub(in crate::cli) fn options_on(
+        &self,
+        symmetric: bool,
+        photos_of_run: Option<usize>,
+    ) -> CompensateOptions {
         let base =
             if self.paper { CompensateOptions::paper(symmetric, 0.1) } else { CompensateOptions::default() };
         let method = self.method.unwrap_or(base.method);

@@ -7,10 +7,9 @@ use serde_json::{Value, json};
 use super::super::Outcome;
 use super::super::console::Console;
 use super::super::options::OutputArgs;
-use super::cameras;
 use crate::error::Result;
 use crate::measure::{RigFile, RigKind};
-use crate::rig::{self, MonitorInfo};
+use crate::rig::{AttachedCamera, AttachedDevices, MonitorInfo};
 
 /// List the monitors and cameras that a rig file may name, and what they can do
 #[derive(clap::Args)]
@@ -34,23 +33,20 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if let Some(file) = file.as_ref().filter(|_| hardware.is_none()) {
         say_virtual(file, console)?;
     }
-    let display = args.display.clone().or(hardware.and_then(|rig| rig.projector.display.clone()));
-    let monitors = rig::monitors(display.as_deref());
-    match &monitors {
-        Ok(monitors) => {
-            monitors.iter().enumerate().try_for_each(|(at, monitor)| say(at, monitor, console))?;
-        }
-        // A computer without a screen may still have cameras.
-        Err(why) => console.note(format_args!("note: {why}")),
+    let mut note = |why: &crate::Error| console.note(format_args!("note: {why}"));
+    let found = AttachedDevices::find(args.display.as_deref(), hardware, &mut note);
+    found.monitors.iter().enumerate().try_for_each(|(at, monitor)| say_monitor(at, monitor, console))?;
+    if found.cameras.is_empty() {
+        console.say("camera    none answers")?;
     }
-    let cameras = cameras::list(hardware.map(|rig| &rig.camera), console)?;
-    let monitors: Vec<Value> = monitors.unwrap_or_default().iter().map(describe).collect();
+    found.cameras.iter().try_for_each(|camera| say_camera(camera, console))?;
+    let cameras: Vec<&Value> = found.cameras.iter().map(|camera| &camera.described).collect();
     let simulated = file
         .as_ref()
         .filter(|_| hardware.is_none())
         .map(|file| json!({ "projector": file.kind.projector_info(), "camera": file.kind.camera_info() }));
     console.summary(
-        &json!({ "verb": "rig list", "monitors": monitors, "cameras": cameras, "virtual": simulated }),
+        &json!({ "verb": "rig list", "monitors": found.monitors, "cameras": cameras, "virtual": simulated }),
     )?;
     Ok(Outcome::Done)
 }
@@ -69,7 +65,7 @@ fn say_virtual(file: &RigFile, console: &Console) -> Result<()> {
     ))
 }
 
-fn say(at: usize, monitor: &MonitorInfo, console: &Console) -> Result<()> {
+fn say_monitor(at: usize, monitor: &MonitorInfo, console: &Console) -> Result<()> {
     let [x, y] = monitor.place;
     let refresh = monitor.frame_time.map_or_else(String::new, |time| format!(", frame_time = {time:.5}"));
     let primary = if monitor.is_primary { ", the desktop's first" } else { "" };
@@ -79,12 +75,12 @@ fn say(at: usize, monitor: &MonitorInfo, console: &Console) -> Result<()> {
     ))
 }
 
-fn describe(monitor: &MonitorInfo) -> Value {
-    json!({
-        "name": monitor.name,
-        "resolution": monitor.resolution,
-        "place": monitor.place,
-        "primary": monitor.is_primary,
-        "frame_time": monitor.frame_time,
-    })
+fn say_camera(camera: &AttachedCamera, console: &Console) -> Result<()> {
+    for (at, line) in camera.lines.iter().enumerate() {
+        console.say(format_args!("{:<9} {line}", if at == 0 { "camera" } else { "" }))?;
+    }
+    if let Some(why) = &camera.unknown {
+        console.note(format_args!("note: {why}"));
+    }
+    Ok(())
 }

@@ -93,7 +93,7 @@ fn watch(
         if args.frames > 0 && preview.taken() == args.frames {
             break Ok(());
         }
-        let figures = match preview.capture() {
+        let figures = match preview.capture(frames) {
             Ok(figures) => figures,
             Err(error) => break Err(error),
         };

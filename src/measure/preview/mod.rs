@@ -70,9 +70,8 @@ pub fn level_frame(image: &Image, projector: &ProjectorInfo) -> Result<Frame> {
     Frame::new(size, channels, (0..size.pixels() * channels).map(level).collect())
 }
 
-/// A running preview.
-pub struct Preview<'a> {
-    frames: &'a mut dyn FrameSource,
+/// A running preview. Each call is handed the same source of frames.
+pub struct Preview {
     frame: Arc<Frame>,
     exposure: f64,
     range: CountRange,
@@ -84,11 +83,11 @@ pub struct Preview<'a> {
     best_focus: Option<f64>,
 }
 
-impl<'a> Preview<'a> {
+impl Preview {
     /// Starts a preview of `frame` with exposures of so many seconds.
-    pub fn new(frames: &'a mut dyn FrameSource, frame: Arc<Frame>, exposure: f64, range: CountRange) -> Self {
+    pub fn new(frames: &dyn FrameSource, frame: Arc<Frame>, exposure: f64, range: CountRange) -> Self {
         let began = frames.effort().seconds;
-        Self { frames, frame, exposure, range, began, taken: 0, last: None, best_focus: None }
+        Self { frame, exposure, range, began, taken: 0, last: None, best_focus: None }
     }
 
     /// The exposure, in seconds, at which white fills about 70 % of the camera's range, and whether the
@@ -104,18 +103,18 @@ impl<'a> Preview<'a> {
     ///
     /// # Errors
     /// Those of [`FrameSource::capture`].
-    pub fn capture(&mut self) -> Result<FrameFigures> {
+    pub fn capture(&mut self, frames: &mut dyn FrameSource) -> Result<FrameFigures> {
         let request = CaptureRequest {
             frame: Arc::clone(&self.frame),
             exposure: self.exposure,
             take: self.taken as u32,
         };
-        let raw = self.frames.capture(&request)?;
+        let raw = frames.capture(&request)?;
         self.taken += 1;
         let last = self.last.as_ref();
         let score = last.and_then(|last| focus(last, &raw, self.range.black, self.range.limit));
         self.best_focus = self.best_focus.into_iter().chain(score).reduce(f64::max);
-        let seconds = self.frames.effort().seconds - self.began;
+        let seconds = frames.effort().seconds - self.began;
         let per_second = self.taken as f64 / seconds.max(f64::MIN_POSITIVE);
         let figures = FrameFigures::of(&raw, &self.range, (self.taken, per_second), [score, self.best_focus]);
         self.last = Some(raw);

@@ -3,10 +3,12 @@
 mod numbers;
 mod pictures;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
 use crate::io::atomic;
+use crate::lab::RunFolder;
 use crate::measure::RunManifest;
 use crate::paper::{Figure, Reproduced};
 use crate::report::html::{Block, Measured, Outcome, Report, Section, Verdict};
@@ -49,6 +51,23 @@ impl Gallery<'_> {
         };
         report.write(&files.path("report.html"))?;
         Ok(files.names)
+    }
+
+    /// Writes the same into the folder of an open run, and notes there what each figure took. Returns the page.
+    ///
+    /// # Errors
+    /// As [`Gallery::write`].
+    pub fn write_into(&self, run: &mut RunFolder) -> Result<PathBuf> {
+        for made in self.made {
+            let took = Duration::try_from_secs_f64(made.seconds).unwrap_or_default();
+            run.manifest.record(format!("{}, {}", made.figure.name(), made.rig.name()), took);
+        }
+        run.manifest.photos = self.made.iter().map(|made| made.photos as u64).sum();
+        let start = Instant::now();
+        let files = self.write(&run.path, &run.manifest, run.seconds())?;
+        run.manifest.record("files", start.elapsed());
+        run.manifest.outputs = files;
+        Ok(run.path.join("report.html"))
     }
 
     /// Whether all numbers meet their bounds, in a sentence.

@@ -12,7 +12,7 @@ use crate::image::Resolution;
 use crate::rig::nearest::nearest;
 
 /// One of an X server's monitors.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct MonitorInfo {
     /// The server's name of it, e.g. `HDMI-1`.
     pub name: String,
@@ -21,10 +21,12 @@ pub struct MonitorInfo {
     /// The position of its top left pixel on the server's screen, to the right and down, in pixels.
     pub place: [i16; 2],
     /// Whether it is the desktop's primary monitor.
+    #[serde(rename = "primary")]
     pub is_primary: bool,
     /// Seconds from one refresh to the next, if the server knows.
     pub frame_time: Option<f64>,
     /// The display controllers (CRTCs) that drive it.
+    #[serde(skip)]
     pub(super) crtcs: Vec<Crtc>,
 }
 

@@ -1,0 +1,94 @@
+"""From the arguments of a verb to what the native part is asked: the same for an answer and for a plan of it."""
+
+import os
+
+import numpy as np
+
+from . import _checks
+
+
+def segment_question(lab, asked):
+    """What is asked of a segmentation; ``asked`` has the arguments of :meth:`krylux.Lab.segment` by name."""
+    groups = asked["groups"]
+    groups = [groups] if np.ndim(groups) == 0 else list(groups)
+    pixels = [tuple(_checks.count(side, "features", 0) for side in pixel) for pixel in asked["features"]]
+    return {
+        "photos": lab._budget(asked["photos"], 50),
+        "groups": [_checks.count(number, "groups") for number in groups],
+        "starts": lab._starts(asked["starts"]),
+        "eigenvectors": _checks.count(asked["eigenvectors"], "eigenvectors"),
+        "cut": asked["cut"],
+        "mu": _checks.finite(asked["mu"], "mu"),
+        "mask_below": _checks.finite(asked["mask_below"], "mask_below"),
+        "direct": asked["direct"],
+        "direct_photos": _checks.vectors(asked["direct_photos"], "direct_photos", lab._pixels),
+        "direct_square": _checks.count(asked["direct_square"], "direct_square"),
+        "blur": _checks.finite(asked["blur"], "blur"),
+        "features": pixels,
+        "evidence": bool(asked["evidence"]),
+        "seed": lab.seed,
+    }
+
+
+def compensate_question(lab, asked):
+    """``(target, question)`` of a compensation; ``asked`` has the arguments of :meth:`krylux.Lab.compensate` by name."""
+    target = _checks.picture(asked["target"], "target", lab.shape, lab.channels)
+    if target.min() < 0 or target.max() > 1:
+        fault = f"its values are from {target.min():g} to {target.max():g}, but a target's are from 0 to 1"
+        raise _checks.refuse("target", fault, "scale it, and say by peak what 1 stands for")
+    if target.max() == 0:
+        raise _checks.refuse("target", "it is black", "give an image with light in it")
+    crosstalk, photos, model = asked["crosstalk"], asked["photos"], asked["model"]
+    measure = isinstance(crosstalk, str) and crosstalk == "measure"
+    if crosstalk is not None and lab.channels == 1:
+        raise _checks.refuse("crosstalk", "gray light has no colours to mix", "open the source with channels=\"rgb\"")
+    return target, {
+        "method": asked["method"],
+        "photos": lab._photos_of_run if photos is None else _checks.count(photos, "photos", 0),
+        "rtol": _number(asked, "rtol", 0.0),
+        "floor": _checks.finite(asked["floor"], "floor"),
+        "lift": _number(asked, "lift"),
+        "peak": _number(asked, "peak"),
+        "precondition": asked["precondition"],
+        "defocus": _number(asked, "defocus"),
+        "out_of_focus": bool(asked["out_of_focus"]),
+        "paper": bool(asked["paper"]),
+        "measure_crosstalk": measure,
+        "crosstalk": None if measure or crosstalk is None else _three_by_three(crosstalk),
+        "unmix": bool(asked["unmix"]),
+        "compare_methods": bool(asked["compare_methods"]),
+        "model": None if model is None else os.fspath(model),
+    }
+
+
+def eigs_question(*, count, which, photos, tolerance, method, block, max_basis, seed, noise=0.0, start=None, deflate=()):
+    """What is asked of eigenpairs."""
+    return {
+        "count": _checks.count(count, "count"),
+        "which": which,
+        "photos": _checks.count(photos, "photos"),
+        "tolerance": None if tolerance is None else _checks.finite(tolerance, "tolerance", 0.0),
+        "method": method,
+        "block": _checks.count(block, "block"),
+        "max_basis": None if max_basis is None else _checks.count(max_basis, "max_basis"),
+        "noise": _checks.finite(noise, "noise", 0.0),
+        "seed": _checks.count(seed, "seed", 0, 2**64 - 1),
+        "start": start,
+        "deflate": list(deflate),
+    }
+
+
+def columns(fields):
+    """Eigenvectors as columns, as SciPy has them."""
+    return {**fields, "vectors": fields["vectors"].T, "imaginary_vectors": fields["imaginary_vectors"].T}
+
+
+def _number(asked, option, least=None):
+    return _checks.maybe(_checks.finite, asked[option], option, least)
+
+
+def _three_by_three(crosstalk):
+    matrix = _checks.real_array(crosstalk, "crosstalk", np.float64)
+    if matrix.shape != (3, 3):
+        raise _checks.refuse("crosstalk", f"its shape is {matrix.shape}", "give an array of 3 × 3, or \"measure\"")
+    return matrix.tolist()

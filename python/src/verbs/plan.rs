@@ -1,0 +1,77 @@
+//! Plans: what a verb will cost on a rig, and how good its answer will be.
+
+use krylux::lab::{Plan, PlanRequest, RigSource};
+use krylux::transport::Part;
+use numpy::PyReadonlyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::compensate::CompensateQuestion;
+use super::eigs::EigsQuestion;
+use super::segment::SegmentQuestion;
+use crate::arrays::{self, Fields};
+use crate::lab::Lab;
+
+/// The attributes of a plan.
+fn fields<'py>(py: Python<'py>, verb: &str, found: &Plan) -> PyResult<Bound<'py, PyDict>> {
+    let fields = Fields::new(py);
+    fields.put("verb", verb)?;
+    fields.numbers("photos", found.costs.iter().map(|cost| cost.photos).collect())?;
+    fields.numbers("patterns", found.costs.iter().map(|cost| cost.patterns).collect())?;
+    fields.numbers("frames", found.costs.iter().map(|cost| cost.frames).collect())?;
+    fields.numbers("seconds", found.costs.iter().map(|cost| cost.seconds).collect())?;
+    let figures = Fields::new(py);
+    for (name, values) in &found.figures {
+        figures.numbers(name, values.clone())?;
+    }
+    fields.put("figures", figures.0)?.record("ideal", &found.ideal)?.record("trials", &found.trials)?;
+    Ok(fields.0)
+}
+
+impl Lab {
+    fn plan<'py>(&self, py: Python<'py>, request: &PlanRequest, trials: u64) -> PyResult<Bound<'py, PyDict>> {
+        let found = self.with(py, |lab| lab.plan(request, trials))?;
+        fields(py, request.verb(), &found)
+    }
+}
+
+#[pymethods]
+impl Lab {
+    /// The plan of a segmentation, with direct light kept where the question says `keep`.
+    fn plan_segment<'py>(
+        &self,
+        py: Python<'py>,
+        question: SegmentQuestion,
+        trials: u64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let part = if question.direct == "keep" { Part::Full } else { Part::Global };
+        let options = question.request(py)?.options;
+        self.plan(py, &PlanRequest::Segment(part, options), trials)
+    }
+
+    /// The plan of a compensation.
+    fn plan_compensate<'py>(
+        &self,
+        py: Python<'py>,
+        target: PyReadonlyArrayDyn<'py, f32>,
+        question: CompensateQuestion,
+        trials: u64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let target = arrays::image(&target)?;
+        let is_symmetric = self.with(py, |lab| Ok(lab.rig().is_none_or(RigSource::is_symmetric)))?;
+        let options = question.options(py, is_symmetric, false)?;
+        self.plan(py, &PlanRequest::Compensate(target, options), trials)
+    }
+
+    /// The plan of eigenpairs.
+    fn plan_eigs<'py>(
+        &self,
+        py: Python<'py>,
+        part: &str,
+        question: EigsQuestion,
+        trials: u64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let request = PlanRequest::Eigs(crate::lab::part(py, part)?, question.options(py)?);
+        self.plan(py, &request, trials)
+    }
+}

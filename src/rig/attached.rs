@@ -1,0 +1,150 @@
+//! The devices that are attached to this computer, as far as they can be found: what a rig file may name.
+
+use std::net::Ipv4Addr;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::{CameraSpec, HardwareRig, MonitorInfo, monitors};
+use crate::error::{Error, Result};
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub struct AttachedDevices {
+    /// The monitors of the X server, in its order.
+    pub monitors: Vec<MonitorInfo>,
+    /// The cameras of every kind that this program was built with.
+    pub cameras: Vec<AttachedCamera>,
+}
+
+/// A camera that was found.
+#[derive(Clone, Debug)]
+pub struct AttachedCamera {
+    /// What a person is told of it: its kind, address and name, then its abilities.
+    pub lines: Vec<String>,
+    /// Why its abilities are not known, where it was asked for them.
+    pub unknown: Option<String>,
+    /// The same as an object: `kind`, as in a rig file, what identifies the camera, and `abilities` where they are known.
+    pub described: Value,
+}
+
+impl AttachedDevices {
+    /// Searches for monitors and cameras. `display` names the X server; by default it is that of `of_file`, or that of DISPLAY. The camera of
+    /// `of_file`, a rig file's devices, is queried as well. What cannot be searched for is told to `note`, and does not hide the rest.
+    pub fn find(display: Option<&str>, of_file: Option<&HardwareRig>, note: &mut dyn FnMut(&Error)) -> Self {
+        let display = display.or(of_file.and_then(|rig| rig.projector.display.as_deref()));
+        // A computer without a screen may still have cameras.
+        let monitors = monitors(display).unwrap_or_else(|why| {
+            note(&why);
+            Vec::new()
+        });
+        let address = match of_file.map(|rig| &rig.camera) {
+            Some(CameraSpec::Gige(spec)) => Some(spec.address),
+            _ => None,
+        };
+        let mut cameras = Vec::new();
+        for kind in [gige(address), usb3(), v4l(), gphoto2()] {
+            match kind {
+                Ok(found) => cameras.extend(found),
+                Err(why) => note(&why),
+            }
+        }
+        Self { monitors, cameras }
+    }
+}
+
+impl AttachedCamera {
+    /// A camera of this kind, by the name of the kind in a rig file.
+    fn new(kind: &str, camera: &impl Serialize, said: String) -> Self {
+        let mut found = Self { lines: vec![said], unknown: None, described: json!(camera) };
+        found.add("kind", kind.into());
+        found
+    }
+
+    /// The same camera with its abilities.
+    #[cfg(any(feature = "gige", feature = "usb3"))]
+    fn able(mut self, abilities: Result<super::Abilities>) -> Self {
+        match abilities {
+            Ok(abilities) => {
+                self.lines.push(abilities.to_string());
+                self.add("abilities", json!(abilities));
+            }
+            // The camera exists, but does not answer this question.
+            Err(why) => self.unknown = Some(why.to_string()),
+        }
+        self
+    }
+
+    fn add(&mut self, key: &str, value: Value) {
+        if let Some(fields) = self.described.as_object_mut() {
+            fields.insert(key.into(), value);
+        }
+    }
+}
+
+#[cfg(any(feature = "gige", feature = "usb3"))]
+fn known(name: &Option<String>) -> &str {
+    name.as_deref().unwrap_or("?")
+}
+
+#[cfg(feature = "gige")]
+fn gige(address: Option<Ipv4Addr>) -> Result<Vec<AttachedCamera>> {
+    let cameras = super::cameras(&address.into_iter().collect::<Vec<_>>())?;
+    let said = |camera: &super::FoundGigeCamera| {
+        let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
+        format!("gige {}: {maker} {model}, serial number {serial}", camera.address)
+    };
+    let found = |camera: &super::FoundGigeCamera| {
+        AttachedCamera::new("gige", camera, said(camera)).able(super::gige_camera_abilities(camera.address))
+    };
+    Ok(cameras.iter().map(found).collect())
+}
+
+#[cfg(feature = "usb3")]
+fn usb3() -> Result<Vec<AttachedCamera>> {
+    let said = |camera: &super::FoundUsbCamera| {
+        let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
+        let speed = camera.speed.as_ref().map_or_else(String::new, |speed| format!(", at {speed}"));
+        format!("usb3 {serial}: {maker} {model}{speed}")
+    };
+    let found = |camera: &super::FoundUsbCamera| {
+        let abilities = super::usb_camera_abilities(camera.serial.as_deref());
+        AttachedCamera::new("usb3", camera, said(camera)).able(abilities)
+    };
+    Ok(super::usb_cameras()?.iter().map(found).collect())
+}
+
+#[cfg(feature = "v4l")]
+fn v4l() -> Result<Vec<AttachedCamera>> {
+    let said = |device: &super::FoundVideoDevice| {
+        let formats = if device.formats.is_empty() {
+            "no format that krylux reads".into()
+        } else {
+            format!("pixel_format {}", device.formats.join(", "))
+        };
+        format!("v4l {}: {}, {formats}", device.device, device.name)
+    };
+    let devices = super::video_devices();
+    Ok(devices.iter().map(|device| AttachedCamera::new("v4l", device, said(device))).collect())
+}
+
+fn gphoto2() -> Result<Vec<AttachedCamera>> {
+    let said = |camera: &super::FoundStillCamera| format!("gphoto2 \"{}\", at {}", camera.model, camera.port);
+    let cameras = super::still_cameras()?;
+    Ok(cameras.iter().map(|camera| AttachedCamera::new("gphoto2", camera, said(camera))).collect())
+}
+
+#[cfg(not(feature = "gige"))]
+fn gige(_: Option<Ipv4Addr>) -> Result<Vec<AttachedCamera>> {
+    Err(super::not_built("GigE Vision", "gige"))
+}
+
+#[cfg(not(feature = "usb3"))]
+fn usb3() -> Result<Vec<AttachedCamera>> {
+    Err(super::not_built("USB3 Vision", "usb3"))
+}
+
+#[cfg(not(feature = "v4l"))]
+fn v4l() -> Result<Vec<AttachedCamera>> {
+    Err(super::not_built("cameras of Linux's video interface", "v4l"))
+}
