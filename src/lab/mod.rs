@@ -46,6 +46,8 @@ mod source;
 #[cfg(test)]
 mod tests_of_rigs;
 #[cfg(test)]
+mod tests_of_runs;
+#[cfg(test)]
 mod tests_of_verification;
 mod through_rig;
 mod transport;

@@ -239,3 +239,27 @@ fn at(points: &[(f64, f64)], x: f64) -> f64 {
         (None, None) => 1.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_still_camera_is_shown_33_levels_and_those_between_follow_the_exponent() {
+        assert_eq!([0.05, 3.0].map(levels_for), LEVELS);
+        assert_eq!(levels(255, 257).len(), 256);
+        let shown = levels(255, 33);
+        assert_eq!((shown.len(), shown[0], shown[32]), (33, 0, 255));
+        let light = |x: f64| x.powf(2.2);
+        let knots: Vec<(f64, f64)> =
+            shown.iter().map(|&level| f64::from(level) / 255.0).map(|x| (x, light(x))).collect();
+        let curve = interpolated(&knots, 255.0, 2.2);
+        let off = curve.iter().enumerate().map(|(level, found)| (found - light(level as f64 / 255.0)).abs());
+        assert!(off.fold(0.0, f64::max) < 1e-12);
+        // A response that the exponent does not describe: still between its neighbours.
+        let bent = interpolated(&[(0.0, 0.0), (0.5, 0.4), (1.0, 1.0)], 4.0, 2.2);
+        assert!(
+            bent.windows(2).all(|pair| pair[0] < pair[1]) && bent[2] == 0.4_f64.powf(1.0 / 2.2).powf(2.2)
+        );
+    }
+}

@@ -105,6 +105,23 @@ fn every_imperfection_is_measured_while_all_of_them_are_present() {
 }
 
 #[test]
+fn a_slow_camera_is_shown_fewer_levels_and_knows_the_others() {
+    let scene = scene();
+    let rig = realistic(&scene);
+    let by = |levels| {
+        calibrated(&rig, &scene, &CalibrateOptions { takes: 1, levels, ..CalibrateOptions::default() })
+    };
+    let [(_, all), (few, report)] = [None, Some(33)].map(by);
+    let worst = (0..256)
+        .map(|level| (few.projector[0][level] - (level as f64 / 255.0).powf(2.2)).abs())
+        .fold(0.0, f64::max);
+    println!("{} frames in place of {}, off by {worst:.2e}", report.effort.taken, all.effort.taken);
+    // As with all levels: noise, and no more of the levels between.
+    assert!(worst < 5e-4, "the projector's curve is off by {worst}");
+    assert!(report.effort.taken + 200 < all.effort.taken, "{:?}", report.effort);
+}
+
+#[test]
 fn a_compressive_camera_response_is_measured_and_corrected() {
     let scene = scene();
     let mut rig = realistic(&scene);

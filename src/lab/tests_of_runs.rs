@@ -1,0 +1,105 @@
+//! What a finished run answers of photos that it did not take.
+
+use std::path::Path;
+
+use crate::analysis::audit::AuditOptions;
+use crate::analysis::segment::segment;
+use crate::analysis::{Cut, SegmentOptions};
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::krylov::{EigsOptions, norm};
+use crate::lab::Lab;
+use crate::measure::RigFile;
+use crate::operator::Operator;
+use crate::scene::builtin;
+use crate::transport::Part;
+
+fn cornell() -> Result<Lab> {
+    Lab::builder_of_scene(builtin::cornell().to_scene()).size(24, 24).samples(64).open()
+}
+
+/// The global light of the whole segmentation of `lab`, kept in a folder.
+fn segmented(mut lab: Lab, folder: &Path) -> Result<Lab> {
+    let options = crate::lab::RunOptions { folder: Some(folder.to_path_buf()), ..Default::default() };
+    lab.begin_run("segment", &options)?;
+    let found = segment(
+        &mut lab.operator(Part::Global)?,
+        &SegmentOptions { photos: 30, ..SegmentOptions::groups([2]) },
+    )?;
+    lab.finish(&found)?;
+    Ok(lab)
+}
+
+fn left(lab: &Lab) -> Result<Image> {
+    let size = lab.projector_resolution();
+    let lit = |pixel: usize| f64::from(u8::from(pixel % size.width < size.width / 2));
+    Image::from_planes(size, &[(0..size.pixels()).map(lit).collect::<Vec<f64>>()])
+}
+
+/// The relative error of a run's photo against the true one, and the stated one.
+fn errors(run: &mut Lab, truth: &Image, pattern: &Image) -> Result<[f64; 2]> {
+    let (photo, stated) = run.photo_with_error(pattern)?;
+    let truth = truth.plane(0);
+    let off: Vec<f64> = photo.plane(0).iter().zip(&truth).map(|(a, b)| a - b).collect();
+    let stated = stated.map_or(0.0, |stated| norm(&stated.plane(0)));
+    Ok([norm(&off) / norm(&truth), stated / norm(&truth)])
+}
+
+#[test]
+fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors() -> Result<()> {
+    let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
+    let run = folder.path().join("run");
+    let mut exact = segmented(cornell()?, &run)?;
+    let pattern = left(&exact)?;
+    let truth = exact.photo(&pattern)?;
+    let mut replay = crate::open(&run)?;
+    let [off, stated] = errors(&mut replay, &truth, &pattern)?;
+    assert!(off < 0.1 && off > 0.2 * stated && off < 4.0 * stated, "{off} {stated}");
+    // Eigenvectors of the light with direct light, which the run took no photo of.
+    let options = EigsOptions { count: 2, products: 20, ..EigsOptions::default() };
+    let found = crate::open(&run)?.eigs(Part::Global, &options)?;
+    let known = exact.eigs(Part::Global, &options)?;
+    assert!((found.values[0] / known.values[0] - 1.0).abs() < 0.02, "{:?} {:?}", found.values, known.values);
+    assert!(found.standard_errors[0] > 0.0, "what the photos leave open is an error");
+    let average = SegmentOptions { cut: Cut::Average, photos: 20, ..SegmentOptions::groups([2]) };
+    assert!(segment(&mut crate::open(&run)?.operator(Part::Global)?, &average).is_ok());
+    Ok(())
+}
+
+#[test]
+fn what_was_photographed_is_answered_as_it_was_and_an_audit_asks_for_nothing_else() -> Result<()> {
+    let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
+    let run = folder.path().join("run");
+    let mut exact = segmented(cornell()?, &run)?;
+    let mut white = vec![0.0; exact.resolution().pixels()];
+    exact.operator(Part::Global)?.apply(&vec![1.0; white.len()], &mut white)?;
+    let mut replay = crate::open(&run)?;
+    let mut again = vec![0.0; white.len()];
+    let mut operator = replay.operator(Part::Global)?;
+    operator.apply(&vec![1.0; white.len()], &mut again)?;
+    assert_eq!(again, white);
+    // By the model, the same pattern has the same photo, to rounding.
+    operator.apply(&left(&exact)?.plane(0), &mut again)?;
+    operator.apply(&vec![1.0; white.len()], &mut again)?;
+    let off: Vec<f64> = again.iter().zip(&white).map(|(a, b)| a - b).collect();
+    assert!(norm(&off) < 1e-9 * norm(&white), "{}", norm(&off));
+    let refused = crate::open(&run)?.audit(&AuditOptions::default());
+    assert!(matches!(refused, Err(Error::NotTaken { .. })), "a model would be symmetric by construction");
+    Ok(())
+}
+
+#[test]
+fn a_run_of_a_rig_answers_other_patterns() -> Result<()> {
+    let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
+    let run = folder.path().join("run");
+    let ideal = || RigFile::load("assets/rigs/ideal.toml".as_ref());
+    let mut exact = cornell()?.through_rig(ideal()?)?;
+    let rig = cornell()?.through_rig(ideal()?)?;
+    segmented(rig, &run)?;
+    let pattern = left(&exact)?;
+    let truth = exact.photo(&pattern)?;
+    let mut replay = crate::open(&run)?;
+    let [off, stated] = errors(&mut replay, &truth, &pattern)?;
+    assert!(off < 0.15 && off < 4.0 * stated, "{off} {stated}");
+    Ok(())
+}
