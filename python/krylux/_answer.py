@@ -48,6 +48,37 @@ class Answer:
                                  "save the answer in the process that asked for it")
         return self._lab._save(self._native, folder, overwrite)
 
+    def check(self):
+        """Compares the photos that the answer predicts with light that it was not computed from.
+
+        That is light paths of another seed where the source is a scene, which takes as long as tracing it once more, and
+        one more photo where it is a rig.
+
+        Returns
+        -------
+        dict or None
+            ``by`` (``"another-seed"`` or ``"another-photo"``); ``of``, what was predicted; ``error``,
+            ``‖p − y‖/‖y‖`` without the noise of the independent photos ``y``, and ``noise``, theirs. Of eigenpairs and
+            segmentations of scenes also ``of_scene``: for each eigenvector (of a segmentation without the first)
+            ``value``, the eigenvalue of the scene as opposed to that of its noisy matrix, ``standard_error``,
+            ``quotient`` (by independent light alone, with its standard error) and ``residual``. Of compensations
+            ``residual``, the distance from the target by independent light. ``None`` where there is no independent
+            light (runs, models, matrices) or the answer predicts no photos.
+
+        Raises
+        ------
+        krylux.errors.ClosedError
+            The laboratory is closed, or the answer was pickled and has none.
+        """
+        if self._lab is None:
+            raise _checks.closed("the answer has no laboratory to be checked by",
+                                 "check the answer in the process that asked for it")
+        found = self._lab._check(self._native)
+        if found is None:
+            return None
+        more = {name: found[name] for name in ("of_scene", "residual") if found[name]}
+        return {**found["verification"], **more}
+
     def __getstate__(self):
         # Arrays and numbers; what saves them stays in this process.
         return {**self.__dict__, "_native": None, "_lab": None}

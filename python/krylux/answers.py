@@ -14,6 +14,9 @@ class Segmentation(Answer):
     ----------
     labels : dict of int to numpy.ndarray
         For each number of groups the label of each pixel, ``uint8[H, W]``; 255 is a pixel without global light.
+    confidence : dict of int to numpy.ndarray
+        For each number of groups how sure the label of each pixel is, ``float64[H, W]`` from 0 to 1: the probability of its
+        group among all groups. It does not say whether the number of groups is right.
     eigenvalues, residuals : numpy.ndarray
         ``float64[k]``: of the graph's matrix, the known one first, and ``‖A y − θ y‖`` of each.
     eigenvectors : numpy.ndarray

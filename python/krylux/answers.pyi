@@ -7,6 +7,7 @@ from ._answer import Answer as Answer
 
 class Segmentation(Answer):
     labels: dict[int, NDArray[np.uint8]]
+    confidence: dict[int, NDArray[np.float64]]
     eigenvalues: NDArray[np.float64]
     residuals: NDArray[np.float64]
     eigenvectors: NDArray[np.float64]

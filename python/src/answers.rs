@@ -2,13 +2,16 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use krylux::analysis::EigenpairEstimate;
 use krylux::analysis::audit::Audit;
-use krylux::analysis::segment::{Segmented, Truth};
+use krylux::analysis::segment::{SegmentRequest, Segmented, Truth};
+use krylux::io::manifest::Verification;
 use krylux::krylov::{Eigs, Method, Solution};
 use krylux::lab::{
     CompensateAnswer, CompensateRequest, Compensated, Eigenpairs, Lab, ProbedLight, Relighting, Saved,
-    Scored, Separated, Solved,
+    Scored, Separated, Solved, VerifiedEigenpairs,
 };
+use krylux::transport::Part;
 use pyo3::prelude::*;
 
 /// An answer as krylux has it.
@@ -19,12 +22,31 @@ pub(crate) struct Answer(Mutex<Kept>);
 pub(crate) enum Kept {
     Audit(Audit),
     Compensate(Box<CompensateRequest>, Box<CompensateAnswer>),
-    Eigs { found: Box<Eigs>, wanted: usize },
+    Eigs {
+        found: Box<Eigs>,
+        wanted: usize,
+        part: Part,
+    },
     Probe(ProbedLight),
     Relight(Box<Relighting>),
-    Segment { found: Box<Segmented>, truth: Option<Truth>, scores: Vec<(usize, f64)> },
+    Segment {
+        request: Box<SegmentRequest>,
+        found: Box<Segmented>,
+        truth: Option<Truth>,
+        scores: Vec<(usize, f64)>,
+    },
     Separate(Box<Separated>),
-    Solve { found: Box<Solution>, method: Method },
+    Solve {
+        found: Box<Solution>,
+        method: Method,
+    },
+}
+
+/// What independent light says of an answer.
+pub(crate) struct Checked {
+    pub(crate) verification: Verification,
+    pub(crate) estimates: Vec<EigenpairEstimate>,
+    pub(crate) residual: Option<f64>,
 }
 
 impl Answer {
@@ -41,7 +63,7 @@ impl Answer {
                 let shown = Compensated::new(&answer.found, &request.options);
                 lab.finish(&Compensated { methods: &answer.methods, ..shown })
             }
-            Kept::Eigs { found, wanted } => lab.finish(&Eigenpairs::new(found, *wanted)),
+            Kept::Eigs { found, wanted, .. } => lab.finish(&Eigenpairs::new(found, *wanted)),
             Kept::Probe(found) => lab.finish(found),
             Kept::Relight(found) => {
                 let saved = lab.finish(&**found)?;
@@ -49,12 +71,40 @@ impl Answer {
                 found.files = None;
                 Ok(saved)
             }
-            Kept::Segment { found, truth, scores } => {
+            Kept::Segment { found, truth, scores, .. } => {
                 lab.finish(&Scored { segmented: found, truth: truth.as_ref(), scores, estimates: &[] })
             }
             Kept::Separate(found) => lab.finish(&**found),
             Kept::Solve { found, method } => lab.finish(&Solved { found, method: *method }),
         }
+    }
+
+    /// Compares the photos that the answer predicts with independent ones: `None` where there are none, or where the answer predicts no photos.
+    pub(crate) fn check(&self, lab: &mut Lab) -> krylux::Result<Option<Checked>> {
+        let whole = |verification| Checked { verification, estimates: Vec::new(), residual: None };
+        let of_pairs = |found: VerifiedEigenpairs| Checked {
+            verification: found.verification,
+            estimates: found.estimates,
+            residual: None,
+        };
+        Ok(match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Eigs { found, part, .. } => lab.verify_eigenpairs(*part, found)?.map(of_pairs),
+            Kept::Segment { request, found, .. } if request.is_of_photos_as_taken() => {
+                let (part, cut) = (request.part(), request.options.cut);
+                lab.verify_segmentation(part, cut, &found.segmentation)?.map(of_pairs)
+            }
+            // Where the colours of projector and camera mix, the photo is not the sum of what single channels see.
+            Kept::Compensate(request, answer) if request.colors.is_none() => {
+                let found = lab.verify_compensation(&answer.found)?;
+                found.map(|(verification, residual)| Checked {
+                    residual: Some(residual),
+                    ..whole(verification)
+                })
+            }
+            Kept::Relight(found) => lab.verify_relighting(found)?.map(whole),
+            Kept::Separate(found) => lab.verify_separation(found)?.map(whole),
+            _ => None,
+        })
     }
 
     /// The verb that asked for the answer.

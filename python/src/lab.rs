@@ -248,6 +248,15 @@ impl Lab {
         })
     }
 
+    /// Compares the photos that an answer predicts with independent ones.
+    fn check<'py>(&self, py: Python<'py>, answer: &Answer) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(found) = self.with(py, |lab| answer.check(lab))? else { return Ok(None) };
+        let fields = Fields::new(py);
+        fields.record("verification", &found.verification)?;
+        fields.record("of_scene", &found.estimates)?.put("residual", found.residual)?;
+        Ok(Some(fields.0))
+    }
+
     /// The folder of the open run.
     fn folder(&self, py: Python<'_>) -> PyResult<Option<PathBuf>> {
         self.with(py, |lab| Ok(lab.run().map(|run| run.path.clone())))

@@ -94,7 +94,7 @@ impl Lab {
         let (part, options) = (crate::lab::part(py, part)?, question.options(py)?);
         let (found, n) = self.with(py, |lab| Ok((lab.eigs(part, &options)?, lab.projector_resolution())))?;
         let fields = eigs_fields(py, &found, n.pixels())?;
-        Ok((fields, Answer::new(Kept::Eigs { found: Box::new(found), wanted: question.count })))
+        Ok((fields, Answer::new(Kept::Eigs { found: Box::new(found), wanted: question.count, part })))
     }
 
     /// The solution of `A x = b`.

@@ -90,6 +90,13 @@ fn fields<'py>(
         labels.raster("labels", values.clone(), size)?;
         by_count.set_item(groups, labels.0.get_item("labels")?)?;
     }
+    let confidence = PyDict::new(py);
+    for (groups, values) in &of.confidence {
+        let one = Fields::new(py);
+        one.raster("confidence", values.clone(), size)?;
+        confidence.set_item(groups, one.0.get_item("confidence")?)?;
+    }
+    fields.put("confidence", confidence)?;
     fields.put("labels", by_count)?.numbers("eigenvalues", of.eigenvalues.clone())?;
     fields.numbers("residuals", of.residuals.clone())?.stack("eigenvectors", &of.eigenvectors, size)?;
     fields.numbers("within", of.embedding.within.clone())?.raster("degree", of.degree.clone(), size)?;
@@ -141,6 +148,9 @@ impl Lab {
             Ok((found, truth, scores.unwrap_or_default(), lab.resolution()))
         })?;
         let fields = fields(py, &found, &scores, size)?;
-        Ok((fields, Answer::new(Kept::Segment { found: Box::new(found), truth, scores })))
+        Ok((
+            fields,
+            Answer::new(Kept::Segment { request: Box::new(request), found: Box::new(found), truth, scores }),
+        ))
     }
 }
