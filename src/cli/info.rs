@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if let Some(scene) = &scene {
         say_scene(scene, console)?;
     }
-    let adapters = render::adapters();
+    let adapters = render::adapters()?;
     for adapter in &adapters {
         console.say(format_args!("adapter   {} ({})", adapter.name, adapter.kind))?;
         console.say(format_args!("  driver  {} {}", adapter.driver, adapter.driver_version))?;

@@ -36,6 +36,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::error::Error;
+use crate::machine;
 use console::Console;
 
 /// A light transport laboratory: trace a scene once, and ask its light transport matrix anything with a few dozen photos.
@@ -81,6 +82,7 @@ enum Outcome {
 /// Parses the command line, runs the verb, and reports: the program's `main`.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    machine::start_threads();
     let console = Console::new();
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console.with(&args.output)),
@@ -115,6 +117,7 @@ pub fn main() -> ExitCode {
 #[cfg(test)]
 mod tests {
     use std::any::TypeId;
+    use std::path::{Path, PathBuf};
 
     use clap::builder::ValueParser;
     use clap::{Arg, Command, CommandFactory};
@@ -148,6 +151,43 @@ mod tests {
             };
             assert!(takes(taken) && !takes(refused), "{name}");
         }
+    }
+
+    /// The long names of all options of a command and its subcommands.
+    fn names(command: &Command) -> Vec<String> {
+        let own = command.get_arguments().filter_map(|of| Some(format!("--{}", of.get_long()?)));
+        own.chain(command.get_subcommands().flat_map(names)).collect()
+    }
+
+    /// The sources below a folder.
+    fn sources(folder: &Path) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(folder).expect("sources can be read");
+        let paths = entries.map(|entry| entry.expect("an entry").path());
+        paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect()
+    }
+
+    #[test]
+    fn errors_name_options_that_exist() {
+        let mut command = super::Cli::command();
+        command.build();
+        let names = names(&command);
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+        let mut found = 0;
+        for path in sources(&root) {
+            // These are options of the program gphoto2.
+            if path.starts_with(root.join("rig/gphoto2")) {
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).expect("sources are text");
+            for quoted in text.split('"').filter(|quoted| quoted.starts_with("--")) {
+                let is_name = quoted[2..].bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'-');
+                if is_name && quoted.len() > 2 {
+                    found += 1;
+                    assert!(names.iter().any(|name| name == quoted), "{quoted} in {}", path.display());
+                }
+            }
+        }
+        assert!(found > 50, "{found}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, in_journal, merge};
-use super::operator::OperatorArg;
+use super::operator::{Bytes, OperatorArg};
 use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
 use super::pattern::Pattern;
 use super::tev::LiveArgs;
@@ -34,6 +34,9 @@ pub(super) struct Args {
     /// matrix is in the cache
     #[arg(long, value_enum, default_value = "auto")]
     operator: OperatorArg,
+    /// The memory that the photo may take, or the matrix while it is assembled, e.g. 8GiB or 500MB [default: half of the machine's]
+    #[arg(long, value_name = "BYTES")]
+    memory: Option<Bytes>,
     /// Where the photo goes, by extension: .exr and .npy keep the radiance, .png is for people; may be given several times
     #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "photo.png")]
     files: Vec<PathBuf>,
@@ -58,6 +61,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if args.error.is_some() && is_scene && settings.operator == OperatorChoice::Auto {
         settings.operator = OperatorChoice::Retrace;
     }
+    settings.memory = args.memory.map(|Bytes(bytes)| bytes);
     let mut lab = opening.builder(console).settings(settings).open()?;
     args.live.show(&lab, console);
     let pattern = args.pattern.image(lab.projector_resolution())?;

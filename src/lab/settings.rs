@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::cache::{self, Cache};
 use crate::image::Resolution;
+use crate::machine;
 use crate::render::{Gather, Sampler, TraceSettings};
 use crate::transport::{Backend, Channels};
 
@@ -24,7 +25,8 @@ pub struct Settings {
     pub operator: OperatorChoice,
     /// Where products with a scene's matrix are computed.
     pub backend: Backend,
-    /// Bytes of memory that a matrix may take while it is assembled; half of the machine's where none is given.
+    /// Bytes of memory that a matrix may take while it is assembled, or a photo that is traced for itself; half of the machine's where none is
+    /// given.
     pub memory: Option<u64>,
     /// Gray or coloured photos.
     pub channels: ChannelChoice,
@@ -51,9 +53,9 @@ impl Settings {
         given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
 
-    /// The limit of memory for a matrix, in bytes.
+    /// The limit of memory for a matrix or a photo, in bytes.
     pub(super) fn memory_limit(&self) -> u64 {
-        self.memory.unwrap_or_else(half_of_the_memory)
+        self.memory.unwrap_or_else(|| machine::memory() / 2)
     }
 }
 
@@ -192,14 +194,6 @@ impl TraceOverrides {
         ];
         given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
-}
-
-/// Half of the machine's memory in bytes; a machine that does not tell is taken to have 8 GiB.
-fn half_of_the_memory() -> u64 {
-    let about = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let total = about.lines().find_map(|line| line.strip_prefix("MemTotal:"));
-    let kibibytes = total.and_then(|line| line.trim().trim_end_matches(" kB").parse::<u64>().ok());
-    kibibytes.map_or(4 << 30, |kibibytes| kibibytes * 512)
 }
 
 #[cfg(test)]

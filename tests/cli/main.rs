@@ -9,6 +9,7 @@ mod bench;
 mod files;
 mod folders;
 mod light;
+mod limits;
 mod live;
 mod operator;
 mod products;

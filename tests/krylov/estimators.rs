@@ -249,7 +249,7 @@ fn failures_and_wrong_options_come_through() {
     option(spectral_density(&mut matrix, 1, 5, 0).map(drop), "--probes");
     option(
         nystrom(&mut matrix, &LowRankOptions { rank: 0, ..LowRankOptions::default() }).map(drop),
-        "--rank",
+        "rank",
     );
     let (_, mut general) = general_gallery().remove(0);
     assert!(nystrom(&mut general, &LowRankOptions::default()).is_err());
