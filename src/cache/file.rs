@@ -75,7 +75,11 @@ fn channel_content(key: &Key, traced: &Assembled, channel: usize) -> (Record, Ar
 }
 
 /// Writes the archive of one channel.
-pub(super) fn write_channel(file: &mut (impl Write + io::Seek), mut record: Record, arrays: &Arrays) -> io::Result<()> {
+pub(super) fn write_channel(
+    file: &mut (impl Write + io::Seek),
+    mut record: Record,
+    arrays: &Arrays,
+) -> io::Result<()> {
     record.checksum = record.checksum(arrays)?;
     let mut archive = ZipWriter::new(FirstError::new(file));
     archive.start_file(RECORD, sparse::npz_options(0))?;

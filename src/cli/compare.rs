@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::options::{OutputArgs, number};
+use super::options::number;
 use crate::analysis::similarity::{Similarity, data_range, similarity};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
@@ -42,8 +42,6 @@ pub(super) struct Args {
     /// several times
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     files: Vec<PathBuf>,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

@@ -7,7 +7,7 @@ use indicatif::HumanCount;
 use serde_json::json;
 
 use super::console::Console;
-use super::options::{OutputArgs, ViewArgs};
+use super::options::ViewArgs;
 use super::{Outcome, rig_info};
 use crate::error::Result;
 use crate::lab::SourceKind;
@@ -23,8 +23,6 @@ pub(super) struct Args {
     source: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

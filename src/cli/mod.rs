@@ -30,6 +30,7 @@ mod separate;
 mod solve;
 mod tev;
 mod trace;
+mod usage;
 
 use std::process::ExitCode;
 
@@ -38,11 +39,14 @@ use clap::{Parser, Subcommand};
 use crate::error::Error;
 use crate::machine;
 use console::Console;
+use options::GlobalArgs;
 
 /// A light transport laboratory: trace a scene once, and ask its light transport matrix anything with a few dozen photos.
 #[derive(Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_STATUS, propagate_version = true)]
 struct Cli {
+    #[command(flatten)]
+    global: GlobalArgs,
     #[command(subcommand)]
     verb: Verb,
 }
@@ -81,27 +85,30 @@ enum Outcome {
 
 /// Parses the command line, runs the verb, and reports: the program's `main`.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(why) => return usage::report(&why),
+    };
     machine::start_threads();
-    let console = Console::new();
+    let console = Console::new(&cli.global);
     let outcome = match &cli.verb {
-        Verb::Photo(args) => photo::run(args, &console.with(&args.output)),
-        Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
-        Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
-        Verb::Separate(args) => separate::run(args, &console.with(&args.output)),
-        Verb::Relight(args) => relight::run(args, &console.with(&args.output)),
-        Verb::Probe(args) => probe::run(args, &console.with(&args.output)),
-        Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
-        Verb::Audit(args) => audit::run(args, &console.with(&args.output)),
-        Verb::Rig(args) => rig::run(args, &console.with(args.output())),
-        Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
-        Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
-        Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
-        Verb::Reproduce(args) => reproduce::run(args, &console.with(&args.output)),
-        Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
-        Verb::Compare(args) => compare::run(args, &console.with(&args.output)),
-        Verb::Info(args) => info::run(args, &console.with(&args.output)),
-        Verb::Cache(args) => cache::run(args, &console.with(args.output())),
+        Verb::Photo(args) => photo::run(args, &console),
+        Verb::Segment(args) => segment::run(args, &console),
+        Verb::Compensate(args) => compensate::run(args, &console),
+        Verb::Separate(args) => separate::run(args, &console),
+        Verb::Relight(args) => relight::run(args, &console),
+        Verb::Probe(args) => probe::run(args, &console),
+        Verb::Eigs(args) => eigs::run(args, &console),
+        Verb::Audit(args) => audit::run(args, &console),
+        Verb::Rig(args) => rig::run(args, &console),
+        Verb::Plan(args) => plan::run(args, &console),
+        Verb::Solve(args) => solve::run(args, &console),
+        Verb::Matrix(args) => matrix::run(args, &console),
+        Verb::Reproduce(args) => reproduce::run(args, &console),
+        Verb::Labels(args) => labels::run(args, &console),
+        Verb::Compare(args) => compare::run(args, &console),
+        Verb::Info(args) => info::run(args, &console),
+        Verb::Cache(args) => cache::run(args, &console),
         Verb::Projector(args) => projector::run(args),
     };
     match outcome {

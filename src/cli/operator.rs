@@ -18,7 +18,7 @@ pub(super) struct OperatorArgs {
     /// else on the processor
     #[arg(long, value_enum, default_value = "auto")]
     products: ProductsArg,
-    /// The memory that a matrix may take while it is assembled, or a photo that is traced anew, e.g. 8GiB or 500MB [default: half of the machine's]
+    /// The memory that a matrix may take while it is assembled, e.g. 8GiB or 500MB [default: half of the machine's]
     #[arg(long, value_name = "BYTES")]
     memory: Option<Bytes>,
 }

@@ -8,7 +8,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, in_journal, merge};
 use super::operator::{Bytes, OperatorArg};
-use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
+use super::options::{ChannelsArg, KeepArgs, SourceArgs, free_file};
 use super::pattern::Pattern;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -38,7 +38,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "BYTES")]
     memory: Option<Bytes>,
     /// Where the photo goes, by extension: .exr and .npy keep the radiance, .png is for people; may be given several times
-    #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "photo.png")]
+    #[arg(short = 'o', long = "output", value_name = "FILE", default_values_os_t = [free_file("photo", "png")])]
     files: Vec<PathBuf>,
     /// Where the standard error of each pixel goes, as an image like the photo's; a scene is then traced for this photo
     #[arg(long, value_name = "FILE")]
@@ -47,8 +47,6 @@ pub(super) struct Args {
     keep: KeepArgs,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

@@ -116,7 +116,7 @@ impl Gpu {
         let (device, queue) =
             pollster::block_on(adapter.request_device(&request)).map_err(|e| Error::Device {
                 fault: format!("{} cannot be opened: {e}", summary.name),
-                help: "choose another with --adapter; `krylux info` lists them".into(),
+                help: "choose another with --adapter; `krylux info` lists them. A limit of processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it".into(),
             })?;
         Ok(Self { device, queue, summary, shares_memory })
     }
@@ -197,7 +197,10 @@ fn require_address_space(limit: Option<u64>) -> Result<()> {
                 "this process may use {} MiB of address space (`ulimit -v`), too little for a graphics driver",
                 limit >> 20
             ),
-            help: format!("raise the limit to {} KiB or more, or lift it: ulimit -v unlimited", ADDRESS_SPACE >> 10),
+            help: format!(
+                "raise the limit to {} KiB or more, or lift it: ulimit -v unlimited",
+                ADDRESS_SPACE >> 10
+            ),
         }),
         _ => Ok(()),
     }

@@ -53,7 +53,8 @@ fn unusable(path: &Path, fault: String, help: &str) -> Error {
 /// transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
     let bytes = file::read(path)?;
-    let picture = format(path, &bytes)?.decode(&bytes, max_bytes()).map_err(|fault| no_picture(path, fault))?;
+    let picture =
+        format(path, &bytes)?.decode(&bytes, max_bytes()).map_err(|fault| no_picture(path, fault))?;
     let resolution = Resolution::new(picture.width as usize, picture.height as usize);
     let (color, alpha, channels) = (picture.has_color(), picture.has_alpha(), picture.channels);
     let samples = picture.into_sixteen_bits();

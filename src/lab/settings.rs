@@ -25,7 +25,7 @@ pub struct Settings {
     pub operator: OperatorChoice,
     /// Where products with a scene's matrix are computed.
     pub backend: Backend,
-    /// Bytes of memory that a matrix may take while it is assembled, or a photo that is traced for itself; half of the machine's where none is
+    /// Bytes of memory that a matrix may take while it is assembled, or a single photo while it is traced; half of the machine's where none is
     /// given.
     pub memory: Option<u64>,
     /// Gray or coloured photos.

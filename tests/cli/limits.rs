@@ -27,7 +27,8 @@ fn a_photo_larger_than_the_memory_is_refused_before_it_is_traced() {
     let photo = inside(&folder, "photo.npy");
     let large = ["photo", SCENE, "--size", "16384", "--spp", "1", "-o", &photo];
     // By what the user allows, and by what the system does.
-    let asked = command(&[&large[..], &["--memory", "2GiB"]].concat()).output().expect("the program is built");
+    let asked =
+        command(&[&large[..], &["--memory", "2GiB"]].concat()).output().expect("the program is built");
     let bound = limited("ulimit -v 8388608", &command(&large));
     for output in [asked, bound] {
         let message = assert_error(&output, &["--size", "16384x16384 pixels", "--memory"]);
@@ -77,7 +78,8 @@ fn forged(path: &Path) {
     exr::write_exr(path, &[("", &Image::filled(Resolution::new(8, 8), 3, 0.5))]).expect("it is ours");
     let mut bytes = std::fs::read(path).expect("it was written");
     for window in ["dataWindow\0box2i\0", "displayWindow\0box2i\0"] {
-        let at = bytes.windows(window.len()).position(|at| at == window.as_bytes()).expect("a header has both");
+        let at =
+            bytes.windows(window.len()).position(|at| at == window.as_bytes()).expect("a header has both");
         let largest = at + window.len() + 4 + 8;
         for side in 0..2 {
             bytes[largest + 4 * side..][..4].copy_from_slice(&8191_i32.to_le_bytes());
@@ -91,7 +93,8 @@ fn an_exr_file_is_as_large_as_is_wanted_before_it_is_decoded() {
     let folder = folder();
     let [forgery, small] = ["forged.exr", "small.exr"].map(|name| inside(&folder, name));
     forged(Path::new(&forgery));
-    exr::write_exr(Path::new(&small), &[("", &Image::filled(Resolution::new(8, 8), 3, 0.5))]).expect("it is ours");
+    exr::write_exr(Path::new(&small), &[("", &Image::filled(Resolution::new(8, 8), 3, 0.5))])
+        .expect("it is ours");
     let rig = rig(&folder, 8, "");
     let photo = inside(&folder, "photo.npy");
     // Three planes of 256 MiB each do not fit.

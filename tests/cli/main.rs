@@ -11,6 +11,7 @@ mod folders;
 mod light;
 mod limits;
 mod live;
+mod manners;
 mod operator;
 mod products;
 mod reproduce;

@@ -6,7 +6,6 @@ use serde_json::{Value, json};
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::options::OutputArgs;
 use crate::error::Result;
 use crate::measure::{RigFile, RigKind};
 use crate::rig::{AttachedCamera, AttachedDevices, MonitorInfo};
@@ -20,8 +19,6 @@ pub(in super::super) struct Args {
     /// The X server [default: that of the rig file, or of DISPLAY]
     #[arg(long, value_name = ":N")]
     display: Option<String>,
-    #[command(flatten)]
-    pub(in super::super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

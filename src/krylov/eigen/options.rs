@@ -132,7 +132,11 @@ impl EigsOptions {
             return refuse("--block", "a block needs at least one vector".into(), "give at least 1");
         }
         if !(self.noise >= 0.0 && self.noise.is_finite()) {
-            return refuse("EigsOptions::noise", format!("the noise is {}", self.noise), "give a number from 0 on");
+            return refuse(
+                "EigsOptions::noise",
+                format!("the noise is {}", self.noise),
+                "give a number from 0 on",
+            );
         }
         if let Some(most) = self.max_basis {
             if most < self.count + 2 * block + 1 {

@@ -156,7 +156,7 @@ impl LightTransport {
         channels: Channels,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        require_photo_memory(scene, settings, channels)?;
+        require_photo_memory(scene, settings.memory_limit(), channels)?;
         let shape = Shape {
             photos: scene.settings.resolution,
             patterns: scene.settings.projector.unwrap_or(scene.settings.resolution),
@@ -250,15 +250,17 @@ fn of_scene(
         }
     };
     if retrace {
-        require_photo_memory(scene, settings, channels)?;
+        // `--memory` is that of a matrix here, which is not made.
+        let limit = settings.memory_limit().max(Settings::default().memory_limit());
+        require_photo_memory(scene, limit, channels)?;
         return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
     }
     Ok(Engine::Replayed(scene.assemble(channels, settings.split_bounces)?))
 }
 
-/// Checks that a photo that is traced for itself does not take more than the memory that is allowed.
-fn require_photo_memory(scene: &SceneSource, settings: &Settings, channels: Channels) -> Result<()> {
-    let (needed, limit) = (photo_bytes(&scene.settings, channels), settings.memory_limit());
+/// Checks that a photo that is traced for itself takes no more than `limit` bytes of memory.
+fn require_photo_memory(scene: &SceneSource, limit: u64, channels: Channels) -> Result<()> {
+    let needed = photo_bytes(&scene.settings, channels);
     if needed <= limit {
         return Ok(());
     }

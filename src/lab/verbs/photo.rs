@@ -42,7 +42,9 @@ impl Lab {
             if self.transport.is_none() && self.settings.operator == OperatorChoice::Auto {
                 let transport = match scene.cached(self.channels)? {
                     Some(traced) => LightTransport::of_assembled(traced, &self.observer),
-                    None => LightTransport::of_retraced(scene, &self.settings, self.channels, &self.observer)?,
+                    None => {
+                        LightTransport::of_retraced(scene, &self.settings, self.channels, &self.observer)?
+                    }
                 };
                 self.transport = Some(Arc::new(Mutex::new(transport)));
             }
