@@ -74,6 +74,9 @@ enum Verb {
     Cache(cache::Args),
     #[command(hide = true)]
     Projector(projector::Args),
+    #[cfg(any(feature = "gige", feature = "usb3"))]
+    #[command(hide = true)]
+    DescribeCamera(rig::describe::Args),
 }
 
 /// How a verb ended when it ended well.
@@ -110,6 +113,8 @@ pub fn main() -> ExitCode {
         Verb::Info(args) => info::run(args, &console),
         Verb::Cache(args) => cache::run(args, &console),
         Verb::Projector(args) => projector::run(args),
+        #[cfg(any(feature = "gige", feature = "usb3"))]
+        Verb::DescribeCamera(args) => rig::describe::run(args, &console),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

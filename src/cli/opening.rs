@@ -55,6 +55,8 @@ impl<'a> Opening<'a> {
         let mut settings = Settings {
             camera: self.view.camera.clone(),
             camera_file: self.view.camera_file.clone(),
+            auto_camera: self.view.auto_camera,
+            strict: self.view.strict,
             trace: self.trace.overrides(),
             adapter: self.trace.adapter.clone(),
             cache: self.trace.cache.choice(),

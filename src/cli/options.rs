@@ -28,6 +28,12 @@ pub(super) struct ViewArgs {
     /// Where camera and projector stand, in TOML, instead of the scene's own [default: NAME.rig.toml next to the scene]
     #[arg(long, value_name = "RIG")]
     pub(super) camera_file: Option<PathBuf>,
+    /// Place a camera in front of a scene that has none, from where all of it is seen
+    #[arg(long)]
+    pub(super) auto_camera: bool,
+    /// End where a picture or a material library of the scene is missing, instead of showing its surfaces without it
+    #[arg(long)]
+    pub(super) strict: bool,
 }
 
 /// Where a run leaves its folder.

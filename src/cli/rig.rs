@@ -4,6 +4,8 @@ mod align;
 mod bench;
 mod calibrate;
 mod check;
+#[cfg(any(feature = "gige", feature = "usb3"))]
+pub(super) mod describe;
 mod flat_field;
 mod list;
 mod preview;

@@ -15,6 +15,10 @@ pub struct Settings {
     pub camera: Option<String>,
     /// A camera file: where camera and projector stand, instead of the scene's own poses.
     pub camera_file: Option<PathBuf>,
+    /// Places a camera in front of a scene that has none.
+    pub auto_camera: bool,
+    /// Makes a picture or a material library that a scene names, and that is missing, an error in place of a warning.
+    pub strict: bool,
     /// How light is traced.
     pub trace: TraceOverrides,
     /// Part of the name of the graphics adapter to use; any suitable one where none is named.
@@ -37,7 +41,12 @@ pub struct Settings {
 impl Settings {
     /// The first setting that says what is traced, or how, by the name of its option: a source that traces nothing refuses it.
     pub fn first_of_trace(&self) -> Option<&'static str> {
-        let view = [(self.camera.is_some(), "--camera"), (self.camera_file.is_some(), "--camera-file")];
+        let view = [
+            (self.camera.is_some(), "--camera"),
+            (self.camera_file.is_some(), "--camera-file"),
+            (self.auto_camera, "--auto-camera"),
+            (self.strict, "--strict"),
+        ];
         let trace = self.trace.given();
         let adapter = self.adapter.is_some().then_some("--adapter");
         trace.or(adapter).or(view.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name))

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::measure::{RigFile, RigKind};
 use crate::rig::{AttachedCamera, AttachedDevices, MonitorInfo};
 
-/// List the monitors and cameras that a rig file may name, and what they can do
+/// List the monitors and cameras that a rig file may name; no camera is opened but that of the rig file
 #[derive(clap::Args)]
 pub(in super::super) struct Args {
     /// A rig file; its X server and its camera are queried, too
@@ -19,6 +19,10 @@ pub(in super::super) struct Args {
     /// The X server [default: that of the rig file, or of DISPLAY]
     #[arg(long, value_name = ":N")]
     display: Option<String>,
+    /// Open every camera that answers, and say what it can do, as for that of the rig file. What it can do is a description that the camera
+    /// sends: a process of its own reads it
+    #[arg(long)]
+    abilities: bool,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
@@ -31,7 +35,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         say_virtual(file, console)?;
     }
     let mut note = |why: &crate::Error| console.note(format_args!("note: {why}"));
-    let found = AttachedDevices::find(args.display.as_deref(), hardware, &mut note);
+    let found = AttachedDevices::find(args.display.as_deref(), hardware, args.abilities, &mut note);
     found.monitors.iter().enumerate().try_for_each(|(at, monitor)| say_monitor(at, monitor, console))?;
     if found.cameras.is_empty() {
         console.say("camera    none answers")?;
