@@ -250,8 +250,8 @@ fn a_scene_without_a_camera_gets_one_where_that_is_asked_for() {
         let refused = auto(false).expect_err("it has no camera").to_string();
         assert!(refused.contains("--auto-camera"), "{refused}");
         let scene = auto(true).expect("a camera is placed");
-        assert_eq!(scene.camera.name, krylux::scene::Camera::PLACED);
-        let resolution = krylux::image::Resolution::new(64, 64);
+        assert_eq!(scene.camera.name, Camera::PLACED);
+        let resolution = Resolution::new(64, 64);
         for corner in scene.triangles.iter().flat_map(|triangle| triangle.positions) {
             assert!(scene.camera.project(corner, resolution).is_some(), "{corner} is behind the camera");
         }
