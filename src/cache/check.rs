@@ -150,7 +150,7 @@ mod tests {
             |_, arrays| arrays.layers[0].0.clear(),
             |_, arrays| arrays.layers[0].1[0] = 4,
             |_, arrays| arrays.layers[0].0 = vec![0, 2, 2, 2, 2],
-            |_, arrays| arrays.layers[0].2.truncate(2),
+            |_, arrays| arrays.layers[0].2.truncate(1),
             |_, arrays| arrays.direct.truncate(2),
             |_, arrays| arrays.ambient.clear(),
             |_, arrays| arrays.white_error.push(0.0),
