@@ -156,7 +156,7 @@ impl LightTransport {
         channels: Channels,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        require_photo_memory(scene, settings.memory_limit(), channels)?;
+        require_photo_memory(scene, without_matrix(settings), channels)?;
         let shape = Shape {
             photos: scene.settings.resolution,
             patterns: scene.settings.projector.unwrap_or(scene.settings.resolution),
@@ -169,13 +169,18 @@ impl LightTransport {
     }
 
     /// A scene that is traced for each product, whose error is known.
+    ///
+    /// # Errors
+    /// As [`Self::of_retraced`].
     pub(in crate::lab) fn of_estimated(
         scene: &SceneSource,
+        settings: &Settings,
         channels: Channels,
         observer: &SharedObserver,
-    ) -> Self {
-        let retraced = Self::of_retraced(scene, channels, observer);
-        Self { engine: Engine::Estimated(Box::new(scene.clone()), channels), ..retraced }
+    ) -> Result<Self> {
+        let retraced = Self::of_retraced(scene, settings, channels, observer)?;
+        let engine = Engine::Estimated(Box::new(scene.clone()), channels);
+        Ok(Self { engine, ..retraced })
     }
 
     /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
@@ -250,16 +255,23 @@ fn of_scene(
         }
     };
     if retrace {
-        // `--memory` is that of a matrix here, which is not made.
-        let limit = settings.memory_limit().max(Settings::default().memory_limit());
-        require_photo_memory(scene, limit, channels)?;
+        require_photo_memory(scene, without_matrix(settings), channels)?;
         return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
     }
     Ok(Engine::Replayed(scene.assemble(channels, settings.split_bounces)?))
 }
 
+/// The memory for photos of a scene whose matrix is not made, in bytes: `--memory` says how much a matrix may take, and may be less.
+fn without_matrix(settings: &Settings) -> u64 {
+    settings.memory_limit().max(Settings::default().memory_limit())
+}
+
 /// Checks that a photo that is traced for itself takes no more than `limit` bytes of memory.
-fn require_photo_memory(scene: &SceneSource, limit: u64, channels: Channels) -> Result<()> {
+pub(in crate::lab) fn require_photo_memory(
+    scene: &SceneSource,
+    limit: u64,
+    channels: Channels,
+) -> Result<()> {
     let needed = photo_bytes(&scene.settings, channels);
     if needed <= limit {
         return Ok(());

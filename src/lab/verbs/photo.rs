@@ -6,7 +6,7 @@ use crate::lab::Lab;
 use crate::lab::operator::lock;
 use crate::lab::settings::OperatorChoice;
 use crate::lab::source::{Source, scenes_only};
-use crate::lab::transport::LightTransport;
+use crate::lab::transport::{LightTransport, require_photo_memory};
 use crate::measure::RigRecord;
 use crate::transport::Noise;
 
@@ -43,6 +43,7 @@ impl Lab {
                 let transport = match scene.cached(self.channels)? {
                     Some(traced) => LightTransport::of_assembled(traced, &self.observer),
                     None => {
+                        require_photo_memory(scene, self.settings.memory_limit(), self.channels)?;
                         LightTransport::of_retraced(scene, &self.settings, self.channels, &self.observer)?
                     }
                 };
