@@ -6,6 +6,7 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::machine;
 
 /// Opens a regular file for reading.
 ///
@@ -28,7 +29,7 @@ pub(crate) fn require(path: &Path) -> Result<()> {
 /// # Errors
 /// As [`open()`].
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
-    require_regular(path).and_then(|()| fs::read(path)).map_err(Error::reading(path))
+    require_readable(path).and_then(|()| fs::read(path)).map_err(Error::reading(path))
 }
 
 /// The text of a regular file in UTF-8.
@@ -36,7 +37,18 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
 /// # Errors
 /// As [`open()`].
 pub(crate) fn read_text(path: &Path) -> Result<String> {
-    require_regular(path).and_then(|()| fs::read_to_string(path)).map_err(Error::reading(path))
+    require_readable(path).and_then(|()| fs::read_to_string(path)).map_err(Error::reading(path))
+}
+
+/// As [`require_regular`], for a file that is read as a whole: it must not take more than half of the memory.
+fn require_readable(path: &Path) -> io::Result<()> {
+    require_regular(path)?;
+    let (bytes, most) = (fs::metadata(path)?.len(), machine::memory() / 2);
+    if bytes > most {
+        let what = format!("its {} MiB are more than half of the memory", bytes >> 20);
+        return Err(io::Error::new(ErrorKind::FileTooLarge, what));
+    }
+    Ok(())
 }
 
 /// Whether a path names a regular file; the error says what it is.

@@ -12,11 +12,35 @@ pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// The size of a raster in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "StatedResolution")]
 pub struct Resolution {
     /// Columns; column 0 is the left.
     pub width: usize,
     /// Rows; row 0 is the top.
     pub height: usize,
+}
+
+/// A size as a file states it.
+#[derive(serde::Deserialize)]
+struct StatedResolution {
+    width: usize,
+    height: usize,
+}
+
+/// The most pixels of a size that a file states. No image has as many, and sums of a few images' pixels do not overflow.
+const MAX_STATED_PIXELS: usize = 1 << 40;
+
+impl TryFrom<StatedResolution> for Resolution {
+    type Error = String;
+
+    fn try_from(StatedResolution { width, height }: StatedResolution) -> std::result::Result<Self, String> {
+        match width.checked_mul(height) {
+            Some(pixels) if pixels <= MAX_STATED_PIXELS && width.max(height) <= MAX_STATED_PIXELS => {
+                Ok(Self { width, height })
+            }
+            _ => Err(format!("{width}x{height} pixels are more than any image has")),
+        }
+    }
 }
 
 impl Resolution {

@@ -90,9 +90,9 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, error
+//! cli       → paper, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, machine, error
 //! paper     → lab, report, analysis, measure, rig, transport, scene, krylov, io, sparse, operator, observer, image, error
-//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, file, error
+//! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, file, machine, error
 //! report    → analysis, measure, rig, krylov, io, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error
 //! cache     → transport, render, scene, gpu, io, image, error
@@ -101,15 +101,16 @@
 //! transport → render, gpu, io, sparse, operator, journal, observer, image, error
 //! render    → scene, gpu, observer, image, error
 //! scene     → image, file, error
-//! gpu       → error
+//! gpu       → machine, error
 //! krylov    → operator, observer, error
-//! io        → sparse, image, file, error
+//! io        → sparse, image, file, machine, error
 //! sparse    → operator, error
 //! operator  → observer, error
 //! journal   → file, error
 //! observer  →
 //! image     → error
-//! file      → error
+//! file      → machine, error
+//! machine   →
 //! error     →
 //! ```
 //! <!-- rooms: end -->
@@ -125,6 +126,7 @@ pub mod io;
 pub mod journal;
 pub mod krylov;
 pub mod lab;
+mod machine;
 pub mod measure;
 pub mod observer;
 pub mod operator;

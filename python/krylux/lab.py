@@ -250,9 +250,9 @@ def _again(source, options, rigs):
 
 
 def open(source, *, size=None, projector_size=None, spp=None, max_bounces=None, seed=None, sampler=None,
-         russian_roulette=False, channels="luma", camera=None, camera_file=None, adapter=None, cache=None,
-         operator="auto", products="auto", memory=None, split_bounces=False, folder=None, resume=False,
-         overwrite=False, progress=None, name=None):
+         russian_roulette=False, channels="luma", camera=None, camera_file=None, auto_camera=False, strict=False,
+         allow_programs=False, adapter=None, cache=None, operator="auto", products="auto", memory=None,
+         split_bounces=False, folder=None, resume=False, overwrite=False, progress=None, name=None):
     """Opens a scene, a rig, the folder of an earlier run, or a matrix.
 
     Parameters
@@ -280,6 +280,12 @@ def open(source, *, size=None, projector_size=None, spp=None, max_bounces=None, 
         The camera of the scene, by name.
     camera_file : path
         Where camera and projector stand, instead of the scene's own poses.
+    auto_camera : bool
+        Place a camera in front of a scene that has none.
+    strict : bool
+        End where a picture or a material library of the scene is missing, in place of a warning.
+    allow_programs : bool
+        Run the programs that a rig file names, though the file is not in the user's own folder (``~/.config/krylux``).
     adapter : str
         Part of the name of the graphics adapter.
     cache : path or bool

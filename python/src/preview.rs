@@ -122,7 +122,7 @@ pub(crate) fn attached<'py>(
         };
         let mut notes = Vec::new();
         let mut note = |why: &krylux::Error| notes.push(why.to_string());
-        let found = AttachedDevices::find(display.as_deref(), hardware, &mut note);
+        let found = AttachedDevices::find(display.as_deref(), hardware, false, &mut note);
         notes.extend(found.cameras.iter().filter_map(|camera| camera.unknown.clone()));
         Ok((file, found, notes))
     })?;

@@ -41,6 +41,9 @@ pub(crate) struct Request {
     channels: String,
     camera: Option<String>,
     camera_file: Option<PathBuf>,
+    auto_camera: bool,
+    strict: bool,
+    allow_programs: bool,
     adapter: Option<String>,
     cache: Option<PathBuf>,
     cached: bool,
@@ -65,7 +68,7 @@ impl Request {
             (None, Some(text)) => Lab::builder_of_rig(&self.source, text),
             (None, None) => Lab::builder(&self.source),
         };
-        builder = builder.settings(settings);
+        builder = builder.settings(settings).allow_programs(self.allow_programs);
         if let Some(devices) = self.devices {
             builder = builder.devices(devices.opener());
         }
@@ -87,6 +90,8 @@ impl Request {
         Ok(Settings {
             camera: self.camera.clone(),
             camera_file: self.camera_file.clone(),
+            auto_camera: self.auto_camera,
+            strict: self.strict,
             trace: TraceOverrides {
                 resolution: resolution(self.size),
                 projector: resolution(self.projector_size),

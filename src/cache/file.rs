@@ -11,24 +11,22 @@ use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use zip::{ZipArchive, ZipWriter};
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use super::Key;
+use super::check::require_matrix;
 use super::record::{Arrays, Record, member};
-use crate::error::Result;
 use crate::image::Image;
-use crate::io::{atomic, sparse};
+use crate::io::first_error::FirstError;
+use crate::io::{atomic, npy, sparse};
 use crate::render::TraceSummary;
 use crate::transport::{Assembled, CompressedRows, Layer, Noise, TransportMatrix};
 
 /// The name of the record's member.
 const RECORD: &str = "krylux.json";
 
-/// The largest size of a member in bytes. It keeps a small malicious archive from filling the memory.
-const MAX_MEMBER_BYTES: u64 = 1 << 36;
-
 /// Writes the files of a matrix, one for each channel.
-pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> Result<()> {
+pub(super) fn write(key: &Key, files: &[PathBuf], traced: &Assembled) -> crate::Result<()> {
     for (channel, path) in files.iter().enumerate() {
         let (record, arrays) = channel_content(key, traced, channel);
         atomic::write_with(path, |file| write_channel(file, record, &arrays))?;
@@ -77,9 +75,13 @@ fn channel_content(key: &Key, traced: &Assembled, channel: usize) -> (Record, Ar
 }
 
 /// Writes the archive of one channel.
-fn write_channel(file: &mut (impl Write + io::Seek), mut record: Record, arrays: &Arrays) -> io::Result<()> {
+pub(super) fn write_channel(
+    file: &mut (impl Write + io::Seek),
+    mut record: Record,
+    arrays: &Arrays,
+) -> io::Result<()> {
     record.checksum = record.checksum(arrays)?;
-    let mut archive = ZipWriter::new(file);
+    let mut archive = ZipWriter::new(FirstError::new(file));
     archive.start_file(RECORD, sparse::npz_options(0))?;
     archive.write_all(&serde_json::to_vec_pretty(&record)?)?;
     let last = arrays.layers.len().saturating_sub(1);
@@ -140,7 +142,7 @@ type Archive = ZipArchive<BufReader<File>>;
 
 /// Reads a matrix from the open files of its channels, with their paths for messages. `Err` says what is
 /// wrong with them.
-pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> std::result::Result<Assembled, String> {
+pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> Result<Assembled, String> {
     let count = files.len();
     let channels = files.into_iter().enumerate().map(|(channel, (path, file))| {
         let (record, arrays) = read_channel(file).map_err(|why| format!("{}: {why}", path.display()))?;
@@ -148,14 +150,16 @@ pub(super) fn read(key: &Key, files: Vec<(PathBuf, File)>) -> std::result::Resul
         if (record.key.as_str(), record.channel, record.channels.count()) != expected {
             return Err(format!("{}: its content belongs to another key or channel", path.display()));
         }
+        require_matrix(&record, &arrays, key.rig(), key.channels())
+            .map_err(|why| format!("{}: {why}", path.display()))?;
         Ok((record, arrays))
     });
-    let channels = channels.collect::<std::result::Result<Vec<_>, String>>()?;
+    let channels = channels.collect::<Result<Vec<_>, String>>()?;
     combine_channels(channels).ok_or_else(|| "its channels do not belong to one matrix".into())
 }
 
 /// Reads the archive of one channel and verifies its checksum.
-fn read_channel(file: File) -> std::result::Result<(Record, Arrays), String> {
+fn read_channel(file: File) -> Result<(Record, Arrays), String> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
     let record = read_record(&mut archive)?;
     let mut arrays = Arrays::default();
@@ -163,7 +167,8 @@ fn read_channel(file: File) -> std::result::Result<(Record, Arrays), String> {
         let name = |array| member(bounces, index + 1 == record.layers.len(), array);
         let starts = read_indices(&mut archive, &name("indptr"))?;
         let columns = read_indices(&mut archive, &name("indices"))?;
-        let columns = columns.into_iter().map(|column| column as u32).collect();
+        let columns: Result<Vec<u32>, _> = columns.into_iter().map(u32::try_from).collect();
+        let columns = columns.map_err(|_| format!("{}: a column beyond 2^32", name("indices")))?;
         arrays.layers.push((starts, columns, read_array(&mut archive, &name("data"))?));
     }
     arrays.direct = read_array(&mut archive, "direct")?;
@@ -177,29 +182,28 @@ fn read_channel(file: File) -> std::result::Result<(Record, Arrays), String> {
     Ok((record, arrays))
 }
 
-fn read_record(archive: &mut Archive) -> std::result::Result<Record, String> {
+fn read_record(archive: &mut Archive) -> Result<Record, String> {
     serde_json::from_slice(&read_member(archive, RECORD)?).map_err(|error| format!("{RECORD}: {error}"))
 }
 
-/// The bytes of a member.
-fn read_member(archive: &mut Archive, name: &str) -> std::result::Result<Vec<u8>, String> {
-    let member = archive.by_name(name).map_err(|error| format!("{name}: {error}"))?;
+/// The bytes of a member. Members are stored as they are, so that none is larger than the file.
+fn read_member(archive: &mut Archive, name: &str) -> Result<Vec<u8>, String> {
+    let mut member = archive.by_name(name).map_err(|error| format!("{name}: {error}"))?;
+    if member.compression() != CompressionMethod::Stored || member.size() != member.compressed_size() {
+        return Err(format!("{name}: it is compressed, which no matrix in the cache is"));
+    }
     let mut bytes = Vec::new();
-    member.take(MAX_MEMBER_BYTES).read_to_end(&mut bytes).map_err(|error| format!("{name}: {error}"))?;
+    member.read_to_end(&mut bytes).map_err(|error| format!("{name}: {error}"))?;
     Ok(bytes)
 }
 
-fn read_array<T: npyz::Deserialize>(
-    archive: &mut Archive,
-    name: &str,
-) -> std::result::Result<Vec<T>, String> {
+fn read_array<T: npyz::Deserialize>(archive: &mut Archive, name: &str) -> Result<Vec<T>, String> {
     let bytes = read_member(archive, &format!("{name}.npy"))?;
-    let values = npyz::NpyFile::new(bytes.as_slice()).and_then(npyz::NpyFile::into_vec);
-    values.map_err(|error| format!("{name}: {error}"))
+    npy::parse_as(&bytes).map_err(|why| format!("{name}: {why}"))
 }
 
 /// Reads an index array of 32 or 64 bits.
-fn read_indices(archive: &mut Archive, name: &str) -> std::result::Result<Vec<u64>, String> {
+fn read_indices(archive: &mut Archive, name: &str) -> Result<Vec<u64>, String> {
     match read_array::<i32>(archive, name) {
         Ok(values) => Ok(values.into_iter().map(|value| value as u64).collect()),
         Err(_) => Ok(read_array::<i64>(archive, name)?.into_iter().map(|value| value as u64).collect()),

@@ -3,7 +3,7 @@
 use crate::gpu::{AdapterSummary, shader};
 use crate::render::TraceSettings;
 use crate::scene::Scene;
-use crate::transport::Channels;
+use crate::transport::{Channels, RigShape};
 
 /// The version of everything that a matrix depends on but the key does not hash. It must be raised when the
 /// same paths give another matrix, when the file format changes, or when the host prepares a scene
@@ -23,6 +23,7 @@ pub struct Key {
     hex: String,
     label: String,
     channels: Channels,
+    rig: RigShape,
 }
 
 impl Key {
@@ -64,7 +65,10 @@ impl Key {
             settings.max_bounces,
             settings.seed
         );
-        Self { hex, label, channels }
+        let (camera, projector) = (settings.resolution, settings.projector.unwrap_or(settings.resolution));
+        // Whether the rig is coaxial is the tracer's to say.
+        let rig = RigShape { camera, projector, symmetric: camera == projector };
+        Self { hex, label, channels, rig }
     }
 
     /// The key in hexadecimal.
@@ -75,6 +79,11 @@ impl Key {
     /// A description of the scene and the settings of the matrix.
     pub fn label(&self) -> &str {
         &self.label
+    }
+
+    /// The pixels of camera and projector. Of a matrix that is not square it is known that it is not symmetric.
+    pub(super) fn rig(&self) -> RigShape {
+        self.rig
     }
 
     /// The channels of the matrix. It has one file for each of them.

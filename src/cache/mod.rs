@@ -5,6 +5,7 @@
 //! written atomically, so several runs can share a cache. A damaged file is recognized by its checksum; its
 //! matrix is then traced again.
 
+mod check;
 mod file;
 mod key;
 mod record;

@@ -6,7 +6,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{OutputArgs, RunArgs, SourceArgs, count, number};
+use super::options::{RunArgs, SourceArgs, count, number};
 use super::trace::TraceArgs;
 use crate::analysis::audit::AuditOptions;
 use crate::error::{Error, Result};
@@ -32,8 +32,6 @@ pub(super) struct Args {
     asymmetry: f64,
     #[command(flatten)]
     run: RunArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

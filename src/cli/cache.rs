@@ -8,7 +8,6 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::operator::CacheArgs;
-use super::options::OutputArgs;
 use crate::cache::Cache;
 use crate::error::{Error, Result};
 use crate::lab::text;
@@ -32,8 +31,6 @@ enum Action {
 struct ActionArgs {
     #[command(flatten)]
     cache: CacheArgs,
-    #[command(flatten)]
-    output: OutputArgs,
 }
 
 impl Args {
@@ -41,10 +38,6 @@ impl Args {
         match &self.action {
             Action::List(args) | Action::Clear(args) => args,
         }
-    }
-
-    pub(super) fn output(&self) -> &OutputArgs {
-        &self.action().output
     }
 }
 

@@ -6,10 +6,10 @@ use serde_json::json;
 
 use super::Outcome;
 use super::console::Console;
-use super::options::{OutputArgs, number};
+use super::options::number;
 use crate::analysis::similarity::{Similarity, data_range, similarity};
 use crate::error::{Error, Result};
-use crate::image::Image;
+use crate::image::{Image, Resolution};
 use crate::io::{npy, picture};
 use crate::lab::text::percent;
 use crate::report::colormap::{paint_signed, robust_range};
@@ -42,12 +42,11 @@ pub(super) struct Args {
     /// several times
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     files: Vec<PathBuf>,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     args.files.iter().try_for_each(|file| picture::check_writable(file))?;
+    require_common_size(args)?;
     let image = picture::read(&args.image)?;
     let reference = picture::read(&args.reference)?;
     let found = compared(args, &image, &reference)?;
@@ -76,18 +75,31 @@ fn compared(args: &Args, image: &Image, reference: &Image) -> Result<Similarity>
     let shape = |image: &Image| (image.resolution(), image.channels());
     if shape(image) != shape(reference) {
         let in_words = |image: &Image| format!("{} pixels of {}", image.resolution(), channels(image));
-        return Err(Error::Data {
-            path: args.image.clone(),
-            fault: format!(
-                "it has {}, but {} has {}",
-                in_words(image),
-                args.reference.display(),
-                in_words(reference)
-            ),
-            help: "give two images of one size, both gray or both coloured".into(),
-        });
+        return Err(different(args, &in_words(image), &in_words(reference)));
     }
     similarity(image, reference, args.range.unwrap_or_else(|| data_range(reference)))
+}
+
+/// Checks that the files state images of one size, where they state any, before a pixel is decoded.
+fn require_common_size(args: &Args) -> Result<()> {
+    let [image, reference] = [&args.image, &args.reference].map(|path| picture::stated_sizes(path));
+    let (image, reference) = (image?, reference?);
+    match (image.first(), reference.first()) {
+        (Some(of_image), Some(of_reference)) if !image.iter().any(|size| reference.contains(size)) => {
+            let in_words = |size: &Resolution| format!("{size} pixels");
+            Err(different(args, &in_words(of_image), &in_words(of_reference)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The error for images that cannot be compared.
+fn different(args: &Args, image: &str, reference: &str) -> Error {
+    Error::Data {
+        path: args.image.clone(),
+        fault: format!("it has {image}, but {} has {reference}", args.reference.display()),
+        help: "give two images of one size, both gray or both coloured".into(),
+    }
 }
 
 fn channels(image: &Image) -> &'static str {

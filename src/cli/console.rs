@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::options::OutputArgs;
+use super::options::GlobalArgs;
 use super::progress::{Bar, Progress};
 use crate::error::{Error, Result};
 use crate::observer::{Level, Observer, PhotoTaken, Step};
@@ -18,6 +18,7 @@ pub(super) struct Console {
     json: bool,
     quiet: bool,
     verbose: bool,
+    allows_programs: bool,
     interrupted: Arc<AtomicBool>,
     /// Whether any work has asked so far if it shall stop.
     asked: Arc<AtomicBool>,
@@ -27,7 +28,7 @@ pub(super) struct Console {
 impl Console {
     /// Watches for Ctrl-C from now on: the first one asks to stop, the second one stops the program. So does the first one before any work
     /// that can be stopped has begun: while files are read.
-    pub(super) fn new() -> Self {
+    pub(super) fn new(args: &GlobalArgs) -> Self {
         let interrupted = Arc::new(AtomicBool::new(false));
         let asked = Arc::new(AtomicBool::new(false));
         let flags = [&interrupted, &asked].map(Arc::clone);
@@ -38,16 +39,12 @@ impl Console {
             }
         });
         let progress = Arc::default();
-        let console = Self { json: false, quiet: false, verbose: false, interrupted, asked, progress };
+        let GlobalArgs { json, quiet, verbose, allow_programs: allows_programs } = *args;
+        let console = Self { json, quiet, verbose, allows_programs, interrupted, asked, progress };
         if handler.is_err() {
             console.note("note: Ctrl-C cannot be handled here; it will stop krylux at once");
         }
         console
-    }
-
-    /// The same console, as talkative as the user wants it.
-    pub(super) fn with(&self, args: &OutputArgs) -> Self {
-        Self { json: args.json, quiet: args.quiet, verbose: args.verbose, ..self.clone() }
     }
 
     /// A line of the result on stdout; nothing with `--json` or `-q`.
@@ -91,7 +88,11 @@ impl Console {
     /// The error that ends the program.
     pub(super) fn error(&self, error: &Error) {
         self.progress().clear();
-        let _ = writeln!(std::io::stderr().lock(), "krylux: error: {}", shown(error));
+        let line = match self.json {
+            true => json_of(&error.to_string()),
+            false => format!("krylux: error: {}", shown(error)),
+        };
+        let _ = writeln!(std::io::stderr().lock(), "{line}");
     }
 
     /// Whether the user has asked to stop.
@@ -120,6 +121,11 @@ impl Console {
     /// Whether progress is drawn at all.
     pub(super) fn is_quiet(&self) -> bool {
         self.quiet
+    }
+
+    /// Whether the programs may be run that a rig file names.
+    pub(super) fn allows_programs(&self) -> bool {
+        self.allows_programs
     }
 
     /// One line that is rewritten again and again.
@@ -152,6 +158,15 @@ impl Observer for Console {
         self.progress().photo(self, photo);
         self.check()
     }
+}
+
+/// An error as one JSON object: `{"error": …, "help": …}`. The help is null where the message has none.
+pub(super) fn json_of(message: &str) -> String {
+    let (error, help) = match message.split_once("\n  help: ") {
+        Some((error, help)) => (error, Some(help)),
+        None => (message, None),
+    };
+    serde_json::json!({ "error": error, "help": help }).to_string()
 }
 
 /// A line as it is shown: control characters in names from files are escaped, so that they do not change the terminal.

@@ -8,7 +8,7 @@ use super::console::Console;
 use super::matrix::PartArg;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{CheckArgs, OutputArgs, RunArgs, SourceArgs, count, number};
+use super::options::{CheckArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
@@ -34,8 +34,6 @@ pub(super) struct Args {
     run: RunArgs,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 /// What is asked, of whatever source.

@@ -7,13 +7,14 @@ use indicatif::HumanCount;
 use serde_json::json;
 
 use super::console::Console;
-use super::options::{OutputArgs, ViewArgs};
+use super::options::ViewArgs;
 use super::{Outcome, rig_info};
 use crate::error::Result;
+use crate::io::atomic;
 use crate::lab::SourceKind;
 use crate::measure::RigFile;
 use crate::render;
-use crate::scene::{self, LoadOptions, Scene};
+use crate::scene::{self, Camera, LoadOptions, Scene};
 
 /// Show the graphics adapters and their limits, and what is in a scene or a rig file
 #[derive(clap::Args)]
@@ -23,8 +24,9 @@ pub(super) struct Args {
     source: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
+    /// Write the camera of the scene, or the one that --auto-camera places, as a camera file, to be changed and given as --camera-file
+    #[arg(long, value_name = "FILE", requires = "source")]
+    write_camera: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
@@ -41,7 +43,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if let Some(scene) = &scene {
         say_scene(scene, console)?;
     }
-    let adapters = render::adapters();
+    if let (Some(scene), Some(file)) = (&scene, &args.write_camera) {
+        atomic::write_bytes(file, scene.camera.to_toml().as_bytes())?;
+        console.say(format_args!("wrote     {}", file.display()))?;
+    }
+    let adapters = render::adapters()?;
     for adapter in &adapters {
         console.say(format_args!("adapter   {} ({})", adapter.name, adapter.kind))?;
         console.say(format_args!("  driver  {} {}", adapter.driver, adapter.driver_version))?;
@@ -69,7 +75,10 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 
 /// Loads the scene and says what was ignored in it.
 fn load(path: &Path, view: &ViewArgs, console: &Console) -> Result<Scene> {
-    let options = LoadOptions { camera: view.camera.as_deref(), camera_file: view.camera_file.as_deref() };
+    // A scene without a camera is described, too.
+    let (auto_camera, strict) = (true, view.strict);
+    let (camera, camera_file) = (view.camera.as_deref(), view.camera_file.as_deref());
+    let options = LoadOptions { camera, camera_file, auto_camera, strict };
     let scene = scene::load_with(path, &options)?;
     for warning in &scene.warnings {
         console.note(format_args!("warning: {}: {warning}", scene.path.display()));
@@ -89,7 +98,16 @@ fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
         (high - low).y,
         (high - low).z
     ))?;
-    console.say(format_args!("  camera  `{}`, {field:.1}° field of view from top to bottom", camera.name))?;
+    if camera.name == Camera::PLACED {
+        console.say(format_args!("  box     from {low:.3} to {high:.3} m"))?;
+        console.say(format_args!(
+            "  camera  none; --auto-camera places one at {:.3} that looks along {:.3}, and --write-camera FILE writes it",
+            camera.position, camera.forward
+        ))?;
+    } else {
+        console
+            .say(format_args!("  camera  `{}`, {field:.1}° field of view from top to bottom", camera.name))?;
+    }
     if let Some(projector) = &scene.projector {
         console.say(format_args!(
             "  light   projector `{}`, {:.3} m from the camera",

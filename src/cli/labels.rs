@@ -7,7 +7,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::Opening;
-use super::options::{OutputArgs, SourceArgs};
+use super::options::{SourceArgs, free_file};
 use super::trace::{SizeArgs, TraceArgs};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -25,10 +25,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
     /// Where they go: .npy keeps the numbers (255 is a pixel that sees nothing), .png shows them; may be given several times
-    #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "labels.png")]
+    #[arg(short = 'o', long = "output", value_name = "FILE", default_values_os_t = [free_file("labels", "png")])]
     files: Vec<PathBuf>,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, channel_suffixes, in_journal, merge};
-use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs, count};
+use super::options::{ChannelsArg, KeepArgs, SourceArgs, count, free_file};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
@@ -37,14 +37,12 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value = "luma")]
     channels: ChannelsArg,
     /// Where it goes: .npz (scipy.sparse.load_npz) or .mtx (Matrix Market)
-    #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "matrix.npz")]
+    #[arg(short = 'o', long = "output", value_name = "FILE", default_value_os_t = free_file("matrix", "npz"))]
     file: PathBuf,
     #[command(flatten)]
     keep: KeepArgs,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum)]

@@ -30,18 +30,23 @@ mod separate;
 mod solve;
 mod tev;
 mod trace;
+mod usage;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
 use crate::error::Error;
+use crate::machine;
 use console::Console;
+use options::GlobalArgs;
 
 /// A light transport laboratory: trace a scene once, and ask its light transport matrix anything with a few dozen photos.
 #[derive(Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_STATUS, propagate_version = true)]
 struct Cli {
+    #[command(flatten)]
+    global: GlobalArgs,
     #[command(subcommand)]
     verb: Verb,
 }
@@ -69,6 +74,9 @@ enum Verb {
     Cache(cache::Args),
     #[command(hide = true)]
     Projector(projector::Args),
+    #[cfg(any(feature = "gige", feature = "usb3"))]
+    #[command(hide = true)]
+    DescribeCamera(rig::describe::Args),
 }
 
 /// How a verb ended when it ended well.
@@ -80,27 +88,33 @@ enum Outcome {
 
 /// Parses the command line, runs the verb, and reports: the program's `main`.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let console = Console::new();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(why) => return usage::report(&why),
+    };
+    machine::start_threads();
+    let console = Console::new(&cli.global);
     let outcome = match &cli.verb {
-        Verb::Photo(args) => photo::run(args, &console.with(&args.output)),
-        Verb::Segment(args) => segment::run(args, &console.with(&args.output)),
-        Verb::Compensate(args) => compensate::run(args, &console.with(&args.output)),
-        Verb::Separate(args) => separate::run(args, &console.with(&args.output)),
-        Verb::Relight(args) => relight::run(args, &console.with(&args.output)),
-        Verb::Probe(args) => probe::run(args, &console.with(&args.output)),
-        Verb::Eigs(args) => eigs::run(args, &console.with(&args.output)),
-        Verb::Audit(args) => audit::run(args, &console.with(&args.output)),
-        Verb::Rig(args) => rig::run(args, &console.with(args.output())),
-        Verb::Plan(args) => plan::run(args, &console.with(&args.output)),
-        Verb::Solve(args) => solve::run(args, &console.with(&args.output)),
-        Verb::Matrix(args) => matrix::run(args, &console.with(&args.output)),
-        Verb::Reproduce(args) => reproduce::run(args, &console.with(&args.output)),
-        Verb::Labels(args) => labels::run(args, &console.with(&args.output)),
-        Verb::Compare(args) => compare::run(args, &console.with(&args.output)),
-        Verb::Info(args) => info::run(args, &console.with(&args.output)),
-        Verb::Cache(args) => cache::run(args, &console.with(args.output())),
+        Verb::Photo(args) => photo::run(args, &console),
+        Verb::Segment(args) => segment::run(args, &console),
+        Verb::Compensate(args) => compensate::run(args, &console),
+        Verb::Separate(args) => separate::run(args, &console),
+        Verb::Relight(args) => relight::run(args, &console),
+        Verb::Probe(args) => probe::run(args, &console),
+        Verb::Eigs(args) => eigs::run(args, &console),
+        Verb::Audit(args) => audit::run(args, &console),
+        Verb::Rig(args) => rig::run(args, &console),
+        Verb::Plan(args) => plan::run(args, &console),
+        Verb::Solve(args) => solve::run(args, &console),
+        Verb::Matrix(args) => matrix::run(args, &console),
+        Verb::Reproduce(args) => reproduce::run(args, &console),
+        Verb::Labels(args) => labels::run(args, &console),
+        Verb::Compare(args) => compare::run(args, &console),
+        Verb::Info(args) => info::run(args, &console),
+        Verb::Cache(args) => cache::run(args, &console),
         Verb::Projector(args) => projector::run(args),
+        #[cfg(any(feature = "gige", feature = "usb3"))]
+        Verb::DescribeCamera(args) => rig::describe::run(args, &console),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
@@ -115,6 +129,7 @@ pub fn main() -> ExitCode {
 #[cfg(test)]
 mod tests {
     use std::any::TypeId;
+    use std::path::{Path, PathBuf};
 
     use clap::builder::ValueParser;
     use clap::{Arg, Command, CommandFactory};
@@ -148,6 +163,43 @@ mod tests {
             };
             assert!(takes(taken) && !takes(refused), "{name}");
         }
+    }
+
+    /// The long names of all options of a command and its subcommands.
+    fn names(command: &Command) -> Vec<String> {
+        let own = command.get_arguments().filter_map(|of| Some(format!("--{}", of.get_long()?)));
+        own.chain(command.get_subcommands().flat_map(names)).collect()
+    }
+
+    /// The sources below a folder.
+    fn sources(folder: &Path) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(folder).expect("sources can be read");
+        let paths = entries.map(|entry| entry.expect("an entry").path());
+        paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect()
+    }
+
+    #[test]
+    fn errors_name_options_that_exist() {
+        let mut command = super::Cli::command();
+        command.build();
+        let names = names(&command);
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+        let mut found = 0;
+        for path in sources(&root) {
+            // These are options of the program gphoto2.
+            if path.starts_with(root.join("rig/gphoto2")) {
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).expect("sources are text");
+            for quoted in text.split('"').filter(|quoted| quoted.starts_with("--")) {
+                let is_name = quoted[2..].bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'-');
+                if is_name && quoted.len() > 2 {
+                    found += 1;
+                    assert!(names.iter().any(|name| name == quoted), "{quoted} in {}", path.display());
+                }
+            }
+        }
+        assert!(found > 50, "{found}");
     }
 
     #[test]

@@ -55,6 +55,8 @@ impl<'a> Opening<'a> {
         let mut settings = Settings {
             camera: self.view.camera.clone(),
             camera_file: self.view.camera_file.clone(),
+            auto_camera: self.view.auto_camera,
+            strict: self.view.strict,
             trace: self.trace.overrides(),
             adapter: self.trace.adapter.clone(),
             cache: self.trace.cache.choice(),
@@ -71,7 +73,8 @@ impl<'a> Opening<'a> {
     /// The builder, watched by the console.
     pub(super) fn builder(&self, console: &Console) -> LabBuilder {
         let observer = SharedObserver(std::sync::Arc::new(console.clone()));
-        Lab::builder(self.source).settings(self.settings()).observer(observer)
+        let builder = Lab::builder(self.source).settings(self.settings()).observer(observer);
+        builder.allow_programs(console.allows_programs())
     }
 
     /// Opens the source.

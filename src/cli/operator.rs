@@ -92,7 +92,7 @@ impl CacheArgs {
 
 /// A number of bytes: `8GiB`, `500MB`, `1.5G` or `1000`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Bytes(u64);
+pub(super) struct Bytes(pub(super) u64);
 
 impl FromStr for Bytes {
     type Err = String;

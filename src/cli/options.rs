@@ -28,6 +28,12 @@ pub(super) struct ViewArgs {
     /// Where camera and projector stand, in TOML, instead of the scene's own [default: NAME.rig.toml next to the scene]
     #[arg(long, value_name = "RIG")]
     pub(super) camera_file: Option<PathBuf>,
+    /// Place a camera in front of a scene that has none, from where all of it is seen
+    #[arg(long)]
+    pub(super) auto_camera: bool,
+    /// End where a picture or a material library of the scene is missing, instead of showing its surfaces without it
+    #[arg(long)]
+    pub(super) strict: bool,
 }
 
 /// Where a run leaves its folder.
@@ -91,18 +97,41 @@ impl KeepArgs {
     }
 }
 
-/// How much is said, and how.
+/// The options that every verb has, before it as well as after it.
 #[derive(Args)]
-pub(super) struct OutputArgs {
-    /// Print a machine-readable summary on stdout, and nothing else there
-    #[arg(long)]
+pub(super) struct GlobalArgs {
+    /// Print a machine-readable summary on stdout, and nothing else there; an error is one JSON object on stderr
+    #[arg(long, global = true, display_order = 900)]
     pub(super) json: bool,
     /// Print nothing but errors (and --json's summary)
-    #[arg(short, long, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, display_order = 901, conflicts_with = "verbose")]
     pub(super) quiet: bool,
     /// Print details on stderr
-    #[arg(short, long)]
+    #[arg(short, long, global = true, display_order = 902)]
     pub(super) verbose: bool,
+    /// Run the programs that a rig file names, though the file is not in your own folder ($XDG_CONFIG_HOME/krylux): whoever writes a rig file
+    /// chooses what is run
+    #[arg(long, global = true, display_order = 903)]
+    pub(super) allow_programs: bool,
+}
+
+/// The file that a verb writes where `-o` names none: `NAME.EXTENSION`, or the first free one of `NAME-2.EXTENSION`, `NAME-3.EXTENSION`, …
+/// A file is replaced only if the user has named it. `NAME.r.EXTENSION` and the like belong to `NAME.EXTENSION`.
+pub(super) fn free_file(name: &str, extension: &str) -> PathBuf {
+    let names = std::fs::read_dir(".").into_iter().flatten().filter_map(|item| Some(item.ok()?.file_name()));
+    let names: Vec<String> = names.filter_map(|name| name.into_string().ok()).collect();
+    let ending = format!(".{extension}");
+    let is_free = |stem: &String| {
+        let is_of_stem = |name: &String| name.starts_with(&format!("{stem}.")) && name.ends_with(&ending);
+        !names.iter().any(is_of_stem)
+    };
+    let stems = (1..=names.len() + 1).map(|number| match number {
+        1 => name.to_owned(),
+        _ => format!("{name}-{number}"),
+    });
+    // Of one stem more than there are files one is free.
+    let stem = stems.into_iter().find(is_free).unwrap_or_else(|| name.to_owned());
+    PathBuf::from(stem + &ending)
 }
 
 /// `--channels`.

@@ -7,8 +7,8 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, in_journal, merge};
-use super::operator::OperatorArg;
-use super::options::{ChannelsArg, KeepArgs, OutputArgs, SourceArgs};
+use super::operator::{Bytes, OperatorArg};
+use super::options::{ChannelsArg, KeepArgs, SourceArgs, free_file};
 use super::pattern::Pattern;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -34,8 +34,11 @@ pub(super) struct Args {
     /// matrix is in the cache
     #[arg(long, value_enum, default_value = "auto")]
     operator: OperatorArg,
+    /// The memory that the photo may take, or the matrix while it is assembled, e.g. 8GiB or 500MB [default: half of the machine's]
+    #[arg(long, value_name = "BYTES")]
+    memory: Option<Bytes>,
     /// Where the photo goes, by extension: .exr and .npy keep the radiance, .png is for people; may be given several times
-    #[arg(short = 'o', long = "output", value_name = "FILE", default_value = "photo.png")]
+    #[arg(short = 'o', long = "output", value_name = "FILE", default_values_os_t = [free_file("photo", "png")])]
     files: Vec<PathBuf>,
     /// Where the standard error of each pixel goes, as an image like the photo's; a scene is then traced for this photo
     #[arg(long, value_name = "FILE")]
@@ -44,8 +47,6 @@ pub(super) struct Args {
     keep: KeepArgs,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
@@ -58,6 +59,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     if args.error.is_some() && is_scene && settings.operator == OperatorChoice::Auto {
         settings.operator = OperatorChoice::Retrace;
     }
+    settings.memory = args.memory.map(|Bytes(bytes)| bytes);
     let mut lab = opening.builder(console).settings(settings).open()?;
     args.live.show(&lab, console);
     let pattern = args.pattern.image(lab.projector_resolution())?;

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::console::Console;
 use super::opening::Opening;
-use super::options::{OutputArgs, SourceArgs, count};
+use super::options::{SourceArgs, count};
 use super::trace::TraceArgs;
 use super::{Outcome, compensate, eigs, segment};
 use crate::analysis::plan::Cost;
@@ -23,8 +23,6 @@ pub(super) struct Args {
     /// Runs on the twin, each with its own noise
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = count::<u64>)]
     trials: u64,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
     #[command(subcommand)]
     question: Question,
 }

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opener;
-use super::options::{OutputArgs, RunArgs};
+use super::options::RunArgs;
 use crate::error::{Error, Result};
 use crate::lab::{RunFolder, SharedObserver};
 use crate::paper::{self, BenchOptions, Figure, Gallery, Reproduced, Rig};
@@ -31,8 +31,6 @@ pub(super) struct Args {
     adapter: Option<String>,
     #[command(flatten)]
     run: RunArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 /// A figure, or all of them.

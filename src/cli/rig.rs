@@ -4,6 +4,8 @@ mod align;
 mod bench;
 mod calibrate;
 mod check;
+#[cfg(any(feature = "gige", feature = "usb3"))]
+pub(super) mod describe;
 mod flat_field;
 mod list;
 mod preview;
@@ -14,7 +16,6 @@ use clap::Subcommand;
 
 use super::Outcome;
 use super::console::Console;
-use super::options::OutputArgs;
 use crate::error::Result;
 
 /// Measure and check the devices of a rig
@@ -32,19 +33,6 @@ enum Action {
     Calibrate(Box<calibrate::Args>),
     FlatField(Box<flat_field::Args>),
     Check(Box<check::Args>),
-}
-
-impl Args {
-    pub(super) fn output(&self) -> &OutputArgs {
-        match &self.action {
-            Action::List(args) => &args.output,
-            Action::Preview(args) => &args.output,
-            Action::Align(args) => &args.output,
-            Action::Calibrate(args) => &args.output,
-            Action::FlatField(args) => &args.output,
-            Action::Check(args) => &args.output,
-        }
-    }
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

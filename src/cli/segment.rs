@@ -8,7 +8,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{CheckArgs, OutputArgs, RunArgs, SourceArgs, number};
+use super::options::{CheckArgs, RunArgs, SourceArgs, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::segment::{SegmentRequest, Truth};
@@ -41,8 +41,6 @@ pub(super) struct Args {
     run: RunArgs,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

@@ -7,7 +7,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
 use super::operator::OperatorArgs;
-use super::options::{ChannelsArg, CheckArgs, OutputArgs, RunArgs, SourceArgs, count, number};
+use super::options::{ChannelsArg, CheckArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::probe::default_sigma;
@@ -68,8 +68,6 @@ pub(super) struct Args {
     run: RunArgs,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run};
-use super::options::{OutputArgs, RunArgs, ViewArgs, count, method, number};
+use super::options::{RunArgs, ViewArgs, count, method, number};
 use super::trace::TraceArgs;
 use crate::error::{Error, Result};
 use crate::io::npy;
@@ -42,8 +42,6 @@ pub(super) struct Args {
     upper: f64,
     #[command(flatten)]
     run: RunArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

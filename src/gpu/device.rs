@@ -1,6 +1,7 @@
 //! The choice of an adapter, and the device that is opened on it.
 
 use crate::error::{Error, Result};
+use crate::machine;
 
 const INSTALL: &str = "install a GPU's Vulkan driver, or the software one: apt-get install -y --no-install-recommends mesa-vulkan-drivers";
 
@@ -10,6 +11,10 @@ const SOFTWARE: &str = "software";
 /// The share of the memory granted by a GPU's driver that this process may use, in per cent. An allocation
 /// beyond it fails as out of memory, before the driver starts to evict data.
 const MEMORY_SHARE: u8 = 80;
+
+/// Bytes of address space that a graphics driver reserves at most for a small scene. Software Vulkan has worked with 600 MiB and failed with
+/// 400 MiB.
+const ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Name, driver and limits of an adapter.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -111,7 +116,7 @@ impl Gpu {
         let (device, queue) =
             pollster::block_on(adapter.request_device(&request)).map_err(|e| Error::Device {
                 fault: format!("{} cannot be opened: {e}", summary.name),
-                help: "choose another with --adapter; `krylux info` lists them".into(),
+                help: "choose another with --adapter; `krylux info` lists them. A limit of processes (`ulimit -u`) or of address space (`ulimit -v`) may be too small for it".into(),
             })?;
         Ok(Self { device, queue, summary, shares_memory })
     }
@@ -148,8 +153,11 @@ impl Gpu {
 }
 
 /// All adapters of this machine. The list may be empty.
-pub(crate) fn adapters() -> Vec<AdapterSummary> {
-    enumerate(None).iter().map(AdapterSummary::of).collect()
+///
+/// # Errors
+/// [`Error::Device`] where this process may use too little address space.
+pub(crate) fn adapters() -> Result<Vec<AdapterSummary>> {
+    Ok(enumerate(None)?.iter().map(AdapterSummary::of).collect())
 }
 
 /// The error for a machine without any adapter.
@@ -159,7 +167,8 @@ pub(crate) fn no_adapter() -> Error {
 
 /// All adapters, the fastest kinds first. Their devices use at most `share` per cent of the memory that the
 /// driver grants.
-fn enumerate(share: Option<u8>) -> Vec<wgpu::Adapter> {
+fn enumerate(share: Option<u8>) -> Result<Vec<wgpu::Adapter>> {
+    require_address_space(machine::address_space())?;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,
         memory_budget_thresholds: wgpu::MemoryBudgetThresholds {
@@ -176,12 +185,30 @@ fn enumerate(share: Option<u8>) -> Vec<wgpu::Adapter> {
         wgpu::DeviceType::Other => 3,
         wgpu::DeviceType::Cpu => 4,
     });
-    adapters
+    Ok(adapters)
+}
+
+/// Checks that `ulimit -v` leaves a graphics driver the address space that it reserves: a driver that does not get it may end the process
+/// without a message.
+fn require_address_space(limit: Option<u64>) -> Result<()> {
+    match limit {
+        Some(limit) if limit < ADDRESS_SPACE => Err(Error::Device {
+            fault: format!(
+                "this process may use {} MiB of address space (`ulimit -v`), too little for a graphics driver",
+                limit >> 20
+            ),
+            help: format!(
+                "raise the limit to {} KiB or more, or lift it: ulimit -v unlimited",
+                ADDRESS_SPACE >> 10
+            ),
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// The adapter whose name contains `wanted`; for `None`, the first one.
 fn choose(wanted: Option<&str>, share: Option<u8>) -> Result<wgpu::Adapter> {
-    let adapters = enumerate(share);
+    let adapters = enumerate(share)?;
     let Some(wanted) = wanted.filter(|_| !adapters.is_empty()) else {
         return adapters.into_iter().next().ok_or_else(no_adapter);
     };
@@ -191,4 +218,16 @@ fn choose(wanted: Option<&str>, share: Option<u8>) -> Result<wgpu::Adapter> {
         detail: format!(" whose name contains `{wanted}`"),
         help: format!("--adapter takes part of one of these names: {}", names.join("; ")),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_little_address_space_is_an_error_before_a_driver_is_loaded() {
+        let error = require_address_space(Some(400 << 20)).expect_err("400 MiB are too little").to_string();
+        assert!(error.contains("400 MiB") && error.contains("ulimit -v unlimited"), "{error}");
+        assert!(require_address_space(Some(ADDRESS_SPACE)).is_ok() && require_address_space(None).is_ok());
+    }
 }

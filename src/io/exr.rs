@@ -16,10 +16,14 @@ use super::atomic;
 use crate::error::{Error, Result};
 use crate::file;
 use crate::image::{Image, Resolution};
+use crate::machine;
 
 /// The largest number of samples of all channels of a file: 8192² pixels in four channels. A file that claims
 /// more is refused.
 const MAX_SAMPLES: usize = 1 << 28;
+
+/// Bytes of memory for each sample while a file is decoded: the decoder's, those of a plane, and those of the image.
+const BYTES_OF_SAMPLE: usize = 12;
 
 /// Writes images of one size as the layers of one file: RGB as `NAME.R`, `NAME.G`, `NAME.B`, luma as
 /// `NAME.Y`. With an empty name the channels are called `R`, `G`, `B` or `Y`, which every viewer shows by
@@ -84,11 +88,7 @@ fn encode(layers: &[(&str, &Image)]) -> Result<std::result::Result<Vec<u8>, ::ex
 /// layers.
 pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
     let bytes = file::read(path)?;
-    let unusable = |fault: String| Error::Data {
-        path: path.to_path_buf(),
-        fault,
-        help: "give an EXR file with channels R, G, B or Y, bare or in a layer".into(),
-    };
+    let unusable = |fault| unusable(path, fault);
     let mut found = decode(&bytes).map_err(unusable)?;
     let chosen = match layer {
         Some(name) => found.iter().position(|(there, _)| there == name),
@@ -104,6 +104,27 @@ pub fn read_exr(path: &Path, layer: Option<&str>) -> Result<Image> {
         }));
     };
     Ok(found.swap_remove(chosen).1)
+}
+
+/// The sizes of the layers that a file states. Nothing is decoded.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Data`] when the file is malformed.
+pub(super) fn sizes(path: &Path) -> Result<Vec<Resolution>> {
+    let bytes = file::read(path)?;
+    let header = || MetaData::read_from_buffered(bytes.as_slice(), false).map_err(|error| error.to_string());
+    // As in `decode`.
+    let meta = catch_unwind(AssertUnwindSafe(header)).unwrap_or_else(|_| Err("it is malformed".into()));
+    let headers = meta.map_err(|fault| unusable(path, fault))?.headers;
+    Ok(headers.iter().map(|of| Resolution::new(of.layer_size.width(), of.layer_size.height())).collect())
+}
+
+fn unusable(path: &Path, fault: String) -> Error {
+    Error::Data {
+        path: path.to_path_buf(),
+        fault,
+        help: "give an EXR file with channels R, G, B or Y, bare or in a layer".into(),
+    }
 }
 
 /// All layers of a file that form an image, with their names.
@@ -123,6 +144,10 @@ fn decode_unguarded(bytes: &[u8]) -> std::result::Result<Vec<(String, Image)>, S
     });
     if samples.is_none_or(|count| count > MAX_SAMPLES) {
         return Err("it claims more than 2^28 samples".into());
+    }
+    let needed = samples.unwrap_or(0) as u64 * BYTES_OF_SAMPLE as u64;
+    if needed > machine::memory() / 2 {
+        return Err(format!("it takes {} MiB to decode, more than half of the memory", needed >> 20));
     }
     let picture = ::exr::prelude::read()
         .no_deep_data()

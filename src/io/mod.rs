@@ -15,6 +15,7 @@
 pub mod atomic;
 pub mod clock;
 pub mod exr;
+pub(crate) mod first_error;
 pub mod manifest;
 pub mod model;
 pub mod npy;

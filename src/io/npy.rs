@@ -125,12 +125,21 @@ pub(super) fn parse(bytes: &[u8]) -> std::result::Result<Array, String> {
             data.len()
         ));
     }
-    let stored: Vec<f64> = data.chunks_exact(size).map(decode).collect();
+    let mut stored: Vec<f64> = Vec::new();
+    stored.try_reserve_exact(count).map_err(|error| format!("its {count} values: {error}"))?;
+    stored.extend(data.chunks_exact(size).map(decode));
     let values = match order {
         Order::C => stored,
         Order::Fortran => from_fortran_order(&shape, &stored),
     };
     Ok(Array { shape, values })
+}
+
+/// The values of an `.npy` file that holds numbers of type `T`. `Err` says what is wrong with its bytes.
+pub(crate) fn parse_as<T: npyz::Deserialize>(bytes: &[u8]) -> std::result::Result<Vec<T>, String> {
+    require_plain_header(bytes)?;
+    let file = NpyFile::new(bytes).map_err(|error| format!("its header is malformed: {error}"))?;
+    file.into_vec().map_err(|error| error.to_string())
 }
 
 /// Checks the header before the crate `npyz` parses it. For a hostile header, `npyz` would recurse as deep as

@@ -32,8 +32,8 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(image)
 }
 
-/// As [`read`], where it is known which size the image must have. PNG and JPEG files of another size are refused before their pixels are
-/// decoded, since a few bytes can state any number of them. `whose` names in the message what has that size.
+/// As [`read`], where it is known which size the image must have. Files of another size are refused before their pixels are decoded, since
+/// a few bytes can state any number of them. `whose` names in the message what has that size.
 ///
 /// # Errors
 /// As [`read`], and [`Error::Data`] when the image has another size.
@@ -46,11 +46,27 @@ pub fn read_sized(path: &Path, expected: Resolution, whose: &str) -> Result<Imag
             help: format!("resize it to {expected} pixels, or use --size {found}"),
         }),
     };
-    if let Some(Kind::Png | Kind::Jpeg) = kind(path) {
-        require(png::size(path)?)?;
+    let stated = stated_sizes(path)?;
+    if let Some(&first) = stated.first()
+        && !stated.contains(&expected)
+    {
+        require(first)?;
     }
     let image = read(path)?;
     require(image.resolution()).map(|()| image)
+}
+
+/// The sizes that a file states of the images in it, before anything is decoded; none for `.npy` files, which are as long as their arrays.
+///
+/// # Errors
+/// As [`read`].
+pub fn stated_sizes(path: &Path) -> Result<Vec<Resolution>> {
+    match kind(path) {
+        Some(Kind::Png | Kind::Jpeg) => Ok(vec![png::size(path)?]),
+        Some(Kind::Exr) => exr::sizes(path),
+        Some(Kind::Npy) => Ok(Vec::new()),
+        None => Err(unknown(path)),
+    }
 }
 
 /// Writes a photo. A `.npy` or `.exr` file gets its linear values; a `.png` file is tone-mapped for viewing

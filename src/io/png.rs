@@ -8,10 +8,14 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::image::codec::Format;
 use crate::image::{Image, Resolution};
+use crate::machine;
 
 /// The largest size of decoded pixels in bytes. It allows a 16-bit RGB picture of 8192² pixels, and keeps a
 /// hostile header from allocating more memory.
 const MAX_BYTES: usize = 512 << 20;
+
+/// Bytes of memory for each decoded byte: an 8-bit sample becomes one of 16 bits, and then one of 32 bits.
+const MEMORY_PER_BYTE: u64 = 8;
 
 /// The size that a PNG or JPEG file states.
 ///
@@ -21,6 +25,12 @@ pub(super) fn size(path: &Path) -> Result<Resolution> {
     let bytes = file::read(path)?;
     let (width, height) = format(path, &bytes)?.size(&bytes).map_err(|fault| no_picture(path, fault))?;
     Ok(Resolution::new(width as usize, height as usize))
+}
+
+/// The largest size of decoded pixels in bytes on this machine.
+fn max_bytes() -> usize {
+    let most = machine::memory() / 2 / MEMORY_PER_BYTE;
+    MAX_BYTES.min(usize::try_from(most).unwrap_or(MAX_BYTES))
 }
 
 fn format(path: &Path, bytes: &[u8]) -> Result<Format> {
@@ -43,7 +53,8 @@ fn unusable(path: &Path, fault: String, help: &str) -> Error {
 /// transparent pixel.
 pub fn read_png(path: &Path) -> Result<Image> {
     let bytes = file::read(path)?;
-    let picture = format(path, &bytes)?.decode(&bytes, MAX_BYTES).map_err(|fault| no_picture(path, fault))?;
+    let picture =
+        format(path, &bytes)?.decode(&bytes, max_bytes()).map_err(|fault| no_picture(path, fault))?;
     let resolution = Resolution::new(picture.width as usize, picture.height as usize);
     let (color, alpha, channels) = (picture.has_color(), picture.has_alpha(), picture.channels);
     let samples = picture.into_sixteen_bits();

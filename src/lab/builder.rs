@@ -156,6 +156,14 @@ impl LabBuilder {
         self
     }
 
+    /// Runs the programs that a rig file names, wherever the file is. Otherwise they are run only for files in the user's own folder
+    /// ([`own_folder`](crate::measure::own_folder)): whoever writes the file chooses what is run.
+    #[must_use]
+    pub fn allow_programs(mut self, allowed: bool) -> Self {
+        self.program.allows_programs = allowed;
+        self
+    }
+
     /// Who is told of progress, messages and photos, and can stop everything.
     #[must_use]
     pub fn observer(mut self, observer: impl Into<SharedObserver>) -> Self {

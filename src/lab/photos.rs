@@ -27,7 +27,8 @@ impl Lab {
     /// As [`Lab::photo`].
     pub fn photo_with_error(&mut self, pattern: &Image) -> Result<(Image, Option<Image>)> {
         if let Source::Scene(scene) = &self.source {
-            let mut traced = LightTransport::of_retraced(scene, self.channels, &self.observer);
+            let mut traced =
+                LightTransport::of_retraced(scene, &self.settings, self.channels, &self.observer)?;
             return traced.photograph_with_error(pattern);
         }
         lock(self.transport()?).photograph_with_error(pattern)

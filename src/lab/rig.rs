@@ -48,6 +48,8 @@ pub(super) struct Handed {
     pub(super) text: Option<String>,
     /// Opens the devices of a rig file of `kind = "program"`.
     pub(super) opener: Option<DeviceOpener>,
+    /// Whether programs may be run that the file names.
+    pub(super) allows_programs: bool,
 }
 
 impl RigSource {
@@ -226,6 +228,21 @@ impl RigSource {
         self.file.measurement.settle.unwrap_or(self.calibration.stability.settle)
     }
 
+    /// Checks that the programs may be run that the rig file names, and says which they are. A program that hands over the text of a rig file
+    /// has chosen them itself.
+    ///
+    /// # Errors
+    /// As [`RigFile::require_programs_allowed`].
+    pub fn require_programs_allowed(&self) -> Result<()> {
+        let is_ours = self.program.text.is_some();
+        self.file.require_programs_allowed(is_ours || self.program.allows_programs)?;
+        for program in self.file.named_programs() {
+            self.observer
+                .note(format_args!("note: {} runs the program `{program}`", self.file.path.display()));
+        }
+        Ok(())
+    }
+
     /// Opens the rig whenever raw frames are wanted of it; a scene is traced the first time, and the matrix is kept.
     pub fn opener(&self) -> Opener<'static> {
         let (settle, tries) = (self.settle(), self.file.measurement.tries);
@@ -239,7 +256,9 @@ impl RigSource {
                 });
             }
             RigKind::Hardware(rig) => {
+                let source = self.clone();
                 return Box::new(move |after| {
+                    source.require_programs_allowed()?;
                     let devices = rig.open(&Helper::find()?, after)?;
                     Ok(Box::new(LiveFrames::new(devices, settle, tries)))
                 });

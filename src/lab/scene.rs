@@ -51,7 +51,8 @@ impl SceneSource {
         settings: &Settings,
         observer: &SharedObserver,
     ) -> Result<Self> {
-        let options = LoadOptions { camera, camera_file };
+        let (auto_camera, strict) = (settings.auto_camera, settings.strict);
+        let options = LoadOptions { camera, camera_file, auto_camera, strict };
         let load = || load(path, &options, observer);
         let (scene, tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
         Self::new(scene, tracer, trace, settings, observer)

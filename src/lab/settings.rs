@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::cache::{self, Cache};
 use crate::image::Resolution;
+use crate::machine;
 use crate::render::{Gather, Sampler, TraceSettings};
 use crate::transport::{Backend, Channels};
 
@@ -14,6 +15,10 @@ pub struct Settings {
     pub camera: Option<String>,
     /// A camera file: where camera and projector stand, instead of the scene's own poses.
     pub camera_file: Option<PathBuf>,
+    /// Places a camera in front of a scene that has none.
+    pub auto_camera: bool,
+    /// Makes a picture or a material library that a scene names, and that is missing, an error in place of a warning.
+    pub strict: bool,
     /// How light is traced.
     pub trace: TraceOverrides,
     /// Part of the name of the graphics adapter to use; any suitable one where none is named.
@@ -24,7 +29,8 @@ pub struct Settings {
     pub operator: OperatorChoice,
     /// Where products with a scene's matrix are computed.
     pub backend: Backend,
-    /// Bytes of memory that a matrix may take while it is assembled; half of the machine's where none is given.
+    /// Bytes of memory that a matrix may take while it is assembled, or a single photo while it is traced; half of the machine's where none is
+    /// given.
     pub memory: Option<u64>,
     /// Gray or coloured photos.
     pub channels: ChannelChoice,
@@ -35,7 +41,12 @@ pub struct Settings {
 impl Settings {
     /// The first setting that says what is traced, or how, by the name of its option: a source that traces nothing refuses it.
     pub fn first_of_trace(&self) -> Option<&'static str> {
-        let view = [(self.camera.is_some(), "--camera"), (self.camera_file.is_some(), "--camera-file")];
+        let view = [
+            (self.camera.is_some(), "--camera"),
+            (self.camera_file.is_some(), "--camera-file"),
+            (self.auto_camera, "--auto-camera"),
+            (self.strict, "--strict"),
+        ];
         let trace = self.trace.given();
         let adapter = self.adapter.is_some().then_some("--adapter");
         trace.or(adapter).or(view.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name))
@@ -51,9 +62,9 @@ impl Settings {
         given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
 
-    /// The limit of memory for a matrix, in bytes.
+    /// The limit of memory for a matrix or a photo, in bytes.
     pub(super) fn memory_limit(&self) -> u64 {
-        self.memory.unwrap_or_else(half_of_the_memory)
+        self.memory.unwrap_or_else(|| machine::memory() / 2)
     }
 }
 
@@ -192,14 +203,6 @@ impl TraceOverrides {
         ];
         given.into_iter().find(|(is_given, _)| *is_given).map(|(_, name)| name)
     }
-}
-
-/// Half of the machine's memory in bytes; a machine that does not tell is taken to have 8 GiB.
-fn half_of_the_memory() -> u64 {
-    let about = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let total = about.lines().find_map(|line| line.strip_prefix("MemTotal:"));
-    let kibibytes = total.and_then(|line| line.trim().trim_end_matches(" kB").parse::<u64>().ok());
-    kibibytes.map_or(4 << 30, |kibibytes| kibibytes * 512)
 }
 
 #[cfg(test)]

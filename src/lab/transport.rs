@@ -16,6 +16,7 @@ use crate::measure::RigRecord;
 use crate::operator::{Adjoint, Operator, Symmetry};
 use crate::transport::{Assembled, Bounces, JournaledOperator, Part, Retraced, pooled};
 use engine::Engine;
+pub(super) use opening::require_photo_memory;
 
 /// The light transport of a source: what takes photos, and the journal that keeps those of a scene. The journal of a rig is behind its
 /// frames.

@@ -243,7 +243,7 @@ impl Lab {
             return Ok(None);
         }
         let other = scene.with_settings(with_other_seed(&scene.settings));
-        let transport = LightTransport::of_estimated(&other, self.channels, &self.observer);
+        let transport = LightTransport::of_estimated(&other, &self.settings, self.channels, &self.observer)?;
         let transport = Arc::new(Mutex::new(transport));
         let operator = |channel| LabOperator::new(&transport, part, channel, &self.observer, None);
         Ok(Some((0..self.channels.count()).map(operator).collect()))

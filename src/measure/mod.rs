@@ -83,5 +83,5 @@ pub use operator::MeasuredOperator;
 pub use options::{DirectBy, DitherBy, MeasureOptions, SignedBy};
 pub use photo::{Photo, Plane};
 pub use record::{RigRecord, RunManifest};
-pub use rig_file::{RigFile, RigKind};
+pub use rig_file::{RigFile, RigKind, own_folder};
 pub use times::Times;

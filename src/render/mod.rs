@@ -40,7 +40,10 @@ pub use tracer::Tracer;
 pub use crate::gpu::AdapterSummary;
 
 /// All graphics adapters of this machine that can trace. The list may be empty.
-pub fn adapters() -> Vec<AdapterSummary> {
+///
+/// # Errors
+/// [`crate::Error::Device`] where `ulimit -v` leaves no room for a driver.
+pub fn adapters() -> crate::Result<Vec<AdapterSummary>> {
     crate::gpu::device::adapters()
 }
 

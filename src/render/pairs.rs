@@ -37,7 +37,7 @@ pub(super) struct Rotated {
 
 impl Pair {
     /// A single triangle.
-    fn alone(index: usize, [a, b, c]: [Vec3; 3]) -> Self {
+    pub(super) fn alone(index: usize, [a, b, c]: [Vec3; 3]) -> Self {
         Self { corners: [a, b, c, a], first: Rotated { index, by: 0 }, second: None }
     }
 

@@ -74,11 +74,15 @@ impl StrategyBuilder<'_> {
         let ambient = self.scene.ambient && from_camera;
         // Where light may pass straight through a surface, a ray needs all its hits in order, which the light
         // buffer does not give.
-        let has_light_buffer = coaxial_pinhole && !self.scene.features.passable;
-        let light_buffer = if has_light_buffer {
+        let lists = if coaxial_pinhole && !self.scene.features.passable {
             self.light_buffers.lists(self.gpu, self.scene, start.tangent)?
         } else {
-            light_buffer::none(self.gpu)?
+            None
+        };
+        let has_light_buffer = lists.is_some();
+        let light_buffer = match lists {
+            Some(lists) => lists,
+            None => light_buffer::none(self.gpu)?,
         };
         let mut features = Features {
             scene: self.scene.features,

@@ -60,8 +60,14 @@ impl Tracer {
         load: impl FnOnce() -> std::result::Result<Scene, E>,
     ) -> std::result::Result<(Scene, Self), E> {
         let (scene, gpu) = std::thread::scope(|scope| {
-            let gpu = scope.spawn(|| Gpu::open(adapter));
-            (load(), gpu.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            let gpu = std::thread::Builder::new().spawn_scoped(scope, || Gpu::open(adapter));
+            let scene = load();
+            let gpu = match gpu {
+                Ok(gpu) => gpu.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+                // No thread could be started.
+                Err(_) => Gpu::open(adapter),
+            };
+            (scene, gpu)
         });
         let scene = scene?;
         let tracer = Self::on(gpu?, &scene)?;

@@ -30,8 +30,14 @@ pub struct AttachedCamera {
 
 impl AttachedDevices {
     /// Searches for monitors and cameras. `display` names the X server; by default it is that of `of_file`, or that of DISPLAY. The camera of
-    /// `of_file`, a rig file's devices, is queried as well. What cannot be searched for is told to `note`, and does not hide the rest.
-    pub fn find(display: Option<&str>, of_file: Option<&HardwareRig>, note: &mut dyn FnMut(&Error)) -> Self {
+    /// `of_file`, a rig file's devices, is asked what it can do; with `all` every camera is. What a camera says of itself is read by a process of
+    /// the helper program ([`Helper::find`](super::Helper::find)). What cannot be searched for is told to `note`, and does not hide the rest.
+    pub fn find(
+        display: Option<&str>,
+        of_file: Option<&HardwareRig>,
+        all: bool,
+        note: &mut dyn FnMut(&Error),
+    ) -> Self {
         let display = display.or(of_file.and_then(|rig| rig.projector.display.as_deref()));
         // A computer without a screen may still have cameras.
         let monitors = monitors(display).unwrap_or_else(|why| {
@@ -42,8 +48,12 @@ impl AttachedDevices {
             Some(CameraSpec::Gige(spec)) => Some(spec.address),
             _ => None,
         };
+        let of_usb = match of_file.map(|rig| &rig.camera) {
+            Some(CameraSpec::Usb3(spec)) => Some(spec.serial.as_deref()),
+            _ => None,
+        };
         let mut cameras = Vec::new();
-        for kind in [gige(address), usb3(), v4l(), gphoto2()] {
+        for kind in [gige(address, all), usb3(of_usb, all), v4l(), gphoto2()] {
             match kind {
                 Ok(found) => cameras.extend(found),
                 Err(why) => note(&why),
@@ -61,10 +71,13 @@ impl AttachedCamera {
         found
     }
 
-    /// The same camera with its abilities.
+    /// The same camera with its abilities, where it `is_asked`.
     #[cfg(any(feature = "gige", feature = "usb3"))]
-    fn able(mut self, abilities: Result<super::Abilities>) -> Self {
-        match abilities {
+    fn able(mut self, is_asked: bool, kind: &str, place: Option<&str>) -> Self {
+        if !is_asked {
+            return self;
+        }
+        match super::describe::ask(kind, place) {
             Ok(abilities) => {
                 self.lines.push(abilities.to_string());
                 self.add("abilities", json!(abilities));
@@ -88,28 +101,30 @@ fn known(name: &Option<String>) -> &str {
 }
 
 #[cfg(feature = "gige")]
-fn gige(address: Option<Ipv4Addr>) -> Result<Vec<AttachedCamera>> {
+fn gige(address: Option<Ipv4Addr>, all: bool) -> Result<Vec<AttachedCamera>> {
     let cameras = super::cameras(&address.into_iter().collect::<Vec<_>>())?;
     let said = |camera: &super::FoundGigeCamera| {
         let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
         format!("gige {}: {maker} {model}, serial number {serial}", camera.address)
     };
     let found = |camera: &super::FoundGigeCamera| {
-        AttachedCamera::new("gige", camera, said(camera)).able(super::gige_camera_abilities(camera.address))
+        let (is_asked, place) = (all || address == Some(camera.address), camera.address.to_string());
+        AttachedCamera::new("gige", camera, said(camera)).able(is_asked, "gige", Some(&place))
     };
     Ok(cameras.iter().map(found).collect())
 }
 
 #[cfg(feature = "usb3")]
-fn usb3() -> Result<Vec<AttachedCamera>> {
+fn usb3(of_file: Option<Option<&str>>, all: bool) -> Result<Vec<AttachedCamera>> {
     let said = |camera: &super::FoundUsbCamera| {
         let (maker, model, serial) = (known(&camera.maker), known(&camera.model), known(&camera.serial));
         let speed = camera.speed.as_ref().map_or_else(String::new, |speed| format!(", at {speed}"));
         format!("usb3 {serial}: {maker} {model}{speed}")
     };
     let found = |camera: &super::FoundUsbCamera| {
-        let abilities = super::usb_camera_abilities(camera.serial.as_deref());
-        AttachedCamera::new("usb3", camera, said(camera)).able(abilities)
+        let place = camera.serial.as_deref();
+        let is_of_file = of_file.is_some_and(|serial| serial.is_none_or(|serial| place == Some(serial)));
+        AttachedCamera::new("usb3", camera, said(camera)).able(all || is_of_file, "usb3", place)
     };
     Ok(super::usb_cameras()?.iter().map(found).collect())
 }
@@ -135,12 +150,12 @@ fn gphoto2() -> Result<Vec<AttachedCamera>> {
 }
 
 #[cfg(not(feature = "gige"))]
-fn gige(_: Option<Ipv4Addr>) -> Result<Vec<AttachedCamera>> {
+fn gige(_: Option<Ipv4Addr>, _: bool) -> Result<Vec<AttachedCamera>> {
     Err(super::not_built("GigE Vision", "gige"))
 }
 
 #[cfg(not(feature = "usb3"))]
-fn usb3() -> Result<Vec<AttachedCamera>> {
+fn usb3(_: Option<Option<&str>>, _: bool) -> Result<Vec<AttachedCamera>> {
     Err(super::not_built("USB3 Vision", "usb3"))
 }
 

@@ -21,6 +21,8 @@
 mod attached;
 mod cameras;
 mod clock;
+#[cfg(any(feature = "gige", feature = "usb3"))]
+mod describe;
 mod devices;
 mod frame;
 pub(crate) mod genicam;

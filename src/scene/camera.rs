@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::Triangle;
 use crate::image::Resolution;
 
 /// A pinhole or thin-lens camera with an image plane at unit distance. The file states the vertical field of
@@ -80,6 +81,43 @@ pub(super) fn tan_half(field: f64) -> Option<f32> {
 }
 
 impl Camera {
+    /// The name of a camera that was placed because the scene has none.
+    pub const PLACED: &str = "auto";
+
+    /// A pinhole with a field of view of 40° that sees all of these triangles, from the front (+Z, as in glTF), somewhat from the right and from
+    /// above. Rooms are seen from outside.
+    pub fn in_front_of(triangles: &[Triangle]) -> Self {
+        let corners = || triangles.iter().flat_map(|triangle| triangle.positions);
+        let low = corners().fold(Vec3::INFINITY, Vec3::min);
+        let high = corners().fold(Vec3::NEG_INFINITY, Vec3::max);
+        let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(1e-3));
+        let half_field = 20.0_f32.to_radians();
+        let forward = -Vec3::new(0.5, 0.35, 1.0).normalize();
+        // The sphere around the scene touches the picture's edges.
+        let position = centre - radius / half_field.sin() * forward;
+        let right = forward.cross(Vec3::Y).normalize();
+        let (up, tan_half_fov) = (right.cross(forward), half_field.tan());
+        let (name, lens) = (Self::PLACED.to_owned(), Lens::PINHOLE);
+        Self { name, position, right, up, forward, tan_half_fov, aspect: None, lens }
+    }
+
+    /// The `[camera]` table of a camera file that places this camera.
+    pub fn to_toml(&self) -> String {
+        let vector = |v: Vec3| format!("[{}, {}, {}]", v.x, v.y, v.z);
+        let mut text = format!(
+            "[camera]\nposition = {}\nforward = {}\nup = {}\nvertical_fov_degrees = {}\n",
+            vector(self.position),
+            vector(self.forward),
+            vector(self.up),
+            2.0 * f64::from(self.tan_half_fov).atan().to_degrees()
+        );
+        if self.lens.radius > 0.0 {
+            let Lens { radius, focus } = self.lens;
+            text.push_str(&format!("aperture_radius = {radius}\nfocus_distance = {focus}\n"));
+        }
+        text
+    }
+
     /// Whether `other` has the same pose, field of view and lens, up to the rounding of transforms.
     pub fn coincides(&self, other: &Self) -> bool {
         let close = |a: Vec3, b: Vec3| a.distance(b) <= 1e-6 * (1.0 + a.length());
@@ -161,6 +199,19 @@ mod tests {
             // The bound allows a few roundings of numbers below 10.
             assert!((back_u - u).abs() < 1e-5 && (back_v - v).abs() < 1e-5, "{u} {v} → {back_u} {back_v}");
         }
+    }
+
+    #[test]
+    fn a_placed_camera_sees_all_of_the_scene() {
+        let corners = [vec3(-3.0, 0.0, 1.0), vec3(5.0, 0.1, 2.0), vec3(0.0, 4.0, -7.0)];
+        let camera = Camera::in_front_of(&[Triangle::flat(corners, 0, 0)]);
+        let resolution = Resolution::new(100, 100);
+        for corner in corners {
+            let (u, v) = camera.project(corner, resolution).expect("it is in front");
+            assert!((0.0..=100.0).contains(&u) && (0.0..=100.0).contains(&v), "{corner}: {u} {v}");
+        }
+        assert!((camera.right.cross(camera.up) + camera.forward).length() < 1e-5, "{camera:?}");
+        assert!(camera.up.y > 0.9 && camera.forward.z < -0.5, "{camera:?}");
     }
 
     #[test]

@@ -55,6 +55,7 @@ impl CameraPair {
 }
 
 /// The content of a camera file.
+#[derive(Default)]
 pub(super) struct CameraFile {
     /// The file's bytes, which enter the scene's hash.
     pub bytes: Vec<u8>,

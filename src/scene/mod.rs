@@ -34,6 +34,11 @@ pub struct LoadOptions<'a> {
     pub camera: Option<&'a str>,
     /// The path of a camera file, whose poses replace those of the scene (see [`load_with`]).
     pub camera_file: Option<&'a Path>,
+    /// Places a camera in front of a scene that has none, from where all of it is seen ([`Camera::in_front_of`]).
+    pub auto_camera: bool,
+    /// Makes a missing material library or picture an error. Otherwise its surfaces are matte or have the material's own colour, and a warning
+    /// says so.
+    pub strict: bool,
 }
 
 /// Loads a scene with the camera called `camera`; see [`load_with`].
@@ -41,7 +46,7 @@ pub struct LoadOptions<'a> {
 /// # Errors
 /// As [`load_with`].
 pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
-    load_with(path, &LoadOptions { camera, camera_file: None })
+    load_with(path, &LoadOptions { camera, ..LoadOptions::default() })
 }
 
 /// Loads a scene. The file's extension selects the format: `.glb`, `.gltf` or `.obj`.

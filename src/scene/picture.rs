@@ -40,7 +40,7 @@ impl Pictures {
         let Some(format) = Format::of(bytes) else {
             return Err(Fault {
                 fault: "is neither PNG nor JPEG".into(),
-                help: "export the scene with PNG or JPEG pictures".into(),
+                help: "convert it (magick PICTURE picture.png) and name that, or export the scene with PNG or JPEG pictures".into(),
             });
         };
         let broken = |error: String| Fault {

@@ -25,6 +25,11 @@ pub(super) fn read(scene: &Path, what: &str, path: &Path) -> Result<Vec<u8>> {
     file::read(path)
 }
 
+/// Whether there is nothing at a path.
+pub(super) fn is_missing(path: &Path) -> bool {
+    std::fs::metadata(path).is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
+}
+
 /// Resolves the relative path by which `scene` refers to a file. `Err` says why the path is not relative.
 pub(super) fn next_to(scene: &Path, relative: &str) -> std::result::Result<PathBuf, &'static str> {
     // The part before a colon is a URI scheme or a drive.

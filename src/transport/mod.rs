@@ -38,7 +38,7 @@ mod tiles;
 
 pub use assemble::{Assembled, assemble, assemble_layers};
 pub use backend::Backend;
-pub use choice::{Prediction, predict};
+pub use choice::{Prediction, photo_bytes, predict};
 pub use estimated::{EstimatedOperator, EstimatedProduct, Question, Squares, with_other_seed};
 pub use explicit::ExplicitMatrix;
 pub use gpu_matrix::GpuMatrix;

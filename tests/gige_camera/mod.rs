@@ -105,6 +105,11 @@ impl GigeCamera {
         Self { shared, threads }
     }
 
+    /// From now on, the camera says this of itself, `url` bytes from where it says ([`Registers::describe`]).
+    pub fn describe(&self, xml: &str, url: Option<&str>) {
+        self.shared.registers.lock().expect("nobody fails").describe(xml, url);
+    }
+
     /// From now on, loses each packet with this probability, including those that are sent again.
     pub fn lose(&self, chance: f64) {
         self.shared.loss.store((1e6 * chance) as u64, Ordering::Relaxed);

@@ -90,6 +90,17 @@ impl Registers {
         registers
     }
 
+    /// Replaces the description by another one, behind the registers. `url` says where it is; `None`: the truth.
+    pub fn describe(&mut self, xml: &str, url: Option<&str>) {
+        self.memory.truncate(END);
+        self.memory.extend(xml.as_bytes());
+        let truth = format!("Local:camera.xml;{END:x};{:x}", xml.len());
+        let mut text = [0; 512];
+        let url = url.unwrap_or(&truth).as_bytes();
+        text[..url.len()].copy_from_slice(url);
+        self.put(0x0200, &text);
+    }
+
     fn put(&mut self, at: usize, bytes: &[u8]) {
         self.memory[at..at + bytes.len()].copy_from_slice(bytes);
     }

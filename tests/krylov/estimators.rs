@@ -247,10 +247,7 @@ fn failures_and_wrong_options_come_through() {
     option(hutchinson(&mut matrix, 1, 0).map(drop), "--photos");
     option(hutch_plus_plus(&mut matrix, 5, 0).map(drop), "--photos");
     option(spectral_density(&mut matrix, 1, 5, 0).map(drop), "--probes");
-    option(
-        nystrom(&mut matrix, &LowRankOptions { rank: 0, ..LowRankOptions::default() }).map(drop),
-        "--rank",
-    );
+    option(nystrom(&mut matrix, &LowRankOptions { rank: 0, ..LowRankOptions::default() }).map(drop), "rank");
     let (_, mut general) = general_gallery().remove(0);
     assert!(nystrom(&mut general, &LowRankOptions::default()).is_err());
     assert!(spectral_density(&mut general, 3, 3, 0).is_err());

@@ -211,3 +211,36 @@ fn mutilated_files_never_panic() -> Outcome {
     }
     Ok(())
 }
+
+/// The samples of channels `R`, `G` and `B` by the crate `exr` alone, which knows the channels by their names.
+fn by_another_reader(path: &Path) -> Result<[Vec<f32>; 3], Box<dyn std::error::Error>> {
+    use ::exr::prelude::{ReadChannels, ReadLayers, read};
+    let picture = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+    let layer = picture.all_attributes().from_file(path)?.layer_data;
+    let plane = |name: &str| {
+        let channel = layer.channel_data.list.iter().find(|channel| channel.name.to_string() == name);
+        channel.map(|channel| channel.sample_data.values_as_f32().collect::<Vec<f32>>())
+    };
+    Ok([plane("R"), plane("G"), plane("B")].map(Option::unwrap_or_default))
+}
+
+#[test]
+fn exr_channels_have_the_names_of_their_colours_for_other_programs() -> Outcome {
+    let folder = TempDir::new()?;
+    let resolution = Resolution::new(3, 2);
+    let colored = Image::new(resolution, 3, (0..18).map(|at| at as f32).collect())?;
+    let ours = folder.path().join("ours.exr");
+    exr::write_exr(&ours, &[("", &colored)])?;
+    let expected =
+        [0, 1, 2].map(|channel| (0..6).map(|pixel| (3 * pixel + channel) as f32).collect::<Vec<f32>>());
+    assert_eq!(by_another_reader(&ours)?, expected);
+
+    let foreign = folder.path().join("foreign.exr");
+    ::exr::prelude::write_rgb_file(&foreign, 3, 2, |x, y| {
+        let first = (3 * (3 * y + x)) as f32;
+        (first, first + 1.0, first + 2.0)
+    })?;
+    assert_eq!(by_another_reader(&foreign)?, expected);
+    assert_eq!(exr::read_exr(&foreign, None)?, colored);
+    Ok(())
+}

@@ -1,7 +1,7 @@
 //! The command line from calibration to report, on the real protocols and on a virtual rig with the same devices.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use krylux::io::{npy, sparse};
 use serde_json::Value;
@@ -99,6 +99,58 @@ fn the_list_names_monitors_and_cameras() {
     // A server that cannot be reached is named.
     let output = krylux(&["rig", "list", "--display", ":4094"]);
     assert!(output.status.success() && String::from_utf8_lossy(&output.stderr).contains(":4094"));
+}
+
+/// A description whose features are these elements.
+fn description(elements: &str) -> String {
+    let shipped = include_str!("../gige_camera/camera.xml");
+    let head = &shipped[..shipped.find("<Category").expect("it has features")];
+    format!("{head}{elements}</RegisterDescription>")
+}
+
+#[test]
+fn a_hostile_camera_does_not_end_the_list() {
+    let folder = TempDir::new().expect("a temporary folder can be made");
+    let stage = stage(14, &noisy(Path::new("rooms.npz")));
+    let rig = rig_file(folder.path(), &stage, "");
+    let deep = 40_000;
+    let chain: String = (0..deep)
+        .map(|at| format!("<Integer Name=\"N{at}\"><pValue>N{}</pValue></Integer>", at + 1))
+        .collect();
+    let brackets = format!("{}1{}", "(".repeat(200_000), ")".repeat(200_000));
+    let hostile = [
+        (
+            description(
+                "<Integer Name=\"WidthMax\"><pValue>A</pValue></Integer><Integer Name=\"A\"><pValue>WidthMax</pValue></Integer>",
+            ),
+            None,
+        ),
+        (
+            description(&format!(
+                "<Integer Name=\"WidthMax\"><pValue>N0</pValue></Integer>{chain}<Integer Name=\"N{deep}\"><Value>7</Value></Integer>"
+            )),
+            None,
+        ),
+        (
+            description(&format!(
+                "<IntSwissKnife Name=\"WidthMax\"><Formula>{brackets}</Formula></IntSwissKnife>"
+            )),
+            None,
+        ),
+        (description(""), Some("Local:c.xml;ffffffffffffffff;ffffffffffffffff")),
+        (description(""), Some("Local:c.xml;0;ffffffff")),
+        ("<a>".repeat(50_000), None),
+    ];
+    for (number, (xml, url)) in hostile.iter().enumerate() {
+        stage.camera.describe(xml, *url);
+        let began = Instant::now();
+        let said = summary(&["rig", "list", &rig]);
+        let cameras = said["cameras"].as_array().expect("an array");
+        let is_listed = |camera: &Value| camera["address"] == stage.address.to_string();
+        assert!(cameras.iter().any(is_listed), "camera {number} is not listed");
+        assert!(began.elapsed() < Duration::from_secs(60), "camera {number} takes {:?}", began.elapsed());
+        println!("camera {number}: {:?}", began.elapsed());
+    }
 }
 
 #[test]

@@ -18,7 +18,10 @@ fn with_camera_file(content: &str) -> krylux::Result<Scene> {
     let document = document().to_string();
     let written = write_files(&[("scene.gltf", document.as_bytes()), ("my.toml", content.as_bytes())]);
     let file = written.folder.path().join("my.toml");
-    scene::load_with(&written.path, &LoadOptions { camera: None, camera_file: Some(&file) })
+    scene::load_with(
+        &written.path,
+        &LoadOptions { camera: None, camera_file: Some(&file), ..LoadOptions::default() },
+    )
 }
 
 /// Asserts that a camera file of this content is refused with the message `expected`.
@@ -78,14 +81,15 @@ fn a_camera_file_next_to_the_scene_is_used_unless_a_camera_is_named() {
     assert_ne!(load(None).hash, load(Some("eye")).hash);
 
     let file = written.folder.path().join("a.rig.toml");
-    let both = LoadOptions { camera: Some("eye"), camera_file: Some(&file) };
+    let both = LoadOptions { camera: Some("eye"), camera_file: Some(&file), ..LoadOptions::default() };
     match scene::load_with(&written.path, &both) {
         Err(Error::Scene { fault, .. }) => {
             assert_eq!(fault, "the camera file has a [camera], but --camera names a camera of the scene");
         }
         other => panic!("two cameras at once: {other:?}"),
     }
-    let missing = LoadOptions { camera: None, camera_file: Some(Path::new("gone.toml")) };
+    let missing =
+        LoadOptions { camera: None, camera_file: Some(Path::new("gone.toml")), ..LoadOptions::default() };
     assert!(matches!(scene::load_with(&written.path, &missing), Err(Error::Read { .. })));
 }
 
@@ -232,4 +236,31 @@ fn cameras_coincide_up_to_rounding() {
     assert_eq!(load(&document()).projector, None);
     // The camera of the same scene in another file is the same.
     assert_eq!(scene::load(&write(&document()).path, None).expect("it loads").camera, camera);
+}
+
+#[test]
+fn a_scene_without_a_camera_gets_one_where_that_is_asked_for() {
+    let mut without = document();
+    without["nodes"][1] = json!({});
+    let gltf = write(&without);
+    let obj = write_files(&[("scene.obj", b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")]);
+    for path in [&gltf.path, &obj.path] {
+        let auto =
+            |auto_camera| scene::load_with(path, &LoadOptions { auto_camera, ..LoadOptions::default() });
+        let refused = auto(false).expect_err("it has no camera").to_string();
+        assert!(refused.contains("--auto-camera"), "{refused}");
+        let scene = auto(true).expect("a camera is placed");
+        assert_eq!(scene.camera.name, Camera::PLACED);
+        let resolution = Resolution::new(64, 64);
+        for corner in scene.triangles.iter().flat_map(|triangle| triangle.positions) {
+            assert!(scene.camera.project(corner, resolution).is_some(), "{corner} is behind the camera");
+        }
+        // The file that `info --write-camera` writes places the same camera.
+        let file = path.with_file_name("written.toml");
+        std::fs::write(&file, scene.camera.to_toml()).expect("the folder is ours");
+        let again =
+            scene::load_with(path, &LoadOptions { camera_file: Some(&file), ..LoadOptions::default() });
+        let again = again.expect("it is a camera file").camera;
+        assert!(again.coincides(&scene.camera), "{again:?} {:?}", scene.camera);
+    }
 }

@@ -209,10 +209,6 @@ fn material_factors_out_of_range_are_refused() {
     ] {
         refuses(&[(&pointer, value)], &format!("material 0 \"paint\": its {expected}"));
     }
-    refuses(
-        &[(&format!("{extensions}/KHR_materials_unlit"), json!({}))],
-        "material 0 \"paint\" is unlit (KHR_materials_unlit): such a surface transports no light",
-    );
 }
 
 #[test]
@@ -242,4 +238,21 @@ fn malformed_materials_are_refused() {
         &[("/materials/0/normalTexture", transform(json!({ "scale": [1e39, 1] })))],
         "material 0 \"paint\": the KHR_texture_transform of its normal texture is not finite",
     );
+}
+
+#[test]
+fn an_unlit_material_is_a_matte_surface_with_a_warning() {
+    let unlit = json!({
+        "pbrMetallicRoughness": { "baseColorFactor": [0.1, 0.2, 0.3, 1] },
+        "extensions": { "KHR_materials_unlit": {} },
+    });
+    let scene = load(&with(&[
+        ("/materials/0", unlit),
+        ("/extensionsUsed", json!(["KHR_materials_unlit"])),
+        ("/extensionsRequired", json!(["KHR_materials_unlit"])),
+    ]));
+    let material = &scene.materials[0];
+    assert_eq!((material.base_color, material.metallic, material.roughness), (vec3(0.1, 0.2, 0.3), 0.0, 1.0));
+    assert_eq!(scene.warnings.len(), 1);
+    assert!(scene.warnings[0].contains("unlit"), "{:?}", scene.warnings);
 }

@@ -94,3 +94,28 @@ fn a_texture_transform_may_select_another_set_of_coordinates() {
     assert_eq!(scene.materials[0].base_color_texture, Some(TextureRef { set: 1, ..TextureRef::new(0) }));
     assert_eq!(scene.triangles[0].texcoords[1], [Vec2::ZERO, vec2(1.0, 0.0)]);
 }
+
+#[test]
+fn a_missing_picture_is_left_out_with_a_warning_or_an_error_where_that_is_asked_for() {
+    let mut document = textured("gone.png", json!({}), json!({}));
+    for texture in ["normalTexture", "emissiveTexture"] {
+        set(&mut document, &format!("/materials/0/{texture}"), json!({ "index": 0 }));
+    }
+    set(&mut document, "/materials/0/emissiveFactor", json!([1, 1, 1]));
+    let written = write(&document);
+    let strict = |strict| {
+        scene::load_with(&written.path, &scene::LoadOptions { strict, ..scene::LoadOptions::default() })
+    };
+    let found = strict(false).expect("what is missing is left out");
+    let material = &found.materials[0];
+    let texel = |texture: &Option<TextureRef>| {
+        let texture = &found.textures[texture.as_ref().expect("it has one").texture as usize];
+        texture.texels.clone()
+    };
+    assert_eq!(texel(&material.base_color_texture), [[255; 4]], "the material's own colour");
+    assert_eq!(texel(&material.normal_texture), [[128, 128, 255, 255]], "no bumps");
+    assert_eq!(texel(&material.emission_texture), [[0, 0, 0, 255]], "no light");
+    let said = found.warnings.join("; ");
+    assert!(said.contains("gone.png of its base colour texture is missing"), "{said}");
+    assert!(matches!(strict(true), Err(krylux::Error::Read { path, .. }) if path.ends_with("gone.png")));
+}

@@ -272,7 +272,6 @@ fn errors_about_lines_name_the_line_number() {
     for (lines, expected) in [
         ("v 0 0", "line 9: `v` takes at least three numbers"),
         ("v 0 0 nan", "line 9: `nan` is not a finite number"),
-        ("v 0 0 0 2", "line 9: a vertex has a weight, which only free-form surfaces have"),
         ("v 0 0 0 1 1", "line 9: `v` takes three numbers, or six with a colour"),
         ("vt", "line 9: `vt` takes one to three numbers"),
         ("vn 1 2", "line 9: `vn` takes three numbers"),
@@ -281,8 +280,8 @@ fn errors_about_lines_name_the_line_number() {
         ("f 1 2 -5", "line 9: `-5`: there is no such vertex; there are 4"),
         ("f 1 2 0", "line 9: `0`: there is no such vertex; there are 4"),
         ("f 1 2 3/5", "line 9: `3/5`: there is no such texture coordinate; there are 4"),
-        ("f 1 2 3//1", "line 9: `3//1`: there is no such normal; there are 0"),
-        ("f 1 2 3/1/1/1", "line 9: `3/1/1/1`: there is no such normal; there are 0"),
+        ("f 1 2 3//0", "line 9: `3//0`: there is no such normal; there are 0"),
+        ("f 1 2 3/1/0/1", "line 9: `3/1/0/1`: there is no such normal; there are 0"),
         ("f 1 2 /1", "line 9: `/1` is no corner of a face"),
         ("", "no triangles in the scene"),
         ("v 2e9 0 0\nf 1 2 5", "a vertex at [2000000000, 0, 0] lies more than 1e9 m from the origin"),
@@ -328,8 +327,38 @@ fn invalid_libraries_are_refused() {
     ] {
         assert_eq!(fault(&obj, entry), (file.to_string(), expected.to_string()));
     }
-    match scene::load(&written(&obj, "newmtl m\nmap_Kd gone.png").path, None) {
-        Err(Error::Read { path, .. }) => assert!(path.ends_with("gone.png")),
+}
+
+#[test]
+fn a_missing_picture_or_library_is_left_out_with_a_warning_or_an_error_where_that_is_asked_for() {
+    let obj = format!("{SQUARE}mtllib paint.mtl\nmtllib lost.mtl\nusemtl m\nf 1/1 2/1 3/1\n");
+    let scene = written(&obj, "newmtl m\nKd 0.5 0.25 0.125\nmap_Kd gone.png");
+    let strict = |strict| {
+        scene::load_with(&scene.path, &scene::LoadOptions { strict, ..scene::LoadOptions::default() })
+    };
+    let found = strict(false).expect("what is missing is left out");
+    assert!(found.textures.is_empty());
+    assert_eq!(found.materials[0].base_color, vec3(0.5, 0.25, 0.125));
+    for part in ["lost.mtl is missing", "material `m`: its picture", "gone.png is missing"] {
+        assert!(found.warnings.iter().any(|warning| warning.contains(part)), "{part}: {:?}", found.warnings);
+    }
+    match strict(true) {
+        Err(Error::Read { path, .. }) => assert!(path.ends_with("lost.mtl")),
         other => panic!("not an error about reading: {other:?}"),
     }
+}
+
+#[test]
+fn weights_of_vertices_and_normals_that_are_not_there_are_ignored() {
+    let [plain, loose] = ["f 1 2 3\n", "v 9 9 9 2\nf 1//7 2//-3 3//9\n"].map(|faces| {
+        let scene = written(&format!("{SQUARE}{faces}"), "");
+        scene::load(&scene.path, None).expect("it can be read")
+    });
+    assert_eq!(plain.triangles[0].positions, loose.triangles[0].positions);
+    assert_eq!(plain.triangles[0].normals, loose.triangles[0].normals);
+    let said = loose.warnings.join("; ");
+    assert!(
+        said.contains("weights of vertices") && said.contains("normals that the file does not have"),
+        "{said}"
+    );
 }

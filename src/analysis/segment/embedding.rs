@@ -57,10 +57,7 @@ impl Embedding {
             Cut::Average => -pair.value / unit,
         };
         let gaps: Vec<f64> = std::iter::once(0.0).chain(pairs.iter().map(gap)).collect();
-        // `1 − λ` is known only up to the residual, so an unresolved vector is divided by no less. The noise that a low-pass removed is not
-        // in it.
-        let known = |pair: &RitzPair| pair.residual / unit;
-        let weight = |(pair, gap): (&RitzPair, &f64)| 1.0 / gap.max(known(pair)).max(FLOOR).sqrt();
+        let weight = |(pair, &gap): (&RitzPair, &f64)| weight(gap, pair.residual / unit);
         let ranges: Vec<(f64, f64)> = vectors.iter().map(|vector| range(vector, weights)).collect();
         let within = |(vector, &(low, high)): (&Vec<f64>, &(f64, f64))| {
             vector.iter().zip(weights).map(|(u, weight)| weight * u.max(low).min(high).powi(2)).sum()
@@ -98,6 +95,12 @@ impl Embedding {
     }
 }
 
+/// The factor of an eigenvector with the gap `1 − λ`, which is known only up to the `residual`: an unresolved vector is divided by no less. The
+/// noise that a low-pass removed is not in the residual.
+fn weight(gap: f64, residual: f64) -> f64 {
+    1.0 / gap.max(residual).max(FLOOR).sqrt()
+}
+
 /// The range of a vector without the [`LEAST_SHARE`] of all weight at either end.
 fn range(vector: &[f64], weights: &[f64]) -> (f64, f64) {
     let mut order: Vec<usize> = (0..vector.len()).collect();
@@ -121,6 +124,13 @@ pub(super) fn mean(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_unresolved_eigenvector_weighs_no_more_than_its_residual_allows() {
+        assert_eq!(weight(0.25, 0.0), 2.0);
+        assert_eq!(weight(0.01, 0.25), 2.0, "the gap may be the residual's error");
+        assert_eq!(weight(-1e-9, 0.0), 1.0 / FLOOR.sqrt());
+    }
 
     #[test]
     fn a_range_leaves_out_the_least_share_of_weight_at_either_end() {

@@ -11,7 +11,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Ending, Opening, finish, in_run, merge};
 use super::operator::OperatorArgs;
-use super::options::{self, ChannelsArg, CheckArgs, OutputArgs, RunArgs, SourceArgs, number};
+use super::options::{self, ChannelsArg, CheckArgs, RunArgs, SourceArgs, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::analysis::{
@@ -56,8 +56,6 @@ pub(super) struct Args {
     run: RunArgs,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(super) output: OutputArgs,
 }
 
 /// How colours of projector and camera belong together.

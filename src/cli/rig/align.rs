@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::options::{OutputArgs, count, number};
+use super::super::options::{count, free_file, number};
 use super::super::tev::LiveArgs;
 use super::bench::{Bench, RigArgs};
 use crate::analysis::align::{AlignOptions, Alignment, Round, align};
@@ -43,12 +43,10 @@ pub(in super::super) struct Args {
     exposure: Option<f64>,
     /// Where the picture goes: shadows red, what is dark for whatever reason violet, arrows where something
     /// is displaced to; it is there as a whole at any moment
-    #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value = "align.png", value_parser = super::png)]
+    #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value_os_t = free_file("align", "png"), value_parser = super::png)]
     file: PathBuf,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(in super::super) output: OutputArgs,
 }
 
 /// What the last whole round said.

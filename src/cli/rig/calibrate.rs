@@ -8,7 +8,7 @@ use serde_json::json;
 use super::super::Outcome;
 use super::super::console::Console;
 use super::super::opening::Opening;
-use super::super::options::{OutputArgs, SourceArgs};
+use super::super::options::SourceArgs;
 use super::super::trace::TraceArgs;
 use super::bench::require_rig;
 use crate::error::Result;
@@ -43,8 +43,6 @@ pub(in super::super) struct Args {
     /// Go on with the calibration in the folder: no photo that is in its journal is taken again
     #[arg(long, conflicts_with = "overwrite")]
     resume: bool,
-    #[command(flatten)]
-    pub(in super::super) output: OutputArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum)]

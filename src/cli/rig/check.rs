@@ -7,7 +7,6 @@ use serde_json::json;
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::options::OutputArgs;
 use super::bench::{Bench, RigArgs, require_rig};
 use crate::error::Result;
 use crate::measure::rig_check::{self, Finding, Findings, RigToCheck};
@@ -21,8 +20,6 @@ pub(in super::super) struct Args {
     /// The folder of the session's runs; its disk is checked for free space
     #[arg(short = 'o', long = "output", value_name = "DIR", default_value = "out")]
     folder: PathBuf,
-    #[command(flatten)]
-    pub(in super::super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
@@ -59,6 +56,9 @@ fn check(args: &Args, console: &Console, say: &mut rig_check::Report<'_>) -> Res
         // Only errors of the rig are findings.
         Err(error) => return rig_check::unreadable(error, say),
     };
+    if let Err(error) = source.require_programs_allowed() {
+        return rig_check::unreadable(error, say);
+    }
     let file = source.file.clone();
     let mut bench = Bench { source, known: None };
     let rig = RigToCheck {

@@ -5,7 +5,7 @@ use serde_json::json;
 use super::super::Outcome;
 use super::super::console::Console;
 use super::super::opening::Opening;
-use super::super::options::{OutputArgs, SourceArgs};
+use super::super::options::SourceArgs;
 use super::super::trace::TraceArgs;
 use super::bench::require_rig;
 use crate::error::{Error, Result};
@@ -21,8 +21,6 @@ pub(in super::super) struct Args {
     source: SourceArgs,
     #[command(flatten)]
     trace: TraceArgs,
-    #[command(flatten)]
-    pub(in super::super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

@@ -6,12 +6,11 @@ use serde_json::{Value, json};
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::options::OutputArgs;
 use crate::error::Result;
 use crate::measure::{RigFile, RigKind};
 use crate::rig::{AttachedCamera, AttachedDevices, MonitorInfo};
 
-/// List the monitors and cameras that a rig file may name, and what they can do
+/// List the monitors and cameras that a rig file may name; no camera is opened but that of the rig file
 #[derive(clap::Args)]
 pub(in super::super) struct Args {
     /// A rig file; its X server and its camera are queried, too
@@ -20,8 +19,10 @@ pub(in super::super) struct Args {
     /// The X server [default: that of the rig file, or of DISPLAY]
     #[arg(long, value_name = ":N")]
     display: Option<String>,
-    #[command(flatten)]
-    pub(in super::super) output: OutputArgs,
+    /// Open every camera that answers, and say what it can do, as for that of the rig file. What it can do is a description that the camera
+    /// sends: a process of its own reads it
+    #[arg(long)]
+    abilities: bool,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
@@ -34,7 +35,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         say_virtual(file, console)?;
     }
     let mut note = |why: &crate::Error| console.note(format_args!("note: {why}"));
-    let found = AttachedDevices::find(args.display.as_deref(), hardware, &mut note);
+    let found = AttachedDevices::find(args.display.as_deref(), hardware, args.abilities, &mut note);
     found.monitors.iter().enumerate().try_for_each(|(at, monitor)| say_monitor(at, monitor, console))?;
     if found.cameras.is_empty() {
         console.say("camera    none answers")?;

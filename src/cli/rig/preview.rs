@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::super::Outcome;
 use super::super::console::Console;
-use super::super::options::{OutputArgs, count};
+use super::super::options::{count, free_file};
 use super::super::pattern::Pattern;
 use super::super::progress::Bar;
 use super::super::tev::LiveArgs;
@@ -44,12 +44,10 @@ pub(in super::super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count::<u64>)]
     frames: u64,
     /// The file of the picture; it is complete at any moment
-    #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value = "preview.png", value_parser = super::png)]
+    #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value_os_t = free_file("preview", "png"), value_parser = super::png)]
     file: PathBuf,
     #[command(flatten)]
     live: LiveArgs,
-    #[command(flatten)]
-    pub(in super::super) output: OutputArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {

@@ -10,6 +10,7 @@ use npyz::{DType, WriterBuilder};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+use super::super::first_error::FirstError;
 use super::super::{atomic, npy};
 use super::unusable;
 use crate::error::Result;
@@ -26,7 +27,7 @@ use crate::sparse::Csr;
 /// [`crate::Error::Write`].
 pub fn write_npz(path: &Path, matrix: &Csr) -> Result<()> {
     atomic::write_with(path, |file| {
-        let mut archive = ZipWriter::new(file);
+        let mut archive = ZipWriter::new(FirstError::new(file));
         let largest = [matrix.rows(), matrix.cols(), matrix.weights().len()].into_iter().max().unwrap_or(0);
         let (columns, starts) = (matrix.columns(), matrix.row_start());
         if i32::try_from(largest).is_ok() {

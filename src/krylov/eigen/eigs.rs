@@ -16,7 +16,7 @@ use crate::operator::Operator;
 /// block Lanczos.
 ///
 /// # Errors
-/// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `--max-basis`, `--noise`
+/// [`Error::Option`](crate::Error::Option) naming `--count`, `--photos`, `--block`, `EigsOptions::max_basis` or `EigsOptions::noise`
 /// or `--which` when its value cannot be used; else as [`Lanczos::new`] and
 /// [`Factorization::expand`](super::super::Factorization::expand). To keep what was taken before an operator
 /// failed, hold the factorization yourself and use [`eigs_from`](super::eigs_from).

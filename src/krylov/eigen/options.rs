@@ -132,19 +132,23 @@ impl EigsOptions {
             return refuse("--block", "a block needs at least one vector".into(), "give at least 1");
         }
         if !(self.noise >= 0.0 && self.noise.is_finite()) {
-            return refuse("--noise", format!("the noise is {}", self.noise), "give a number from 0 on");
+            return refuse(
+                "EigsOptions::noise",
+                format!("the noise is {}", self.noise),
+                "give a number from 0 on",
+            );
         }
         if let Some(most) = self.max_basis {
             if most < self.count + 2 * block + 1 {
                 return refuse(
-                    "--max-basis",
+                    "EigsOptions::max_basis",
                     format!("{most} vectors are too few for {} eigenpairs", self.count),
                     "give at least count + 2 × block + 1",
                 );
             }
             if self.method == EigsMethod::Arnoldi {
                 return refuse(
-                    "--max-basis",
+                    "EigsOptions::max_basis",
                     "the Arnoldi method has no restarts".into(),
                     "leave it out, or use Lanczos if the operator is symmetric",
                 );

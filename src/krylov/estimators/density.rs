@@ -67,7 +67,7 @@ pub fn spectral_density(
 ) -> Result<SpectralDensity> {
     symmetric(operator, "the spectral density")?;
     at_least(probes, 2, "--probes")?;
-    at_least(steps, 1, "--steps")?;
+    at_least(steps, 1, "steps")?;
     let n = operator.cols();
     let mut quadratures = Vec::with_capacity(probes);
     let mut products = 0;

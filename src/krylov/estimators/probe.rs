@@ -52,7 +52,7 @@ impl Default for LowRankOptions {
 impl LowRankOptions {
     /// Checks the options, and the sketch's width `l ≤ n`.
     pub(super) fn width(&self, n: usize) -> Result<usize> {
-        at_least(self.rank, 1, "--rank")?;
+        at_least(self.rank, 1, "rank")?;
         at_least(self.probes, 2, "--probes")?;
         Ok((self.rank + self.oversampling).min(n))
     }

@@ -21,7 +21,7 @@ use crate::lab::source::Source;
 use crate::lab::text::bytes;
 use crate::lab::{Log, SharedObserver, Truth, journal};
 use crate::operator::{Operator, Symmetry};
-use crate::transport::{Assembled, Backend, Channels, Part, predict};
+use crate::transport::{Assembled, Backend, Channels, Part, photo_bytes, predict};
 
 impl LightTransport {
     /// Traces the scene, opens the rig or reads the journal. With a run's folder each photo is in its journal before it is used, and none
@@ -147,11 +147,16 @@ impl LightTransport {
     }
 
     /// A scene that is traced for each photo.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where a photo takes more memory than `settings` allow.
     pub(in crate::lab) fn of_retraced(
         scene: &SceneSource,
+        settings: &Settings,
         channels: Channels,
         observer: &SharedObserver,
-    ) -> Self {
+    ) -> Result<Self> {
+        require_photo_memory(scene, without_matrix(settings), channels)?;
         let shape = Shape {
             photos: scene.settings.resolution,
             patterns: scene.settings.projector.unwrap_or(scene.settings.resolution),
@@ -160,17 +165,22 @@ impl LightTransport {
             block_size: 1,
         };
         let engine = Engine::Retraced(Box::new(scene.clone()), channels);
-        Self::new(engine, shape, observer)
+        Ok(Self::new(engine, shape, observer))
     }
 
     /// A scene that is traced for each product, whose error is known.
+    ///
+    /// # Errors
+    /// As [`Self::of_retraced`].
     pub(in crate::lab) fn of_estimated(
         scene: &SceneSource,
+        settings: &Settings,
         channels: Channels,
         observer: &SharedObserver,
-    ) -> Self {
-        let retraced = Self::of_retraced(scene, channels, observer);
-        Self { engine: Engine::Estimated(Box::new(scene.clone()), channels), ..retraced }
+    ) -> Result<Self> {
+        let retraced = Self::of_retraced(scene, settings, channels, observer)?;
+        let engine = Engine::Estimated(Box::new(scene.clone()), channels);
+        Ok(Self { engine, ..retraced })
     }
 
     /// Keeps what a simulator knows beside its photos, so that the run's folder alone can be relit.
@@ -245,9 +255,37 @@ fn of_scene(
         }
     };
     if retrace {
+        require_photo_memory(scene, without_matrix(settings), channels)?;
         return Ok(Engine::Retraced(Box::new(scene.clone()), channels));
     }
     Ok(Engine::Replayed(scene.assemble(channels, settings.split_bounces)?))
+}
+
+/// The memory for photos of a scene whose matrix is not made, in bytes: `--memory` says how much a matrix may take, and may be less.
+fn without_matrix(settings: &Settings) -> u64 {
+    settings.memory_limit().max(Settings::default().memory_limit())
+}
+
+/// Checks that a photo that is traced for itself takes no more than `limit` bytes of memory.
+pub(in crate::lab) fn require_photo_memory(
+    scene: &SceneSource,
+    limit: u64,
+    channels: Channels,
+) -> Result<()> {
+    let needed = photo_bytes(&scene.settings, channels);
+    if needed <= limit {
+        return Ok(());
+    }
+    Err(Error::Option {
+        option: "--size".into(),
+        fault: format!(
+            "a photo of {} pixels takes about {}, more than the {} of --memory",
+            scene.settings.resolution,
+            bytes(needed),
+            bytes(limit)
+        ),
+        help: "use a smaller --size, or allow more --memory where the machine has it".into(),
+    })
 }
 
 fn symmetry(is_symmetric: bool) -> Symmetry {

@@ -6,7 +6,7 @@ use crate::lab::Lab;
 use crate::lab::operator::lock;
 use crate::lab::settings::OperatorChoice;
 use crate::lab::source::{Source, scenes_only};
-use crate::lab::transport::LightTransport;
+use crate::lab::transport::{LightTransport, require_photo_memory};
 use crate::measure::RigRecord;
 use crate::transport::Noise;
 
@@ -32,7 +32,8 @@ impl Lab {
     /// A rig's photo is of the light of the pattern alone, unless the rig file says otherwise.
     ///
     /// # Errors
-    /// As [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for anything but a scene.
+    /// As [`Lab::photo`]; [`crate::Error::Option`] naming `--operator` for anything but a scene, and `--size` where the photo takes more than
+    /// [`Settings::memory`](crate::lab::Settings::memory).
     pub fn single_photo(&mut self, pattern: &Image) -> Result<SinglePhoto> {
         if self.run.is_none() {
             self.warn_of_darkness();
@@ -41,7 +42,10 @@ impl Lab {
             if self.transport.is_none() && self.settings.operator == OperatorChoice::Auto {
                 let transport = match scene.cached(self.channels)? {
                     Some(traced) => LightTransport::of_assembled(traced, &self.observer),
-                    None => LightTransport::of_retraced(scene, self.channels, &self.observer),
+                    None => {
+                        require_photo_memory(scene, self.settings.memory_limit(), self.channels)?;
+                        LightTransport::of_retraced(scene, &self.settings, self.channels, &self.observer)?
+                    }
                 };
                 self.transport = Some(Arc::new(Mutex::new(transport)));
             }

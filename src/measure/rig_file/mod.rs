@@ -35,6 +35,9 @@
 //! [measurement]                   # MeasureOptions
 //! ```
 //!
+//! A still camera is driven by programs. Those that the file names are run only if the file is in the user's own folder ([`own_folder`]) or
+//! if that is allowed otherwise ([`RigFile::require_programs_allowed`]).
+//!
 //! The devices of a program, such as a camera behind its maker's own library, are only described by the file; the program
 //! hands them over ([`LabBuilder::devices`](crate::lab::LabBuilder::devices)):
 //!
@@ -58,6 +61,7 @@
 mod check;
 mod check_camera;
 mod parse;
+mod programs;
 mod scene;
 mod session;
 
@@ -77,6 +81,7 @@ use crate::rig::{
 use crate::transport::Channels;
 use check::Check;
 use parse::parse;
+pub use programs::own_folder;
 use scene::SceneTable;
 
 /// The content of a rig file.

@@ -29,6 +29,10 @@ const MARGIN: f64 = 1.0 / 32.0;
 /// Relative margin of depths: a triangle that lies behind another one by less is not hidden.
 const DEPTH_MARGIN: f64 = 1e-4;
 
+/// The most texels of all triangles together for which lists are made: a few seconds. Scenes with more have thousands of triangles behind each
+/// other, and a search tree serves them better than such long lists.
+const MAX_TOUCHED: usize = 1 << 26;
+
 /// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond
 /// the field of view. A fine raster has short lists; a coarse one stays in the cache.
 pub(super) fn side(pairs: usize) -> u32 {
@@ -39,23 +43,25 @@ pub(super) fn side(pairs: usize) -> u32 {
 /// The light buffers of one scene on the device, by field of view.
 #[derive(Default)]
 pub(super) struct LightBuffers {
-    made: HashMap<[u32; 2], wgpu::TextureView>,
+    made: HashMap<[u32; 2], Option<wgpu::TextureView>>,
 }
 
 impl LightBuffers {
     /// The light buffer for half the extent `tangent` of the image plane at distance 1. It is made when it is
-    /// first needed.
+    /// first needed. `None` for a scene whose lists would be too long.
     pub(super) fn lists(
         &mut self,
         gpu: &Gpu,
         scene: &GpuScene,
         tangent: [f32; 2],
-    ) -> Result<wgpu::TextureView> {
+    ) -> Result<Option<wgpu::TextureView>> {
         let key = tangent.map(f32::to_bits);
         if let Some(made) = self.made.get(&key) {
             return Ok(made.clone());
         }
-        let made = gpu.texel_array("light buffer", &lists(&scene.pairs_in_order, tangent))?;
+        let made = lists(&scene.pairs_in_order, tangent, MAX_TOUCHED)
+            .map(|words| gpu.texel_array("light buffer", &words))
+            .transpose()?;
         self.made.insert(key, made.clone());
         Ok(made)
     }
@@ -68,15 +74,18 @@ pub(super) fn none(gpu: &Gpu) -> Result<wgpu::TextureView> {
 
 /// The words of a light buffer, as `shaders/shared/light_buffer.wgsl` reads them. `pairs` are in the
 /// pinhole's frame, which looks along −z, and in the order of the search tree's leaves. `tangent` is half the
-/// extent of the image plane at distance 1.
-fn lists(pairs: &[Pair], tangent: [f32; 2]) -> Vec<[u32; 4]> {
+/// extent of the image plane at distance 1. `None` where triangles touch more than `most` texels in all.
+fn lists(pairs: &[Pair], tangent: [f32; 2], most: usize) -> Option<Vec<[u32; 4]>> {
     let mut raster = Raster::new(pairs, tangent);
     for (index, pair) in (0..).zip(pairs) {
         for (_, corners) in pair.triangles() {
             raster.add(index, &corners.map(|corner| corner.as_dvec3()));
+            if raster.touched > most {
+                return None;
+            }
         }
     }
-    raster.pack(pairs.len())
+    Some(raster.pack(pairs.len()))
 }
 
 /// A triangle that touches a texel.
@@ -98,6 +107,8 @@ struct Raster {
     /// A triangle that comes closer to the pinhole than this may be visible in any texel.
     around: f64,
     entries: Vec<Entry>,
+    /// The texels that triangles have touched so far, each counted once for every triangle.
+    touched: usize,
     /// Pairs that belong to the lists of all texels.
     everywhere: Vec<u32>,
     /// For each texel, 1 over the greatest depth of the nearest triangle that covers it; 0 without one.
@@ -118,6 +129,7 @@ impl Raster {
             near,
             around: near * (1.0 + 4.0 * tangent.length_squared()).sqrt(),
             entries: Vec::new(),
+            touched: 0,
             everywhere: Vec::new(),
             covers: vec![0.0; side * side],
         }
@@ -174,6 +186,7 @@ impl Raster {
                 continue;
             };
             let Some(columns) = texels(self.side, left, right) else { continue };
+            self.touched += columns.clone().count();
             for column in columns {
                 let texel = row * self.side + column;
                 let (low, high) = plane.over(column, row);
@@ -237,4 +250,25 @@ fn texels(side: usize, low: f64, high: f64) -> Option<std::ops::RangeInclusive<u
         return None;
     }
     Some(low.max(0.0) as usize..=(high as usize).min(side - 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::vec3;
+
+    use super::*;
+
+    #[test]
+    fn too_many_triangles_behind_each_other_get_no_lists() {
+        let triangle = [vec3(0.0, 0.0, -1.0), vec3(1.0, 0.0, -1.0), vec3(0.0, 1.0, -1.0)];
+        let one = [Pair::alone(0, triangle)];
+        let touched = {
+            let mut raster = Raster::new(&one, [1.0; 2]);
+            raster.add(0, &triangle.map(|corner| corner.as_dvec3()));
+            raster.touched
+        };
+        assert!(touched > 1000, "a quarter of 128x128 texels, halved: {touched}");
+        assert!(lists(&one, [1.0; 2], touched).is_some());
+        assert!(lists(&one, [1.0; 2], touched - 1).is_none());
+    }
 }

@@ -4,7 +4,7 @@ use viva_genicam::Camera;
 use viva_genicam::genapi::RegisterIo;
 
 /// What a machine vision camera can do, as far as it says.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Abilities {
     /// Width and height of the sensor, in pixels.
     pub sensor: Option<[usize; 2]>,

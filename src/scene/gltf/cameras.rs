@@ -60,6 +60,12 @@ pub(super) fn pair(
     Ok(CameraPair::new(camera, projector, resolution))
 }
 
+/// Whether the camera file or the scene has a camera.
+pub(super) fn has_camera(document: &Document, placed: &[Placed], file: &Option<CameraFile>) -> Result<bool> {
+    let in_file = file.as_ref().is_some_and(|file| file.camera.is_some());
+    Ok(in_file || !candidates(document, placed)?.0.is_empty())
+}
+
 /// The camera nodes of the scene: the cameras, and those that are marked as projectors.
 fn candidates<'a>(
     document: &'a Document,
@@ -110,8 +116,8 @@ fn choose<'a>(
         ([candidate], _) => Ok(candidate),
         _ if candidates.is_empty() => Err(document.fault(
             "no camera in the scene",
-            "add a perspective camera where the rig stands, and export the scene with cameras, or give a camera file by \
-             --camera-file",
+            "add a perspective camera where the rig stands, and export the scene with cameras, give a camera file by \
+             --camera-file, or let --auto-camera place one",
         )),
         ([], Some(wanted)) => Err(document.fault(
             format!("no camera is called `{wanted}`; there are {}", names()),

@@ -12,7 +12,7 @@
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
 //! | any other, required | an error |
 //! | any other, used | a warning, unless the extension has no effect on the picture |
-//! | `KHR_materials_unlit` | an error if a surface uses it: an unlit surface transports no light |
+//! | `KHR_materials_unlit` | a matte surface of the base colour, with a warning: an unlit surface transports no light |
 //!
 //! Of the core format these are supported: all metallic-roughness textures; alpha modes; `COLOR_0`;
 //! `TEXCOORD_0` and `TEXCOORD_1`; normals; sparse accessors; morph targets and skins in their rest pose,
@@ -25,7 +25,8 @@
 use super::Document;
 use crate::error::Result;
 
-const SUPPORTED: [&str; 9] = [
+const SUPPORTED: [&str; 10] = [
+    "KHR_materials_unlit",
     INSTANCING,
     "KHR_materials_transmission",
     "KHR_materials_diffuse_transmission",
@@ -100,12 +101,17 @@ pub(super) fn compression(document: &Document) -> Option<&str> {
 /// Advice for a file that requires an unsupported extension.
 pub(super) fn advice(name: &str) -> &'static str {
     match name {
-        _ if COMPRESSION.contains(&name) => "export the scene without mesh compression",
-        "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" => {
-            "export the scene with PNG or JPEG pictures"
+        _ if COMPRESSION.contains(&name) => {
+            "decompress it: npx @gltf-transform/cli copy SCENE.glb PLAIN.glb (or export the scene without mesh compression)"
         }
-        "KHR_materials_unlit" => {
-            "give the surfaces a metallic-roughness material: unlit ones transport no light"
+        "KHR_texture_basisu" => {
+            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
+        }
+        "EXT_texture_webp" | "EXT_texture_avif" => {
+            "convert its pictures: npx @gltf-transform/cli png SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
+        }
+        "KHR_materials_pbrSpecularGlossiness" => {
+            "convert its materials: npx @gltf-transform/cli metalrough SCENE.glb PLAIN.glb"
         }
         _ if name.starts_with("KHR_materials_") => {
             "export the scene with materials that have metallic-roughness, specular, transmission and volume only"

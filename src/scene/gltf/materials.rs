@@ -66,13 +66,17 @@ impl Materials {
             ));
         };
         let what = object_name("material", index, source.name.as_ref());
-        check_extensions(document, &what, &source)?;
+        let is_unlit = check_extensions(document, &what, &source);
 
         let extensions = source.extensions.as_ref().map(|extensions| extensions.others.clone());
         let transmission = TransmissionExtensions::read(document, &what, &extensions.unwrap_or_default())?;
         let checked = Checks { document, what: &what };
         let mut material = factors(&checked, index, &source, &transmission)?;
         self.refer_to_textures(document, &what, &source, &transmission, &mut material)?;
+        if is_unlit {
+            (material.metallic, material.roughness, material.specular) = (0.0, 1.0, 0.0);
+            material.metallic_roughness_texture = None;
+        }
         Ok(material)
     }
 
@@ -185,20 +189,24 @@ fn alpha_mode(checked: &Checks<'_>, source: &json::Material) -> Result<AlphaMode
     })
 }
 
-/// Refuses an unlit material, and warns about the other extensions of a material that are not supported.
-fn check_extensions(document: &mut Document, what: &str, source: &json::Material) -> Result<()> {
+/// Surfaces that show a colour whatever the light is.
+const UNLIT: &str = "KHR_materials_unlit";
+
+/// Warns about an unlit material and about the extensions of a material that are not supported. Whether it is unlit.
+fn check_extensions(document: &mut Document, what: &str, source: &json::Material) -> bool {
     let Some(others) = source.extensions.as_ref().map(|extensions| &extensions.others) else {
-        return Ok(());
+        return false;
     };
-    if others.contains_key("KHR_materials_unlit") {
-        return Err(document.fault(
-            format!("{what} is unlit (KHR_materials_unlit): such a surface transports no light"),
-            super::extensions::advice("KHR_materials_unlit"),
-        ));
+    let is_unlit = others.contains_key(UNLIT);
+    if is_unlit {
+        let warning =
+            format!("{what} is unlit ({UNLIT}), which transports no light: it is a matte surface here");
+        document.warnings.add(warning);
     }
-    for name in others.keys().filter(|name| !super::transmission::SUPPORTED.contains(&name.as_str())) {
+    let supported = |name: &str| name == UNLIT || super::transmission::SUPPORTED.contains(&name);
+    for name in others.keys().filter(|name| !supported(name)) {
         let warning = format!("{name} is not supported and ignored; {what} uses it first");
         document.warnings.add_once(name, warning);
     }
-    Ok(())
+    is_unlit
 }

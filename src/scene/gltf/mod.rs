@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 use gltf_json as json;
 
 use super::source::{ContentHash, Warnings, fault};
-use super::{LoadOptions, Scene, camera_file};
+use super::{Camera, LoadOptions, Scene, camera_file};
 use crate::error::{Error, Result};
 use crate::file;
 
@@ -46,7 +46,8 @@ use crate::file;
 pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = file::read(path)?;
     let mut document = Document::parse(path, &bytes)?;
-    let camera_file = camera_file::find(path, options)?;
+    document.strict = options.strict;
+    let mut camera_file = camera_file::find(path, options)?;
     if let Some(file) = &camera_file {
         document.hash.add(&file.bytes);
     }
@@ -54,10 +55,23 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     buffers::load(&mut document)?;
 
     let placed = nodes::walk(&mut document)?;
-    let cameras = cameras::pair(&document, &placed, options.camera, camera_file)?;
+    // Errors about the camera come before the work on the meshes.
+    let needs_camera = options.auto_camera && !cameras::has_camera(&document, &placed, &camera_file)?;
+    let mut pair = match needs_camera {
+        true => None,
+        false => Some(cameras::pair(&document, &placed, options.camera, camera_file.take())?),
+    };
     let mut materials = materials::Materials::default();
     let surfaces = geometry::assemble(&mut document, &placed, &mut materials)?;
     let (triangles, regions, regions_are_labels) = regions::name(&mut document, &placed, surfaces)?;
+    let cameras = match pair.take() {
+        Some(pair) => pair,
+        None => {
+            let mut file = camera_file.unwrap_or_default();
+            file.camera = Some(Camera::in_front_of(&triangles));
+            cameras::pair(&document, &placed, None, Some(file))?
+        }
+    };
 
     // The hash is part of cache keys, and another camera of the same file gives another matrix.
     document.hash.add(cameras.camera.name.as_bytes());
@@ -88,6 +102,8 @@ struct Document {
     checked_sparse: RefCell<HashSet<usize>>,
     hash: ContentHash,
     warnings: Warnings,
+    /// Whether a missing picture is an error.
+    strict: bool,
 }
 
 impl Document {
@@ -106,6 +122,7 @@ impl Document {
             checked_sparse: RefCell::default(),
             hash,
             warnings: Warnings::default(),
+            strict: false,
         })
     }
 

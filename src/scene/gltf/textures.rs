@@ -74,11 +74,11 @@ impl Textures {
                 "correct the texture's offset, rotation or scale",
             ));
         }
-        Ok(TextureRef { texture: self.index_of(document, material, info.index)?, set, transform })
+        Ok(TextureRef { texture: self.index_of(document, material, role, info.index)?, set, transform })
     }
 
-    /// The scene's index of the file's texture `index`. `user` names the material that uses it.
-    fn index_of(&mut self, document: &mut Document, user: &str, index: usize) -> Result<u32> {
+    /// The scene's index of the file's texture `index`. `user` names the material that uses it as its `role`.
+    fn index_of(&mut self, document: &mut Document, user: &str, role: &str, index: usize) -> Result<u32> {
         let help = "the file is damaged: export it again";
         let Some(texture) = document.root.textures.get(index).cloned() else {
             return Err(
@@ -105,8 +105,18 @@ impl Textures {
                 }
             });
         };
-        let (name, Picture { width, height, texels }) = self.picture(document, source, &image)?;
         let position = self.list.len() as u32;
+        if let Some(file) =
+            image.uri.as_ref().filter(|uri| !document.strict && uri::is_missing(document, uri))
+        {
+            let warning =
+                format!("{user}: the picture {file} of its {role} texture is missing, and left out");
+            document.warnings.add(warning);
+            let texels = vec![neutral(role)];
+            self.list.push(Texture { name: file.clone(), width: 1, height: 1, texels, wrap, linear });
+            return Ok(position);
+        }
+        let (name, Picture { width, height, texels }) = self.picture(document, source, &image)?;
         self.list.push(Texture { name, width, height, texels, wrap, linear });
         self.index_of.insert((source, wrap, linear), position);
         Ok(position)
@@ -135,6 +145,15 @@ impl Textures {
             .decode(&bytes)
             .map_err(|Fault { fault, help }| document.fault(format!("{what} {fault}"), help))?;
         Ok((what, picture))
+    }
+}
+
+/// A texel that leaves a material as it is without the texture; a missing light does not shine.
+fn neutral(role: &str) -> [u8; 4] {
+    match role {
+        "normal" => [128, 128, 255, 255],
+        "emissive" => [0, 0, 0, 255],
+        _ => [255; 4],
     }
 }
 

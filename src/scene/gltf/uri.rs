@@ -46,6 +46,12 @@ fn decode_data(document: &Document, what: &str, data: &str) -> Result<Vec<u8>> {
     })
 }
 
+/// Whether a URI names a file that is missing. A URI that cannot be read at all is another error.
+pub(super) fn is_missing(document: &Document, uri: &str) -> bool {
+    let is_data = uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"));
+    !is_data && resolve(document, "picture", uri).is_ok_and(|path| source::is_missing(&path))
+}
+
 /// The path of a relative URI: percent-decoded and relative to the scene's folder.
 fn resolve(document: &Document, what: &str, uri: &str) -> Result<PathBuf> {
     let help = "put the file next to the scene and refer to it by a relative path, or export as .glb";

@@ -53,7 +53,7 @@ pub(super) struct Checked {
 impl Checked {
     pub(super) fn statement(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
         match line.keyword {
-            "v" => self.vertex(line)?,
+            "v" => self.vertex(line, warnings)?,
             "vt" => match *line.numbers()? {
                 [_] => self.element(1, line, 1, " 0"),
                 [_, _] | [_, _, _] => self.element(1, line, 2, ""),
@@ -63,7 +63,7 @@ impl Checked {
                 [_, _, _] => self.element(2, line, 3, ""),
                 _ => return Err(line.fault("`vn` takes three numbers")),
             },
-            "f" => self.face(line)?,
+            "f" => self.face(line, warnings)?,
             "o" | "g" => self.group = line.rest.into(),
             "usemtl" => self.material = Some(index_of(&mut self.materials, line.rest)),
             "mtllib" => {
@@ -81,11 +81,12 @@ impl Checked {
         Ok(())
     }
 
-    fn vertex(&mut self, line: &Line<'_>) -> Result<()> {
+    fn vertex(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
         let (words, color) = match *line.numbers()? {
             [_, _, _] | [_, _, _, 1.0] => (3, " 1 1 1"),
             [_, _, _, _] => {
-                return Err(line.fault("a vertex has a weight, which only free-form surfaces have"));
+                warnings.add("weights of vertices are ignored: only free-form surfaces have a use for them");
+                (3, " 1 1 1")
             }
             [_, _, _, _, _, _] | [_, _, _, _, _, _, _] => (6, ""),
             [] | [_] | [_, _] => return Err(line.fault("`v` takes at least three numbers")),
@@ -107,14 +108,14 @@ impl Checked {
         self.plain.push('\n');
     }
 
-    fn face(&mut self, line: &Line<'_>) -> Result<()> {
+    fn face(&mut self, line: &Line<'_>, warnings: &mut Warnings) -> Result<()> {
         self.plain.push('f');
         let mut corners = 0_usize;
         for word in line.words() {
-            let given = self.corner(line, word)?;
+            let (given, plain) = self.corner(line, word, warnings)?;
             self.given.push(given);
             self.plain.push(' ');
-            self.plain.push_str(word);
+            self.plain.push_str(plain);
             corners += 1;
         }
         self.plain.push('\n');
@@ -138,20 +139,35 @@ impl Checked {
         Ok(())
     }
 
-    /// Checks a corner `v`, `v/vt`, `v//vn` or `v/vt/vn` and returns whether it has a texture coordinate and a normal.
-    fn corner(&self, line: &Line<'_>, word: &str) -> Result<[bool; 2]> {
+    /// Checks a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Returns whether it has a texture coordinate and a normal, and the corner without a normal
+    /// that the file does not have: exporters that leave normals out may still count them.
+    fn corner<'b>(
+        &self,
+        line: &Line<'_>,
+        word: &'b str,
+        warnings: &mut Warnings,
+    ) -> Result<([bool; 2], &'b str)> {
+        let mut plain = word;
         let mut given = [false; 3];
         let mut indices = word.split('/');
         for ((given, count), element) in given.iter_mut().zip(self.counts).zip(ELEMENTS) {
             let index = indices.next().unwrap_or("");
             *given = !index.is_empty();
-            if *given && !exists(index, count) {
+            if *given
+                && !exists(index, count)
+                && element == ELEMENTS[2]
+                && index.parse::<i64>().is_ok_and(|at| at != 0)
+            {
+                warnings.add("faces refer to normals that the file does not have: they are flat");
+                *given = false;
+                plain = word.rsplit_once('/').map_or(word, |(rest, _)| rest.trim_end_matches('/'));
+            } else if *given && !exists(index, count) {
                 let word = shortened(word);
                 return Err(line.fault(&format!("`{word}`: there is no such {element}; there are {count}")));
             }
         }
         match (given, indices.next()) {
-            ([true, texcoord, normal], None) => Ok([texcoord, normal]),
+            ([true, texcoord, normal], None) => Ok(([texcoord, normal], plain)),
             _ => Err(line.fault(&format!("`{}` is no corner of a face", shortened(word)))),
         }
     }

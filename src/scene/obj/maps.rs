@@ -16,6 +16,10 @@ pub(super) struct Maps<'a> {
     pub textures: Vec<Texture>,
     index_of: HashMap<(Option<PathBuf>, Option<PathBuf>, bool), u32>,
     pictures: Pictures,
+    /// Whether a missing picture is an error.
+    strict: bool,
+    /// Warnings about missing pictures.
+    pub missing: Vec<String>,
 }
 
 /// The arguments of a map statement.
@@ -28,8 +32,9 @@ struct Map {
 }
 
 impl<'a> Maps<'a> {
-    pub(super) fn new(scene: &'a Path) -> Self {
-        Self { scene, textures: Vec::new(), index_of: HashMap::new(), pictures: Pictures::default() }
+    pub(super) fn new(scene: &'a Path, strict: bool) -> Self {
+        let (textures, index_of, pictures, missing) = Default::default();
+        Self { scene, textures, index_of, pictures, strict, missing }
     }
 
     /// The texture of a single map.
@@ -52,6 +57,7 @@ impl<'a> Maps<'a> {
     ) -> Result<Option<TextureRef>> {
         let color = color.map(|text| self.parse(material, text)).transpose()?;
         let opacity = opacity.map(|text| self.parse(material, text)).transpose()?;
+        let [color, opacity] = [color, opacity].map(|map| map.filter(|map| self.is_there(material, map)));
         let placed = match (&color, &opacity) {
             (None, None) => return Ok(None),
             (Some(color), Some(opacity)) => {
@@ -88,6 +94,18 @@ impl<'a> Maps<'a> {
         let transform =
             Affine2::from_mat2_translation(Mat2::from_diagonal(Vec2::new(scale_u, scale_v)), offset);
         Ok(Some(TextureRef { transform, ..TextureRef::new(texture) }))
+    }
+
+    /// Whether the picture of a map is there; where it is missing, a warning says that the material is shown without it. Reading it is an error
+    /// where missing pictures are to be errors.
+    fn is_there(&mut self, material: &str, map: &Map) -> bool {
+        let is_missing = !self.strict && source::is_missing(&map.file);
+        if is_missing {
+            let picture = map.file.display();
+            self.missing
+                .push(format!("material `{material}`: its picture {picture} is missing, and left out"));
+        }
+        !is_missing
     }
 
     fn combined(

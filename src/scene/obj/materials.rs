@@ -4,7 +4,8 @@
 //!
 //! | `.mtl` | material |
 //! |---|---|
-//! | none, or not defined in any library | matte, 0.8 |
+//! | none, or not defined in any library that is there | matte, 0.8 |
+//! | a map whose picture is missing | the material without the map |
 //! | `Kd`, `map_Kd` | base colour |
 //! | `Ks` with `illum` 2 or more (or no `illum`) | coat with reflectance `2 Ks ((n−1)/(n+1))²` at normal incidence: `Ks` 0.5 is plastic of `n` = 1.5, as exporters write it |
 //! | `Ks` with `Kd` 0 | metal with base colour `Ks` |
@@ -50,18 +51,23 @@ impl Materials {
 pub(super) fn load(
     path: &Path,
     checked: &Checked,
+    strict: bool,
     hash: &mut ContentHash,
     warnings: &mut Warnings,
 ) -> Result<Materials> {
     let mut entries: HashMap<String, tobj::Material> = HashMap::new();
     for file in libraries(path, &checked.libraries)? {
+        if !strict && source::is_missing(&file) {
+            warnings.add(format!("the material library {} is missing", file.display()));
+            continue;
+        }
         let bytes = source::read(path, "mtllib", &file)?;
         hash.add(&bytes);
         for entry in mtl::read(&file, &String::from_utf8_lossy(&bytes), warnings)? {
             entries.insert(entry.name.clone(), entry);
         }
     }
-    let mut maps = Maps::new(path);
+    let mut maps = Maps::new(path, strict);
     let mut list = Vec::new();
     let mut found = Vec::new();
     for name in &checked.materials {
@@ -72,6 +78,7 @@ pub(super) fn load(
             None => warnings.add(format!("material `{name}` is in no library; its faces are matte")),
         }
     }
+    maps.missing.drain(..).for_each(|warning| warnings.add(warning));
     let matte = list.len() as u32;
     list.push(Material { name: "matte".into(), base_color: Vec3::splat(0.8), ..Material::default() });
     let index_of = found.into_iter().map(|index| index.unwrap_or(matte)).collect();

@@ -26,7 +26,7 @@ use glam::{Vec2, Vec3};
 
 use super::source::{ContentHash, Warnings, fault};
 use super::triangle::{MAX_COORDINATE, Triangle};
-use super::{LoadOptions, Scene, camera_file};
+use super::{Camera, LoadOptions, Scene, camera_file};
 use crate::error::Result;
 use crate::file;
 use check::Checked;
@@ -41,14 +41,14 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let bytes = file::read(path)?;
     let mut hash = ContentHash::default();
     hash.add(&bytes);
-    let rig = find_rig(path, options, &mut hash)?;
     let mut warnings = Warnings::default();
     let mut checked = Checked::default();
     checked.plain.reserve(bytes.len());
     line::statements(path, &String::from_utf8_lossy(&bytes), |line| checked.statement(line, &mut warnings))?;
     drop(bytes);
-    let materials = materials::load(path, &checked, &mut hash, &mut warnings)?;
+    let materials = materials::load(path, &checked, options.strict, &mut hash, &mut warnings)?;
     let triangles = triangles(path, &checked, &materials, &mut warnings)?;
+    let rig = find_rig(path, options, &triangles, &mut hash)?;
     Ok(Scene {
         path: path.to_path_buf(),
         triangles,
@@ -67,6 +67,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 fn find_rig(
     path: &Path,
     options: &LoadOptions<'_>,
+    triangles: &[Triangle],
     hash: &mut ContentHash,
 ) -> Result<camera_file::CameraPair> {
     if let Some(name) = options.camera {
@@ -83,11 +84,18 @@ fn find_rig(
             path,
             "an .obj file has no camera, and no camera file gives one",
             format!(
-                "write {} with [camera] position, look_at and vertical_fov_degrees, or name such a file by --camera-file",
+                "write {} with [camera] position, look_at and vertical_fov_degrees, name such a file by --camera-file, or let --auto-camera place one",
                 sidecar.display()
             ),
         )
     };
+    if options.auto_camera && given.as_ref().is_none_or(|given| given.camera.is_none()) {
+        let camera = Camera::in_front_of(triangles);
+        let given = given.inspect(|given| hash.add(&given.bytes));
+        let (projector, resolution) =
+            given.map_or((None, None), |of| (of.projector, of.projector_resolution));
+        return Ok(camera_file::CameraPair::new(camera, projector, resolution));
+    }
     let given = given.ok_or_else(missing)?;
     hash.add(&given.bytes);
     let camera = given.camera.ok_or_else(missing)?;

@@ -46,7 +46,10 @@ fn unusable_pictures_are_refused_by_name() {
     ]);
     let (what, help) = fault(&basis, None);
     assert_eq!(what, "texture 0 has its picture only as KHR_texture_basisu, which is not supported");
-    assert_eq!(help, "export the scene with PNG or JPEG pictures");
+    assert_eq!(
+        help,
+        "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
+    );
 }
 
 /// The CRC-32 of PNG chunks, computed bit by bit.

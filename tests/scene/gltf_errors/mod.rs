@@ -137,12 +137,25 @@ fn cameras_without_a_valid_perspective_are_refused() {
 #[test]
 fn unsupported_required_extensions_are_refused_with_advice() {
     for (name, advice) in [
-        ("KHR_draco_mesh_compression", "export the scene without mesh compression"),
-        ("EXT_meshopt_compression", "export the scene without mesh compression"),
-        ("KHR_texture_basisu", "export the scene with PNG or JPEG pictures"),
+        (
+            "KHR_draco_mesh_compression",
+            "decompress it: npx @gltf-transform/cli copy SCENE.glb PLAIN.glb (or export the scene without mesh compression)",
+        ),
+        (
+            "EXT_meshopt_compression",
+            "decompress it: npx @gltf-transform/cli copy SCENE.glb PLAIN.glb (or export the scene without mesh compression)",
+        ),
+        (
+            "KHR_texture_basisu",
+            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)",
+        ),
         (
             "KHR_materials_clearcoat",
             "export the scene with materials that have metallic-roughness, specular, transmission and volume only",
+        ),
+        (
+            "KHR_materials_pbrSpecularGlossiness",
+            "convert its materials: npx @gltf-transform/cli metalrough SCENE.glb PLAIN.glb",
         ),
         ("VENDOR_unheard_of", "export the scene without this extension"),
     ] {

@@ -1,5 +1,7 @@
 //! Atomic file writes: a file appears completely or not at all.
 
+mod leftover;
+
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -63,7 +65,7 @@ fn write_steps(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Resul
     temporary.persist(&target).map_err(|failed| failed.error)
 }
 
-/// Creates `.NAME.RANDOM.tmp` in the folder of `target`.
+/// Creates `.NAME.PID-SYSTEM-RANDOM.tmp` in the folder of `target`. Those that killed processes left there are removed.
 ///
 /// The file is opened here because files of `tempfile` are readable by their owner only; this one gets the default permissions.
 fn temporary_beside(target: &Path) -> io::Result<NamedTempFile> {
@@ -73,10 +75,12 @@ fn temporary_beside(target: &Path) -> io::Result<NamedTempFile> {
     let mut prefix = OsString::from(".");
     prefix.push(name);
     prefix.push(".");
+    prefix.push(leftover::writer());
     let folder = target.parent().unwrap_or(Path::new(""));
+    leftover::remove(if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
     tempfile::Builder::new()
         .prefix(&prefix)
-        .suffix(".tmp")
+        .suffix(leftover::SUFFIX)
         .make_in(folder, |path| OpenOptions::new().write(true).create_new(true).open(path))
 }
 

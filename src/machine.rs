@@ -1,0 +1,101 @@
+//! What this machine grants the process: memory and threads.
+
+use std::fs;
+use std::io;
+use std::thread::{self, JoinHandle};
+
+/// Bytes of memory that this process may use: those of the machine, or fewer where a container or `ulimit -v` says so. A machine that
+/// does not tell is taken to have 8 GiB.
+pub(crate) fn memory() -> u64 {
+    let of_container = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
+    let stated = of_container.iter().filter_map(|path| fs::read_to_string(path).ok()?.trim().parse().ok());
+    let total = total_memory().unwrap_or(8 << 30);
+    stated.chain(address_space()).fold(total, u64::min)
+}
+
+/// The memory of the machine in bytes.
+fn total_memory() -> Option<u64> {
+    let about = fs::read_to_string("/proc/meminfo").ok()?;
+    let total = about.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    Some(total.trim().trim_end_matches(" kB").parse::<u64>().ok()? * 1024)
+}
+
+/// The bytes of address space that `ulimit -v` allows this process; `None` where there is no limit.
+pub(crate) fn address_space() -> Option<u64> {
+    address_space_in(&fs::read_to_string("/proc/self/limits").ok()?)
+}
+
+/// As [`address_space`], from the system's table of limits.
+fn address_space_in(limits: &str) -> Option<u64> {
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    line.split_whitespace().next()?.parse().ok()
+}
+
+/// Starts the threads that share computations: one for each core, or as many as the system allows where a limit of processes or of address
+/// space forbids more. Without this, the first computation would end the process where not all of them can be started.
+pub(crate) fn start_threads() {
+    let cores = thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let wanted = rayon_threads().unwrap_or(cores);
+    let started = started(wanted, || thread::Builder::new().spawn(thread::park));
+    let builder = match started {
+        // Some threads are left for the graphics driver and for watching Ctrl-C.
+        all if all == wanted => rayon::ThreadPoolBuilder::new().num_threads(wanted),
+        some if some > 3 => rayon::ThreadPoolBuilder::new().num_threads(some / 2),
+        _ => rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread(),
+    };
+    // It fails where a program that uses the library has started its own before, which then serve.
+    let _ = builder.build_global();
+}
+
+/// The number of threads that the user asked for.
+fn rayon_threads() -> Option<usize> {
+    std::env::var("RAYON_NUM_THREADS").ok()?.parse().ok().filter(|&threads| threads > 0)
+}
+
+/// How many of `wanted` threads can run at the same time. They are parked, and ended before this returns.
+fn started(wanted: usize, spawn: impl Fn() -> io::Result<JoinHandle<()>>) -> usize {
+    let threads: Vec<JoinHandle<()>> = (0..wanted).map_while(|_| spawn().ok()).collect();
+    let count = threads.len();
+    for thread in threads {
+        thread.thread().unpark();
+        // A parked thread does nothing that could panic.
+        let _ = thread.join();
+    }
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    #[test]
+    fn the_limit_of_address_space_is_read_from_the_systems_table() {
+        let table = |limit: &str| {
+            format!(
+                "Limit                     Soft Limit           Hard Limit           Units\n\
+                 Max cpu time              unlimited            unlimited            seconds\n\
+                 Max address space         {limit}            unlimited            bytes\n"
+            )
+        };
+        assert_eq!(address_space_in(&table("409600000")), Some(409_600_000));
+        assert_eq!(address_space_in(&table("unlimited")), None);
+        assert_eq!(address_space_in(""), None);
+    }
+
+    #[test]
+    fn only_threads_that_the_system_starts_are_counted() {
+        let left = Cell::new(3);
+        let spawn = || match left.get() {
+            0 => Err(io::ErrorKind::WouldBlock.into()),
+            more => {
+                left.set(more - 1);
+                thread::Builder::new().spawn(thread::park)
+            }
+        };
+        assert_eq!(started(8, spawn), 3);
+        left.set(3);
+        assert_eq!(started(2, spawn), 2);
+    }
+}

@@ -1,0 +1,129 @@
+//! Little memory, few processes, full disks, and files that state more pixels than there are: an error that says so, and no crash.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use krylux::image::{Image, Resolution};
+use krylux::io::{exr, npy};
+
+use crate::program::{assert_error, command, command_without_graphics, folder, inside, rig, text};
+
+/// The program after a shell's `ulimit OPTIONS`.
+fn limited(limit: &str, program: &Command) -> Output {
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("{limit}; exec \"$@\""), "sh"]).arg(program.get_program());
+    command.args(program.get_args());
+    for (name, value) in program.get_envs() {
+        command.env(name, value.unwrap_or_default());
+    }
+    command.output().expect("there is a shell")
+}
+
+const SCENE: &str = "assets/scenes/corner/scene.glb";
+
+#[test]
+fn a_photo_larger_than_the_memory_is_refused_before_it_is_traced() {
+    let folder = folder();
+    let photo = inside(&folder, "photo.npy");
+    let large = ["photo", SCENE, "--size", "16384", "--spp", "1", "-o", &photo];
+    // By what the user allows, and by what the system does.
+    let asked =
+        command(&[&large[..], &["--memory", "2GiB"]].concat()).output().expect("the program is built");
+    let bound = limited("ulimit -v 8388608", &command(&large));
+    for output in [asked, bound] {
+        let message = assert_error(&output, &["--size", "16384x16384 pixels", "--memory"]);
+        assert!(message.contains("40."), "about 40 GiB: {message}");
+    }
+    // The same option lets a small photo pass.
+    let small = ["photo", SCENE, "--size", "8", "--spp", "1", "-o", &photo, "--memory", "2GiB"];
+    assert!(command(&small).status().expect("the program is built").success());
+}
+
+#[test]
+fn too_little_address_space_for_a_driver_is_said() {
+    let folder = folder();
+    let photo = inside(&folder, "photo.npy");
+    let command = command(&["photo", SCENE, "--size", "8", "--spp", "1", "-o", &photo]);
+    let output = limited("ulimit -v 409600", &command);
+    assert_error(&output, &["graphics device", "400 MiB", "ulimit -v unlimited"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn without_threads_the_work_is_done_by_one() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    use std::os::unix::process::CommandExt;
+    let folder = folder();
+    let one = inside(&folder, "one.npy");
+    npy::write_image(Path::new(&one), &Image::filled(Resolution::new(64, 64), 1, 0.5)).expect("it is ours");
+    let open = |path: &Path| std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755));
+    open(folder.path()).and_then(|()| open(Path::new(&one))).expect("it is ours");
+    // Root may start any number of processes, and so becomes somebody else. One shell calls the option -u, another -p.
+    let limit = "ulimit -u 1 2>/dev/null || ulimit -p 1";
+    let is_root = std::fs::metadata("/proc/self").is_ok_and(|about| about.uid() == 0);
+    let program = command_without_graphics(&["compare", &one, &one, "--max-rmse", "0.1"]);
+    let mut command = Command::new("sh");
+    if is_root {
+        command.uid(65_534);
+    }
+    command.args(["-c", &format!("{limit}; exec \"$@\""), "sh"]).arg(program.get_program());
+    let output = command.args(program.get_args()).output().expect("there is a shell");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("Ctrl-C cannot be handled"), "the limit has no effect: {said}");
+}
+
+/// An EXR file of 8×8 pixels that claims to have 8192×8192.
+fn forged(path: &Path) {
+    exr::write_exr(path, &[("", &Image::filled(Resolution::new(8, 8), 3, 0.5))]).expect("it is ours");
+    let mut bytes = std::fs::read(path).expect("it was written");
+    for window in ["dataWindow\0box2i\0", "displayWindow\0box2i\0"] {
+        let at =
+            bytes.windows(window.len()).position(|at| at == window.as_bytes()).expect("a header has both");
+        let largest = at + window.len() + 4 + 8;
+        for side in 0..2 {
+            bytes[largest + 4 * side..][..4].copy_from_slice(&8191_i32.to_le_bytes());
+        }
+    }
+    std::fs::write(path, bytes).expect("it is ours");
+}
+
+#[test]
+fn an_exr_file_is_as_large_as_is_wanted_before_it_is_decoded() {
+    let folder = folder();
+    let [forgery, small] = ["forged.exr", "small.exr"].map(|name| inside(&folder, name));
+    forged(Path::new(&forgery));
+    exr::write_exr(Path::new(&small), &[("", &Image::filled(Resolution::new(8, 8), 3, 0.5))])
+        .expect("it is ours");
+    let rig = rig(&folder, 8, "");
+    let photo = inside(&folder, "photo.npy");
+    // Three planes of 256 MiB each do not fit.
+    let limit = "ulimit -v 1048576";
+    let pattern = command_without_graphics(&["photo", &rig, "--pattern", &forgery, "-o", &photo]);
+    assert_error(&limited(limit, &pattern), &["forged.exr", "8192x8192 pixels", "8x8"]);
+    let compared = command_without_graphics(&["compare", &forgery, &small]);
+    assert_error(&limited(limit, &compared), &["forged.exr", "8192x8192 pixels", "8x8"]);
+    let alone = command_without_graphics(&["compare", &forgery, &forgery]);
+    assert_error(&limited(limit, &alone), &["forged.exr", "half of the memory"]);
+}
+
+#[test]
+fn a_file_larger_than_the_memory_is_not_read() {
+    let folder = folder();
+    let path = inside(&folder, "hole.npy");
+    let file = std::fs::File::create(&path).expect("the folder is writable");
+    file.set_len(1 << 40).expect("a hole takes no room");
+    let output = command_without_graphics(&["compare", &path, &path]).output().expect("the program is built");
+    assert_error(&output, &["hole.npy", "half of the memory"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_one_error() {
+    let folder = folder();
+    let (rig, matrix) = (rig(&folder, 8, ""), inside(&folder, "matrix.npz"));
+    std::os::unix::fs::symlink("/dev/full", &matrix).expect("the folder is writable");
+    let output = command_without_graphics(&["matrix", &rig, "-o", &matrix]).output();
+    let message = assert_error(&output.expect("the program is built"), &["cannot write", "matrix.npz"]);
+    assert!(!message.contains("ZipWriter"), "{message}");
+}

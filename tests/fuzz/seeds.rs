@@ -1,0 +1,173 @@
+//! Whole files of every kind, small, and with as many features of the format as fit.
+
+use std::path::Path;
+
+use image::{ExtendedColorType, ImageFormat};
+use krylux::image::{Image, Resolution};
+use krylux::io::{exr, npy, sparse};
+use krylux::journal::{Identity, Journal, Kind};
+use krylux::scene::builtin;
+use krylux::sparse::Csr;
+
+fn bytes(path: &Path) -> Vec<u8> {
+    std::fs::read(path).expect("it was just written, or is shipped")
+}
+
+fn shipped(path: &str) -> Vec<u8> {
+    bytes(&Path::new(env!("CARGO_MANIFEST_DIR")).join(path))
+}
+
+/// An image with other values everywhere.
+fn image(width: usize, height: usize, channels: usize) -> Image {
+    let samples = (0..width * height * channels).map(|at| at as f32 / 7.0).collect();
+    Image::new(Resolution::new(width, height), channels, samples).expect("as many as pixels")
+}
+
+pub fn npy(folder: &Path) -> Vec<Vec<u8>> {
+    let path = folder.join("seed.npy");
+    let mut seeds = Vec::new();
+    for channels in [1, 3] {
+        npy::write_image(&path, &image(5, 4, channels)).expect("the folder can be written");
+        seeds.push(bytes(&path));
+    }
+    npy::write_npy(&path, &[2, 3, 2], &[1_i64; 12]).expect("the folder can be written");
+    seeds.push(bytes(&path));
+    let fortran = bytes(&path);
+    let at = fortran.windows(5).position(|text| text == b"False").expect("it says its order");
+    let mut fortran = fortran;
+    fortran[at..at + 5].copy_from_slice(b"True ");
+    seeds.push(fortran);
+    seeds
+}
+
+fn matrix(symmetric: bool) -> Csr {
+    let columns = if symmetric { vec![0, 1, 0, 1, 2] } else { vec![1, 2, 0, 2, 1] };
+    let weights = if symmetric { vec![2.0, 0.5, 0.5, 3.0, 1.0] } else { vec![1.0, -2.0, 0.1, 7.0, 1e-9] };
+    Csr::new(3, vec![0, 2, 4, 5], columns, weights).expect("well formed")
+}
+
+pub fn npz(folder: &Path) -> Vec<Vec<u8>> {
+    [false, true]
+        .map(|symmetric| {
+            let path = folder.join("seed.npz");
+            sparse::write(&path, &matrix(symmetric)).expect("the folder can be written");
+            bytes(&path)
+        })
+        .to_vec()
+}
+
+pub fn mtx(folder: &Path) -> Vec<Vec<u8>> {
+    let written = [false, true].map(|symmetric| {
+        let path = folder.join("seed.mtx");
+        sparse::write(&path, &matrix(symmetric)).expect("the folder can be written");
+        bytes(&path)
+    });
+    let integers = b"%%MatrixMarket matrix coordinate integer general\n% a comment\n\n2 3 2\n1 1 5\n2 3 -7\n";
+    written.into_iter().chain([integers.to_vec()]).collect()
+}
+
+fn encoded(format: ImageFormat, colors: &[ExtendedColorType]) -> Vec<Vec<u8>> {
+    let samples: Vec<u8> = (0..96).map(|at| (at * 37 % 256) as u8).collect();
+    let encode = |&color: &ExtendedColorType| {
+        let mut file = std::io::Cursor::new(Vec::new());
+        let width = 96 * 8 / u32::from(color.bits_per_pixel()) / 2;
+        image::write_buffer_with_format(&mut file, &samples, width, 2, color, format)
+            .expect("it holds these");
+        file.into_inner()
+    };
+    colors.iter().map(encode).collect()
+}
+
+pub fn png(_: &Path) -> Vec<Vec<u8>> {
+    use ExtendedColorType::{L8, L16, La8, Rgb8, Rgb16, Rgba8};
+    encoded(ImageFormat::Png, &[L8, La8, Rgb8, Rgba8, L16, Rgb16])
+}
+
+pub fn jpeg(_: &Path) -> Vec<Vec<u8>> {
+    encoded(ImageFormat::Jpeg, &[ExtendedColorType::L8, ExtendedColorType::Rgb8])
+}
+
+pub fn exr(folder: &Path) -> Vec<Vec<u8>> {
+    let path = folder.join("seed.exr");
+    let (gray, colored) = (image(5, 4, 1), image(5, 4, 3));
+    let layers: [&[(&str, &Image)]; 3] =
+        [&[("", &gray)], &[("", &colored)], &[("photo", &colored), ("mask", &gray)]];
+    layers
+        .map(|layers| {
+            exr::write_exr(&path, layers).expect("the folder can be written");
+            bytes(&path)
+        })
+        .to_vec()
+}
+
+pub fn glb(_: &Path) -> Vec<Vec<u8>> {
+    [builtin::zigzag(), builtin::cornell(), builtin::corner()].map(|model| model.to_glb()).to_vec()
+}
+
+pub fn gltf(_: &Path) -> Vec<Vec<u8>> {
+    let position = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,1]}}],
+        "extensionsUsed":["EXT_mesh_gpu_instancing","KHR_materials_ior"],
+        "nodes":[{{"camera":0,"translation":[0,0,2]}},
+          {{"mesh":0,"rotation":[0,0,0,1],"scale":[1,2,1],"extras":{{"region":"a"}},
+            "extensions":{{"EXT_mesh_gpu_instancing":{{"attributes":{{"TRANSLATION":1}}}}}}}}],
+        "cameras":[{{"type":"perspective","perspective":{{"yfov":0.5,"znear":0.1}}}}],
+        "materials":[{{"doubleSided":true,"pbrMetallicRoughness":{{"baseColorFactor":[0.5,0.5,0.5,1],"roughnessFactor":0.7}},
+          "extensions":{{"KHR_materials_ior":{{"ior":1.4}}}}}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"material":0}}]}}],
+        "buffers":[{{"byteLength":36,"uri":"data:application/octet-stream;base64,{position}"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}},
+          {{"bufferView":0,"componentType":5126,"count":2,"type":"VEC3"}}]}}"#
+    );
+    vec![text.into_bytes()]
+}
+
+pub const CAMERA: &str =
+    "[camera]\nposition = [0, 0, 3]\nlook_at = [0, 0, 0]\nup = [0, 1, 0]\nvertical_fov_degrees = 40\n";
+
+pub fn camera_file(_: &Path) -> Vec<Vec<u8>> {
+    let projector = format!(
+        "{CAMERA}aperture_radius = 0.01\nfocus_distance = 3\n[projector]\nposition = [0.1, 0, 3]\nforward = [0, 0, -1]\n\
+         vertical_fov_degrees = 35\nresolution = [64, 48]\n"
+    );
+    vec![CAMERA.into(), projector.into_bytes()]
+}
+
+pub fn obj(_: &Path) -> Vec<Vec<u8>> {
+    let text = "mtllib scene.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.2 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n\
+                usemtl red\nf 1/1/1 2/2/1 3/3/1\nf 1//1 3//1 4//1\ng b\ns 1\nf 1 2 3 5 4\nf -1 -2 -3\n";
+    vec![text.into(), text.replace('\n', "\r\n").into_bytes()]
+}
+
+pub fn mtl(_: &Path) -> Vec<Vec<u8>> {
+    let text = "newmtl red\nKd 0.8 0.1 0.1\nKs 0.1 0.1 0.1\nNs 20\nd 1\nTr 0\nNi 1.4\nillum 2\nKe 0 0 0\nmap_Kd -s 2 2 1 red.png\n\
+                newmtl glass\nKd 0 0 0\nTf 0.9 0.9 0.9\nillum 7\n";
+    vec![text.into()]
+}
+
+pub fn rig(_: &Path) -> Vec<Vec<u8>> {
+    let hardware = "kind = \"hardware\"\ncalibration = \"cal\"\n[projector]\nkind = \"x11\"\nmonitor = \"HDMI-1\"\nsize = [128, 96]\n\
+                    [camera]\nkind = \"gphoto2\"\nsize = [12, 8]\niso = 100\ntiles = \"rggb\"\nexposures = [0.001, 1]\n\
+                    settings = { whitebalance = \"Daylight\" }\n[measurement]\nexposures = [0.25]\nambient = false\n";
+    let program = "kind = \"program\"\n[projector]\nsize = [12, 8]\n[camera]\nsize = [12, 8]\nbits = 12\nexposures = [1e-4, 1.0]\n";
+    let mut seeds = vec![hardware.into(), program.into()];
+    seeds.extend(["assets/rigs/ideal.toml", "assets/rigs/realistic.toml"].map(shipped));
+    seeds
+}
+
+pub fn journal(folder: &Path) -> Vec<Vec<u8>> {
+    let folder = folder.join("seed");
+    let identity = Identity::new().with("rig file", "0123abcd").with("size", "8x8");
+    let mut journal = Journal::create(&folder, &identity).expect("the folder can be written");
+    for photo in 0..4_u8 {
+        journal.pattern(&[photo / 2; 5]).expect("there is room");
+        let key = journal.key(&[b"test", &[photo]]);
+        let payload = vec![photo; 7 * usize::from(photo)];
+        journal.append(Kind::Photo, key, b"metadata", &payload).expect("there is room");
+    }
+    journal.note("a note", b"of some bytes").expect("there is room");
+    drop(journal);
+    vec![bytes(&folder.join("photos.journal"))]
+}
