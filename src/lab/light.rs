@@ -56,12 +56,8 @@ impl Lab {
                 let start = Instant::now();
                 let run = self.run.as_ref().filter(|_| self.keeps_photos);
                 let run = run.map(|run| (run, self.kept_truth.as_ref()));
-                let mut opened =
+                let opened =
                     LightTransport::open(&self.source, &self.settings, self.channels, run, &self.observer)?;
-                // An audit asks what the photos are, not what a model makes of them.
-                if self.audits {
-                    opened.without_model();
-                }
                 self.prepared(&opened, start);
                 Arc::new(Mutex::new(self.trusted(opened)?))
             }

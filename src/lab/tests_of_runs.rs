@@ -49,7 +49,9 @@ fn errors(run: &mut Lab, truth: &Image, pattern: &Image) -> Result<[f64; 2]> {
 fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors() -> Result<()> {
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
     let run = folder.path().join("run");
-    let mut exact = segmented(cornell()?, &run)?;
+    segmented(cornell()?, &run)?;
+    // Not the laboratory of the run, whose journal would keep the photo.
+    let mut exact = cornell()?;
     let pattern = left(&exact)?;
     let truth = exact.photo(&pattern)?;
     let mut replay = crate::open(&run)?;
@@ -67,7 +69,7 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
 }
 
 #[test]
-fn what_was_photographed_is_answered_as_it_was_and_an_audit_asks_for_nothing_else() -> Result<()> {
+fn what_was_photographed_is_answered_as_it_was_and_an_audit_wants_real_photos() -> Result<()> {
     let folder = tempfile::tempdir().map_err(Error::writing("a temporary folder"))?;
     let run = folder.path().join("run");
     let mut exact = segmented(cornell()?, &run)?;
@@ -84,7 +86,7 @@ fn what_was_photographed_is_answered_as_it_was_and_an_audit_asks_for_nothing_els
     let off: Vec<f64> = again.iter().zip(&white).map(|(a, b)| a - b).collect();
     assert!(norm(&off) < 1e-9 * norm(&white), "{}", norm(&off));
     let refused = crate::open(&run)?.audit(&AuditOptions::default());
-    assert!(matches!(refused, Err(Error::NotTaken { .. })), "a model would be symmetric by construction");
+    assert!(matches!(refused, Err(Error::Data { .. })), "a model would be symmetric by construction");
     Ok(())
 }
 

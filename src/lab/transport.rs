@@ -101,11 +101,6 @@ impl LightTransport {
         self.rig().map(|rig| rig.record(is_complete)).transpose()
     }
 
-    /// From now on a photo that the finished run did not take is an error.
-    pub(super) fn without_model(&mut self) {
-        self.run = None;
-    }
-
     /// Calls `ask`, and once more with a model of the finished run's photos in their place where one of them was not taken.
     fn or_by_model<T>(&mut self, mut ask: impl FnMut(&mut Self) -> Result<T>) -> Result<T> {
         let missing = match ask(self) {
@@ -115,7 +110,7 @@ impl LightTransport {
         let Some(folder) = self.run.take() else { return Err(missing) };
         let model = open_model(&folder, &self.observer)?;
         self.observer.note(format_args!(
-            "note: not every photo that this asks for was taken: a model of rank {} of the run's photos answers, and what they leave open counts as its error",
+            "note: not every photo that this asks for was taken: a model of rank {} of the run's photos answers, and what they leave open counts as its error; to take them, attach the rig or the scene by --resume",
             model.rank()
         ));
         self.engine = Engine::Model(Box::new(ModelParts::new(model)?));

@@ -75,7 +75,7 @@ fn a_run_is_asked_anew_in_its_own_folder() {
         assert!(!bench.read(&format!("labels-{groups}.npy")).is_empty());
     }
     // A question that fails leaves the record of the run alone, too.
-    let wrong = ["segment", &bench.run, "--groups", "2", "--photos", "500", "-o", &bench.run];
+    let wrong = ["segment", &bench.run, "--groups", "2", "--features", "999,999", "-o", &bench.run];
     let wrong = krylux(&wrong);
     assert!(wrong.status.code() != Some(0), "{}", text(&wrong.stdout));
     assert_eq!(bench.kept(), before);

@@ -196,8 +196,10 @@ fn a_captured_scene_is_relit_later_without_a_photo_and_without_a_device() {
     let found = bench.json(&[&arguments[..], &traced].concat());
     let error = number(&found["relit"][0]["relative_error"]);
     let relit = bench.plane("run/relit-1.npy");
-    // Without ambient light the error is that of the files.
-    assert!((relative(&relit, &truth) - error).abs() < 1e-5, "{error}");
+    // The truth of the same light paths has the noise that is in the model; its error is by others.
+    let of_same_light = relative(&relit, &truth);
+    assert!(error > of_same_light && error < of_same_light + 0.05, "{error} {of_same_light}");
+    assert!(number(&found["relit"][0]["stated_error"]) > 0.2 * error, "{found}");
     // W Qᵀ has this rank, so that the best of it is no worse; symmetry can only add knowledge.
     let row = &found["matrix"];
     assert!(number(&row["one_sided"]) >= number(&row["optimal"]), "{row}");
@@ -341,7 +343,8 @@ fn colours_and_separated_rigs_are_captured_too() {
         &bench.name("rgb"),
     ];
     let found = bench.json(&[&arguments[..], &traced].concat());
-    assert!(number(&found["relit"][0]["relative_error"]) < 0.05, "{found}");
+    // By other light paths: the noise of the model's own is 3 % of white.
+    assert!(number(&found["relit"][0]["relative_error"]) < 0.07, "{found}");
     assert_eq!(npy::read_npy(&bench.path("rgb/relit-1.npy")).expect("it is written").shape, [24, 24, 3]);
     let separated = root().join("tests/reference/peer/separated.glb").display().to_string();
     let arguments =
