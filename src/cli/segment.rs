@@ -92,7 +92,10 @@ fn summary(answer: &Scored<'_>, refuted: usize) -> serde_json::Value {
         "status": segmentation.status,
         "regions": segmentation.regions,
         "refuted_regions": refuted,
-        "eigenvalues": segmentation.eigenvalues,
+        "eigenvalues": segmentation.eigenvalues.iter().enumerate().map(|(index, &value)| {
+            let estimate = index.checked_sub(1).and_then(|index| estimates.get(index));
+            rounded(value, estimate.map_or(0.0, |of| of.standard_error))
+        }).collect::<Vec<f64>>(),
         "residuals": segmentation.residuals,
         // The first is known.
         "of_scene": estimates.iter().map(|of| json!({
@@ -143,11 +146,15 @@ fn say(answer: &Scored<'_>, console: &Console) -> Result<()> {
     for (index, (value, residual)) in segmentation.eigenvalues.iter().zip(&segmentation.residuals).enumerate()
     {
         let note = if segmentation.embedding.is_local(index) { "   localized eigenvector" } else { "" };
-        let of_scene = match index.checked_sub(1).and_then(|index| estimates.get(index)) {
-            Some(of) => format!("   {:<16}", with_error(of.value, of.standard_error)),
-            None => String::new(),
+        let estimate = index.checked_sub(1).and_then(|index| estimates.get(index));
+        let (value, of_scene) = match estimate {
+            Some(of) => (
+                rounded(*value, of.standard_error).to_string(),
+                format!("   {:<16}", with_error(of.value, of.standard_error)),
+            ),
+            None => (format!("{value:.6}"), String::new()),
         };
-        console.say(format_args!("  {:>6}  {value:>10.6}   {residual:.1e}{of_scene}{note}", index + 1))?;
+        console.say(format_args!("  {:>6}  {value:>10}   {residual:.1e}{of_scene}{note}", index + 1))?;
     }
     console.say(format_args!("regions   {}", segmentation.regions.sentence()))?;
     for (groups, _) in &segmentation.labels {

@@ -26,6 +26,7 @@
 mod answers;
 mod builder;
 mod folder;
+mod independent;
 mod journal;
 mod labels;
 mod light;

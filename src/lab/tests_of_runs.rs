@@ -61,8 +61,10 @@ fn a_run_of_a_scene_answers_photos_eigenpairs_and_other_cuts_with_their_errors()
     let options = EigsOptions { count: 2, products: 20, ..EigsOptions::default() };
     let found = crate::open(&run)?.eigs(Part::Global, &options)?;
     let known = exact.eigs(Part::Global, &options)?;
-    assert!((found.values[0] / known.values[0] - 1.0).abs() < 0.02, "{:?} {:?}", found.values, known.values);
-    assert!(found.standard_errors[0] > 0.0, "what the photos leave open is an error");
+    // 30 photos that were taken for the normalized cut.
+    assert!((found.values[0] / known.values[0] - 1.0).abs() < 0.05, "{:?} {:?}", found.values, known.values);
+    let off = (found.values[0] - known.values[0]).abs();
+    assert!(off <= found.bounds[0] && found.standard_errors[0] > 0.0, "{off} {:?}", found.bounds);
     let average = SegmentOptions { cut: Cut::Average, photos: 20, ..SegmentOptions::groups([2]) };
     assert!(segment(&mut crate::open(&run)?.operator(Part::Global)?, &average).is_ok());
     Ok(())

@@ -1,11 +1,8 @@
 //! Answers are checked with light that they were not computed from: of a scene by light paths of another seed, of a rig by one more photo.
 //! Runs, models and matrices have no such light.
 
-use std::sync::{Arc, Mutex};
-
 use super::source::Source;
-use super::transport::LightTransport;
-use super::{Lab, LabOperator, Relighting, Separated};
+use super::{Lab, Relighting, Separated};
 use crate::analysis::segment::{Cut, KEPT};
 use crate::analysis::verification::{
     EigenpairEstimate, eigenpair_estimates, eigenvalue_estimate, gap, relative_errors,
@@ -15,8 +12,7 @@ use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::manifest::{Independent, Verification};
 use crate::krylov::{Eigs, Start};
-use crate::operator::Operator;
-use crate::transport::{EstimatedProduct, Part, Question, Retraced, with_other_seed};
+use crate::transport::{EstimatedProduct, Part, Question};
 
 /// A pattern and the photo that an answer predicts for it, in one channel.
 struct Predicted {
@@ -233,54 +229,6 @@ impl Lab {
             run.manifest.verification = Some(verification.clone());
         }
         Some(verification)
-    }
-
-    /// Operators of a scene by light paths of another seed, one for each channel, which state the errors of their products. Each product traces the
-    /// scene once more. `None` for other sources, and for one light path per pixel, whose noise is not known.
-    pub(super) fn independent_operators(&mut self, part: Part) -> Result<Option<Vec<LabOperator>>> {
-        let Source::Scene(scene) = &self.source else { return Ok(None) };
-        if scene.settings.samples < 2 {
-            return Ok(None);
-        }
-        let other = scene.with_settings(with_other_seed(&scene.settings));
-        let transport = LightTransport::of_estimated(&other, &self.settings, self.channels, &self.observer)?;
-        let transport = Arc::new(Mutex::new(transport));
-        let operator = |channel| LabOperator::new(&transport, part, channel, &self.observer, None);
-        Ok(Some((0..self.channels.count()).map(operator).collect()))
-    }
-
-    /// Products with light that no answer was computed from, where there is any.
-    fn independent(
-        &mut self,
-        part: Part,
-        channel: usize,
-        asked: &[Question<'_>],
-    ) -> Result<Option<(Independent, Vec<EstimatedProduct>)>> {
-        match &self.source {
-            Source::Scene(scene) => {
-                let mut tracer = scene.tracer();
-                let settings = with_other_seed(&scene.settings);
-                // Noise is known from two halves of the samples.
-                if settings.samples < 2 {
-                    return Ok(None);
-                }
-                let mut retraced = Retraced { tracer: &mut tracer, settings, channels: self.channels };
-                let products = retraced.estimated_products(part, channel, asked)?;
-                Ok(Some((Independent::AnotherSeed, products)))
-            }
-            Source::Rig(_) => {
-                let mut operator = self.channel_operator(part, channel)?;
-                let photo = |question: &Question<'_>| {
-                    let mut product = vec![0.0; operator.rows()];
-                    operator.apply(question.pattern, &mut product)?;
-                    let error = operator.standard_error() / (product.len().max(1) as f64).sqrt();
-                    Ok(EstimatedProduct { error: vec![error; product.len()], product, quadratic: None })
-                };
-                let products = asked.iter().map(photo).collect::<Result<_>>()?;
-                Ok(Some((Independent::AnotherPhoto, products)))
-            }
-            Source::Run(_) | Source::Model(_) | Source::Matrix(_) => Ok(None),
-        }
     }
 }
 
