@@ -322,9 +322,12 @@ fn options_that_cannot_be_used_are_refused_by_name_and_without_a_product() {
         (EigsOptions { count: 0, ..base() }, "--count"),
         (EigsOptions { products: 0, ..base() }, "--photos"),
         (EigsOptions { method: EigsMethod::BlockLanczos { block: 0 }, ..base() }, "--block"),
-        (EigsOptions { max_basis: Some(8), ..base() }, "max_basis"),
-        (EigsOptions { max_basis: Some(20), method: EigsMethod::Arnoldi, ..base() }, "max_basis"),
-        (EigsOptions { noise: f64::NAN, ..base() }, "noise"),
+        (EigsOptions { max_basis: Some(8), ..base() }, "EigsOptions::max_basis"),
+        (
+            EigsOptions { max_basis: Some(20), method: EigsMethod::Arnoldi, ..base() },
+            "EigsOptions::max_basis",
+        ),
+        (EigsOptions { noise: f64::NAN, ..base() }, "EigsOptions::noise"),
         (EigsOptions { method: EigsMethod::Power, ..base() }, "--count"),
         (EigsOptions { method: EigsMethod::Power, count: 1, which: Which::BothEnds, ..base() }, "--which"),
     ];
