@@ -83,6 +83,11 @@ impl LightTransport {
         }))
     }
 
+    /// Whether a model of a run's photos answers.
+    pub(super) fn is_model(&self) -> bool {
+        matches!(self.engine, Engine::Model(_))
+    }
+
     /// Whether photos cost nothing but computing.
     pub(super) fn is_simulated(&self) -> bool {
         !matches!(self.engine, Engine::Measured(_))
