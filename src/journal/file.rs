@@ -297,3 +297,45 @@ impl Drop for Journal {
         }
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    /// A journal of one photo that now writes to `/dev/null`, which takes every byte and cannot be synced.
+    fn unsyncable(folder: &Path) -> Journal {
+        let mut journal = Journal::create(folder, &Identity::new()).expect("the folder can be written");
+        let first = journal.key(&[b"first"]);
+        journal.append(Kind::Photo, first, b"", b"1").expect("a disk can be synced");
+        journal.file =
+            File::options().read(true).write(true).open("/dev/null").expect("it is there, and writable");
+        journal
+    }
+
+    #[test]
+    fn an_append_does_not_return_before_its_record_is_synced() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut journal = unsyncable(folder.path());
+        let second = journal.key(&[b"second"]);
+        let why = journal.append(Kind::Photo, second, b"", b"2").expect_err("the sync fails").to_string();
+        assert!(why.contains("cannot write") && why.contains("all 1 photos so far are safe"), "{why}");
+        assert!(!journal.holds(second) && journal.photos() == 1, "what is not on disk is no record");
+    }
+
+    #[test]
+    fn a_buffered_append_syncs_when_the_last_sync_is_long_ago_and_not_before() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut journal = unsyncable(folder.path());
+        let append = |journal: &mut Journal, name: &[u8]| {
+            let key = journal.key(&[name]);
+            journal.append_buffered(Kind::Photo, key, b"", b"2")
+        };
+        // A sync in the future is as good as one just now, however slow this machine is.
+        journal.synced.at = Instant::now() + 100 * SYNC_INTERVAL;
+        append(&mut journal, b"second").expect("nothing is synced");
+        journal.synced.at =
+            Instant::now().checked_sub(SYNC_INTERVAL).expect("the machine has run for longer");
+        append(&mut journal, b"third").expect_err("the sync fails");
+        assert_eq!(journal.photos(), 1, "both records since the last sync may be lost");
+    }
+}

@@ -173,3 +173,32 @@ pub(super) fn read_at(mut file: &File, at: u64, bytes: &mut [u8]) -> io::Result<
     file.seek(SeekFrom::Start(at))?;
     file.read_exact(bytes)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::super::Key;
+    use super::super::record::encode;
+    use super::*;
+
+    const IDENTITY: [u8; 32] = [3; 32];
+
+    /// A record is found wherever its marker lies in relation to the chunks of 64 KiB in which the file is searched.
+    #[test]
+    fn a_record_behind_damage_is_found_when_its_marker_lies_across_two_chunks() {
+        for before_boundary in 0..=MARKER.len() {
+            // Zeros, as a disk leaves them that lost its writes, from the beginning of the search on.
+            let mut bytes = vec![0; 1 + (1 << 16) - before_boundary];
+            let place = bytes.len() as u64;
+            let (head, entry) = encode(&IDENTITY, Kind::Photo, Key::of(&[b"photo"]), b"m", b"light", place);
+            bytes.extend(head);
+            bytes.extend(b"light");
+            let mut file = tempfile::tempfile().expect("a temporary file can be made");
+            file.write_all(&bytes).expect("there is room");
+            let found = scan(&file, &IDENTITY, 0, bytes.len() as u64).expect("it can be read");
+            assert_eq!(found.entries, [entry], "{before_boundary} bytes of the marker before the boundary");
+            assert_eq!((found.damages.len(), found.damages[0].bytes), (1, place));
+        }
+    }
+}

@@ -169,3 +169,57 @@ fn merge_sample(
         .sum();
     Some((value, variance))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::CameraResponse;
+
+    /// A linear camera of one electron per DN.
+    fn curve() -> CameraCurve {
+        let response =
+            CameraResponse { black: 0.0, saturation: 4095.0, gain: 1.0, read_noise: 2.0, curve: None };
+        CameraCurve::new(&response, 12, true).expect("a linear response fits any camera")
+    }
+
+    fn exposed(exposure: f64, mean: f64) -> AveragedExposure {
+        AveragedExposure {
+            exposure,
+            started: 0.0,
+            takes: 1,
+            mean: vec![mean],
+            rounding: vec![0.0],
+            saturated: vec![false],
+        }
+    }
+
+    fn merged(exposed: &[AveragedExposure]) -> (f64, Vec<f64>) {
+        let merged = merge(exposed, &[], &curve(), &[true], Resolution::new(1, 1));
+        let merged = merged.expect("nothing is saturated");
+        (merged.values[0], merged.shares.iter().flatten().map(|share| share[0]).collect())
+    }
+
+    /// With its own variance, the lower of two samples would count for more, and every photo would be too dark.
+    #[test]
+    fn exposures_of_the_same_time_count_alike_whichever_is_brighter_by_chance() {
+        for samples in [[10.0, 30.0], [30.0, 10.0], [0.0, 5.0]] {
+            let (rate, shares) = merged(&samples.map(|sample| exposed(1.0, sample)));
+            assert_eq!((rate, shares), ((samples[0] + samples[1]) / 2.0, vec![0.5, 0.5]), "{samples:?}");
+        }
+    }
+
+    #[test]
+    fn exposures_are_weighted_by_the_variance_that_the_merged_rate_predicts() {
+        for samples in [[20.0, 60.0], [2.0, 60.0]] {
+            let seconds = [1.0, 4.0];
+            let (rate, shares) = merged(&[0, 1].map(|e| exposed(seconds[e], samples[e])));
+            // Shot noise and read noise of the expected counts, as variances of the rate.
+            let weights = seconds.map(|t| t * t / (rate * t + 4.0));
+            let share = weights[0] / (weights[0] + weights[1]);
+            // Two iterations leave a thousandth.
+            assert!((shares[0] - share).abs() < 1e-3, "{samples:?}: {shares:?}, not {share}");
+            let own = [0, 1].map(|e| seconds[e] * seconds[e] / (samples[e] + 4.0));
+            assert!((own[0] / (own[0] + own[1]) - share).abs() > 0.01, "the test could not tell");
+        }
+    }
+}

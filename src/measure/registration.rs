@@ -124,3 +124,49 @@ pub(super) fn combine(
     }
     plane
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A photo of one pixel.
+    fn photo(value: f64, variance: f64, shares: Option<[f64; 2]>) -> RateFrame {
+        RateFrame {
+            started: 0.0,
+            values: vec![value],
+            variance: vec![variance],
+            shares: shares.map(|shares| shares.map(|share| vec![share]).to_vec()),
+            scale: 1.0,
+        }
+    }
+
+    fn sum(photos: &[&RateFrame], coefficients: &[f64], black: &[f64]) -> [f64; 2] {
+        let one = Resolution::new(1, 1);
+        let blacks = BlackPhotos {
+            exposed: Vec::new(),
+            variance: black.iter().map(|&variance| vec![variance]).collect(),
+        };
+        let registration = Registration::by_area(one, one);
+        let plane = combine(&registration, photos, &|_, term| coefficients[term], &blacks, (0, 1));
+        [plane.values[0], plane.variance[0]]
+    }
+
+    /// A photo that is divided by the lamp's brightness is so with the black photo that was subtracted from it.
+    #[test]
+    fn the_black_photos_noise_is_scaled_as_the_drift_correction_scales_the_photo() {
+        let mut halved = photo(8.0, 4.0, None);
+        halved.scale(0.5);
+        assert_eq!(sum(&[&halved], &[1.0], &[16.0]), [4.0, 1.0 + 4.0]);
+        // The difference of two photos: without drift the black photo cancels, with it a part is left.
+        let other = photo(3.0, 1.0, None);
+        assert_eq!(sum(&[&other, &other], &[1.0, -1.0], &[16.0]), [0.0, 2.0]);
+        assert_eq!(sum(&[&other, &halved], &[1.0, -1.0], &[16.0]), [-1.0, 1.0 + 1.0 + 0.25 * 16.0]);
+    }
+
+    #[test]
+    fn the_black_photo_of_each_exposure_counts_by_its_share() {
+        let mut merged = photo(8.0, 4.0, Some([0.25, 0.75]));
+        merged.scale(2.0);
+        assert_eq!(sum(&[&merged], &[1.0], &[16.0, 4.0]), [16.0, 16.0 + 0.25 * 16.0 + 2.25 * 4.0]);
+    }
+}

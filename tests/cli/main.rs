@@ -8,6 +8,7 @@ mod program;
 mod bench;
 mod files;
 mod folders;
+mod info;
 mod light;
 mod limits;
 mod live;

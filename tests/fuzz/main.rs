@@ -9,6 +9,8 @@
 #![allow(clippy::panic, reason = "a failed test panics")]
 #![allow(unsafe_code, reason = "a global allocator that counts cannot be written without")]
 
+#[cfg(feature = "gige")]
+mod cameras;
 mod memory;
 mod mutation;
 mod readers;
@@ -106,18 +108,19 @@ fn blake(bytes: &[u8]) -> String {
     format!("{:016x}", hasher.finish())
 }
 
-macro_rules! fuzzed {
-    ($($name:ident),* $(,)?) => {
+macro_rules! fuzzed_by {
+    ($readers:ident: $($name:ident),* $(,)?) => {
         $(
             #[test]
             fn $name() {
-                fuzz(&readers::$name());
+                fuzz(&$readers::$name());
             }
         )*
     };
 }
 
-fuzzed!(
+fuzzed_by!(
+    readers:
     npy,
     npz,
     mtx,
@@ -137,3 +140,11 @@ fuzzed!(
     model,
     model_array
 );
+
+/// What a camera sends, over the network and of itself.
+#[cfg(feature = "gige")]
+mod of_cameras {
+    use super::{cameras, fuzz};
+
+    fuzzed_by!(cameras: gvcp, gvsp, camera_xml);
+}

@@ -132,6 +132,35 @@ mod tests {
         assert_eq!(weight(-1e-9, 0.0), 1.0 / FLOOR.sqrt());
     }
 
+    fn pair(value: f64, residual: f64) -> RitzPair {
+        RitzPair {
+            value,
+            imaginary: 0.0,
+            residual,
+            gap: f64::INFINITY,
+            condition: 1.0,
+            rounding: 0.0,
+            noise: 0.0,
+            coefficients: Vec::new(),
+            imaginary_coefficients: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_residual_of_each_pair_bounds_the_weight_of_its_eigenvector() {
+        let photo = |_: &[f64]| unreachable!("every pixel sees light");
+        let graph = Graph::measure(&[2.0, 6.0], 0.0, 0.0, photo).expect("a graph");
+        let vectors = vec![vec![0.5, 0.5]; 3];
+        let embedded =
+            |cut, pairs: [RitzPair; 2]| Embedding::new(cut, &graph, &pairs, &vectors, &[1.0, 1.0]).weights;
+        // In binary, 1 − 0.75 and 1 − 0.984375 have no rounding errors.
+        let pairs = [pair(0.75, 1e-6), pair(0.984_375, 0.0625)];
+        assert_eq!(embedded(Cut::Normalized, pairs), [0.0, 2.0, 4.0]);
+        // Eigenvalues and residuals of the average cut are relative to the mean degree, 4.
+        let pairs = [pair(-1.0, 4e-6), pair(-0.0625, 0.25)];
+        assert_eq!(embedded(Cut::Average, pairs), [0.0, 2.0, 4.0]);
+    }
+
     #[test]
     fn a_range_leaves_out_the_least_share_of_weight_at_either_end() {
         let vector: Vec<f64> = (0..1000).map(f64::from).collect();

@@ -205,3 +205,74 @@ fn paths_of_both_endpoints_give_the_photos_of_the_cameras_paths() {
     let both = photos(&mut tracer, &settings, false, 100..100 + SEEDS);
     assert_same_photos("apart, with lenses", &alone, &both);
 }
+
+/// A matte room behind sheets that let seven tenths of the light pass straight through: nearly every path scatters at several of them.
+fn veils() -> Scene {
+    let matte = Material::default();
+    let materials = vec![
+        Material { base_color: Vec3::splat(0.8), ..matte.clone() },
+        Material { opacity: 0.3, alpha_mode: AlphaMode::Blend, base_color: Vec3::splat(0.95), ..matte },
+    ];
+    let parts = vec![
+        sheet("wall", vec3(0.0, 0.0, -1.6), 1.0, 0),
+        sheet("first", vec3(0.0, 0.0, -1.2), 0.8, 1),
+        sheet("second", vec3(0.05, 0.0, -1.25), 0.8, 1),
+        sheet("third", vec3(-0.05, 0.0, -1.3), 0.8, 1),
+        sheet("fourth", vec3(0.0, 0.05, -1.35), 0.8, 1),
+    ];
+    Model { name: "veils", parts, materials, camera: plane(1.0, 0.5).camera }.to_scene()
+}
+
+/// The probability with which a surface interacts with light is a factor of the reverse density at every vertex, not only at the first.
+#[test]
+fn the_weights_of_paths_between_veils_add_up_to_one() {
+    let scene = veils();
+    let settings = TraceSettings {
+        max_bounces: 6,
+        sampler: Sampler::Independent,
+        ..TraceSettings::new(Resolution::new(SIDE, SIDE), 128)
+    };
+    let mut tracer = Tracer::new(&scene, None).expect("the README's test command installs a Vulkan driver");
+    let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
+    let both = photos(&mut tracer, &settings, false, 100..100 + SEEDS);
+    assert_same_photos("veils", &alone, &both);
+}
+
+/// A matte wall behind a pane of smooth glass, which all light passes on its way from the projector and on that to the camera.
+fn behind_glass() -> Scene {
+    let matte = Material::default();
+    let volume = Volume { attenuation_color: Vec3::ONE, attenuation_distance: 1.0 };
+    let materials = vec![
+        Material { base_color: Vec3::splat(0.8), ..matte.clone() },
+        Material { roughness: 0.0, specular: 1.0, transmission: 1.0, volume: Some(volume), ..matte },
+    ];
+    let parts = vec![
+        sheet("wall", vec3(-0.8, 0.0, -1.5), 1.0, 0),
+        sheet("other wall", vec3(0.8, 0.0, -1.6), 0.8, 0),
+        block("pane", vec3(-3.0, -3.0, -0.6), vec3(3.0, 3.0, -0.4), 1),
+    ];
+    let mut scene =
+        Model { name: "behind-glass", parts, materials, camera: plane(1.0, 0.5).camera }.to_scene();
+    let mut projector = scene.camera.clone();
+    projector.position += vec3(0.2, 0.05, 0.05);
+    projector.tan_half_fov *= 1.5;
+    scene.projector = Some(projector);
+    scene
+}
+
+/// Connections by gathered photons are weighted by how many paths start at either end: without paths from the projector, those of
+/// the camera count in full.
+#[test]
+fn gathered_connections_are_weighted_by_the_paths_from_either_end() {
+    let scene = behind_glass();
+    let settings = TraceSettings {
+        max_bounces: 7,
+        sampler: Sampler::Independent,
+        projector: Some(Resolution::new(24, 16)),
+        ..TraceSettings::new(Resolution::new(SIDE, SIDE), 32)
+    };
+    let mut tracer = Tracer::new(&scene, None).expect("the README's test command installs a Vulkan driver");
+    let alone = photos(&mut tracer, &settings, true, 0..SEEDS);
+    let both = photos(&mut tracer, &settings, false, 100..100 + SEEDS);
+    assert_same_photos("behind glass", &alone, &both);
+}

@@ -51,6 +51,8 @@ struct State {
     answers: VecDeque<Vec<u8>>,
     /// Leaders, payloads and trailers that are not yet read.
     stream: VecDeque<Vec<u8>>,
+    /// What is sent late; `None`: nothing is.
+    held: Option<Vec<Vec<u8>>>,
     frames: u64,
 }
 
@@ -99,7 +101,10 @@ impl State {
                 leader.extend([0, 0]);
                 let size = (payload.len() as u64).to_le_bytes();
                 let trailer = [&b"U3VT\0\0\x1C\0"[..], &id, &[0; 4], &size].concat();
-                self.stream.extend([leader, payload, trailer]);
+                match &mut self.held {
+                    Some(held) => held.extend([leader, payload, trailer]),
+                    None => self.stream.extend([leader, payload, trailer]),
+                }
                 self.frames += 1;
             }
             _ => {}
@@ -113,6 +118,7 @@ impl SimulatedCamera {
             memory: vec![0; XML_AT as usize + XML.len()],
             answers: VecDeque::new(),
             stream: VecDeque::new(),
+            held: None,
             frames: 0,
         };
         let simulated = Arc::new(Self { began: Instant::now(), state: Mutex::new(state) });
@@ -146,6 +152,14 @@ impl SimulatedCamera {
             state.put(at, &bytes);
         }
         drop(state);
+        simulated
+    }
+
+    /// A camera that does not tell its time: it has no such command.
+    fn without_time() -> Arc<Self> {
+        let simulated = Self::new();
+        let xml = std::str::from_utf8(XML).expect("XML is text").replace("TimestampLatch", "SomethingLatch");
+        simulated.state().put(XML_AT, xml.as_bytes());
         simulated
     }
 
@@ -289,4 +303,24 @@ fn abilities_are_read_and_errors_name_limits() {
     );
     let message = refused(&Usb3Spec { size: [66, 48], ..spec(PixelFormat::BayerRG8) });
     assert!(message.contains("Width of the camera on a simulated bus is 2 to 64 in steps of 2"), "{message}");
+}
+
+#[test]
+fn a_late_frame_is_not_taken_for_the_next_one_where_the_camera_does_not_tell_its_time() {
+    let (simulated, clock) = (SimulatedCamera::without_time(), WallClock::starting_at(0.0));
+    let spec = Usb3Spec { timeout: 2.0, ..spec(PixelFormat::Mono12p) };
+    let mut camera = open(&simulated, &spec, clock).expect("it can do that");
+    assert_eq!(camera.capture().expect("it is there").expect("it comes").id, 42);
+    simulated.state().held = Some(Vec::new());
+    assert_eq!(camera.capture().expect("it is there"), None, "frame 43 does not come in time");
+    let mut state = simulated.state();
+    let late = state.held.take().expect("it was held back");
+    state.stream.extend(late);
+    drop(state);
+    // A busy machine may take a while to receive it.
+    std::thread::sleep(Duration::from_millis(500));
+    let before = clock.seconds();
+    let found = camera.capture().expect("it is there").expect("it comes");
+    assert_eq!(found.id, 44, "43 is the frame of the trigger before");
+    assert!(found.started >= before, "{} is before {before}", found.started);
 }

@@ -79,9 +79,7 @@ impl Watch {
         let began = Instant::now();
         loop {
             self.look(connection)?;
-            if let Some(found) =
-                self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame)
-            {
+            if let Some(found) = self.confirmation(serial, of_frame) {
                 return Ok(found);
             }
             if began.elapsed() > PATIENCE {
@@ -92,6 +90,11 @@ impl Watch {
             }
             std::thread::sleep(POLL);
         }
+    }
+
+    /// The confirmation with this serial number, of a frame or of a refresh, if it has come. Others are of earlier requests.
+    fn confirmation(&mut self, serial: u32, of_frame: bool) -> Option<Completed> {
+        self.completed.take_if(|found| found.serial == serial && found.of_frame == of_frame)
     }
 
     /// Reads all pending events.
@@ -178,4 +181,46 @@ impl Watch {
 
 fn unreported(why: &dyn std::fmt::Display) -> Error {
     lost("report events of the window", why)
+}
+
+#[cfg(test)]
+mod tests {
+    use x11rb::protocol::present::CompleteNotifyEvent;
+
+    use super::*;
+
+    const WINDOW: Window = 7;
+
+    fn completion(window: Window, serial: u32, kind: CompleteKind, refresh: u64) -> Event {
+        Event::PresentCompleteNotify(CompleteNotifyEvent {
+            response_type: 0,
+            extension: 0,
+            sequence: 0,
+            length: 0,
+            event_type: 0,
+            kind,
+            mode: CompleteMode::COPY,
+            event: 0,
+            window,
+            serial,
+            ust: 0,
+            msc: refresh,
+        })
+    }
+
+    #[test]
+    fn a_confirmation_counts_for_the_frame_with_its_serial_number_only() {
+        let mut watch = Watch::new(WINDOW, [0, 0, 64, 48]);
+        watch.note(&completion(WINDOW, 4, CompleteKind::PIXMAP, 100));
+        assert!(watch.confirmation(5, true).is_none(), "frame 4 is on screen, but frame 5 is not");
+        watch.note(&completion(WINDOW, 5, CompleteKind::NOTIFY_MSC, 101));
+        assert!(watch.confirmation(5, true).is_none(), "a refresh is not a frame");
+        watch.note(&completion(WINDOW + 1, 5, CompleteKind::PIXMAP, 102));
+        assert!(watch.confirmation(5, true).is_none(), "a frame of another window");
+        watch.note(&completion(WINDOW, 5, CompleteKind::PIXMAP, 103));
+        assert!(watch.confirmation(5, false).is_none(), "a frame is not a refresh");
+        let found = watch.confirmation(5, true).expect("it has come");
+        assert_eq!((found.refresh, found.skipped), (103, false));
+        assert!(watch.confirmation(5, true).is_none(), "it counts once");
+    }
 }

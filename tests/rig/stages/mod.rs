@@ -2,6 +2,7 @@
 
 mod algebra;
 mod bit_planes;
+mod colour;
 mod dynamic_range;
 mod monte_carlo;
 mod quantization;
