@@ -31,7 +31,7 @@ fn address_space_in(limits: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Starts the threads that share computations: one for each core, or as many as the system allows where a limit of processes or of address
+/// Starts the threads that share computations: one for each core, or the number that the system allows where a limit of processes or of address
 /// space forbids more. Without this, the first computation would end the process where not all of them can be started.
 pub(crate) fn start_threads() {
     let cores = thread::available_parallelism().map_or(1, std::num::NonZero::get);

@@ -109,7 +109,7 @@ pub(super) struct GlobalArgs {
     /// Print details on stderr
     #[arg(short, long, global = true, display_order = 902)]
     pub(super) verbose: bool,
-    /// Run the programs that a rig file names, though the file is not in your own folder ($XDG_CONFIG_HOME/krylux): whoever writes a rig file
+    /// Run the programs that a rig file names, though the file is not in your own folder ($XDG_CONFIG_HOME/krylux): the author of a rig file
     /// chooses what is run
     #[arg(long, global = true, display_order = 903)]
     pub(super) allow_programs: bool,

@@ -157,7 +157,7 @@ impl LabBuilder {
     }
 
     /// Runs the programs that a rig file names, wherever the file is. Otherwise they are run only for files in the user's own folder
-    /// ([`own_folder`](crate::measure::own_folder)): whoever writes the file chooses what is run.
+    /// ([`own_folder`](crate::measure::own_folder)): the author of the file chooses what is run.
     #[must_use]
     pub fn allow_programs(mut self, allowed: bool) -> Self {
         self.program.allows_programs = allowed;

@@ -1,4 +1,4 @@
-//! What a camera can do, as it says itself. Its description is a stranger's program in XML: a process of its own reads it, in bounded time and
+//! What a camera can do, as it says itself. Its description is a stranger's program in XML: a separate process reads it, in bounded time and
 //! memory, and may fail without the list of the other cameras.
 
 use std::io::Read;
@@ -17,7 +17,7 @@ const ADDRESS_SPACE: u64 = 1 << 20;
 /// The largest answer of that process in bytes.
 const MAX_ANSWER: u64 = 1 << 20;
 
-/// Asks a camera what it can do, in a process of its own.
+/// Asks a camera what it can do, in a separate process.
 ///
 /// # Errors
 /// [`Error::Rig`] when it does not answer, or when its description cannot be read in bounded time and memory.

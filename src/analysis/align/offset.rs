@@ -70,7 +70,7 @@ pub(super) fn stand(disparity: &Disparity) -> Option<CameraOffset> {
     })
 }
 
-/// The displacement at which the sorted cumulative sum reaches half: cells at an object's border have only a part of its own.
+/// The displacement at which the sorted cumulative sum reaches half: cells at an object's border belong to it only in part.
 fn middle(mut displacements: Vec<f64>) -> f64 {
     displacements.sort_by(f64::total_cmp);
     let half = 0.5 * displacements.iter().sum::<f64>();

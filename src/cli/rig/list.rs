@@ -20,7 +20,7 @@ pub(in super::super) struct Args {
     #[arg(long, value_name = ":N")]
     display: Option<String>,
     /// Open every camera that answers, and say what it can do, as for that of the rig file. What it can do is a description that the camera
-    /// sends: a process of its own reads it
+    /// sends: a separate process reads it
     #[arg(long)]
     abilities: bool,
 }

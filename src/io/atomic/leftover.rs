@@ -26,7 +26,7 @@ static SYSTEM: LazyLock<String> = LazyLock::new(|| {
 });
 
 /// Removes the temporary files that ended processes left in `folder`. Each process looks through a folder once. What cannot be removed stays:
-/// it is in nobody's way.
+/// it does no harm.
 pub(super) fn remove(folder: &Path) {
     static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let real = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
@@ -96,6 +96,6 @@ mod tests {
         let old = fs::File::options().append(true).open(folder.path().join(&foreign)).expect("it is there");
         old.set_modified(std::time::SystemTime::now() - 2 * FOREIGN_AGE).expect("files have times");
         remove_in(folder.path());
-        assert!(!is_there(&foreign), "a day later nobody writes it any more");
+        assert!(!is_there(&foreign), "a day later no process writes it any more");
     }
 }

@@ -50,7 +50,7 @@ impl PlanRequest {
 }
 
 impl Lab {
-    /// Predicts photos, time and error of a verb on a virtual rig, from so many runs on its twin, each with noise of its own.
+    /// Predicts photos, time and error of a verb on a virtual rig, from so many runs on its twin, each with its own noise.
     ///
     /// # Errors
     /// [`Error::Option`] where the source is no rig, or there are no trials; [`Error::Data`] where the devices are real;

@@ -1,4 +1,4 @@
-//! Programs that a rig file names. Whoever writes the file chooses what is run, and so a stranger's file runs nothing unasked.
+//! Programs that a rig file names. The author of the file chooses what is run, and so a stranger's file runs nothing unasked.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ impl RigFile {
         program.into_iter().chain(decoder).collect()
     }
 
-    /// Whether the file is in the user's own folder of rigs ([`own_folder`]), as nobody but the user or the administrator writes it.
+    /// Whether the file is in the user's own folder of rigs ([`own_folder`]), which only the user or the administrator writes.
     pub fn is_in_own_folder(&self) -> bool {
         own_folder().is_some_and(|folder| is_own(&self.path, &folder))
     }
@@ -52,7 +52,7 @@ pub fn own_folder() -> Option<PathBuf> {
     Some(base.join("krylux"))
 }
 
-/// Whether a file is below a folder, links followed, and belongs to its owner and to nobody else.
+/// Whether a file is below a folder, links followed, and belongs to its owner alone.
 fn is_own(path: &Path, folder: &Path) -> bool {
     let [Ok(path), Ok(folder)] = [path, folder].map(std::fs::canonicalize) else { return false };
     path.starts_with(&folder) && is_written_by_owner_only(&path, &folder)
@@ -92,7 +92,7 @@ mod tests {
         assert!(usual.named_programs().is_empty() && usual.require_programs_allowed(false).is_ok());
         let named = file("program = \"/tmp/evil\"\ndecoder = [\"sh\", \"-c\", \"rm -rf ~\"]");
         assert_eq!(named.named_programs(), ["/tmp/evil", "sh -c rm -rf ~"]);
-        let error = named.require_programs_allowed(false).expect_err("nobody allowed it").to_string();
+        let error = named.require_programs_allowed(false).expect_err("it was not allowed").to_string();
         for part in ["/nowhere/rig.toml", "`/tmp/evil` and `sh -c rm -rf ~`", "--allow-programs"] {
             assert!(error.contains(part), "{part}: {error}");
         }
