@@ -62,8 +62,8 @@ pub use usb3::{FoundUsbCamera, Usb3Vision, usb_camera_abilities, usb_cameras};
 pub use v4l::{FoundVideoDevice, V4l, video_devices};
 pub use v4l::{V4lFormat, V4lSpec};
 pub use virtual_bench::{
-    Ambient, Drift, Faults, MatteSheet, Misregistration, Response, VirtualCamera, VirtualProjector,
-    VirtualRig, VirtualScene,
+    Ambient, Drift, Faults, Iris, MatteSheet, Misregistration, Pulse, Response, Splitter, VirtualCamera,
+    VirtualProjector, VirtualRig, VirtualScene,
 };
 pub use x11::{
     Helper, MonitorInfo, ProjectorKind, ShowTimes, X11Monitor, X11Projector, X11Spec, monitors,

@@ -17,22 +17,24 @@ pub(super) struct Exposure {
     pub(super) bits: u32,
 }
 
-/// Examines exposure, saturation and ambient light. Returns whether white can be seen at all.
+/// Examines exposure, saturation and ambient light. Returns whether white can be seen at all, and whether hardly any
+/// of its samples is saturated.
 pub(super) fn light(
     known: Option<&Calibration>,
     photos: &Photos,
     exposure: Exposure,
     recorder: &mut Recorder<'_, '_>,
-) -> Result<bool> {
+) -> Result<(bool, bool)> {
     let full = f64::from((1_u32 << exposure.bits) - 1);
     let limit = known.map_or(full, |known| known.camera.saturation);
     let (dark, white) = (photos.dark_count, &photos.whites[0][1]);
     let reached = (percentile(white, 0.98) - dark) / (full - dark);
     recorder.add(range(reached, &exposure))?;
     let saturated = white.counts.iter().filter(|&&count| f64::from(count) >= limit).count() as f64;
-    recorder.add(saturation(saturated / white.counts.len() as f64))?;
+    let saturated = saturated / white.counts.len() as f64;
+    recorder.add(saturation(saturated))?;
     recorder.add(ambient((mean(&photos.black) - dark) / (mean(white) - dark).max(1.0)))?;
-    Ok(reached >= INVISIBLE_WHITE)
+    Ok((reached >= INVISIBLE_WHITE, saturated <= SATURATED_WARNING))
 }
 
 /// The part of the camera's range that white fills: `reached` is its 98th percentile above black, as a share

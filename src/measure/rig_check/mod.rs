@@ -29,13 +29,18 @@
 //! # }
 //! ```
 
+mod brightness;
 mod calibration;
 mod devices;
 mod disk;
 mod finding;
+mod ghost;
 mod light;
 mod photos;
+mod picture;
+mod probe;
 pub mod thresholds;
+mod timing;
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -45,7 +50,8 @@ pub use finding::{Finding, Findings, Grade};
 use super::{FrameSource, RigFile};
 use crate::error::{Error, Result};
 use crate::rig::Helper;
-use photos::Setup;
+use photos::{Seen, Setup};
+use probe::Probe;
 
 /// The rig to be checked, and how to open it.
 pub struct RigToCheck<'a> {
@@ -102,15 +108,34 @@ fn examine(rig: RigToCheck<'_>, recorder: &mut Recorder<'_, '_>) -> Result<bool>
         known: known.as_ref(),
     };
     frames.set_settle(setup.settle);
-    let examined = photos::photos(&setup, frames.as_mut(), recorder).and_then(|exposure| match exposure {
-        Some(exposure) => {
-            calibration::pixel_map(setup.known, frames.as_mut(), exposure, recorder).map(|()| true)
-        }
+    let examined = photos::photos(&setup, frames.as_mut(), recorder).and_then(|seen| match seen {
+        Some(seen) => calibration::pixel_map(setup.known, frames.as_mut(), seen.exposure, recorder)
+            .and_then(|()| imperfections(&setup, &seen, frames.as_mut(), recorder))
+            .map(|()| true),
         None => Ok(false),
     });
     // The devices are free again before anything else is reported.
     drop(frames);
     examined.or_else(|error| recorder.failure("frames", error))
+}
+
+/// Looks for what benches have and menus hide: an automatic iris, stray light, limited-range video, pulses of light, a rolling shutter,
+/// overscan, blur, and ghosts. That takes 23 photos; twice as many of patterns where they have not settled.
+fn imperfections(
+    setup: &Setup<'_>,
+    seen: &Seen,
+    frames: &mut dyn FrameSource,
+    recorder: &mut Recorder<'_, '_>,
+) -> Result<()> {
+    if !seen.in_range {
+        let why = "iris, levels, pulses and picture are not examined, because white is saturated";
+        return recorder.add(Finding::ok("devices", why));
+    }
+    let mut probe = Probe::new(frames, setup.known, &seen.photos, seen.exposure, seen.settled);
+    brightness::brightness(&mut probe, setup.settle, recorder)?;
+    timing::pulses(&mut probe, recorder)?;
+    timing::shutter(&mut probe, setup.settle, recorder)?;
+    picture::picture(&mut probe, recorder)
 }
 
 /// Keeps the findings, and reports each.

@@ -32,23 +32,37 @@ pub(super) struct Photos {
     pub(super) whites: Vec<[RawFrame; 2]>,
     /// The count without light: the median of black at the shortest exposure.
     pub(super) dark_count: f64,
+    /// Black at the shortest exposure.
+    pub(super) dark: RawFrame,
     /// What these photos have cost.
     effort: Effort,
 }
 
-/// Takes photos of black and white, and examines them. Returns the exposure when white can be seen.
+/// What the photos of black and white allow to examine further.
+pub(super) struct Seen {
+    /// The exposure of white, in seconds.
+    pub(super) exposure: f64,
+    /// The photos.
+    pub(super) photos: Photos,
+    /// Whether the first photo of a frame has all of its light.
+    pub(super) settled: bool,
+    /// Whether hardly any sample of white is saturated.
+    pub(super) in_range: bool,
+}
+
+/// Takes photos of black and white, and examines them. Returns them when white can be seen.
 pub(super) fn photos(
     setup: &Setup<'_>,
     frames: &mut dyn FrameSource,
     recorder: &mut Recorder<'_, '_>,
-) -> Result<Option<f64>> {
+) -> Result<Option<Seen>> {
     let (seconds, outcome) = match setup.exposure {
         Some(seconds) => (seconds, WhiteExposure::Filled),
         None => StructuredLight::white_exposure(frames)?,
     };
     let photos = take(frames, seconds)?;
     let bits = frames.camera().bits;
-    let is_visible = light(setup.known, &photos, Exposure { seconds, outcome, bits }, recorder)?;
+    let (is_visible, in_range) = light(setup.known, &photos, Exposure { seconds, outcome, bits }, recorder)?;
     recorder.add(sequence(&photos.effort))?;
     if !is_visible {
         return Ok(None);
@@ -58,7 +72,9 @@ pub(super) fn photos(
         .iter()
         .map(|pair| pair.each_ref().map(|white| mean(white) - photos.dark_count))
         .collect();
-    recorder.add(settling(&means, setup.settle))?;
+    let settling = settling(&means, setup.settle);
+    let settled = settling.grade == Grade::Ok;
+    recorder.add(settling)?;
     recorder.add(repeatability(&means))?;
     if let Some(known) = setup.known {
         let [first, second] = &photos.whites[0];
@@ -67,7 +83,7 @@ pub(super) fn photos(
             recorder.add(noise(found.ratio, found.error))?;
         }
     }
-    Ok(Some(seconds))
+    Ok(Some(Seen { exposure: seconds, photos, settled, in_range }))
 }
 
 /// Takes the photos, those of white at `exposure` seconds.
@@ -101,7 +117,7 @@ fn take(frames: &mut dyn FrameSource, exposure: f64) -> Result<Photos> {
         resent: after.resent - before.resent,
         ..after
     };
-    Ok(Photos { black, whites, dark_count, effort })
+    Ok(Photos { black, whites, dark_count, dark, effort })
 }
 
 /// Whether frames came in order, each exposed after its pattern had settled.

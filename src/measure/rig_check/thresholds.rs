@@ -51,5 +51,36 @@ pub const MAP_OFFSET_FAILURE: f64 = 0.3;
 /// A failure when the photo of a random pattern correlates less than this with the pattern that was shown.
 pub const MIN_CORRELATION: f64 = 0.5;
 
+/// The automatic iris: the quadrants of white may differ from white by this share.
+pub const IRIS: f64 = 0.02;
+
+/// As [`IRIS`], where the camera's response is not known. A response of `x^0.95` makes them differ by 4 %.
+pub const IRIS_UNCALIBRATED: f64 = 0.05;
+
+/// A warning when this share of white's light reaches all pixels evenly, and follows the pattern.
+pub const STRAY: f64 = 0.02;
+
+/// A warning when level 235 of 255 is darker than white by less than this share. In proportion it would be 8 %.
+pub const CLIPPED: f64 = 0.01;
+
+/// Pulses of light: white's light per second may differ by this share between exposures of parts of a refresh.
+pub const PULSES: f64 = 0.02;
+
+/// As [`PULSES`], where the camera's response is not known. A response of `x^0.95` makes 5 %.
+pub const PULSES_UNCALIBRATED: f64 = 0.08;
+
+/// A warning when the last rows of a photo see more of a frame that was just shown than the first rows, by this share.
+pub const ROLLING: f64 = 0.02;
+
+/// A warning when the frame's border has less than this share of the light that it should have.
+pub const BORDER: f64 = 0.5;
+
+/// A warning when stripes are blurred by more than this, in projector pixels. The pixels of a camera as coarse as the projector blur by
+/// up to 0.35.
+pub const BLUR: f64 = 0.6;
+
+/// A warning when a second image of the frame has more than this share of the first one's light.
+pub const GHOST: f64 = 0.01;
+
 /// A measured value counts as outside of its bound when it lies this many standard errors beyond it.
 pub const SIGMAS: f64 = 3.0;

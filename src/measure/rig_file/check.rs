@@ -88,8 +88,12 @@ impl Check {
                 ("blur", spec.blur, 0.0, 100.0),
                 ("latency", spec.latency, 0.0, 60.0),
                 ("frame_time", spec.frame_time, 0.0, 60.0),
+                ("overscan", spec.overscan, 0.0, 0.5),
+                ("iris.dimming", spec.iris.dimming, -1.0, 0.95),
+                ("iris.time", spec.iris.time, 0.0, 3600.0),
             ],
-        )
+        )?;
+        self.pulse(&spec.pulse, spec.channels)
     }
 
     pub(super) fn camera(&self, spec: &VirtualCamera) -> Checked {
@@ -112,6 +116,8 @@ impl Check {
                 ("read_noise", spec.read_noise, 0.0, spec.full_well),
                 ("dark_current", spec.dark_current, 0.0, 1e9),
                 ("vignetting", spec.vignetting, 0.0, 1.0),
+                ("blur", spec.blur, 0.0, 100.0),
+                ("rolling_shutter", spec.rolling_shutter, 0.0, 60.0),
                 ("exposures[0]", shortest, 1e-9, 1e6),
                 ("exposures[1]", longest, shortest, 1e6),
                 ("exposure_step", spec.exposure_step, 0.0, longest),

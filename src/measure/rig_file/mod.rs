@@ -11,6 +11,7 @@
 //!
 //! [projector]                     # VirtualProjector
 //! [camera]                        # VirtualCamera
+//! [splitter]                      # Splitter
 //! [ambient]                       # Ambient
 //! [drift]                         # Drift
 //! [faults]                        # Faults
@@ -18,7 +19,6 @@
 //! ```
 //!
 //! Every imperfection that is left out is absent. The file of a rig of real devices has these tables instead:
-//!
 //! ```toml
 //! kind = "hardware"
 //!
@@ -60,6 +60,7 @@
 
 mod check;
 mod check_camera;
+mod check_light;
 mod parse;
 mod programs;
 mod scene;
@@ -75,7 +76,7 @@ use crate::measure::MeasureOptions;
 use crate::rig::nearest::nearest;
 use crate::rig::{
     Ambient, CameraInfo, CameraKind, CameraSpec, Drift, Faults, GigeSpec, Gphoto2Spec, HardwareRig,
-    ProgramCamera, ProgramProjector, ProgramRig, ProjectorInfo, Usb3Spec, V4lSpec, VirtualCamera,
+    ProgramCamera, ProgramProjector, ProgramRig, ProjectorInfo, Splitter, Usb3Spec, V4lSpec, VirtualCamera,
     VirtualProjector, VirtualRig, X11Spec,
 };
 use crate::transport::Channels;
@@ -154,6 +155,8 @@ struct VirtualTables {
     projector: VirtualProjector,
     #[serde(default)]
     camera: VirtualCamera,
+    #[serde(default)]
+    splitter: Splitter,
     #[serde(default)]
     ambient: Ambient,
     #[serde(default)]
@@ -271,12 +274,13 @@ impl VirtualTables {
         check.projector(&self.projector)?;
         check.camera(&self.camera)?;
         check.crosstalk(&self.projector, &self.camera)?;
+        check.splitter(&self.splitter)?;
         check.ambient(&self.ambient)?;
         check.drift(&self.drift)?;
         check.faults(&self.faults)?;
-        let Self { seed, projector, camera, ambient, drift, faults, .. } = self;
+        let Self { seed, projector, camera, splitter, ambient, drift, faults, .. } = self;
         let scene = self.scene.into_scene(check, folder)?;
-        Ok(VirtualRig { scene, projector, camera, ambient, drift, faults, seed })
+        Ok(VirtualRig { scene, projector, camera, splitter, ambient, drift, faults, seed })
     }
 }
 

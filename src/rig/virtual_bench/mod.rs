@@ -3,10 +3,10 @@
 //!
 //! | step | what it does | file |
 //! |---|---|---|
-//! | levels → light | response, black level, blur, vignetting | `screen` |
+//! | levels → light | limited range, response, black level, overscan, blur, vignetting | `screen` |
 //! | light → photo | the scene's light transport | [`crate::transport`] |
-//! | photo → sensor | misregistration, the camera's own pixels | `optics` |
-//! | time | latency, drift, ambient light, faults | `world`, `faults` |
+//! | photo → sensor | misregistration, the camera's own pixels, its blur, the splitter's ghost and stray light | `optics`, `view` |
+//! | time | latency, iris, pulses, drift, ambient light, rolling shutter, faults | `world`, `emission`, `faults` |
 //! | light → counts | vignetting, shot noise, read noise, response, quantization | `sensor`, `poisson` |
 //!
 //! Time is simulated: nothing sleeps. Every count is a function of the rig's description, the frame's number and the time.
@@ -14,6 +14,7 @@
 
 mod conditions;
 mod devices;
+mod emission;
 mod faults;
 mod open;
 mod optics;
@@ -23,10 +24,13 @@ mod screen;
 mod sensor;
 mod sheet;
 mod spec;
+mod splitter;
 mod view;
 mod world;
 
 pub use conditions::{Ambient, Drift, Faults};
+pub use emission::{Iris, Pulse};
 pub use response::Response;
 pub use sheet::MatteSheet;
 pub use spec::{Misregistration, VirtualCamera, VirtualProjector, VirtualRig, VirtualScene};
+pub use splitter::Splitter;

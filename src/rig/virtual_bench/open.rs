@@ -5,11 +5,10 @@ use std::sync::{Arc, Mutex};
 
 use super::VirtualRig;
 use super::devices::{VirtualCameraHandle, VirtualClock, VirtualProjectorHandle};
-use super::optics::Optics;
 use super::screen::Screen;
 use super::sensor::Sensor;
 use super::view::View;
-use super::world::{Change, World};
+use super::world::World;
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::{CameraInfo, Devices, Frame, ProjectorInfo, Stamp};
@@ -53,12 +52,13 @@ impl VirtualRig {
     pub fn open(&self, light: Box<dyn Transport + Send>, after: Option<Stamp>) -> Result<Devices> {
         self.check_light(light.as_ref())?;
         let (projector, camera) = (self.projector_info(), self.camera_info());
-        let optics = Optics::new(camera.resolution, light.photo_resolution(), &self.camera.misregistration());
-        let mut view = View::new(light, optics, &self.camera)?;
+        let mut view = View::new(light, camera.resolution, &self.camera, &self.splitter)?;
         let screen = Screen::new(&self.projector, projector.resolution);
         let frame = |level| Frame::filled(projector.resolution, projector.channels, level);
-        let white = view.lit_by(&screen.emit(&frame(projector.highest())))?.concat();
-        let black = view.lit_by(&screen.emit(&frame(0)))?;
+        let brightest = screen.emit(&frame(projector.highest()));
+        let white = view.lit_by(&brightest)?;
+        view.set_stray(self.splitter.stray, &brightest, &white);
+        let white = white.concat();
         let sensor =
             Sensor::new(&self.camera, camera.resolution, self.seed, &white).ok_or_else(|| Error::Rig {
                 device: camera.name.clone(),
@@ -67,8 +67,7 @@ impl VirtualRig {
                     .into(),
             })?;
         let own_light = view.unlit()?;
-        let change = Change { asked: 0.0, confirmed: 0.0, appears: f64::NEG_INFINITY, light: black };
-        let world = Arc::new(Mutex::new(World {
+        let mut world = World {
             rig: self.clone(),
             camera: camera.resolution,
             view,
@@ -79,10 +78,12 @@ impl VirtualRig {
             exposure: camera.exposures[0],
             now: after.map_or(0.0, |stamp| stamp.time + self.camera.readout),
             id: after.map_or(0, |stamp| stamp.id),
-            changes: VecDeque::from([change]),
+            changes: VecDeque::new(),
             handed_out: None,
             restarted_at: None,
-        }));
+        };
+        world.restore(&frame(0))?;
+        let world = Arc::new(Mutex::new(world));
         Ok(Devices {
             projector: Box::new(VirtualProjectorHandle { info: projector, world: Arc::clone(&world) }),
             camera: Box::new(VirtualCameraHandle {

@@ -43,8 +43,13 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    /// The optics of a camera with `camera` pixels in front of a photo with `photo` pixels.
-    pub(super) fn new(camera: Resolution, photo: Resolution, map: &Misregistration) -> Self {
+    /// The optics of a camera with `camera` pixels in front of a photo with `photo` pixels. `map` takes a point that should be seen to
+    /// the one that is seen, both in pixels of the photo from its top left corner.
+    pub(super) fn new(
+        camera: Resolution,
+        photo: Resolution,
+        map: &(dyn Fn([f64; 2]) -> [f64; 2] + Sync),
+    ) -> Self {
         let rows: Vec<Vec<(u32, f64)>> =
             (0..camera.pixels()).into_par_iter().map(|pixel| row(pixel, camera, photo, map)).collect();
         let mut optics = Self { starts: vec![0], pixels: Vec::new(), weights: Vec::new() };
@@ -61,21 +66,27 @@ impl Optics {
     /// One channel of the photo as the camera sees it.
     pub(super) fn see(&self, photo: &Image, channel: usize) -> Vec<f64> {
         let samples = photo.samples();
+        self.resample(|pixel| f64::from(samples[pixel * photo.channels() + channel]))
+    }
+
+    /// The camera's pixels, where `light` is that of a photo's pixel.
+    pub(super) fn resample(&self, light: impl Fn(usize) -> f64) -> Vec<f64> {
         let row = |ends: &[usize]| {
             let range = ends[0]..ends[1];
             let terms = self.pixels[range.clone()].iter().zip(&self.weights[range]);
-            terms
-                .map(|(&pixel, weight)| {
-                    weight * f64::from(samples[pixel as usize * photo.channels() + channel])
-                })
-                .sum()
+            terms.map(|(&pixel, weight)| weight * light(pixel as usize)).sum()
         };
         self.starts.windows(2).map(row).collect()
     }
 }
 
 /// The photo pixels that one camera pixel sees, with their weights, ordered by pixel.
-fn row(pixel: usize, camera: Resolution, photo: Resolution, map: &Misregistration) -> Vec<(u32, f64)> {
+fn row(
+    pixel: usize,
+    camera: Resolution,
+    photo: Resolution,
+    map: &(dyn Fn([f64; 2]) -> [f64; 2] + Sync),
+) -> Vec<(u32, f64)> {
     let step = [
         photo.width as f64 / (camera.width * SUB_PIXELS) as f64,
         photo.height as f64 / (camera.height * SUB_PIXELS) as f64,
@@ -85,7 +96,7 @@ fn row(pixel: usize, camera: Resolution, photo: Resolution, map: &Misregistratio
     for sub in 0..SUB_PIXELS * SUB_PIXELS {
         let sub = [sub % SUB_PIXELS, sub / SUB_PIXELS];
         let centre = [0, 1].map(|axis| ((corner[axis] + sub[axis]) as f64 + 0.5) * step[axis]);
-        let at = |x: f64, y: f64| map.apply(photo, [centre[0] + x * step[0], centre[1] + y * step[1]]);
+        let at = |x: f64, y: f64| map([centre[0] + x * step[0], centre[1] + y * step[1]]);
         let (middle, left, right, top, bottom) =
             (at(0.0, 0.0), at(-0.5, 0.0), at(0.5, 0.0), at(0.0, -0.5), at(0.0, 0.5));
         let side = |a: [f64; 2], b: [f64; 2]| ((b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)).sqrt();

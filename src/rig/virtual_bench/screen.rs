@@ -1,6 +1,6 @@
 //! The light that a virtual projector emits for a frame.
 
-use super::optics::vignette;
+use super::optics::{Optics, vignette};
 use super::{Response, VirtualProjector};
 use crate::image::{Image, Resolution};
 use crate::rig::Frame;
@@ -9,6 +9,8 @@ use crate::rig::Frame;
 pub(super) struct Screen {
     /// The light of each level, relative to white.
     light: Vec<f64>,
+    /// The part of the frame that each pixel shows; none where it shows its own.
+    overscan: Option<Optics>,
     vignette: Vec<f64>,
     /// The weights of the blur at the offsets 0, ±1, ±2, …; a single weight means no blur.
     kernel: Vec<f64>,
@@ -22,12 +24,22 @@ impl Screen {
         let response: Response = spec.response();
         let light = (0..=highest)
             .map(|level| {
-                let light = response.at(f64::from(level) / f64::from(highest));
+                let share = f64::from(level) / f64::from(highest);
+                let light = response.at(if spec.limited_range { video(share) } else { share });
                 spec.black_level + (1.0 - spec.black_level) * light
             })
             .collect();
         let vignette = vignette(resolution, spec.vignetting);
-        Self { light, vignette, kernel: gaussian(spec.blur), resolution }
+        let centre = [resolution.width as f64 / 2.0, resolution.height as f64 / 2.0];
+        let shown = |at: [f64; 2]| [0, 1].map(|i| centre[i] + (at[i] - centre[i]) * (1.0 - spec.overscan));
+        let overscan = (spec.overscan > 0.0).then(|| Optics::new(resolution, resolution, &shown));
+        Self { light, overscan, vignette, kernel: gaussian(spec.blur), resolution }
+    }
+
+    /// The mean light of a frame, relative to white.
+    pub(super) fn mean(&self, frame: &Frame) -> f64 {
+        let light = frame.levels().iter().map(|&level| self.light[usize::from(level)]);
+        light.sum::<f64>() / frame.levels().len() as f64
     }
 
     /// The light of a frame, which must fit the screen, as a pattern.
@@ -37,6 +49,10 @@ impl Screen {
         for channel in 0..channels {
             let levels = frame.levels().iter().skip(channel).step_by(channels);
             let light: Vec<f64> = levels.map(|&level| self.light[usize::from(level)]).collect();
+            let light = match &self.overscan {
+                Some(overscan) => overscan.resample(|pixel| light[pixel]),
+                None => light,
+            };
             let light = blur(light, self.resolution, &self.kernel);
             let samples = pattern.samples_mut().iter_mut().skip(channel).step_by(channels);
             for ((sample, light), vignette) in samples.zip(light).zip(&self.vignette) {
@@ -45,6 +61,11 @@ impl Screen {
         }
         pattern
     }
+}
+
+/// The level that limited-range video means, both from 0 to 1: 16 of 255 is black, and 235 is white.
+fn video(share: f64) -> f64 {
+    ((255.0 * share - 16.0) / 219.0).clamp(0.0, 1.0)
 }
 
 /// The weights of a Gaussian at the distances 0, 1, … up to four standard deviations. Counted on both sides, they sum to 1.
@@ -130,6 +151,27 @@ mod tests {
         });
         let light = Screen::new(&spec, resolution).emit(&corner.expect("as many levels")).plane(0);
         assert!((light.iter().sum::<f64>() - 1.0).abs() < 1e-6, "no light is lost at the border");
+    }
+
+    #[test]
+    fn limited_range_clips_both_ends_and_overscan_cuts_off_the_border() {
+        let resolution = Resolution::new(32, 32);
+        let spec = VirtualProjector { limited_range: true, ..VirtualProjector::default() };
+        let screen = Screen::new(&spec, resolution);
+        let light = |level| screen.emit(&Frame::filled(resolution, 1, level)).samples()[0];
+        assert_eq!([0, 16, 235, 255].map(light), [0.0, 0.0, 1.0, 1.0]);
+        assert!((light(126) - 110.0 / 219.0).abs() < 1e-6);
+        // A quarter of 32 pixels is four at each end.
+        let spec = VirtualProjector { overscan: 0.25, ..VirtualProjector::default() };
+        let screen = Screen::new(&spec, resolution);
+        let columns = |lit: fn(usize) -> bool| {
+            let levels = (0..32 * 32).map(|pixel| if lit(pixel % 32) { 255 } else { 0 }).collect();
+            screen.emit(&Frame::new(resolution, 1, levels).expect("as many levels")).plane(0)
+        };
+        assert!(columns(|x| !(4..28).contains(&x)).iter().all(|&light| light < 1e-6));
+        assert!(columns(|x| (4..28).contains(&x)).iter().all(|&light| (light - 1.0).abs() < 1e-6));
+        let half = columns(|x| x < 16);
+        assert!((half[15] - 1.0).abs() < 1e-6 && half[16].abs() < 1e-6, "the centre stays");
     }
 
     #[test]

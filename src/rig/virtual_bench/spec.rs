@@ -6,6 +6,8 @@ use serde::Deserialize;
 
 use super::Response;
 use super::conditions::{Ambient, Drift, Faults};
+use super::emission::{Iris, Pulse};
+use super::splitter::Splitter;
 use crate::image::Resolution;
 use crate::transport::Channels;
 
@@ -18,6 +20,8 @@ pub struct VirtualRig {
     pub projector: VirtualProjector,
     /// The camera.
     pub camera: VirtualCamera,
+    /// The beam splitter between them.
+    pub splitter: Splitter,
     /// Light that does not come from the projector.
     pub ambient: Ambient,
     /// How the projector's brightness changes with time.
@@ -90,6 +94,14 @@ pub struct VirtualProjector {
     pub latency: f64,
     /// Seconds from one refresh to the next, which is the time that showing a frame takes.
     pub frame_time: f64,
+    /// How the brightness follows the frame.
+    pub iris: Iris,
+    /// How the light of a frame is spread over time.
+    pub pulse: Pulse,
+    /// Whether the levels are taken for those of video: of 255, levels up to 16 are black, and levels from 235 on are white.
+    pub limited_range: bool,
+    /// The share of the frame's width and height that is cut off, half of it at each end; the rest is stretched to the whole field.
+    pub overscan: f64,
 }
 
 impl Default for VirtualProjector {
@@ -104,6 +116,10 @@ impl Default for VirtualProjector {
             blur: 0.0,
             latency: 0.0,
             frame_time: 0.0,
+            iris: Iris::default(),
+            pulse: Pulse::default(),
+            limited_range: false,
+            overscan: 0.0,
         }
     }
 }
@@ -142,6 +158,10 @@ pub struct VirtualCamera {
     pub dark_current: f64,
     /// The share by which the corners are less sensitive than the centre; the sensitivity falls off with the square of the distance.
     pub vignetting: f64,
+    /// Standard deviation of the Gaussian blur of the camera's lens, in camera pixels.
+    pub blur: f64,
+    /// Seconds from the first row's beginning of an exposure to the last row's; 0: all rows begin at once.
+    pub rolling_shutter: f64,
     /// The exponent of the response `x^gamma`. `None`: 1.
     pub gamma: Option<f64>,
     /// The response as counts at equally spaced light, from 0 to 1; it replaces `gamma`.
@@ -183,6 +203,8 @@ impl Default for VirtualCamera {
             read_noise: 0.0,
             dark_current: 0.0,
             vignetting: 0.0,
+            blur: 0.0,
+            rolling_shutter: 0.0,
             gamma: None,
             curve: None,
             exposures: [1e-5, 100.0],
@@ -259,6 +281,7 @@ impl VirtualRig {
             scene,
             projector: VirtualProjector::default(),
             camera: VirtualCamera::default(),
+            splitter: Splitter::default(),
             ambient: Ambient::default(),
             drift: Drift::default(),
             faults: Faults::default(),

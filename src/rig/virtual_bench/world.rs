@@ -26,8 +26,10 @@ pub(super) struct Change {
     pub(super) confirmed: f64,
     /// When its light appears.
     pub(super) appears: f64,
-    /// Its light on the sensor.
-    pub(super) light: SeenLight,
+    /// Its light on the sensor: all of it, or that of red, green and blue where a wheel shows them one after the other.
+    pub(super) light: Vec<SeenLight>,
+    /// The brightness that the iris has when the light appears, and the one that it tends to.
+    pub(super) iris: [f64; 2],
 }
 
 /// An open virtual rig.
@@ -58,11 +60,15 @@ pub(super) struct World {
 impl World {
     /// Shows a frame, which must fit the screen; returns the time of the confirmation.
     pub(super) fn show(&mut self, frame: &Frame) -> Result<f64> {
-        let light = self.view.lit_by(&self.screen.emit(frame))?;
+        let light = self.light_of(frame)?;
         let asked = self.now;
         self.now += self.rig.projector.frame_time;
         let (confirmed, appears) = (self.now, self.now + self.rig.projector.latency);
-        self.changes.push_back(Change { asked, confirmed, appears, light });
+        let target = self.rig.projector.iris.target(self.screen.mean(frame));
+        let start = self.changes.back().map_or(target, |last| {
+            self.rig.projector.iris.after(last.iris, (appears - last.appears).max(0.0))
+        });
+        self.changes.push_back(Change { asked, confirmed, appears, light, iris: [start, target] });
         if self.changes.len() > HISTORY {
             self.changes.pop_front();
         }
@@ -71,10 +77,33 @@ impl World {
 
     /// Puts a frame on screen as if it had been there from the beginning; returns the time of the confirmation.
     pub(super) fn restore(&mut self, frame: &Frame) -> Result<f64> {
-        let light = self.view.lit_by(&self.screen.emit(frame))?;
+        let light = self.light_of(frame)?;
+        let iris = [self.rig.projector.iris.target(self.screen.mean(frame)); 2];
         self.changes.clear();
-        self.changes.push_back(Change { asked: 0.0, confirmed: 0.0, appears: f64::NEG_INFINITY, light });
+        self.changes.push_back(Change {
+            asked: 0.0,
+            confirmed: 0.0,
+            appears: f64::NEG_INFINITY,
+            light,
+            iris,
+        });
         Ok(0.0)
+    }
+
+    /// The light of a frame on the sensor, by the colours of the wheel.
+    fn light_of(&mut self, frame: &Frame) -> Result<Vec<SeenLight>> {
+        let pattern = self.screen.emit(frame);
+        if !self.rig.projector.pulse.wheel {
+            return Ok(vec![self.view.lit_by(&pattern)?]);
+        }
+        (0..pattern.channels())
+            .map(|colour| {
+                let mut alone = pattern.clone();
+                let others = alone.samples_mut().iter_mut().enumerate();
+                others.filter(|(sample, _)| sample % 3 != colour).for_each(|(_, value)| *value = 0.0);
+                self.view.lit_by(&alone)
+            })
+            .collect()
     }
 
     /// Takes a frame. `None`: it does not arrive.
@@ -90,12 +119,12 @@ impl World {
         let (asked, confirmed) = self.changes.back().map_or((0.0, 0.0), |last| (last.asked, last.confirmed));
         let started = match fate {
             // The frame was waiting in a buffer, and takes no time.
-            Fate::Late => asked - exposure,
+            Fate::Late => asked - exposure - camera.rolling_shutter,
             Fate::Early => confirmed,
             Fate::Good | Fate::Dropped | Fate::Repeated => self.now,
         };
         if fate != Fate::Late {
-            self.now += exposure;
+            self.now += exposure + camera.rolling_shutter;
         }
         self.now += readout;
         match fate {
@@ -122,26 +151,48 @@ impl World {
         }
     }
 
-    /// The mean light on the sensor during an exposure.
+    /// The mean light on the sensor during an exposure, whose first row begins at `started`.
     fn light_during(&self, started: f64, exposure: f64) -> SeenLight {
-        let ended = started + exposure;
-        let middle = started + 0.5 * exposure;
-        let brightness = self.brightness(middle, exposure);
-        let ambient = self.ambient(middle, exposure);
         let mut light = self.own_light.clone();
-        light.iter_mut().flatten().for_each(|value| *value += ambient);
+        let rolling = self.rig.camera.rolling_shutter;
+        let rows = if rolling == 0.0 { 1 } else { self.camera.height };
+        let length = self.camera.pixels() / rows;
+        for row in 0..rows {
+            let begins = started + rolling * row as f64 / (rows - 1).max(1) as f64;
+            let pixels = row * length..(row + 1) * length;
+            let ambient = self.ambient(begins + 0.5 * exposure, exposure);
+            for plane in &mut light {
+                plane[pixels.clone()].iter_mut().for_each(|value| *value += ambient);
+            }
+            for (shown, share) in self.shares(begins, exposure) {
+                for (plane, shown) in light.iter_mut().zip(shown) {
+                    let values = plane[pixels.clone()].iter_mut().zip(&shown[pixels.clone()]);
+                    values.for_each(|(value, shown)| *value += share * shown);
+                }
+            }
+        }
+        light
+    }
+
+    /// The light of the frames that are on screen during an exposure, each with its share.
+    fn shares(&self, started: f64, exposure: f64) -> Vec<(&SeenLight, f64)> {
+        let (ended, projector) = (started + exposure, &self.rig.projector);
+        let brightness = self.brightness(started + 0.5 * exposure, exposure);
+        let mut shares = Vec::new();
         for (index, change) in self.changes.iter().enumerate() {
             // The oldest known frame was on screen before the exposure began.
             let from = if index == 0 { started } else { change.appears.clamp(started, ended) };
             let until = self.changes.get(index + 1).map_or(ended, |next| next.appears.clamp(started, ended));
             if until > from {
-                let share = brightness * ((until - from) / exposure);
-                for (value, shown) in light.iter_mut().flatten().zip(change.light.iter().flatten()) {
-                    *value += share * shown;
-                }
+                let iris = projector.iris.mean(change.iris, from - change.appears, until - change.appears);
+                let share = brightness * iris * ((until - from) / exposure);
+                let pulsed = change.light.iter().enumerate();
+                shares.extend(
+                    pulsed.map(|(colour, light)| (light, share * projector.pulse.mean(colour, from, until))),
+                );
             }
         }
-        light
+        shares
     }
 
     /// The mean brightness of the projector during an exposure, relative to that at the beginning.

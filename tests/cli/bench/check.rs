@@ -67,6 +67,14 @@ fn a_rig_in_order_passes_every_check_and_a_moved_camera_does_not() {
         "repeatability",
         "noise",
         "pixel map",
+        "iris",
+        "stray light",
+        "levels",
+        "pulses",
+        "shutter",
+        "border",
+        "sharpness",
+        "ghost",
     ];
     assert_eq!(names, expected);
     let output = krylux(&["rig", "check", &rig]);
@@ -97,6 +105,25 @@ fn more_noise_than_calibration_predicts_is_named() {
     let (findings, passed) = check(&rig, &folder);
     assert!(passed);
     assert_eq!(named(&findings), [("noise", "warning")]);
+}
+
+#[test]
+fn an_iris_fails_where_the_cameras_response_is_known_and_other_imperfections_warn() {
+    let folder = folder();
+    calibrated(&folder);
+    for (table, line, expected, part) in [
+        ("projector", "iris = { dimming = 0.06 }", ("iris", "fails"), "switch off the automatic iris"),
+        ("projector", "overscan = 0.08", ("border", "warning"), "overscan and keystone"),
+        ("splitter", "stray = 0.08", ("stray light", "warning"), "light trap"),
+    ] {
+        // The calibration is older than the imperfection. Its map does not fit a stretched picture.
+        let rig = rig(&folder, [0, 0], &[("", "calibration = \"known\""), (table, line)]);
+        let (findings, _) = check(&rig, &folder);
+        let named = named(&findings);
+        assert!(named.iter().all(|found| *found == expected || found.0 == "pixel map"), "{line}: {named:?}");
+        let found = findings.iter().find(|(name, ..)| name == expected.0).expect("it is examined");
+        assert!(found.1 == expected.1 && found.2.contains(part), "{line}: {found:?}");
+    }
 }
 
 #[test]

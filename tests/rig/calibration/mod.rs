@@ -2,6 +2,7 @@
 
 mod audits;
 mod folders;
+mod imperfections;
 mod scene;
 
 use std::ops::ControlFlow;

@@ -128,6 +128,33 @@ fn values_out_of_range_are_named_with_their_range() {
             "give its period in seconds",
         ),
         ("[measurement]\ntries = 0\n", "measurement.tries is 0", "give 1 to 1000000"),
+        ("[projector]\noverscan = 0.6\n", "projector.overscan is 0.6", "give 0 to 0.5"),
+        ("[projector]\niris = { dimming = 1.0 }\n", "projector.iris.dimming is 1", "give -1 to 0.95"),
+        ("[projector]\niris = { time = -1.0 }\n", "projector.iris.time is -1", "give 0 to 3600"),
+        ("[projector]\npulse = { period = -0.01 }\n", "projector.pulse.period is -0.01", "give 0 to 60"),
+        (
+            "[projector]\npulse = { period = 0.01, duty = 0.0 }\n",
+            "projector.pulse.duty is 0",
+            "give 0.001 to 1",
+        ),
+        (
+            "[projector]\npulse = { duty = 0.5 }\n",
+            "projector.pulse has no period",
+            "give period in seconds, e.g. pulse = { period = 0.0083, duty = 0.5 }",
+        ),
+        (
+            "[projector]\npulse = { period = 0.01, wheel = true }\n",
+            "projector.pulse.wheel shows three colours, but the projector has one channel",
+            "give the projector channels = 3, or leave wheel out",
+        ),
+        ("[camera]\nblur = -1\n", "camera.blur is -1", "give 0 to 100"),
+        ("[camera]\nrolling_shutter = nan\n", "camera.rolling_shutter is NaN", "give 0 to 60"),
+        ("[splitter]\nstray = -0.1\n", "splitter.stray is -0.1", "give 0 to 10"),
+        (
+            "[splitter]\nghost = 0.02\n",
+            "splitter.ghost is 0.02, but splitter.ghost_shift is missing",
+            "give the displacement of the second image in projector pixels, e.g. ghost_shift = [5.0, 0.0]",
+        ),
     ] {
         assert_eq!(refused(&format!("{WHOLE}{added}")), [fault, help], "{added}");
     }

@@ -4,6 +4,7 @@
 
 mod faults;
 mod files;
+mod imperfect_light;
 mod light;
 mod policy;
 mod program;

@@ -1,0 +1,182 @@
+//! The check of the projector's brightness: whether it follows the frame (automatic iris), whether all levels are shown (limited-range
+//! video), and whether light reaches the camera without the scene (stray light).
+
+use super::probe::{Probe, average, binned, quantile};
+use super::thresholds::{CLIPPED, IRIS, IRIS_UNCALIBRATED, STRAY};
+use super::{Finding, Grade, Recorder};
+use crate::error::Result;
+
+/// Levels by which limited-range video is recognized, as shares of the highest.
+const VIDEO_ENDS: [f64; 2] = [16.0 / 255.0, 235.0 / 255.0];
+
+/// Blocks that the picture is divided into along an axis, for the search of stray light.
+const BLOCKS: usize = 24;
+
+/// Where light is least, it grows by this power of what white gives, at most, if it is even. Light of the scene grows in proportion.
+const EVEN: f64 = 0.5;
+
+/// Brightnesses that differ by less than this factor's logarithm do not show such a power.
+const LEAST_SPREAD: f64 = 0.05;
+
+/// An iris needs about so many seconds for a frame.
+const IRIS_SECONDS: f64 = 1.5;
+
+/// Photographs the four quadrants of white one by one between two whites, and two levels near black and white: eight frames. `settle` is
+/// the usual waiting time.
+pub(super) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Recorder<'_, '_>) -> Result<()> {
+    probe.frames.set_settle(settle.max(IRIS_SECONDS));
+    let photos = quadrants(probe);
+    probe.frames.set_settle(settle);
+    let ([before, after], quadrants) = photos?;
+    recorder.add(iris(probe, [&before, &after].map(|white| average(white)), &quadrants))?;
+    recorder.add(stray(probe, &quadrants))?;
+    if probe.frames.projector().bits >= 6 {
+        let ends = [probe.gray(VIDEO_ENDS[0])?, probe.gray(VIDEO_ENDS[1])?];
+        recorder.add(levels(probe, ends.map(|light| average(&light) / average(&probe.white))))?;
+    }
+    Ok(())
+}
+
+/// White before and after the quadrants, and the quadrants.
+fn quadrants(probe: &mut Probe<'_>) -> Result<([Vec<f64>; 2], Vec<Vec<f64>>)> {
+    let size = probe.projector();
+    let quadrant =
+        |x: usize, y: usize| usize::from(2 * x >= size.width) + 2 * usize::from(2 * y >= size.height);
+    let before = probe.gray(1.0)?;
+    let quadrants =
+        (0..4).map(|index| probe.pattern(|x, y| quadrant(x, y) == index)).collect::<Result<Vec<_>>>()?;
+    Ok(([before, probe.gray(1.0)?], quadrants))
+}
+
+/// Whether the four quadrants of white add up to it.
+fn iris(probe: &Probe<'_>, [before, after]: [f64; 2], quadrants: &[Vec<f64>]) -> Finding {
+    let sum: f64 = quadrants.iter().map(|light| average(light)).sum();
+    let white = 0.5 * (before + after);
+    let off = sum / white - 1.0;
+    let bound = if probe.is_known { IRIS } else { IRIS_UNCALIBRATED };
+    // Pulses and flicker change each photo by the scatter, and the sum of four by half of that.
+    let scatter = (0.5 * probe.scatter).max((before - after).abs() / white);
+    let is_off = off.abs() - 1.5 * scatter > bound;
+    let found = match (is_off, off < 0.0) {
+        (false, _) => format!("the quadrants of white add up to it within {:.2} %", 100.0 * off.abs()),
+        (_, true) => format!(
+            "the projector dims dark frames: the quadrants of white together have {:.1} % less light than white (automatic iris)",
+            -100.0 * off
+        ),
+        (_, false) => format!(
+            "the projector dims bright frames: the quadrants of white together have {:.1} % more light than white (automatic iris, \
+             or a limit of its power)",
+            100.0 * off
+        ),
+    };
+    let help = if probe.is_known {
+        "switch off the automatic iris, dynamic contrast and eco mode in the projector's menu"
+    } else {
+        "switch off the automatic iris, dynamic contrast and eco mode in the projector's menu; if the camera's counts are not in \
+         proportion to light, calibrate first and check again"
+    };
+    let grade = match (is_off, probe.is_known) {
+        (false, _) => Grade::Ok,
+        (true, true) => Grade::Fails,
+        (true, false) => Grade::Warning,
+    };
+    Finding::graded("iris", grade, found, format!("within {:.0} %", 100.0 * bound), help)
+}
+
+/// Whether light reaches all pixels evenly, and in proportion to the mean of the pattern. Light of the scene itself does not: what comes
+/// from far away is little somewhere, and is in proportion to what the pixel reflects.
+fn stray(probe: &Probe<'_>, quadrants: &[Vec<f64>]) -> Finding {
+    let side = (probe.camera().width.min(probe.camera().height) / BLOCKS).max(1);
+    let small = |light: &[f64]| binned(light, probe.camera(), side).0;
+    let white = small(&probe.white);
+    let quadrants: Vec<Vec<f64>> = quadrants.iter().map(|light| small(light)).collect();
+    let unit = average(&white);
+    // A quadrant of a frame has a quarter of the mean light of white.
+    let least =
+        |block: usize| quadrants.iter().map(|light| 4.0 * light[block] / unit).fold(f64::MAX, f64::min);
+    let floor: Vec<f64> = (0..white.len()).map(least).collect();
+    let share = quantile(&floor, 0.02).max(0.0);
+    let limit = quantile(&floor, 0.25);
+    let points: Vec<[f64; 2]> = white
+        .iter()
+        .zip(&floor)
+        .filter(|&(&white, &floor)| white > 0.0 && floor > 0.0 && floor <= limit)
+        .map(|(white, floor)| [white.ln(), floor.ln()])
+        .collect();
+    let is_even = slope(&points).is_none_or(|[slope, error]| slope + 2.0 * error < EVEN);
+    let is_stray = is_even && share - probe.scatter > STRAY;
+    let found = if is_stray {
+        format!(
+            "{:.1} % of white's light reaches all pixels evenly, and follows the pattern: stray light",
+            100.0 * share
+        )
+    } else if share > STRAY {
+        format!("{:.1} % of white's light reaches all pixels by way of the scene", 100.0 * share)
+    } else {
+        format!("{:.1} % of white's light reaches all pixels evenly, at most", 100.0 * share)
+    };
+    Finding::graded(
+        "stray light",
+        if is_stray { Grade::Warning } else { Grade::Ok },
+        found,
+        format!("at most {:.0} %", 100.0 * STRAY),
+        "cover the scene with black cloth: if that light remains, blacken or tilt the light trap behind the beam splitter, and shade \
+         the lens; otherwise the scene itself exchanges that light",
+    )
+}
+
+/// The slope of the line through points, and its standard error. None where all points have nearly the same first coordinate: no slope is
+/// known then.
+fn slope(points: &[[f64; 2]]) -> Option<[f64; 2]> {
+    let count = points.len() as f64;
+    let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / count;
+    let [mean_x, mean_y] = [mean(0), mean(1)];
+    let spread: f64 = points.iter().map(|[x, _]| (x - mean_x).powi(2)).sum();
+    if points.len() < 9 || spread < LEAST_SPREAD.powi(2) * count {
+        return None;
+    }
+    let slope = points.iter().map(|[x, y]| (x - mean_x) * (y - mean_y)).sum::<f64>() / spread;
+    let residual: f64 = points.iter().map(|[x, y]| (y - mean_y - slope * (x - mean_x)).powi(2)).sum();
+    Some([slope, (residual / (count - 2.0) / spread).sqrt()])
+}
+
+/// Whether the highest levels differ. `ends` is the light of levels 16 and 235 of 255, relative to white.
+fn levels(probe: &Probe<'_>, ends: [f64; 2]) -> Finding {
+    let [low, high] = ends;
+    let is_clipped = (1.0 - high).abs() + 1.5 * probe.scatter < CLIPPED;
+    let found = if is_clipped {
+        format!(
+            "levels from 235 to 255 are equally bright, and level 16 has {:.2} % of white's light: the signal is taken for limited-range \
+             video, or the contrast is set too high",
+            100.0 * low
+        )
+    } else {
+        format!(
+            "of 255, level 16 has {:.2} % of white's light, and level 235 {:.1} %",
+            100.0 * low,
+            100.0 * high
+        )
+    };
+    Finding::graded(
+        "levels",
+        if is_clipped { Grade::Warning } else { Grade::Ok },
+        found,
+        format!("level 235 at least {:.0} % darker than level 255", 100.0 * CLIPPED),
+        "set the projector's input and the graphics card to full range (0 to 255, \"PC\"), lower the contrast, and calibrate again",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slope_of_a_line_is_found_with_its_error() {
+        let off = |at: usize| if at.is_multiple_of(2) { 1e-3 } else { -1e-3 };
+        let points: Vec<[f64; 2]> =
+            (0..20).map(|at| [0.05 * at as f64, 0.1 + 0.3 * 0.05 * at as f64 + off(at)]).collect();
+        let [value, error] = slope(&points).expect("the points are apart");
+        assert!((value - 0.3).abs() < 3.0 * error && error < 2e-3, "{value} ± {error}");
+        assert_eq!(slope(&[[1.0, 2.0]; 20]), None);
+    }
+}
