@@ -12,8 +12,11 @@ use crate::image::Resolution;
 /// scene differs from dot to dot.
 const DOTS: [usize; 2] = [16, 2];
 
-/// A second image nearer than this, in projector pixels, is not told from the first.
-const NEAREST: f64 = 3.5;
+/// Second images nearer and farther than these distances, in projector pixels, are not told from the first one and from the next dot's.
+const RANGE: [f64; 2] = [3.5, 7.5];
+
+/// A second image is a ghost if it is so many times as strong as any other. Mirrors in the scene make several.
+const STANDS_OUT: f64 = 2.5;
 
 /// The largest share of a second image. More is another dot, which a camera that sees more than the frame has nearer.
 const LARGEST: f64 = 0.4;
@@ -37,7 +40,7 @@ pub(super) fn ghost(probe: &mut Probe<'_>) -> Result<Finding> {
             right.hypot(down),
             if is_double { ": a ghost, as of the beam splitter's back" } else { "" }
         ),
-        None => "dots have no second image".into(),
+        None => "dots have no second image that stands out".into(),
     };
     Ok(Finding::graded(
         "ghost",
@@ -70,25 +73,29 @@ fn second(light: &[f64], size: Resolution, ratio: f64) -> Option<[f64; 3]> {
         let distant = move |&[u, v]: &[i64; 2]| u.abs().max(v.abs()) as f64 >= near * ratio;
         points.filter(inside).filter(distant).map(|[u, v]| at([x + u, y + v])).collect::<Vec<f64>>()
     };
-    let is_apart = |[x, y]: [i64; 2]| x.abs().max(y.abs()) as f64 > NEAREST * ratio;
-    let lags: Vec<[i64; 2]> = (-reach..=reach)
-        .flat_map(|y| (-reach..=reach).map(move |x| [x, y]))
-        .filter(|&lag| is_apart(lag))
+    // A displacement and its opposite have the same value.
+    let lags = (0..=reach).flat_map(|y| (-reach..=reach).map(move |x| [x, y]));
+    let is_in_range = |&[x, y]: &[i64; 2]| {
+        let distance = x.abs().max(y.abs()) as f64 / ratio;
+        (y > 0 || x > 0) && distance > RANGE[0] && distance < RANGE[1]
+    };
+    let mut peaks: Vec<(f64, [i64; 2])> = lags
+        .filter(is_in_range)
+        .filter(|&lag| {
+            let value = at(lag);
+            value <= LARGEST && ring(lag, 0.0, 1.5).iter().all(|&other| other <= value)
+        })
+        .map(|lag| (at(lag) - quantile(&ring(lag, 2.0, 3.5), 0.5), lag))
         .collect();
-    let values: Vec<f64> = lags.iter().map(|&lag| at(lag)).collect();
-    let middle = quantile(&values, 0.5);
-    let noise =
-        1.4826 * quantile(&values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>(), 0.5);
-    let peaks = lags.into_iter().filter_map(|lag| {
-        let value = at(lag);
-        if value > LARGEST || ring(lag, 0.0, 1.5).iter().any(|&other| other > value) {
-            return None;
-        }
-        let around = ring(lag, 2.0, 3.5);
-        let share = value - if around.is_empty() { middle } else { quantile(&around, 0.5) };
-        (share > 6.0 * noise).then_some([share, lag[0] as f64 / ratio, lag[1] as f64 / ratio])
+    peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let &(share, [x, y]) = peaks.first()?;
+    let next = peaks.iter().skip(1).find(|(_, [u, v])| {
+        // Equal neighbours are the same peak, and on the axis so are opposite ones.
+        let near = |sign: i64| (u - sign * x).abs().max((v - sign * y).abs()) as f64 <= 1.5 * ratio;
+        !near(1) && !near(-1)
     });
-    peaks.max_by(|a, b| a[0].total_cmp(&b[0]))
+    let stands_out = next.is_none_or(|(next, _)| share > STANDS_OUT * next);
+    stands_out.then_some([share, x as f64 / ratio, y as f64 / ratio])
 }
 
 /// The sum of the products of a picture's pixels with those `lag` to the right and down.

@@ -1,5 +1,5 @@
-//! The check of a rig before a session: rig file, disk space, devices, light, frames and calibration, in
-//! under a minute.
+//! The check of a rig before a session: rig file, disk space, devices, light, frames, calibration, and what
+//! projectors and cameras do without being asked (an automatic iris, pulses, overscan), in under a minute.
 //!
 //! [`check`] examines one thing after another and hands each [`Finding`] to a callback as soon as it is
 //! known. A finding says what was found, what was expected, and what to do; its [`Grade`] follows from the

@@ -1,9 +1,22 @@
 //! The validation of what a virtual rig's projector and beam splitter do to the light.
 
 use super::check::{Check, Checked};
-use crate::rig::{Pulse, Splitter};
+use crate::rig::{Pulse, Splitter, VirtualCamera, VirtualProjector};
 
 impl Check {
+    /// Checks the way of the light: projector, camera, and what is between them.
+    pub(super) fn between(
+        &self,
+        projector: &VirtualProjector,
+        camera: &VirtualCamera,
+        splitter: &Splitter,
+    ) -> Checked {
+        self.projector(projector)?;
+        self.camera(camera)?;
+        self.crosstalk(projector, camera)?;
+        self.splitter(splitter)
+    }
+
     /// Checks the pulses of a projector with this many channels.
     pub(super) fn pulse(&self, pulse: &Pulse, channels: usize) -> Checked {
         self.range("projector.pulse.period", pulse.period, 0.0, 60.0)?;
@@ -23,7 +36,7 @@ impl Check {
         Ok(())
     }
 
-    pub(super) fn splitter(&self, spec: &Splitter) -> Checked {
+    fn splitter(&self, spec: &Splitter) -> Checked {
         let [right, down] = spec.ghost_shift;
         self.ranges(
             "splitter",

@@ -40,7 +40,6 @@
 //!
 //! The devices of a program, such as a camera behind its maker's own library, are only described by the file; the program
 //! hands them over ([`LabBuilder::devices`](crate::lab::LabBuilder::devices)):
-//!
 //! ```toml
 //! kind = "program"
 //!
@@ -271,10 +270,7 @@ fn hardware<C: DeserializeOwned + Into<CameraSpec>>(
 
 impl VirtualTables {
     fn into_rig(self, check: &Check, folder: &Path) -> Result<VirtualRig> {
-        check.projector(&self.projector)?;
-        check.camera(&self.camera)?;
-        check.crosstalk(&self.projector, &self.camera)?;
-        check.splitter(&self.splitter)?;
+        check.between(&self.projector, &self.camera, &self.splitter)?;
         check.ambient(&self.ambient)?;
         check.drift(&self.drift)?;
         check.faults(&self.faults)?;

@@ -114,7 +114,7 @@ fn an_iris_fails_where_the_cameras_response_is_known_and_other_imperfections_war
     for (table, line, expected, part) in [
         ("projector", "iris = { dimming = 0.06 }", ("iris", "fails"), "switch off the automatic iris"),
         ("projector", "overscan = 0.08", ("border", "warning"), "overscan and keystone"),
-        ("splitter", "stray = 0.08", ("stray light", "warning"), "light trap"),
+        ("projector", "limited_range = true", ("levels", "warning"), "full range"),
     ] {
         // The calibration is older than the imperfection. Its map does not fit a stretched picture.
         let rig = rig(&folder, [0, 0], &[("", "calibration = \"known\""), (table, line)]);

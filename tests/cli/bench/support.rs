@@ -56,11 +56,10 @@ pub fn rig(folder: &TempDir, aside: [i32; 2], more: &[(&str, &str)]) -> String {
     let file = format!(
         "kind = \"virtual\"\n{}[scene]\nmatrix = \"wall.npz\"\nsize = [{SIDE}, {SIDE}]\n\
          [projector]\nbits = 8\ngamma = 2.2\n{}[camera]\nsize = [64, 64]\nbits = 12\nblack_level = 40\n\
-         full_well = 30000\nshot_noise = true\nread_noise = 6\n{}[splitter]\n{}[faults]\n{}[measurement]\n{}",
+         full_well = 30000\nshot_noise = true\nread_noise = 6\n{}[faults]\n{}[measurement]\n{}",
         of(""),
         of("projector"),
         of("camera"),
-        of("splitter"),
         of("faults"),
         of("measurement")
     );
