@@ -27,8 +27,8 @@ pub(super) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Reco
     probe.frames.set_settle(settle.max(IRIS_SECONDS));
     let photos = quadrants(probe);
     probe.frames.set_settle(settle);
-    let ([before, after], quadrants) = photos?;
-    recorder.add(iris(probe, [&before, &after].map(|white| average(white)), &quadrants))?;
+    let Quadrants { whites, quadrants } = photos?;
+    recorder.add(iris(probe, whites.each_ref().map(|white| average(white)), &quadrants))?;
     recorder.add(stray(probe, &quadrants))?;
     if probe.frames.projector().bits >= 6 {
         let ends = [probe.gray(VIDEO_ENDS[0])?, probe.gray(VIDEO_ENDS[1])?];
@@ -37,15 +37,22 @@ pub(super) fn brightness(probe: &mut Probe<'_>, settle: f64, recorder: &mut Reco
     Ok(())
 }
 
-/// White before and after the quadrants, and the quadrants.
-fn quadrants(probe: &mut Probe<'_>) -> Result<([Vec<f64>; 2], Vec<Vec<f64>>)> {
+/// The light of white and of its four quadrants.
+struct Quadrants {
+    /// White before and after the quadrants.
+    whites: [Vec<f64>; 2],
+    quadrants: Vec<Vec<f64>>,
+}
+
+/// Photographs white, its quadrants, and white again.
+fn quadrants(probe: &mut Probe<'_>) -> Result<Quadrants> {
     let size = probe.projector();
     let quadrant =
         |x: usize, y: usize| usize::from(2 * x >= size.width) + 2 * usize::from(2 * y >= size.height);
     let before = probe.gray(1.0)?;
     let quadrants =
         (0..4).map(|index| probe.pattern(|x, y| quadrant(x, y) == index)).collect::<Result<Vec<_>>>()?;
-    Ok(([before, probe.gray(1.0)?], quadrants))
+    Ok(Quadrants { whites: [before, probe.gray(1.0)?], quadrants })
 }
 
 /// Whether the four quadrants of white add up to it.
