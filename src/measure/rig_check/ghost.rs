@@ -12,7 +12,7 @@ use crate::image::Resolution;
 /// scene differs from dot to dot.
 const DOTS: [usize; 2] = [16, 2];
 
-/// Second images nearer and farther than these distances, in projector pixels, are not told from the first one and from the next dot's.
+/// Second images nearer and farther than these distances, in projector pixels, cannot be distinguished from the first one and from that of the next dot.
 const RANGE: [f64; 2] = [3.5, 7.5];
 
 /// A second image is a ghost if it is so many times as strong as any other. Mirrors in the scene make several.
