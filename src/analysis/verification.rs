@@ -4,22 +4,8 @@
 //! its matrix as well as the light. The same matrix therefore cannot tell how good the eigenvector is. Light paths of another seed can
 //! ([`Retraced::estimated_products`](crate::transport::Retraced::estimated_products)); on a rig, a photo that was not used.
 
-use crate::krylov::Eigs;
+use crate::krylov::{Eigs, temple_kato};
 use crate::transport::EstimatedProduct;
-
-/// The relative difference of predictions to independent products, all together, without the noise of the latter, and this noise:
-/// `√(‖p − y‖² − ‖e‖²) / ‖y‖` and `‖e‖ / ‖y‖`. `None` where there are no products, or where they are nothing but noise.
-pub fn relative_errors(pairs: &[(&[f64], &EstimatedProduct)]) -> Option<[f64; 2]> {
-    let [mut difference, mut noise, mut size] = [0.0; 3];
-    for (prediction, independent) in pairs {
-        let squares = independent.squares(prediction);
-        difference += squares.difference;
-        noise += squares.noise;
-        size += squares.product;
-    }
-    let size = size - noise;
-    (size > 0.0).then(|| [(difference - noise).max(0.0), noise].map(|square| (square / size).sqrt()))
-}
 
 /// An eigenpair of the scene itself, as opposed to that of a matrix with noise.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -69,9 +55,23 @@ pub fn eigenpair_estimates(found: &Eigs, independent: &[EstimatedProduct]) -> Op
     independent.iter().enumerate().map(of).collect()
 }
 
+/// The eigenvalues of the scene from those of the normalized cut of a matrix, with the residuals of their eigenvectors; of each, independent light says by
+/// [`Question::shift`](crate::transport::Question::shift) what it is off. `None` where the products state no quadratic form.
+pub fn cut_estimates(
+    values: &[f64],
+    residuals: &[f64],
+    independent: &[EstimatedProduct],
+) -> Option<Vec<EigenpairEstimate>> {
+    let of = |(index, independent): (usize, &EstimatedProduct)| {
+        let unconverged = temple_kato(residuals[index], gap(values, index));
+        Some(eigenvalue_estimate(values, index, unconverged, independent.quadratic?))
+    };
+    independent.iter().enumerate().map(of).collect()
+}
+
 /// The estimate of the eigenvalue `index` among `values` of a matrix, which more photos would change by about `unconverged`; independent light
 /// says with a standard error how much its own quotient is above it. The residual is not known.
-pub fn eigenvalue_estimate(
+fn eigenvalue_estimate(
     values: &[f64],
     index: usize,
     unconverged: f64,
@@ -91,31 +91,8 @@ pub fn eigenvalue_estimate(
 }
 
 /// The distance from one value to the nearest other: infinite where there is none, and never 0.
-pub fn gap(values: &[f64], index: usize) -> f64 {
+fn gap(values: &[f64], index: usize) -> f64 {
     let others = values.iter().enumerate().filter(|(other, _)| *other != index);
     let distances = others.map(|(_, value)| (value - values[index]).abs());
     distances.fold(f64::INFINITY, f64::min).max(f64::MIN_POSITIVE)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn product(product: &[f64], error: &[f64]) -> EstimatedProduct {
-        EstimatedProduct { product: product.to_vec(), error: error.to_vec(), quadratic: None }
-    }
-
-    #[test]
-    fn the_noise_of_independent_light_is_no_error_of_the_answer() {
-        // Differences of 0.3 and 0.4 where the noise alone makes them as large, and of 3 and 4 where it does not.
-        let independent = product(&[10.3, 9.6], &[0.3, 0.4]);
-        let exact = relative_errors(&[(&[10.0, 10.0], &independent)]);
-        assert!(exact.is_some_and(|[error, _]| error < 1e-7), "{exact:?}");
-        let wrong = relative_errors(&[(&[7.3, 5.6], &independent)]);
-        let size = 10.3_f64.powi(2) + 9.6_f64.powi(2) - 0.25;
-        let expected = ((25.0 - 0.25) / size).sqrt();
-        assert!(wrong.is_some_and(|[error, _]| (error - expected).abs() < 1e-12));
-        let nothing = product(&[0.1, -0.1], &[0.2, 0.2]);
-        assert_eq!(relative_errors(&[(&[0.0, 0.0], &nothing)]), None);
-    }
 }

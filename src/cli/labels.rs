@@ -7,7 +7,7 @@ use serde_json::json;
 use super::Outcome;
 use super::console::Console;
 use super::opening::Opening;
-use super::options::{SourceArgs, free_file};
+use super::options::{SourceArgs, named_or_free};
 use super::trace::{SizeArgs, TraceArgs};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
@@ -25,17 +25,19 @@ pub(super) struct Args {
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
     /// Where they go: .npy keeps the numbers (255 is a pixel that sees nothing), .png shows them; may be given several times
-    #[arg(short = 'o', long = "output", value_name = "FILE", default_values_os_t = [free_file("labels", "png")])]
+    /// [default: labels.png, or the first free one of labels-2.png, labels-3.png, …]
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
     files: Vec<PathBuf>,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    args.files.iter().try_for_each(|file| picture::check_writable(file))?;
+    let files = named_or_free(&args.files, "labels", "png");
+    files.iter().try_for_each(|file| picture::check_writable(file))?;
     let trace = TraceArgs::for_looking(args.size, args.adapter.clone());
     let lab = Opening::new(&args.source, &trace).open(console)?;
     let (resolution, labels) = (lab.resolution(), lab.labels()?);
     let regions = &lab.scene()?.regions;
-    for file in &args.files {
+    for file in &files {
         write(file, resolution, &labels)?;
         console.say(format_args!("wrote     {}", file.display()))?;
     }
@@ -46,7 +48,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     console.summary(&json!({
         "verb": "labels",
-        "files": args.files,
+        "files": files,
         "resolution": resolution,
         "regions": regions,
         "pixels": (0..regions.len()).map(|index| counts(index as u8)).collect::<Vec<_>>(),

@@ -37,8 +37,9 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value = "luma")]
     channels: ChannelsArg,
     /// Where it goes: .npz (scipy.sparse.load_npz) or .mtx (Matrix Market)
-    #[arg(short = 'o', long = "output", value_name = "FILE", default_value_os_t = free_file("matrix", "npz"))]
-    file: PathBuf,
+    /// [default: matrix.npz, or the first free one of matrix-2.npz, matrix-3.npz, …]
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
+    file: Option<PathBuf>,
     #[command(flatten)]
     keep: KeepArgs,
     #[command(flatten)]
@@ -63,7 +64,8 @@ impl From<PartArg> for Part {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    sparse::check_writable(&args.file)?;
+    let file = args.file.clone().unwrap_or_else(|| free_file("matrix", "npz"));
+    sparse::check_writable(&file)?;
     let opening = Opening {
         split_bounces: args.split_bounces,
         ..Opening::new(&args.source, &args.trace).channels(args.channels)
@@ -73,7 +75,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         MatrixRequest { part: args.part.into(), split_bounces: args.split_bounces, photos: args.photos };
     in_journal(&mut lab, &args.keep, "matrix", |lab| {
         let matrices = lab.matrices(&request)?;
-        let is_complete = write(args, &matrices, lab, console)?;
+        let is_complete = write(&file, &matrices, lab, console)?;
         let photos = lab.resolution().pixels() * lab.channels().count();
         lab.end_run(photos, "every column photographed")?;
         Ok(is_complete)
@@ -82,7 +84,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 
 /// Writes the matrices of each channel, and says where.
 fn write(
-    args: &Args,
+    named: &Path,
     matrices: &[Vec<(&'static str, Csr)>],
     lab: &mut Lab,
     console: &Console,
@@ -90,7 +92,7 @@ fn write(
     let (mut files, mut nonzeros) = (Vec::new(), Vec::new());
     for (channel, suffix) in matrices.iter().zip(channel_suffixes(lab.channels())) {
         for (bounces, matrix) in channel {
-            let file = with_suffix(&args.file, &format!("{bounces}{suffix}"));
+            let file = with_suffix(named, &format!("{bounces}{suffix}"));
             sparse::write(&file, matrix)?;
             nonzeros.push(matrix.weights().len());
             console.say(format_args!("wrote     {}", file.display()))?;

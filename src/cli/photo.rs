@@ -8,7 +8,7 @@ use super::Outcome;
 use super::console::Console;
 use super::opening::{Opening, in_journal, merge};
 use super::operator::{Bytes, OperatorArg};
-use super::options::{ChannelsArg, KeepArgs, SourceArgs, free_file};
+use super::options::{ChannelsArg, KeepArgs, SourceArgs, named_or_free};
 use super::pattern::Pattern;
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
@@ -38,7 +38,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "BYTES")]
     memory: Option<Bytes>,
     /// Where the photo goes, by extension: .exr and .npy keep the radiance, .png is for people; may be given several times
-    #[arg(short = 'o', long = "output", value_name = "FILE", default_values_os_t = [free_file("photo", "png")])]
+    /// [default: photo.png, or the first free one of photo-2.png, photo-3.png, …]
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Where the standard error of each pixel goes, as an image like the photo's; a scene is then traced for this photo
     #[arg(long, value_name = "FILE")]
@@ -50,7 +51,8 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    args.files.iter().chain(&args.error).try_for_each(|file| picture::check_writable(file))?;
+    let files = named_or_free(&args.files, "photo", "png");
+    files.iter().chain(&args.error).try_for_each(|file| picture::check_writable(file))?;
     let channels = args.channels.map_or(ChannelChoice::Native, Into::into);
     let opening = Opening::new(&args.source, &args.trace).channels(channels);
     let mut settings = opening.settings();
@@ -65,13 +67,20 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let pattern = args.pattern.image(lab.projector_resolution())?;
     in_journal(&mut lab, &args.keep, "photo", |lab| {
         let taken = lab.single_photo(&pattern)?;
-        write(args, lab, &pattern, &taken, console)?;
+        write(args, &files, lab, &pattern, &taken, console)?;
         lab.end_run(1, "photographed")?;
         Ok(Outcome::Done)
     })
 }
 
-fn write(args: &Args, lab: &mut Lab, pattern: &Image, taken: &SinglePhoto, console: &Console) -> Result<()> {
+fn write(
+    args: &Args,
+    files: &[PathBuf],
+    lab: &mut Lab,
+    pattern: &Image,
+    taken: &SinglePhoto,
+    console: &Console,
+) -> Result<()> {
     let photo = &taken.photo;
     for (channel, plane) in photo.planes().iter().enumerate() {
         let shown = pattern.plane(channel.min(pattern.channels() - 1));
@@ -79,7 +88,7 @@ fn write(args: &Args, lab: &mut Lab, pattern: &Image, taken: &SinglePhoto, conso
         progress.show("pattern", pattern.resolution(), channel, &shown);
         progress.show("photo", photo.resolution(), channel, plane);
     }
-    for file in &args.files {
+    for file in files {
         picture::write(file, photo)?;
         console.say(format_args!("wrote     {}", file.display()))?;
     }
@@ -97,7 +106,7 @@ fn write(args: &Args, lab: &mut Lab, pattern: &Image, taken: &SinglePhoto, conso
     }
     let mut summary = json!({
         "verb": "photo",
-        "files": args.files,
+        "files": files,
         "error_file": args.error,
         "resolution": photo.resolution(),
         "noise": taken.noise,

@@ -49,6 +49,7 @@ pub use estimators::{
 };
 pub use factor::{
     Arnoldi, BlockLanczos, Expansion, Factorization, Filter, Lanczos, PairStatus, RitzPair, Step, Which,
+    temple_kato,
 };
 pub use inexact::{Relaxation, relaxed_noise};
 pub use linear::{

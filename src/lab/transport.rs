@@ -217,9 +217,7 @@ impl LightTransport {
                 let errors = parts.errors(pattern)?;
                 Ok((self.engine.photograph(pattern)?, Some(errors)))
             }
-            // A run whose journal has not this photo.
-            Engine::JournalOnly => Ok((self.photograph_taken(pattern)?, None)),
-            _ => Ok((self.photograph(pattern)?, None)),
+            _ => Ok((self.photograph_taken(pattern)?, None)),
         }
     }
 

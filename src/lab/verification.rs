@@ -4,21 +4,29 @@
 use super::source::Source;
 use super::{Lab, Relighting, Separated};
 use crate::analysis::segment::{Cut, KEPT};
-use crate::analysis::verification::{
-    EigenpairEstimate, eigenpair_estimates, eigenvalue_estimate, gap, relative_errors,
-};
+use crate::analysis::verification::{EigenpairEstimate, cut_estimates, eigenpair_estimates};
 use crate::analysis::{Compensation, Segmentation};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::manifest::{Independent, Verification};
 use crate::krylov::{Eigs, Start};
-use crate::transport::{EstimatedProduct, Part, Question};
+use crate::transport::{EstimatedProduct, Part, Question, Squares};
 
 /// A pattern and the photo that an answer predicts for it, in one channel.
 struct Predicted {
     channel: usize,
     pattern: Vec<f64>,
     photo: Vec<f64>,
+}
+
+/// Eigenpairs to be checked, `P u = λ W u`, with the diagonal matrix `W`.
+struct Eigenpairs<'a> {
+    vectors: &'a [Vec<f64>],
+    values: &'a [f64],
+    /// The diagonal of `W`. Pixels of weight 0 are left out.
+    weights: &'a [f64],
+    /// The shift of each vector's [`Question`].
+    shifts: &'a [f64],
 }
 
 /// What independent light says of eigenpairs.
@@ -49,29 +57,14 @@ impl Lab {
         if found.imaginary_values.iter().any(|&value| value != 0.0) || found.values.is_empty() {
             return Ok(None);
         }
-        let of = "photos of the eigenvectors";
-        if !matches!(self.source, Source::Scene(_)) {
-            let weights = vec![1.0; self.projector_resolution().pixels()];
-            let sum = sum_with_signs(&found.vectors, &found.values, &weights, self.seed());
-            let verification = self.verify(part, of, &[sum])?;
-            return Ok(
-                verification.map(|verification| VerifiedEigenpairs { verification, estimates: Vec::new() })
-            );
-        }
-        let asked: Vec<Question<'_>> =
-            found.vectors.iter().map(|pattern| Question { pattern, shift: 0.0 }).collect();
-        let Some((by, products)) = self.independent(part, 0, &asked)? else { return Ok(None) };
-        let photos: Vec<Vec<f64>> = found
-            .vectors
-            .iter()
-            .zip(&found.values)
-            .map(|(vector, value)| vector.iter().map(|entry| value * entry).collect())
-            .collect();
-        let pairs: Vec<(&[f64], &EstimatedProduct)> =
-            photos.iter().map(Vec::as_slice).zip(&products).collect();
-        let estimates = eigenpair_estimates(found, &products).unwrap_or_default();
-        let verification = self.checked(by, of, &pairs);
-        Ok(verification.map(|verification| VerifiedEigenpairs { verification, estimates }))
+        let count = found.values.len();
+        let pairs = Eigenpairs {
+            vectors: &found.vectors,
+            values: &found.values,
+            weights: &vec![1.0; self.projector_resolution().pixels()],
+            shifts: &vec![0.0; count],
+        };
+        self.verify_pairs(part, &pairs, |products| eigenpair_estimates(found, products))
     }
 
     /// Checks a segmentation of the light of `part` by the normalized cut: `G u = λ D u`, as [`Lab::verify_eigenpairs`]. The estimates are of its
@@ -88,39 +81,39 @@ impl Lab {
         if cut != Cut::Normalized || found.eigenvectors.len() < 2 {
             return Ok(None);
         }
-        let of = "photos of the eigenvectors";
-        let (vectors, values) = (&found.eigenvectors[1..], &found.eigenvalues[1..]);
-        if !matches!(self.source, Source::Scene(_)) {
-            let sum = sum_with_signs(vectors, values, &found.degree, self.seed());
-            let verification = self.verify(part, of, &[sum])?;
-            return Ok(
-                verification.map(|verification| VerifiedEigenpairs { verification, estimates: Vec::new() })
-            );
-        }
-        let question = |(pattern, shift)| Question { pattern, shift };
-        let asked: Vec<Question<'_>> =
-            vectors.iter().map(Vec::as_slice).zip(values.iter().copied()).map(question).collect();
-        let Some((by, mut products)) = self.independent(part, 0, &asked)? else { return Ok(None) };
+        let values = &found.eigenvalues[1..];
         // Masked pixels are not in the graph.
+        let weights = found.degree.iter().zip(&found.mask);
+        let weights: Vec<f64> = weights.map(|(&degree, &masked)| if masked { 0.0 } else { degree }).collect();
+        let pairs =
+            Eigenpairs { vectors: &found.eigenvectors[1..], values, weights: &weights, shifts: values };
+        self.verify_pairs(part, &pairs, |products| cut_estimates(values, &found.residuals[1..], products))
+    }
+
+    /// Checks eigenpairs: each by light paths of another seed, from which `estimates` follow, or their sum with random signs by one photo.
+    fn verify_pairs(
+        &mut self,
+        part: Part,
+        pairs: &Eigenpairs<'_>,
+        estimates: impl FnOnce(&[EstimatedProduct]) -> Option<Vec<EigenpairEstimate>>,
+    ) -> Result<Option<VerifiedEigenpairs>> {
+        let is_scene = matches!(self.source, Source::Scene(_));
+        let sum = [pairs.sum_with_signs(self.seed())];
+        let asked: Vec<Question<'_>> = match is_scene {
+            true => pairs.questions(),
+            false => vec![Question { pattern: &sum[0].pattern, shift: 0.0 }],
+        };
+        let Some((by, mut products)) = self.independent(part, 0, &asked)? else { return Ok(None) };
         for product in &mut products {
-            let entries = product.product.iter_mut().zip(&mut product.error).zip(&found.mask);
-            entries.filter(|(_, masked)| **masked).for_each(|((y, e), _)| (*y, *e) = (0.0, 0.0));
+            let entries = product.product.iter_mut().zip(&mut product.error).zip(pairs.weights);
+            entries.filter(|(_, weight)| **weight == 0.0).for_each(|((y, e), _)| (*y, *e) = (0.0, 0.0));
         }
-        let photos: Vec<Vec<f64>> = vectors
-            .iter()
-            .zip(values)
-            .map(|(vector, value)| vector.iter().zip(&found.degree).map(|(u, d)| value * d * u).collect())
-            .collect();
-        let pairs: Vec<(&[f64], &EstimatedProduct)> =
-            photos.iter().map(Vec::as_slice).zip(&products).collect();
-        let estimates = products.iter().enumerate().filter_map(|(index, product)| {
-            let gap = gap(values, index);
-            let residual = found.residuals[1 + index];
-            let unconverged = if gap > residual { residual * residual / gap } else { residual };
-            Some(eigenvalue_estimate(values, index, unconverged, product.quadratic?))
-        });
-        let estimates = estimates.collect();
-        let verification = self.checked(by, of, &pairs);
+        let squares = match is_scene {
+            true => pairs.photos().zip(&products).map(|(photo, product)| product.squares(&photo)).sum(),
+            false => squares(&sum, &products),
+        };
+        let estimates = if is_scene { estimates(&products).unwrap_or_default() } else { Vec::new() };
+        let verification = self.checked(by, "photos of the eigenvectors", squares);
         Ok(verification.map(|verification| VerifiedEigenpairs { verification, estimates }))
     }
 
@@ -140,7 +133,7 @@ impl Lab {
             off += squares.difference - squares.noise;
             size += target.photo.iter().map(|value| value * value).sum::<f64>();
         }
-        let verification = self.checked(by, "the photo of the compensation", &pairs(&predicted, &products));
+        let verification = self.checked(by, "the photo of the compensation", squares(&predicted, &products));
         Ok(verification.map(|verification| (verification, (off.max(0.0) / size).sqrt())))
     }
 
@@ -149,11 +142,18 @@ impl Lab {
     /// # Errors
     /// As [`Lab::operator`].
     pub fn verify_relighting(&mut self, found: &Relighting) -> Result<Option<Verification>> {
-        let most = if matches!(self.source, Source::Scene(_)) { found.relit.len() } else { 1 };
-        let relit: Vec<(&Image, &Image)> =
-            found.relit.iter().take(most).map(|relit| (&relit.pattern, &relit.relit)).collect();
-        let predicted = self.predicted(&relit, &found.model.ambient);
-        self.verify(Part::Full, "relit photos", &predicted)
+        let of = "relit photos";
+        if matches!(self.source, Source::Rig(_)) {
+            let first = found.relit.iter().take(1).map(|relit| (&relit.pattern, &relit.relit));
+            let predicted = self.predicted(&first.collect::<Vec<_>>(), &found.model.ambient);
+            return self.verify(Part::Full, of, &predicted);
+        }
+        // The answer to each question holds this comparison already.
+        let comparisons: Vec<Squares> = found.relit.iter().filter_map(|relit| relit.comparison).collect();
+        let are_there = !comparisons.is_empty();
+        Ok(are_there
+            .then(|| self.checked(Independent::AnotherSeed, of, comparisons.into_iter().sum()))
+            .flatten())
     }
 
     /// Checks a separation: the photo of a checkerboard of three pixels, which is its direct light and half of the global light.
@@ -194,7 +194,7 @@ impl Lab {
 
     fn verify(&mut self, part: Part, of: &str, predicted: &[Predicted]) -> Result<Option<Verification>> {
         let Some((by, products)) = self.products_of(part, predicted)? else { return Ok(None) };
-        Ok(self.checked(by, of, &pairs(predicted, &products)))
+        Ok(self.checked(by, of, squares(predicted, &products)))
     }
 
     /// Independent photos of the patterns, whose channels ascend.
@@ -216,14 +216,9 @@ impl Lab {
         Ok(by.map(|by| (by, products)))
     }
 
-    /// Compares, and notes the result in the record of the open run.
-    fn checked(
-        &mut self,
-        by: Independent,
-        of: &str,
-        pairs: &[(&[f64], &EstimatedProduct)],
-    ) -> Option<Verification> {
-        let [error, noise] = relative_errors(pairs)?;
+    /// Notes a comparison in the record of the open run. `None` where the photos are nothing but noise.
+    fn checked(&mut self, by: Independent, of: &str, squares: Squares) -> Option<Verification> {
+        let [error, noise] = squares.relative()?;
         let verification = Verification { by, of: of.into(), error, noise };
         if let Some(run) = &mut self.run {
             run.manifest.verification = Some(verification.clone());
@@ -232,25 +227,42 @@ impl Lab {
     }
 }
 
-/// Predicted photos with the independent ones.
-fn pairs<'a>(
-    predicted: &'a [Predicted],
-    products: &'a [EstimatedProduct],
-) -> Vec<(&'a [f64], &'a EstimatedProduct)> {
-    predicted.iter().map(|one| one.photo.as_slice()).zip(products).collect()
-}
+impl Eigenpairs<'_> {
+    /// Each vector as a pattern.
+    fn questions(&self) -> Vec<Question<'_>> {
+        let each = self.vectors.iter().zip(self.shifts);
+        each.map(|(pattern, &shift)| Question { pattern, shift }).collect()
+    }
 
-/// The sum of eigenvectors with random signs, and the photo that follows from their eigenvalues; each entry of the photo is weighted.
-fn sum_with_signs(vectors: &[Vec<f64>], values: &[f64], weights: &[f64], seed: u64) -> Predicted {
-    let signs = Start::Rademacher { seed }.vector(vectors.len());
-    let [mut pattern, mut photo] = [vec![0.0; weights.len()], vec![0.0; weights.len()]];
-    for ((vector, value), sign) in vectors.iter().zip(values).zip(signs) {
-        for (pixel, entry) in vector.iter().enumerate() {
-            pattern[pixel] += sign * entry;
-            photo[pixel] += sign * value * weights[pixel] * entry;
+    /// The photo of each vector, `λ W u`.
+    fn photos(&self) -> impl Iterator<Item = Vec<f64>> {
+        let photo = |(vector, value): (&Vec<f64>, &f64)| {
+            vector.iter().zip(self.weights).map(|(entry, weight)| value * weight * entry).collect()
+        };
+        self.vectors.iter().zip(self.values).map(photo)
+    }
+
+    /// The sum of the vectors with random signs, and its photo.
+    fn sum_with_signs(&self, seed: u64) -> Predicted {
+        let signs = Start::Rademacher { seed }.vector(self.vectors.len());
+        let sum = |vectors: &mut dyn Iterator<Item = Vec<f64>>| {
+            let mut sum = vec![0.0; self.weights.len()];
+            for (vector, sign) in vectors.zip(&signs) {
+                sum.iter_mut().zip(vector).for_each(|(sum, entry)| *sum += sign * entry);
+            }
+            sum
+        };
+        Predicted {
+            channel: 0,
+            pattern: sum(&mut self.vectors.iter().cloned()),
+            photo: sum(&mut self.photos()),
         }
     }
-    Predicted { channel: 0, pattern, photo }
+}
+
+/// How near predicted photos are to the independent ones, all together.
+fn squares(predicted: &[Predicted], products: &[EstimatedProduct]) -> Squares {
+    predicted.iter().zip(products).map(|(one, product)| product.squares(&one.photo)).sum()
 }
 
 /// A checkerboard of so many pixels.

@@ -33,23 +33,55 @@ pub struct Question<'a> {
     pub shift: f64,
 }
 
-/// Sums of squares over all pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Sums of squares that tell how near a prediction of a photo is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Squares {
-    /// Of the differences to a prediction.
+    /// Of the differences of the photo to the prediction.
     pub difference: f64,
-    /// Of the errors: what noise adds to the other two.
+    /// Of the errors of the photo: what its noise adds to the other two.
     pub noise: f64,
-    /// Of the product.
+    /// Of the photo.
     pub product: f64,
 }
 
+impl Squares {
+    /// The sums over the pixels of a prediction and a photo, whose errors have this sum of squares.
+    pub fn new<'a>(
+        prediction: impl IntoIterator<Item = &'a f64>,
+        photo: impl IntoIterator<Item = &'a f64>,
+        noise: f64,
+    ) -> Self {
+        let pixels = prediction.into_iter().zip(photo);
+        pixels.fold(Self { noise, ..Self::default() }, |sums, (prediction, photo)| Self {
+            difference: sums.difference + (prediction - photo).powi(2),
+            product: sums.product + photo * photo,
+            ..sums
+        })
+    }
+
+    /// The relative difference of the prediction without the noise of the photo, and this noise: `√(‖p − y‖² − ‖e‖²) / ‖y‖` and `‖e‖ / ‖y‖`.
+    /// `None` where the photo is nothing but noise.
+    pub fn relative(self) -> Option<[f64; 2]> {
+        let size = self.product - self.noise;
+        let shares = [(self.difference - self.noise).max(0.0), self.noise];
+        (size > 0.0).then(|| shares.map(|square| (square / size).sqrt()))
+    }
+}
+
+impl std::iter::Sum for Squares {
+    fn sum<I: Iterator<Item = Self>>(each: I) -> Self {
+        each.fold(Self::default(), |sums, one| Self {
+            difference: sums.difference + one.difference,
+            noise: sums.noise + one.noise,
+            product: sums.product + one.product,
+        })
+    }
+}
+
 impl EstimatedProduct {
-    /// The sums of squares that tell how near a prediction of this product is.
+    /// How near a prediction of this product is.
     pub fn squares(&self, prediction: &[f64]) -> Squares {
-        let of = |values: &[f64]| values.iter().map(|value| value * value).sum();
-        let difference = prediction.iter().zip(&self.product).map(|(p, y)| (p - y).powi(2)).sum();
-        Squares { difference, noise: of(&self.error), product: of(&self.product) }
+        Squares::new(prediction, &self.product, self.error.iter().map(|error| error * error).sum())
     }
 }
 
@@ -192,5 +224,29 @@ impl Sums {
             [value, variance.sqrt()]
         });
         EstimatedProduct { product: of(0), error: of(1), quadratic }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_noise_of_independent_light_is_no_error_of_the_answer() {
+        let product = |product: &[f64], error: &[f64]| EstimatedProduct {
+            product: product.to_vec(),
+            error: error.to_vec(),
+            quadratic: None,
+        };
+        // Differences of 0.3 and 0.4 where the noise alone makes them as large, and of 3 and 4 where it does not.
+        let independent = product(&[10.3, 9.6], &[0.3, 0.4]);
+        let exact = independent.squares(&[10.0, 10.0]).relative();
+        assert!(exact.is_some_and(|[error, _]| error < 1e-7), "{exact:?}");
+        let wrong = independent.squares(&[7.3, 5.6]).relative();
+        let size = 10.3_f64.powi(2) + 9.6_f64.powi(2) - 0.25;
+        let expected = ((25.0 - 0.25) / size).sqrt();
+        assert!(wrong.is_some_and(|[error, _]| (error - expected).abs() < 1e-12));
+        let nothing = product(&[0.1, -0.1], &[0.2, 0.2]);
+        assert_eq!(nothing.squares(&[0.0, 0.0]).relative(), None);
     }
 }

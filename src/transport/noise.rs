@@ -72,7 +72,10 @@ pub fn pooled(errors: &Image) -> Result<Image> {
     let blur = Blur::new(errors.resolution(), POOLED);
     let plane = |plane: Vec<f64>| -> Vec<f64> {
         let squares: Vec<f64> = plane.iter().map(|error| error * error).collect();
-        let means = blur.as_ref().map_or(squares.clone(), |blur| blur.apply(&squares));
+        let means = match &blur {
+            Some(blur) => blur.apply(&squares),
+            None => squares,
+        };
         means.into_iter().map(f64::sqrt).collect()
     };
     let planes: Vec<Vec<f64>> = errors.planes().into_iter().map(plane).collect();

@@ -1,11 +1,11 @@
 //! The applications of a captured model: relit patterns, dual photographs, and photos without interreflections.
 
 use super::{SavedModel, cancel_interreflections};
-use crate::analysis::planes::{Planes, relative_error};
+use crate::analysis::planes::{Planes, norm, relative_error};
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::krylov::norm;
 use crate::operator::Adjoint;
+use crate::transport::Squares;
 
 /// The most products with the model, or with the true matrix, to remove the interreflections of one photo.
 const PRODUCTS: usize = 200;
@@ -27,6 +27,8 @@ pub struct Relit {
     /// `‖relit − true‖ / ‖true‖` of the projector's light for each number of photos from 1, without the noise of the true photo that its operator
     /// states; empty without the true photo.
     pub errors: Vec<f64>,
+    /// How near `relit` is to `truth`, both without ambient light.
+    pub comparison: Option<Squares>,
 }
 
 /// A dual photograph: the scene lit from the camera and seen from the projector.
@@ -76,7 +78,7 @@ impl SavedModel {
         let found = by_rank(ranks);
         let each = self.channels.iter().enumerate();
         let errors = each.map(|(channel, of)| of.error_of_rank(&plane(&pattern, channel)));
-        let stated = norm(&errors.collect::<Vec<f64>>()) / norm(&found.concat()).max(f64::MIN_POSITIVE);
+        let stated = norm(&vec![errors.collect()]) / norm(&found).max(f64::MIN_POSITIVE);
         let mut noise = 0.0;
         let truth = products(full, |operator, channel| {
             let mut photo = vec![0.0; operator.rows()];
@@ -85,16 +87,14 @@ impl SavedModel {
             Ok(photo)
         })?;
         let errors = match &truth {
-            Some(truth) => {
-                let of = |rank| without_noise(relative_error(&by_rank(rank), truth), noise, truth);
-                (1..=ranks).map(of).collect()
-            }
+            Some(truth) => (1..=ranks).map(|rank| error(squares(&by_rank(rank), truth, noise))).collect(),
             None => Vec::new(),
         };
         Ok(Relit {
             name: name.to_owned(),
             relit: self.with_ambient(&found)?,
             stated,
+            comparison: truth.as_ref().map(|truth| squares(&found, truth, noise)),
             truth: truth.as_ref().map(|truth| self.with_ambient(truth)).transpose()?,
             pattern,
             errors,
@@ -118,7 +118,7 @@ impl SavedModel {
         Ok(Dual {
             name,
             image: Image::from_planes(self.projector, &found)?,
-            error: truth.map(|truth| without_noise(relative_error(&found, &truth), noise, &truth)),
+            error: truth.map(|truth| error(squares(&found, &truth, noise))),
         })
     }
 
@@ -170,12 +170,18 @@ impl SavedModel {
     }
 }
 
-/// The relative error of an answer from its relative difference to a `truth` with noise: `√(‖a − t‖² − noise) / √(‖t‖² − noise)`, where `noise`
-/// is the expected sum of squares of the errors of the truth.
-fn without_noise(difference: f64, noise: f64, truth: &Planes) -> f64 {
-    let size: f64 = truth.iter().flatten().map(|value| value * value).sum();
-    let [off, size] = [difference * difference * size - noise, size - noise].map(|square| square.max(0.0));
-    if off == 0.0 { 0.0 } else { (off / size).sqrt() }
+/// How near an answer is to a truth whose errors have this expected sum of squares.
+fn squares(found: &Planes, truth: &Planes, noise: f64) -> Squares {
+    Squares::new(found.iter().flatten(), truth.iter().flatten(), noise)
+}
+
+/// The relative error of an answer, without the noise of the truth. A dark photo is predicted exactly, or infinitely wrong.
+fn error(squares: Squares) -> f64 {
+    match squares.relative() {
+        Some([error, _]) => error,
+        None if squares.difference > squares.noise => f64::INFINITY,
+        None => 0.0,
+    }
 }
 
 /// Applies `product` to each channel's operator, if there are any.

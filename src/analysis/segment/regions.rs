@@ -11,6 +11,7 @@
 //! Localized eigenvectors ([`Embedding::is_local`](super::Embedding::is_local)) are left out.
 
 use super::embedding::LEAST_SHARE;
+use crate::krylov::temple_kato;
 
 /// Eigenvalues closer to 1 than this count as this close, so that rounding creates no gaps.
 const FLOOR: f64 = 1e-3;
@@ -60,13 +61,11 @@ impl Regions {
     ) -> Self {
         let residuals: Vec<f64> = gaps.iter().map(|(_, residual)| *residual).collect();
         let gaps: Vec<f64> = gaps.iter().map(|(gap, _)| *gap).collect();
-        // A Ritz value may still come nearer to one as it converges: by its residual, or by Temple and Kato the square of that over the
-        // distance to the next value, whichever is less.
+        // A Ritz value may still come nearer to one as it converges.
         let converged = |index: usize| {
             let residual = residuals[index];
             let apart = gaps.get(index + 1).map_or(0.0, |next| next - gaps[index]);
-            let comes = if apart > residual { residual * residual / apart } else { residual };
-            (gaps[index] - comes).max(FLOOR)
+            (gaps[index] - temple_kato(residual, apart)).max(FLOOR)
         };
         let jump = |index: usize| gaps[index + 1].max(FLOOR) / converged(index);
         let jumps = (0..gaps.len().saturating_sub(1)).take_while(|&index| gaps[index] <= 1.0 - KEPT);

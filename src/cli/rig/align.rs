@@ -1,6 +1,6 @@
 //! `krylux rig align`: are projector and camera at one point, and which way must the camera go?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
@@ -43,8 +43,9 @@ pub(in super::super) struct Args {
     exposure: Option<f64>,
     /// Where the picture goes: shadows red, what is dark for whatever reason violet, arrows where something
     /// is displaced to; it is there as a whole at any moment
-    #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value_os_t = free_file("align", "png"), value_parser = super::png)]
-    file: PathBuf,
+    /// [default: align.png, or the first free one of align-2.png, align-3.png, …]
+    #[arg(short = 'o', long = "output", value_name = "FILE.png", value_parser = super::png)]
+    file: Option<PathBuf>,
     #[command(flatten)]
     live: LiveArgs,
 }
@@ -57,13 +58,14 @@ struct Last {
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    atomic::check_writable(&args.file)?;
+    let file = args.file.clone().unwrap_or_else(|| free_file("align", "png"));
+    atomic::check_writable(&file)?;
     let options =
         AlignOptions { patterns: args.patterns, asymmetry: args.asymmetry, ..AlignOptions::default() };
     let mut bench = args.rig.read(console)?;
     let mut shots = bench.open(console)?;
     let mut last = Last::default();
-    let ended = rounds(args, &options, (&bench, shots.as_mut()), console, &mut last);
+    let ended = rounds((args, &file), &options, (&bench, shots.as_mut()), console, &mut last);
     drop(shots);
     match ended {
         // Ctrl-C is how one stops aligning.
@@ -73,11 +75,11 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let Some(round) = &last.round else { return Err(Error::Interrupted) };
     let is_aligned = matches!(round, Round::Found(found) if found.is_aligned(&options));
     if matches!(round, Round::Found(_)) {
-        console.say(format_args!("wrote     {}", args.file.display()))?;
+        console.say(format_args!("wrote     {}", file.display()))?;
     }
     console.summary(&json!({
         "verb": "rig align",
-        "file": args.file,
+        "file": file,
         "rounds": last.rounds,
         "aligned": is_aligned,
         "last": describe(round),
@@ -86,7 +88,7 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 fn rounds(
-    args: &Args,
+    (args, file): (&Args, &Path),
     options: &AlignOptions,
     (bench, shots): (&Bench, &mut dyn FrameSource),
     console: &Console,
@@ -106,7 +108,7 @@ fn rounds(
         say(last.rounds, &round, options, console)?;
         if let Round::Found(found) = &round {
             let picture = alignment::picture(found, found.least());
-            picture.write_png(&args.file)?;
+            picture.write_png(file)?;
             if let Some(viewer) = &viewer {
                 show(viewer, &bench.name(), &picture);
             }

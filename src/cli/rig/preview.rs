@@ -44,18 +44,20 @@ pub(in super::super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count::<u64>)]
     frames: u64,
     /// The file of the picture; it is complete at any moment
-    #[arg(short = 'o', long = "output", value_name = "FILE.png", default_value_os_t = free_file("preview", "png"), value_parser = super::png)]
-    file: PathBuf,
+    /// [default: preview.png, or the first free one of preview-2.png, preview-3.png, …]
+    #[arg(short = 'o', long = "output", value_name = "FILE.png", value_parser = super::png)]
+    file: Option<PathBuf>,
     #[command(flatten)]
     live: LiveArgs,
 }
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
-    atomic::check_writable(&args.file)?;
+    let file = args.file.clone().unwrap_or_else(|| free_file("preview", "png"));
+    atomic::check_writable(&file)?;
     let mut bench = args.rig.read(console)?;
     let mut frames = bench.open(console)?;
     let mut last = None;
-    let ended = watch(args, &bench, frames.as_mut(), console, &mut last);
+    let ended = watch(args, &file, (&bench, frames.as_mut()), console, &mut last);
     // The devices are free before anything else is said.
     drop(frames);
     match ended {
@@ -64,15 +66,15 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         _ => {}
     }
     let Some(figures) = last else { return Err(Error::Interrupted) };
-    console.say(format_args!("wrote     {}", args.file.display()))?;
-    console.summary(&json!({ "verb": "rig preview", "file": args.file, "figures": figures }))?;
+    console.say(format_args!("wrote     {}", file.display()))?;
+    console.summary(&json!({ "verb": "rig preview", "file": file, "figures": figures }))?;
     Ok(Outcome::Done)
 }
 
 fn watch(
     args: &Args,
-    bench: &Bench,
-    frames: &mut dyn FrameSource,
+    file: &Path,
+    (bench, frames): (&Bench, &mut dyn FrameSource),
     console: &Console,
     last: &mut Option<FrameFigures>,
 ) -> Result<()> {
@@ -86,7 +88,7 @@ fn watch(
     let viewer = args.live.viewer(console);
     let mut preview = Preview::new(frames, frame, exposure, range);
     let mut line = Line { bar: console.line(), console: console.clone(), said: None };
-    let mut picture = Picture { file: &args.file, written: None };
+    let mut picture = Picture { file, written: None };
     let ended = loop {
         if args.frames > 0 && preview.taken() == args.frames {
             break Ok(());

@@ -17,4 +17,4 @@ pub use factorization::Factorization;
 pub(super) use factorization::point_upwards;
 pub use filter::Filter;
 pub use lanczos::Lanczos;
-pub use ritz::{PairStatus, RitzPair, Which};
+pub use ritz::{PairStatus, RitzPair, Which, temple_kato};

@@ -4,4 +4,4 @@ pub(super) mod general;
 mod pairs;
 pub(super) mod symmetric;
 
-pub use pairs::{PairStatus, RitzPair, Which};
+pub use pairs::{PairStatus, RitzPair, Which, temple_kato};

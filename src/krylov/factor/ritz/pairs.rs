@@ -140,9 +140,7 @@ impl RitzPair {
     /// the vector, and is still worth improving when the residual is within the noise.
     pub(in super::super::super) fn is_settled(&self, noise: f64, n: usize) -> bool {
         let noise = noise.max(self.noise);
-        let unconverged =
-            if self.gap > self.residual { self.residual * (self.residual / self.gap) } else { self.residual };
-        self.residual <= noise && unconverged <= evenly(noise, n)
+        self.residual <= noise && temple_kato(self.residual, self.gap) <= evenly(noise, n)
     }
 
     /// A bound on the residual norm of the true operator: `‖A y − θ y‖ + ‖E s‖`, where every product with a
@@ -174,6 +172,12 @@ impl RitzPair {
             self.bound(noise)
         }
     }
+}
+
+/// How far a Ritz value may be from an eigenvalue: its residual, or by Temple and Kato the square of that over the distance to the rest of the
+/// spectrum, whichever is less (see [`RitzPair::gap_bound`]).
+pub fn temple_kato(residual: f64, gap: f64) -> f64 {
+    if gap > residual { residual * (residual / gap) } else { residual }
 }
 
 /// The component, along any one direction, of an error of this norm that is spread evenly over `n` entries.
