@@ -80,6 +80,7 @@
 //! | light transport compensation | [`analysis::compensate`](mod@analysis::compensate) |
 //! | *Optical computing* (2010): low-rank relighting | [`analysis::low_rank`](mod@analysis::low_rank) |
 //! | direct and global light, probing | [`analysis::separate`](mod@analysis::separate), [`analysis::probe`](mod@analysis::probe) |
+//! | patterns painted by hand, their photo seen at once | [`paint`] |
 //! | the figures | [`paper`] makes them again, and holds them to bounds |
 //!
 //! Units, conventions and the symmetric estimator are described in [`render`] and [`transport`].
@@ -90,8 +91,9 @@
 //!
 //! <!-- rooms: begin -->
 //! ```text
-//! cli       → paper, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, machine, error
+//! cli       → paper, paint, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, machine, error
 //! paper     → lab, report, analysis, measure, rig, transport, scene, krylov, io, sparse, operator, observer, image, error
+//! paint     → lab, report, analysis, transport, krylov, io, sparse, operator, observer, image, error
 //! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, file, machine, error
 //! report    → analysis, measure, rig, krylov, io, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error
@@ -130,6 +132,7 @@ mod machine;
 pub mod measure;
 pub mod observer;
 pub mod operator;
+pub mod paint;
 pub mod paper;
 pub mod render;
 pub mod report;

@@ -15,6 +15,7 @@ mod opener;
 mod opening;
 mod operator;
 mod options;
+mod paint;
 mod pattern;
 mod photo;
 mod plan;
@@ -60,6 +61,7 @@ enum Verb {
     Compensate(compensate::Args),
     Separate(separate::Args),
     Relight(relight::Args),
+    Paint(paint::Args),
     Probe(probe::Args),
     Eigs(eigs::Args),
     Audit(audit::Args),
@@ -100,6 +102,7 @@ pub fn main() -> ExitCode {
         Verb::Compensate(args) => compensate::run(args, &console),
         Verb::Separate(args) => separate::run(args, &console),
         Verb::Relight(args) => relight::run(args, &console),
+        Verb::Paint(args) => paint::run(args, &console),
         Verb::Probe(args) => probe::run(args, &console),
         Verb::Eigs(args) => eigs::run(args, &console),
         Verb::Audit(args) => audit::run(args, &console),

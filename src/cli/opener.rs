@@ -1,23 +1,30 @@
-//! Showing a report on the desktop.
+//! Showing a page on the desktop.
 
+use std::ffi::OsStr;
 use std::path::Path;
 
 use super::console::Console;
 
-/// Opens `report` without waiting for the browser. Where there is no opener, or no screen, a note says where the report is: the run itself
-/// is done.
+/// Opens a file without waiting for the browser; see [`open_page`].
 pub(super) fn open(report: &Path, console: &Console) {
-    if let Err(why) = try_open(report) {
-        let report = report.display();
-        console.note(format_args!("note: {report} is not opened: {why}; open it in a browser"));
+    open_page(report, console);
+}
+
+/// Opens a file or an address without waiting for the browser. Where there is no opener, or no screen, a note says where the page is: what
+/// was asked for is done.
+pub(super) fn open_page(page: impl AsRef<OsStr>, console: &Console) {
+    let page = page.as_ref();
+    if let Err(why) = try_open(page) {
+        let page = page.display();
+        console.note(format_args!("note: {page} is not opened: {why}; open it in a browser"));
     }
 }
 
-fn try_open(report: &Path) -> Result<(), String> {
+fn try_open(page: &OsStr) -> Result<(), String> {
     // Without a screen an opener would fall back to a browser in the terminal.
     let is_unix_desktop = cfg!(all(unix, not(target_os = "macos")));
     if is_unix_desktop && ["DISPLAY", "WAYLAND_DISPLAY"].iter().all(|name| std::env::var_os(name).is_none()) {
         return Err("there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set)".into());
     }
-    open::that_detached(report).map_err(|error| error.to_string())
+    open::that_detached(page).map_err(|error| error.to_string())
 }

@@ -8,6 +8,7 @@
 //! | the arrays, pictures and page of one command | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | pictures for setting up a rig | [`preview`], [`alignment`] |
 //! | live images in an external viewer | [`viewer`] |
+//! | scripts of pages | [`web`] |
 //!
 //! Files are written through [`crate::io`].
 
@@ -39,5 +40,6 @@ pub(crate) mod spectrum;
 mod svg;
 pub mod text;
 pub mod viewer;
+pub mod web;
 
 pub(crate) use run::stages;

@@ -1,0 +1,193 @@
+//! `krylux paint`: a page on which light is painted, and the photo seen at once.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::ValueEnum;
+use serde_json::json;
+
+use super::Outcome;
+use super::console::Console;
+use super::opener;
+use super::opening::{Opening, in_journal};
+use super::operator::Bytes;
+use super::options::{ChannelsArg, KeepArgs, SourceArgs, count};
+use super::trace::TraceArgs;
+use crate::error::Result;
+use crate::io::atomic;
+use crate::lab::Lab;
+use crate::lab::text::percent;
+use crate::paint::page::{EmbedOptions, Embedded, Kept, KeptPlanes, Precision};
+use crate::paint::{Answer, Canvas, Ended, Light, Question, ServeOptions, Session, serve};
+
+/// Paint patterns in a browser, and see the photo while the pen moves
+///
+/// Serves one page on this machine, behind an address that nobody can guess, and opens it in the browser. With `-o` the page becomes one file that
+/// holds the light transport matrix, needs no server, and works on a phone.
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// One gray pattern and photo, or three colours
+    #[arg(long, value_enum, default_value = "luma")]
+    channels: ChannelsArg,
+    /// Keep the first bounce, the second and the later ones apart, to be shown alone (scenes only)
+    #[arg(long)]
+    split_bounces: bool,
+    /// The interface and port to serve on; port 0 is any free one. Others than 127.0.0.1 let other machines paint, too
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
+    listen: SocketAddr,
+    /// End when no page was used for so many minutes
+    #[arg(long, value_name = "MINUTES", value_parser = count::<u64>)]
+    idle: Option<u64>,
+    /// Do not open the browser
+    #[arg(long)]
+    no_browser: bool,
+    /// Write the page to this file instead of serving it
+    #[arg(short = 'o', long = "output", value_name = "FILE.html")]
+    file: Option<PathBuf>,
+    #[command(flatten)]
+    embed: EmbedArgs,
+    #[command(flatten)]
+    keep: KeepArgs,
+}
+
+/// How a page that is one file is made.
+#[derive(clap::Args)]
+struct EmbedArgs {
+    /// How -o stores the matrix's values: 11 or 24 bits of precision
+    #[arg(long, value_enum, default_value = "half", requires = "file")]
+    precision: PrecisionArg,
+    /// The largest file of -o; a matrix that takes more is thinned by chance so that every photo stays right on average, and the error is stated
+    #[arg(long, value_name = "BYTES", default_value = "32M", requires = "file")]
+    max_size: Bytes,
+    /// Numbers of groups that the file of -o shows
+    #[arg(long, value_name = "K,K,...", value_delimiter = ',', value_parser = count::<usize>, requires = "file")]
+    groups: Vec<usize>,
+    /// Eigenvectors that the file of -o shows
+    #[arg(long, value_name = "N", value_parser = count::<usize>, requires = "file")]
+    eigenvectors: Option<usize>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum PrecisionArg {
+    Half,
+    Single,
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    if let Some(file) = &args.file {
+        atomic::check_writable(file)?;
+    }
+    let opening = Opening {
+        split_bounces: args.split_bounces,
+        ..Opening::new(&args.source, &args.trace).channels(args.channels)
+    };
+    let mut lab = opening.open(console)?;
+    match &args.file {
+        Some(file) => {
+            let mut canvas = Canvas::new(&mut lab)?;
+            write(&args.embed, file, &mut canvas, console)
+        }
+        None => in_journal(&mut lab, &args.keep, "paint", |lab| serve_page(args, lab, console)),
+    }
+}
+
+fn write(
+    args: &EmbedArgs,
+    file: &std::path::Path,
+    canvas: &mut Canvas<'_>,
+    console: &Console,
+) -> Result<Outcome> {
+    let Bytes(most) = args.max_size;
+    let options = EmbedOptions {
+        precision: match args.precision {
+            PrecisionArg::Half => Precision::Half,
+            PrecisionArg::Single => Precision::Single,
+        },
+        max_bytes: usize::try_from(most).ok(),
+        kept: kept(args, canvas)?,
+    };
+    let page = Embedded::new(canvas, &options)?;
+    page.write(file)?;
+    let mebibytes = page.bytes() as f64 / f64::from(1 << 20);
+    console.say(format_args!("wrote     {}, {mebibytes:.1} MiB", file.display()))?;
+    console.say(format_args!("photos    within {} % of the matrix in memory", percent(page.error)))?;
+    if page.kept < 1.0 {
+        console.note(format_args!(
+            "note: the page would be larger than --max-size allows: it holds {} % of the matrix's entries, chosen by chance so that photos stay right on average",
+            percent(page.kept)
+        ));
+    }
+    console.summary(&json!({
+        "verb": "paint",
+        "file": file,
+        "bytes": page.bytes(),
+        "relative_error": page.error,
+        "kept_entries": page.kept,
+    }))?;
+    Ok(Outcome::Done)
+}
+
+/// What the file shows without asking.
+fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>) -> Result<Kept> {
+    let planes = |answer: Answer| KeptPlanes {
+        groups: answer.groups,
+        values: answer.values,
+        status: answer.status,
+        planes: answer.planes,
+    };
+    let light = if canvas.lights().contains(&Light::Global) { Light::Global } else { Light::All };
+    let groups = (!args.groups.is_empty()).then(|| Question::Groups { groups: args.groups.clone() });
+    let eigenvectors = args.eigenvectors.map(|count| Question::Eigenvectors { light, count });
+    let mut ask = |question: Option<Question>| {
+        question.map(|question| canvas.answer(&question).map(planes)).transpose()
+    };
+    Ok(Kept { groups: ask(groups)?, eigenvectors: ask(eigenvectors)? })
+}
+
+fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
+    if !args.listen.ip().is_loopback() {
+        console.note(format_args!(
+            "warning: {} is no address of this machine alone: whoever has the page's address can paint, and what is sent can be read on the way",
+            args.listen
+        ));
+    }
+    let mut session = Session::new(Canvas::new(lab)?)?;
+    let options = ServeOptions {
+        listen: args.listen,
+        idle: args.idle.map(|minutes| Duration::from_secs(60 * minutes)),
+    };
+    let mut said = Ok(());
+    let ready = |url: &str| said = announce(url, args, console);
+    let notes = console.clone();
+    let ended =
+        serve(&mut session, &options, ready, || console.check(), Arc::new(move |line| notes.note(line)))?;
+    said?;
+    let photos = session.photos();
+    console.summary(&json!({ "verb": "paint", "photos": photos, "ended": ended == Ended::Idle }))?;
+    drop(session);
+    lab.end_run(photos, "painted")?;
+    Ok(Outcome::Done)
+}
+
+/// Says where the page is, and opens it.
+fn announce(url: &str, args: &Args, console: &Console) -> Result<()> {
+    console.say(format_args!("page      {url}"))?;
+    console.summary(&json!({ "verb": "paint", "url": url }))?;
+    let port = url.rsplit(':').next().and_then(|rest| rest.split('/').next()).unwrap_or_default();
+    let is_remote = ["SSH_CONNECTION", "SSH_TTY"].iter().any(|name| std::env::var_os(name).is_some());
+    if is_remote && args.listen.ip().is_loopback() {
+        console
+            .say(format_args!("          over SSH, forward the port: ssh -L {port}:127.0.0.1:{port} HOST"))?;
+    }
+    console.say("          Ctrl-C ends it")?;
+    if !args.no_browser && !is_remote {
+        opener::open_page(url, console);
+    }
+    Ok(())
+}

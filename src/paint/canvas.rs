@@ -1,0 +1,285 @@
+//! A source that is painted on.
+
+use serde::{Deserialize, Serialize};
+
+use super::columns::Columns;
+use crate::analysis::planes::Planes;
+use crate::error::{Error, Result};
+use crate::image::{Image, Resolution};
+use crate::lab::{Lab, LabOperator, MatrixRequest, SourceKind};
+use crate::operator::{Adjoint, Operator};
+use crate::transport::Part;
+
+/// Which light a photo shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Light {
+    /// All light, with the ambient light.
+    All,
+    /// One bounce.
+    Direct,
+    /// Two and more bounces.
+    Global,
+    /// Two bounces.
+    Second,
+    /// Three and more bounces.
+    Later,
+}
+
+impl Light {
+    /// The part of the matrix that is this light, where there is one; the others are single layers.
+    pub(super) fn part(self) -> Option<Part> {
+        match self {
+            Self::All => Some(Part::Full),
+            Self::Direct => Some(Part::Direct),
+            Self::Global => Some(Part::Global),
+            Self::Second | Self::Later => None,
+        }
+    }
+
+    /// Whether a layer of the matrix belongs to this light.
+    pub(super) fn holds(self, layer: Self) -> bool {
+        match self {
+            Self::All => true,
+            Self::Global => layer != Self::Direct,
+            one => one == layer,
+        }
+    }
+}
+
+/// A source that is painted on: an open laboratory, with the columns of its matrix where that is in memory. Photos have one plane or three,
+/// as the laboratory has channels.
+pub struct Canvas<'a> {
+    lab: &'a mut Lab,
+    /// Pixels of patterns and of photos. The unknown size of a square matrix's pictures is taken as square.
+    sizes: [Resolution; 2],
+    /// The layers of the matrix, whose sum is all light; none where the source has no matrix in memory.
+    layers: Vec<(Light, Columns)>,
+    lights: Vec<Light>,
+    ambient: Planes,
+    operators: Vec<(Part, Vec<LabOperator>)>,
+}
+
+impl<'a> Canvas<'a> {
+    /// Opens the light transport of a laboratory: traces a scene, reads a run, connects to a rig.
+    ///
+    /// # Errors
+    /// As [`Lab::operator`].
+    pub fn new(lab: &'a mut Lab) -> Result<Self> {
+        let sizes = [lab.projector_resolution(), lab.resolution()];
+        let sizes = if lab.kind() == SourceKind::Matrix { sizes.map(as_picture) } else { sizes };
+        let layers = layers(lab)?;
+        let lights = match (lab.kind(), layers.len()) {
+            (_, 3..) => vec![Light::All, Light::Direct, Light::Global, Light::Second, Light::Later],
+            (_, 1) | (SourceKind::Rig, _) => vec![Light::All],
+            _ => vec![Light::All, Light::Direct, Light::Global],
+        };
+        let ambient = match lab.kind() {
+            SourceKind::Matrix => vec![vec![0.0; sizes[1].pixels()]],
+            // A rig's photos are without it.
+            SourceKind::Rig => vec![vec![0.0; sizes[1].pixels()]; lab.channels().count()],
+            _ => lab.ambient()?.planes(),
+        };
+        Ok(Self { lab, sizes, layers, lights, ambient, operators: Vec::new() })
+    }
+
+    /// The laboratory.
+    pub fn lab(&mut self) -> &mut Lab {
+        self.lab
+    }
+
+    /// Pixels of patterns.
+    pub fn projector(&self) -> Resolution {
+        self.sizes[0]
+    }
+
+    /// Pixels of photos.
+    pub fn camera(&self) -> Resolution {
+        self.sizes[1]
+    }
+
+    /// Planes of patterns and photos.
+    pub fn channels(&self) -> usize {
+        self.lab.channels().count()
+    }
+
+    /// Which light can be shown; the first is all of it.
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// Whether patterns may be negative: those of a matrix, which no projector has to show.
+    pub fn is_signed(&self) -> bool {
+        self.lab.kind() == SourceKind::Matrix
+    }
+
+    /// Whether photos are taken by devices, so that each takes its time.
+    pub fn is_live(&self) -> bool {
+        self.lab.kind() == SourceKind::Rig
+    }
+
+    /// The layers of the matrix in memory, whose sum is all light without the ambient light; none where there is no such matrix.
+    pub(super) fn layers(&self) -> &[(Light, Columns)] {
+        &self.layers
+    }
+
+    /// The light without projector, which is part of all light only.
+    pub(super) fn ambient_of(&self, light: Light) -> Option<&Planes> {
+        (light == Light::All).then_some(&self.ambient)
+    }
+
+    /// The photo of a pattern, one plane for each channel. It is the photo that [`Lab::photo`] takes, before rounding.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] where the pattern does not have the projector's pixels or channels; those of [`Lab::operator`].
+    pub fn photo(&mut self, light: Light, pattern: &Planes) -> Result<Planes> {
+        Error::check_size("planes of the pattern", self.channels(), pattern.len())?;
+        for plane in pattern {
+            Error::check_size("pixels of the pattern", self.projector().pixels(), plane.len())?;
+        }
+        if self.is_live() {
+            return Ok(self.lab.photo(&Image::from_planes(self.projector(), pattern)?)?.planes());
+        }
+        let mut photo = match light.part() {
+            Some(part) => {
+                let product = |(operator, pattern): (&mut LabOperator, &Vec<f64>)| {
+                    let mut photo = vec![0.0; operator.rows()];
+                    operator.apply(pattern, &mut photo)?;
+                    Ok(photo)
+                };
+                self.operators(part)?.iter_mut().zip(pattern).map(product).collect::<Result<Planes>>()?
+            }
+            None => {
+                let mut photo = vec![vec![0.0; self.camera().pixels()]; self.channels()];
+                for (channel, (photo, pattern)) in photo.iter_mut().zip(pattern).enumerate() {
+                    let of_light = self.layers.iter().filter(|(layer, _)| light.holds(*layer));
+                    of_light.for_each(|(_, columns)| columns.multiply(channel, pattern, photo));
+                }
+                photo
+            }
+        };
+        if let Some(ambient) = self.ambient_of(light) {
+            photo
+                .iter_mut()
+                .flatten()
+                .zip(ambient.iter().flatten())
+                .for_each(|(photo, ambient)| *photo += ambient);
+        }
+        Ok(photo)
+    }
+
+    /// Adds to a photo what a change of one projector pixel adds, `change` in each channel. Returns whether that is possible: the columns of the
+    /// matrix are in memory.
+    pub fn add_pixel(&self, light: Light, pixel: usize, change: &[f64], photo: &mut Planes) -> bool {
+        for (channel, (photo, &change)) in photo.iter_mut().zip(change).enumerate() {
+            let of_light = self.layers.iter().filter(|(layer, _)| light.holds(*layer));
+            of_light.for_each(|(_, columns)| columns.add(channel, pixel, change, photo));
+        }
+        !self.layers.is_empty()
+    }
+
+    /// How many changed pixels take about as long as a whole product.
+    pub fn pixels_of_a_product(&self) -> usize {
+        // A whole product is parallel, and reads its entries in order.
+        if self.layers.is_empty() { 0 } else { self.projector().pixels() / 4 }
+    }
+
+    /// The light of one projector pixel at full brightness, without the ambient light: a column of the matrix.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub fn column(&mut self, light: Light, pixel: usize) -> Result<Planes> {
+        let mut photo = vec![vec![0.0; self.camera().pixels()]; self.channels()];
+        if self.add_pixel(light, pixel, &vec![1.0; self.channels()], &mut photo) {
+            return Ok(photo);
+        }
+        let mut pattern = vec![vec![0.0; self.projector().pixels()]; self.channels()];
+        pattern.iter_mut().for_each(|plane| plane[pixel] = 1.0);
+        let mut photo = self.photo(light, &pattern)?;
+        if let Some(ambient) = self.ambient_of(light) {
+            photo
+                .iter_mut()
+                .flatten()
+                .zip(ambient.iter().flatten())
+                .for_each(|(photo, ambient)| *photo -= ambient);
+        }
+        Ok(photo)
+    }
+
+    /// How much each projector pixel lights one camera pixel: a row of the matrix, which is a dual photograph. `None` where only
+    /// photos in the other direction can be taken.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub fn row(&mut self, light: Light, pixel: usize) -> Result<Option<Planes>> {
+        let projector = self.projector().pixels();
+        if !self.layers.is_empty() {
+            let mut pattern = vec![vec![0.0; projector]; self.channels()];
+            for (channel, plane) in pattern.iter_mut().enumerate() {
+                let of_light = self.layers.iter().filter(|(layer, _)| light.holds(*layer));
+                of_light.for_each(|(_, columns)| columns.add_row(channel, pixel, plane));
+            }
+            return Ok(Some(pattern));
+        }
+        let (Some(part), false) = (light.part(), self.is_live()) else { return Ok(None) };
+        let mut seen = vec![0.0; self.camera().pixels()];
+        seen[pixel] = 1.0;
+        let product = |operator: &mut LabOperator| {
+            let mut pattern = vec![0.0; operator.cols()];
+            operator.apply_adjoint(&seen, &mut pattern)?;
+            Ok(pattern)
+        };
+        self.operators(part)?.iter_mut().map(product).collect::<Result<_>>().map(Some)
+    }
+
+    /// The operators of a part, one for each channel. Their products are not recorded: a page takes many thousands.
+    pub(super) fn operators(&mut self, part: Part) -> Result<&mut Vec<LabOperator>> {
+        let at = match self.operators.iter().position(|(of, _)| *of == part) {
+            Some(at) => at,
+            None => {
+                self.operators.push((part, self.lab.reference_operators(part)?));
+                self.operators.len() - 1
+            }
+        };
+        Ok(&mut self.operators[at].1)
+    }
+}
+
+/// The layers of the matrix, where it is in memory.
+fn layers(lab: &mut Lab) -> Result<Vec<(Light, Columns)>> {
+    let has_matrix = match lab.kind() {
+        SourceKind::Scene => lab.assembled()?.is_some(),
+        SourceKind::Matrix => true,
+        SourceKind::Run | SourceKind::Rig => false,
+    };
+    if !has_matrix {
+        return Ok(Vec::new());
+    }
+    let request = |part, split_bounces| MatrixRequest { part, split_bounces, photos: None };
+    // `[layer][channel]` from `[channel][layer]`.
+    let by_layer = |lights: &[Light], matrices: Vec<Vec<(&'static str, crate::sparse::Csr)>>| {
+        let mut channels: Vec<_> = matrices.into_iter().map(Vec::into_iter).collect();
+        let layer = |&light: &Light| {
+            let of_channels = channels.iter_mut().filter_map(|layers| Some(layers.next()?.1));
+            (light, Columns::new(of_channels.collect()))
+        };
+        lights.iter().map(layer).collect::<Vec<_>>()
+    };
+    let is_square = lab.resolution().pixels() == lab.projector_resolution().pixels();
+    if lab.kind() == SourceKind::Scene && lab.settings().split_bounces {
+        let lights = [Light::Direct, Light::Second, Light::Later];
+        return Ok(by_layer(&lights, lab.matrices(&request(Part::Full, true))?));
+    }
+    if lab.kind() == SourceKind::Matrix && !is_square {
+        return Ok(by_layer(&[Light::All], lab.matrices(&request(Part::Full, false))?));
+    }
+    let mut found = by_layer(&[Light::Direct], lab.matrices(&request(Part::Direct, false))?);
+    found.extend(by_layer(&[Light::Global], lab.matrices(&request(Part::Global, false))?));
+    Ok(found)
+}
+
+/// A matrix does not tell the sizes of its pictures: a square number of pixels is taken as a square.
+fn as_picture(strip: Resolution) -> Resolution {
+    let side = strip.pixels().isqrt();
+    if side * side == strip.pixels() { Resolution::new(side, side) } else { strip }
+}

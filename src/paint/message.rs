@@ -1,0 +1,166 @@
+//! The messages between page and server, in bytes. All numbers are little-endian; planes are 32-bit floats, one plane after the other.
+//!
+//! Each binary message begins with eight bytes: its kind, its flags, the index of its light among [`Canvas::lights`](super::Canvas::lights), and
+//! a number. What is rare and small (greetings, questions, errors) travels as JSON text instead.
+
+use serde::Deserialize;
+
+use super::question::Question;
+use crate::analysis::planes::Planes;
+
+/// Bytes before the content of a message.
+pub const HEADER: usize = 8;
+
+/// What a page asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Wish {
+    /// New values of single pixels of the pattern, one for each channel.
+    Change(Vec<(u32, Vec<f32>)>),
+    /// A whole new pattern.
+    Replace(Planes),
+    /// The exact photo of the pattern: a stroke has ended.
+    Finish,
+    /// Another light, by its index.
+    Light(usize),
+    /// The light of a projector pixel.
+    Column(u32),
+    /// Which projector pixels light a camera pixel.
+    Row(u32),
+    /// A question that takes longer.
+    Ask(Asked),
+}
+
+/// A question, with the number under which the page expects the answer.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Asked {
+    /// The page's number.
+    pub number: u32,
+    /// The question.
+    #[serde(flatten)]
+    pub question: Question,
+}
+
+/// What is in a message of the server.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A photo; the number is that of the author's last wish in it. The flag says that it is exact.
+    Photo = 1,
+    /// The pattern of that photo, for those who did not paint it.
+    Pattern = 2,
+    /// The light of the projector pixel that is the number.
+    Column = 3,
+    /// What lights the camera pixel that is the number.
+    Row = 4,
+    /// The answer to the question of this number: the length of a JSON text, the text, and planes.
+    Answer = 5,
+}
+
+/// Reads a binary message. `channels` and `pixels` are those of the pattern; the number is the page's own.
+///
+/// # Errors
+/// What is wrong with the message, in a few words.
+pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, Wish), String> {
+    let (Some(header), Some(content)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
+        return Err(format!("a message of {} bytes, shorter than its header", bytes.len()));
+    };
+    let light = usize::from(u16::from_le_bytes([header[2], header[3]]));
+    let number = u32::from_le_bytes([header[4], header[5], header[6], header[7]]);
+    let wish = match header[0] {
+        1 => Wish::Change(changes(content, channels, pixels)?),
+        2 => Wish::Replace(planes(content, channels, pixels)?),
+        3 => Wish::Finish,
+        4 => Wish::Light(light),
+        5 => Wish::Column(number),
+        6 => Wish::Row(number),
+        kind => return Err(format!("a message of unknown kind {kind}")),
+    };
+    Ok((number, wish))
+}
+
+fn changes(content: &[u8], channels: usize, pixels: usize) -> Result<Vec<(u32, Vec<f32>)>, String> {
+    let size = 4 * (1 + channels);
+    if !content.len().is_multiple_of(size) {
+        return Err(format!("changes of {} bytes, which is no multiple of {size}", content.len()));
+    }
+    let change = |entry: &[u8]| {
+        let words: Vec<[u8; 4]> = entry.as_chunks::<4>().0.to_vec();
+        let pixel = u32::from_le_bytes(words[0]);
+        let values: Vec<f32> = words[1..].iter().map(|&word| f32::from_le_bytes(word)).collect();
+        match (pixel as usize) < pixels && values.iter().all(|value| value.is_finite()) {
+            true => Ok((pixel, values)),
+            false => Err(format!("a change of pixel {pixel} to {values:?}, of a pattern of {pixels} pixels")),
+        }
+    };
+    content.chunks_exact(size).map(change).collect()
+}
+
+fn planes(content: &[u8], channels: usize, pixels: usize) -> Result<Planes, String> {
+    if content.len() != 4 * channels * pixels {
+        return Err(format!("a pattern of {} bytes in place of {}", content.len(), 4 * channels * pixels));
+    }
+    let values: Vec<f64> =
+        content.as_chunks::<4>().0.iter().map(|&word| f64::from(f32::from_le_bytes(word))).collect();
+    if values.iter().any(|value| !value.is_finite()) {
+        return Err("a pattern with values that are no finite numbers".into());
+    }
+    Ok(values.chunks_exact(pixels).map(<[f64]>::to_vec).collect())
+}
+
+/// A message of planes.
+pub fn write(kind: Kind, is_exact: bool, light: usize, number: u32, planes: &Planes) -> Vec<u8> {
+    let mut bytes = header(kind, is_exact, light, number);
+    put(&mut bytes, planes);
+    bytes
+}
+
+/// An answer: a JSON text with planes.
+pub fn write_answer(number: u32, text: &str, planes: &Planes) -> Vec<u8> {
+    let mut bytes = header(Kind::Answer, true, 0, number);
+    // Floats begin at multiples of four.
+    let padded = text.len().next_multiple_of(4);
+    bytes.extend((padded as u32).to_le_bytes());
+    bytes.extend(text.as_bytes());
+    bytes.resize(HEADER + 4 + padded, b' ');
+    put(&mut bytes, planes);
+    bytes
+}
+
+fn header(kind: Kind, is_exact: bool, light: usize, number: u32) -> Vec<u8> {
+    let mut bytes = vec![kind as u8, u8::from(is_exact)];
+    bytes.extend((light as u16).to_le_bytes());
+    bytes.extend(number.to_le_bytes());
+    bytes
+}
+
+fn put(bytes: &mut Vec<u8>, planes: &Planes) {
+    bytes.extend(planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_are_read_and_broken_messages_are_refused_by_what_is_wrong() {
+        let mut bytes = vec![1, 0, 0, 0, 7, 0, 0, 0];
+        bytes.extend(3_u32.to_le_bytes());
+        bytes.extend(0.5_f32.to_le_bytes());
+        assert_eq!(read(&bytes, 1, 4), Ok((7, Wish::Change(vec![(3, vec![0.5])]))));
+        let fault = |bytes: &[u8], pixels| read(bytes, 1, pixels).err().unwrap_or_default();
+        assert!(fault(&bytes, 3).contains("pixel 3"));
+        assert!(fault(&bytes[..12], 4).contains("multiple of 8"));
+        assert!(fault(&bytes[..5], 4).contains("shorter"));
+        assert!(fault(&[9, 0, 0, 0, 0, 0, 0, 0], 4).contains("kind 9"));
+        bytes.truncate(12);
+        bytes.extend(f32::NAN.to_le_bytes());
+        assert!(fault(&bytes, 4).contains("NaN"));
+        assert!(fault(&[2, 0, 0, 0, 0, 0, 0, 0, 1], 4).contains("16"));
+    }
+
+    #[test]
+    fn planes_of_answers_begin_at_multiples_of_four() {
+        let bytes = write_answer(5, "{}", &vec![vec![1.0, -2.0]]);
+        assert_eq!(bytes.len(), HEADER + 4 + 4 + 8);
+        assert_eq!(bytes[16..20], 1.0_f32.to_le_bytes());
+    }
+}

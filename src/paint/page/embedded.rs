@@ -1,0 +1,292 @@
+//! The page as one file, which holds the matrix and needs no server.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use rand::{RngExt, SeedableRng};
+use serde_json::{Value, json};
+
+use super::packed::{Precision, deflated, pack, plain, scale_of};
+use super::{Page, WORKER, describe};
+use crate::analysis::planes::{Planes, difference, norm};
+use crate::error::{Error, Result};
+use crate::paint::canvas::{Canvas, Light};
+use crate::paint::columns::Columns;
+use crate::report::web::bundle;
+use crate::sparse::Csr;
+
+/// How the file is made.
+#[derive(Clone, Debug)]
+pub struct EmbedOptions {
+    /// How the matrix's values are stored.
+    pub precision: Precision,
+    /// The most bytes of the file. A matrix that takes more is thinned: small entries are left out by chance, and others made larger, so that
+    /// every photo stays right on average. `None` for any size.
+    pub max_bytes: Option<usize>,
+    /// What the page shows without asking: groups and eigenvectors that are known.
+    pub kept: Kept,
+}
+
+/// Answers that are kept in the file.
+#[derive(Clone, Debug, Default)]
+pub struct Kept {
+    /// Labels, one plane for each number of groups.
+    pub groups: Option<KeptPlanes>,
+    /// Eigenvectors, one plane each, with their eigenvalues.
+    pub eigenvectors: Option<KeptPlanes>,
+}
+
+/// Planes of an answer.
+#[derive(Clone, Debug, Default)]
+pub struct KeptPlanes {
+    /// Numbers of groups.
+    pub groups: Vec<usize>,
+    /// Eigenvalues.
+    pub values: Vec<f64>,
+    /// What was found, as a sentence.
+    pub status: String,
+    /// One for each group count or eigenvector, with the camera's pixels.
+    pub planes: Planes,
+}
+
+/// A finished page.
+#[derive(Clone, Debug)]
+pub struct Embedded {
+    html: String,
+    /// What storing the matrix changes: the relative difference of the photos of white, of a checkerboard and of random patterns, at most.
+    pub error: f64,
+    /// The share of the matrix's entries that the page has.
+    pub kept: f64,
+}
+
+/// Shares of entries that are tried where the whole matrix is too large.
+const LEAST_SHARE: f64 = 0.02;
+
+impl Embedded {
+    /// Makes the page of a canvas whose matrix is in memory.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming `-o` where there is no matrix, and `--max-size` where no thinned one is small enough; those of
+    /// [`Canvas::photo`].
+    pub fn new(canvas: &mut Canvas<'_>, options: &EmbedOptions) -> Result<Self> {
+        if canvas.layers().is_empty() {
+            return Err(Error::Option {
+                option: "-o".into(),
+                fault: "a page without server holds the light transport matrix, and this source has none in memory"
+                    .into(),
+                help: "give a scene or a matrix, or serve the page".into(),
+            });
+        }
+        let mut share = 1.0;
+        loop {
+            let layers: Vec<(Light, Columns)> =
+                canvas.layers().iter().map(|(light, columns)| (*light, thinned(columns, share))).collect();
+            let html = html(canvas, &layers, options)?;
+            let most = options.max_bytes.unwrap_or(usize::MAX);
+            if html.len() <= most {
+                let error = error(canvas, &layers, options.precision)?;
+                let count =
+                    |layers: &[(Light, Columns)]| layers.iter().map(|(_, of)| of.nonzeros()).sum::<usize>();
+                let kept = count(&layers) as f64 / count(canvas.layers()).max(1) as f64;
+                return Ok(Self { html, error, kept });
+            }
+            if share <= LEAST_SHARE {
+                return Err(too_large(html.len(), most));
+            }
+            // What is not of the matrix does not shrink; a little less than what should fit.
+            share = (share * 0.97 * most as f64 / html.len() as f64).max(LEAST_SHARE);
+        }
+    }
+
+    /// Bytes of the file.
+    pub fn bytes(&self) -> usize {
+        self.html.len()
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn write(&self, path: &Path) -> Result<()> {
+        crate::io::atomic::write_bytes(path, self.html.as_bytes())
+    }
+}
+
+fn too_large(bytes: usize, most: usize) -> Error {
+    let mebibytes = |bytes: usize| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
+    Error::Option {
+        option: "--max-size".into(),
+        fault: format!(
+            "the page takes {} with {} % of the matrix's entries, more than {}",
+            mebibytes(bytes),
+            100.0 * LEAST_SHARE,
+            mebibytes(most)
+        ),
+        help: "use a smaller --size, or allow more".into(),
+    }
+}
+
+/// Keeps about this share of the entries: those above a threshold `τ` as they are, a smaller one `a` with the probability `|a| / τ` as `±τ`. The
+/// mean of every entry stays what it was. Both halves of a symmetric matrix are thinned alike.
+fn thinned(columns: &Columns, share: f64) -> Columns {
+    if share >= 1.0 {
+        return columns.clone();
+    }
+    // Channels share positions: an entry counts by its largest size relative to its channel's largest.
+    let scales: Vec<f64> = columns.channels().iter().map(scale_of).collect();
+    let size = |column: usize, at: usize| {
+        let sizes =
+            columns.channels().iter().zip(&scales).map(|(of, scale)| of.row(column).1[at].abs() / scale);
+        sizes.fold(0.0, f64::max)
+    };
+    let first = &columns.channels()[0];
+    let sizes: Vec<f64> = (0..first.rows())
+        .flat_map(|column| (0..first.row(column).0.len()).map(move |at| (column, at)))
+        .map(|(c, a)| size(c, a))
+        .collect();
+    let threshold = threshold(sizes, share);
+    let mut row_start = vec![0];
+    let mut places_kept = Vec::new();
+    let mut values_kept: Vec<Vec<f64>> = vec![Vec::new(); scales.len()];
+    for column in 0..first.rows() {
+        for (at, &place) in first.row(column).0.iter().enumerate() {
+            let probability = (size(column, at) / threshold).min(1.0);
+            if probability < 1.0 && chance(column, place as usize) >= probability {
+                continue;
+            }
+            places_kept.push(place);
+            for (values, of) in values_kept.iter_mut().zip(columns.channels()) {
+                values.push(of.row(column).1[at] / probability);
+            }
+        }
+        row_start.push(places_kept.len());
+    }
+    let thin = |values: Vec<f64>| Csr::new(first.cols(), row_start.clone(), places_kept.clone(), values).ok();
+    // The positions are a part of those of a valid matrix.
+    Columns::new(values_kept.into_iter().filter_map(thin).collect())
+}
+
+/// The threshold above which entries count whole, so that `Σ min(1, size / τ)` is this share of them.
+fn threshold(mut sizes: Vec<f64>, share: f64) -> f64 {
+    sizes.sort_by(f64::total_cmp);
+    let wanted = share * sizes.len() as f64;
+    let mut below = sizes.iter().sum::<f64>();
+    // From the largest down: with `k` whole ones, τ is what the others must share.
+    for (whole, &size) in sizes.iter().rev().enumerate() {
+        let threshold = below / (wanted - whole as f64).max(f64::MIN_POSITIVE);
+        if size <= threshold {
+            return threshold.max(f64::MIN_POSITIVE);
+        }
+        below -= size;
+    }
+    f64::MIN_POSITIVE
+}
+
+/// A number from 0 to 1 by chance, the same for both halves of a symmetric matrix.
+fn chance(column: usize, place: usize) -> f64 {
+    let (low, high) = (column.min(place) as u64, column.max(place) as u64);
+    rand_pcg::Pcg64Mcg::seed_from_u64(high << 32 | low).random()
+}
+
+/// The relative difference that storing makes to photos, the largest of four.
+fn error(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], precision: Precision) -> Result<f64> {
+    let (pixels, camera, width) =
+        (canvas.projector().pixels(), canvas.camera().pixels(), canvas.projector().width);
+    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(1);
+    let checker = |pixel: usize| ((pixel % width / 3 + pixel / width / 3) % 2) as f64;
+    let patterns: [Vec<f64>; 4] = [
+        vec![1.0; pixels],
+        (0..pixels).map(checker).collect(),
+        (0..pixels).map(|_| random.random::<f64>()).collect(),
+        (0..pixels).map(|_| f64::from(u8::from(random.random::<f64>() < 0.01))).collect(),
+    ];
+    let mut worst = 0.0_f64;
+    for pattern in &patterns {
+        let [mut exact, mut stored] = [0, 1].map(|_| vec![vec![0.0; camera]; canvas.channels()]);
+        for (light, columns) in canvas.layers() {
+            let of_light = layers.iter().find(|(of, _)| of == light).map(|(_, columns)| columns);
+            for channel in 0..exact.len() {
+                columns.multiply(channel, pattern, &mut exact[channel]);
+                if let Some(of_light) = of_light {
+                    multiply_rounded(&of_light.channels()[channel], precision, pattern, &mut stored[channel]);
+                }
+            }
+        }
+        worst = worst.max(norm(&difference(&exact, &stored)) / norm(&exact).max(f64::MIN_POSITIVE));
+    }
+    Ok(worst)
+}
+
+fn multiply_rounded(columns: &Csr, precision: Precision, pattern: &[f64], photo: &mut [f64]) {
+    let scale = scale_of(columns);
+    for (pixel, &value) in pattern.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+        let (places, values) = columns.row(pixel);
+        for (&place, entry) in places.iter().zip(values) {
+            photo[place as usize] += value * scale * precision.rounded(entry / scale);
+        }
+    }
+}
+
+/// The page with these layers.
+fn html(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], options: &EmbedOptions) -> Result<String> {
+    let mut sections = Sections::default();
+    let layers: Vec<Value> = layers
+        .iter()
+        .map(|(light, columns)| {
+            let packed = pack(columns.channels(), options.precision);
+            json!({
+                "light": light,
+                "rows": canvas.camera().pixels(),
+                "columns": canvas.projector().pixels(),
+                "symmetric": packed.is_symmetric,
+                "precision": options.precision,
+                "scales": packed.scales,
+                "positions": sections.add(deflated(&packed.positions)),
+                "values": packed.values.iter().map(|bytes| sections.add(deflated(bytes))).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    let floats = |planes: &Planes| -> Vec<u8> {
+        planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()).collect()
+    };
+    let mut info = describe(canvas)?;
+    let ambient = canvas.ambient_of(Light::All).map(floats).unwrap_or_default();
+    info["isEmbedded"] = json!(true);
+    info["welcome"] = json!("The light transport matrix is in this page");
+    info["layers"] = json!(layers);
+    info["ambient"] = json!(sections.add(deflated(&ambient)));
+    let kept = |planes: &KeptPlanes, section: usize| json!({ "groups": planes.groups, "values": planes.values, "status": planes.status, "section": section });
+    info["kept"] = json!({});
+    if let Some(groups) = &options.kept.groups {
+        let labels: Vec<u8> = groups.planes.iter().flatten().map(|&label| label as u8).collect();
+        info["kept"]["groups"] = kept(groups, sections.add(plain(&labels)));
+    }
+    if let Some(eigenvectors) = &options.kept.eigenvectors {
+        info["kept"]["eigenvectors"] = kept(eigenvectors, sections.add(plain(&floats(&eigenvectors.planes))));
+    }
+    let data = format!(
+        "{}<script type=\"text/plain\" id=\"worker\">\n{}</script>\n",
+        sections.html,
+        bundle(&WORKER)
+    );
+    let about = "This file holds the light transport matrix and needs no server: it sends nothing anywhere.";
+    Ok(Page { info: &info, about, nonce: None, data: &data }.html())
+}
+
+/// Elements that hold bytes as text.
+#[derive(Default)]
+struct Sections {
+    html: String,
+    count: usize,
+}
+
+impl Sections {
+    /// Adds one; returns its number.
+    fn add(&mut self, text: String) -> usize {
+        // Writing to a string cannot fail.
+        let _ =
+            writeln!(self.html, "<script type=\"text/plain\" id=\"section-{}\">{text}</script>", self.count);
+        self.count += 1;
+        self.count - 1
+    }
+}

@@ -1,0 +1,135 @@
+//! The page as HTML: one that asks the server, or one file that holds the matrix.
+
+mod embedded;
+mod packed;
+
+use hyper::body::Bytes;
+use serde_json::{Value, json};
+
+use super::canvas::{Canvas, Light};
+use crate::error::Result;
+use crate::image::Image;
+use crate::io::tone;
+use crate::report::colormap::signed_color;
+use crate::report::palette::label_color;
+use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VIEW, bundle, embedded_json};
+pub use embedded::{EmbedOptions, Embedded, Kept, KeptPlanes};
+pub use packed::Precision;
+
+const PAGE: &str = include_str!("../web/paint.html");
+const STYLE: &str = include_str!("../web/paint.css");
+
+/// The modules of the page, each after those that it imports.
+const MODULES: [Module; 17] = [
+    FORMAT,
+    COLOR,
+    VIEW,
+    PICTURE,
+    NUMPY,
+    ("brush.js", include_str!("../web/brush.js")),
+    ("history.js", include_str!("../web/history.js")),
+    ("exr.js", include_str!("../web/exr.js")),
+    ("files.js", include_str!("../web/files.js")),
+    ("served.js", include_str!("../web/served.js")),
+    ("embedded.js", include_str!("../web/embedded.js")),
+    ("conductor.js", include_str!("../web/conductor.js")),
+    ("display.js", include_str!("../web/display.js")),
+    ("easel.js", include_str!("../web/easel.js")),
+    ("pointing.js", include_str!("../web/pointing.js")),
+    ("questions.js", include_str!("../web/questions.js")),
+    ("page.js", include_str!("../web/page.js")),
+];
+
+/// The modules of the worker of a page without server.
+const WORKER: [Module; 3] = [
+    ("matrix.js", include_str!("../web/matrix.js")),
+    ("solver.js", include_str!("../web/solver.js")),
+    ("worker.js", include_str!("../web/worker.js")),
+];
+
+/// The page of a server.
+#[derive(Clone, Debug)]
+pub struct Served(Bytes);
+
+impl Served {
+    /// The page for a canvas; its scripts bear the mark `nonce`.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub(super) fn new(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Self> {
+        let info = describe(canvas)?;
+        let about =
+            "Everything that is painted here stays on this machine and the server that printed this address.";
+        let page = Page { info: &info, about, nonce: Some(nonce), data: "" };
+        Ok(Self(Bytes::from(page.html())))
+    }
+
+    /// The page.
+    pub(super) fn html(&self) -> Bytes {
+        self.0.clone()
+    }
+}
+
+/// What the page is filled with.
+struct Page<'a> {
+    info: &'a Value,
+    /// A sentence at the end.
+    about: &'a str,
+    nonce: Option<&'a str>,
+    /// Elements with the matrix, and the worker.
+    data: &'a str,
+}
+
+impl Page<'_> {
+    fn html(&self) -> String {
+        let nonce = self.nonce.map(|nonce| format!(" nonce=\"{nonce}\"")).unwrap_or_default();
+        let title = escape(self.info["name"].as_str().unwrap_or_default());
+        let filled = [
+            ("{{nonce}}", nonce.as_str()),
+            ("{{title}}", &title),
+            ("{{about}}", &escape(self.about)),
+            ("{{style}}", STYLE),
+            ("{{info}}", &embedded_json(self.info)),
+            ("{{script}}", &bundle(&MODULES)),
+            ("{{data}}", self.data),
+        ];
+        // The large parts come last: nothing is looked for in them.
+        filled.iter().fold(PAGE.to_owned(), |page, (mark, text)| page.replace(mark, text))
+    }
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// What the page's scripts know of the source.
+fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
+    let channels = canvas.channels();
+    let white = canvas.photo(Light::All, &vec![vec![1.0; canvas.projector().pixels()]; channels])?;
+    let white = Image::from_planes(canvas.camera(), &white)?;
+    let size = |of: crate::image::Resolution| [of.width, of.height];
+    const SIGNED: i32 = 128;
+    let signed_colors: Vec<u8> =
+        (-SIGNED..=SIGNED).flat_map(|step| signed_color(f64::from(step) / f64::from(SIGNED))).collect();
+    let welcome = match (canvas.is_live(), canvas.layers().is_empty()) {
+        (true, _) => "Live: each photo is taken by the rig",
+        (false, true) => "Photos come from a model, or are traced anew",
+        (false, false) => "The light transport matrix is in memory",
+    };
+    Ok(json!({
+        "name": canvas.lab().name(),
+        "unit": canvas.lab().unit(),
+        "projector": size(canvas.projector()),
+        "camera": size(canvas.camera()),
+        "channels": channels,
+        "lights": canvas.lights(),
+        "isSigned": canvas.is_signed(),
+        "isLinear": !canvas.is_live(),
+        "isSquare": canvas.projector() == canvas.camera(),
+        "isEmbedded": false,
+        "white": 1.0 / f64::from(tone::exposure(&white)),
+        "welcome": welcome,
+        "signedColors": signed_colors,
+        "labelColors": (0..=u8::MAX).flat_map(label_color).collect::<Vec<u8>>(),
+    }))
+}

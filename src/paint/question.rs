@@ -1,0 +1,198 @@
+//! Questions that are ready on the page: groups, eigenvectors, and patterns for a wanted photo.
+
+use serde::{Deserialize, Serialize};
+
+use super::canvas::{Canvas, Light};
+use crate::analysis::SegmentOptions;
+use crate::analysis::planes::Planes;
+use crate::analysis::segment::{SegmentRequest, Segmented};
+use crate::error::{Error, Result};
+use crate::krylov::{EigsOptions, Method, SolveOptions, solve_adjoint};
+use crate::observer::Observer;
+use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::transport::Part;
+
+/// The most eigenvectors, and the most groups, that a page may ask for.
+const MOST: usize = 32;
+
+/// A question.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "ask", rename_all = "lowercase")]
+pub enum Question {
+    /// The eigenvectors of the largest eigenvalues of a part of the light.
+    Eigenvectors {
+        /// All light, or global light.
+        light: Light,
+        /// How many, from 1 to 32.
+        count: usize,
+    },
+    /// Groups of pixels that exchange light, for each of these numbers of groups; for none, as many as the light shows regions.
+    Groups {
+        /// Each from 2 to 32.
+        groups: Vec<usize>,
+    },
+    /// The pattern whose photo comes nearest to a target where that counts.
+    Pattern {
+        /// The wanted photo, `channels × pixels`, in the unit of photos.
+        target: Vec<Vec<f32>>,
+        /// How much each camera pixel counts, from 0 to 1.
+        weights: Vec<f32>,
+    },
+}
+
+/// An answer: numbers for a JSON text, with planes beside it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Answer {
+    /// Eigenvalues, one for each plane, or the relative residual of a pattern.
+    pub values: Vec<f64>,
+    /// Numbers of groups, one for each plane.
+    pub groups: Vec<usize>,
+    /// What was found, as a sentence.
+    pub status: String,
+    /// Eigenvectors, labels or the pattern.
+    #[serde(skip)]
+    pub planes: Planes,
+}
+
+impl Canvas<'_> {
+    /// Answers a question.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for what this source cannot be asked; those of the methods behind it.
+    pub fn answer(&mut self, question: &Question) -> Result<Answer> {
+        match question {
+            Question::Eigenvectors { light, count } => self.eigenvectors(*light, *count),
+            Question::Groups { groups } => self.groups(groups),
+            Question::Pattern { target, weights } => self.pattern_for(target, weights),
+        }
+    }
+
+    fn eigenvectors(&mut self, light: Light, count: usize) -> Result<Answer> {
+        let Some(part) = light.part() else {
+            return refused("eigenvectors of single bounces", "choose all, direct or global light");
+        };
+        let count = count.clamp(1, MOST);
+        let options = EigsOptions { count, products: 60.max(4 * count), ..EigsOptions::default() };
+        let found = crate::krylov::eigs(&mut self.lab().reference_operators(part)?.remove(0), &options)?;
+        let values = found.values.iter().zip(&found.residuals);
+        let worst = values.map(|(value, residual)| residual / value.abs().max(f64::MIN_POSITIVE));
+        let worst = worst.fold(0.0, f64::max);
+        Ok(Answer {
+            status: format!("{} products; relative residuals up to {worst:.1e}", found.stats.products),
+            values: found.values,
+            groups: Vec::new(),
+            planes: found.vectors,
+        })
+    }
+
+    fn groups(&mut self, groups: &[usize]) -> Result<Answer> {
+        let groups: Vec<usize> =
+            groups.iter().copied().filter(|groups| (2..=MOST).contains(groups)).collect();
+        let eigenvectors = groups.iter().copied().max().unwrap_or(0).max(10);
+        let options = SegmentOptions { eigenvectors, ..SegmentOptions::groups(groups) };
+        let request = SegmentRequest {
+            options,
+            direct: Default::default(),
+            blur: 0.0,
+            features: Vec::new(),
+            evidence: false,
+        };
+        let resolution = self.camera();
+        let mut global = self.lab().reference_operators(Part::Global)?.remove(0);
+        let Segmented { segmentation, .. } = request.run(&mut global as &mut dyn Operator, resolution)?;
+        Ok(Answer {
+            values: segmentation.eigenvalues,
+            groups: segmentation.labels.iter().map(|(groups, _)| *groups).collect(),
+            status: segmentation.status,
+            planes: segmentation
+                .labels
+                .iter()
+                .map(|(_, labels)| labels.iter().map(|&l| f64::from(l)).collect())
+                .collect(),
+        })
+    }
+
+    /// The pattern by FISTA, or where every pixel counts the same by krylov-box, which needs fewer photos.
+    fn pattern_for(&mut self, target: &[Vec<f32>], weights: &[f32]) -> Result<Answer> {
+        let pixels = self.camera().pixels();
+        if self.projector().pixels() != pixels {
+            return refused(
+                "a pattern for a wanted photo, where camera and projector have different pixels",
+                "use a coaxial rig",
+            );
+        }
+        let is_valid = |plane: &[f32]| plane.len() == pixels && plane.iter().all(|value| value.is_finite());
+        if target.len() != self.channels()
+            || !target.iter().all(|plane| is_valid(plane))
+            || !is_valid(weights)
+        {
+            return refused("a target that does not have the photo's pixels", "send planes as the photo has");
+        }
+        let weights: Vec<f64> = weights.iter().map(|&weight| f64::from(weight.clamp(0.0, 1.0))).collect();
+        let ambient = self.ambient_of(Light::All).cloned().unwrap_or_default();
+        let products = if self.is_live() { 30 } else { 200 };
+        let mut answer = Answer::default();
+        for (channel, operator) in self.lab().reference_operators(Part::Full)?.iter_mut().enumerate() {
+            let wanted = target[channel].iter().zip(&ambient[channel]).zip(&weights);
+            let b: Vec<f64> =
+                wanted.map(|((&target, ambient), weight)| weight * (f64::from(target) - ambient)).collect();
+            let mut white = vec![0.0; pixels];
+            operator.apply(&vec![1.0; pixels], &mut white)?;
+            let options =
+                SolveOptions { products, rtol: 1e-3, diagonal: Some(white), ..SolveOptions::default() };
+            let is_even = weights.iter().all(|&weight| weight == 1.0);
+            let method = if is_even { Method::KrylovBox } else { Method::Fista };
+            let found = solve_adjoint(method, &mut Weighted { operator, weights: &weights }, &b, &options)?;
+            answer.values.push(found.residual);
+            answer.planes.push(found.x);
+        }
+        let worst = answer.values.iter().copied().fold(0.0, f64::max);
+        answer.status = format!("relative residual {worst:.4}");
+        Ok(answer)
+    }
+}
+
+fn refused<T>(what: &str, help: &str) -> Result<T> {
+    Err(Error::Option {
+        option: "question".into(),
+        fault: format!("{what} cannot be answered"),
+        help: help.into(),
+    })
+}
+
+/// `W A`: each camera pixel counts by its weight.
+struct Weighted<'a, O> {
+    operator: &'a mut O,
+    weights: &'a [f64],
+}
+
+impl<O: Adjoint> Operator for Weighted<'_, O> {
+    fn rows(&self) -> usize {
+        self.operator.rows()
+    }
+
+    fn cols(&self) -> usize {
+        self.operator.cols()
+    }
+
+    fn symmetry(&self) -> Symmetry {
+        Symmetry::General
+    }
+
+    fn apply(&mut self, x: &[f64], y: &mut [f64]) -> Result<()> {
+        self.operator.apply(x, y)?;
+        y.iter_mut().zip(self.weights).for_each(|(y, weight)| *y *= weight);
+        Ok(())
+    }
+
+    fn observer(&self) -> &dyn Observer {
+        self.operator.observer()
+    }
+}
+
+impl<O: Adjoint> Adjoint for Weighted<'_, O> {
+    fn apply_adjoint(&mut self, y: &[f64], x: &mut [f64]) -> Result<()> {
+        let weighted: Vec<f64> = y.iter().zip(self.weights).map(|(y, weight)| y * weight).collect();
+        self.operator.apply_adjoint(&weighted, x)
+    }
+}

@@ -1,0 +1,198 @@
+//! What is on the projector, and the photo of it: the state that all pages of a server share.
+
+use super::canvas::{Canvas, Light};
+use super::mailbox::{Client, Pending};
+use super::message::{Asked, Kind, write, write_answer};
+use super::question::Question;
+use crate::analysis::planes::Planes;
+use crate::error::Result;
+
+/// A pattern that is painted, with its photo.
+pub struct Session<'a> {
+    canvas: Canvas<'a>,
+    light: usize,
+    pattern: Planes,
+    photo: Planes,
+    /// Whether the photo is a whole product, and not a sum of strokes.
+    is_exact: bool,
+    /// Whole photos so far.
+    photos: usize,
+}
+
+/// What a page is sent. Of photos, patterns and looks only the newest counts.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// A photo, for every page.
+    Photo(Vec<u8>),
+    /// The pattern of the photo, for all pages but that of its author.
+    Pattern(Option<Client>, Vec<u8>),
+    /// The light of a pixel, or what lights a pixel, for one page.
+    Look(Client, Kind, Vec<u8>),
+    /// An answer, for one page.
+    Answer(Client, Vec<u8>),
+    /// A text, for one page.
+    Text(Client, String),
+}
+
+impl<'a> Session<'a> {
+    /// A dark pattern. Its photo is taken at once.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub fn new(mut canvas: Canvas<'a>) -> Result<Self> {
+        let pattern = vec![vec![0.0; canvas.projector().pixels()]; canvas.channels()];
+        let photo = canvas.photo(Light::All, &pattern)?;
+        Ok(Self { canvas, light: 0, pattern, photo, is_exact: true, photos: 1 })
+    }
+
+    /// What is painted on.
+    pub fn canvas(&mut self) -> &mut Canvas<'a> {
+        &mut self.canvas
+    }
+
+    /// Whole photos that were taken. Those of strokes are no products of their own.
+    pub fn photos(&self) -> usize {
+        self.photos
+    }
+
+    /// The pattern and its photo.
+    pub fn shown(&self) -> (&Planes, &Planes) {
+        (&self.pattern, &self.photo)
+    }
+
+    /// Changes single pixels of the pattern. The photo is updated by the columns of these pixels where they are in memory and few; it
+    /// is otherwise taken anew.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub fn change(&mut self, changes: impl IntoIterator<Item = (u32, Vec<f32>)>) -> Result<()> {
+        let changes: Vec<(u32, Vec<f32>)> = changes.into_iter().collect();
+        let (light, few) = (self.light(), self.canvas.pixels_of_a_product());
+        let is_incremental = changes.len() < few;
+        for (pixel, values) in changes {
+            let pixel = pixel as usize;
+            let values: Vec<f64> = values.into_iter().map(f64::from).collect();
+            let old = self.pattern.iter().map(|plane| plane[pixel]);
+            let change: Vec<f64> = values.iter().zip(old).map(|(new, old)| new - old).collect();
+            self.pattern.iter_mut().zip(values).for_each(|(plane, value)| plane[pixel] = value);
+            if is_incremental {
+                self.canvas.add_pixel(light, pixel, &change, &mut self.photo);
+            }
+        }
+        self.is_exact = false;
+        if is_incremental { Ok(()) } else { self.finish() }
+    }
+
+    /// Takes the whole photo of the pattern, unless it is there.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub fn finish(&mut self) -> Result<()> {
+        if !self.is_exact {
+            self.photo = self.canvas.photo(self.light(), &self.pattern)?;
+            self.is_exact = true;
+            self.photos += 1;
+        }
+        Ok(())
+    }
+
+    /// Shows another pattern.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub fn replace(&mut self, pattern: Planes) -> Result<()> {
+        self.pattern = pattern;
+        self.is_exact = false;
+        self.finish()
+    }
+
+    /// Shows another light, by its index. An index beyond the last is ignored.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub fn choose(&mut self, light: usize) -> Result<()> {
+        if light < self.canvas.lights().len() && light != self.light {
+            self.light = light;
+            self.is_exact = false;
+        }
+        self.finish()
+    }
+
+    fn light(&self) -> Light {
+        self.canvas.lights()[self.light]
+    }
+
+    /// Works on what waits; `send` carries what comes of it to the pages. What fails is said to the page that asked, and the session
+    /// goes on.
+    pub(super) fn work(&mut self, pending: Pending, send: &mut dyn FnMut(Event)) {
+        let author = pending.author;
+        let is_new = author.is_some() || pending.light.is_some();
+        let mut failed = None;
+        if is_new {
+            failed = self.paint(&pending).err();
+        }
+        let writer = author.map(|(client, _)| client);
+        if is_new || !pending.newcomers.is_empty() {
+            send(Event::Pattern(writer, write(Kind::Pattern, self.is_exact, self.light, 0, &self.pattern)));
+            let number = author.map_or(0, |(_, number)| number);
+            send(Event::Photo(write(Kind::Photo, self.is_exact, self.light, number, &self.photo)));
+        }
+        if let (Some(error), Some(client)) = (failed, writer) {
+            send(Event::Text(client, error_text(None, &error.to_string())));
+        }
+        for ((client, is_row), pixel) in pending.looks {
+            match self.look(is_row, pixel) {
+                Ok(Some(bytes)) => {
+                    send(Event::Look(client, if is_row { Kind::Row } else { Kind::Column }, bytes))
+                }
+                Ok(None) => {}
+                Err(error) => send(Event::Text(client, error_text(None, &error.to_string()))),
+            }
+        }
+        for (client, Asked { number, question }) in pending.questions {
+            send(match self.answer(number, &question) {
+                Ok(bytes) => Event::Answer(client, bytes),
+                Err(error) => Event::Text(client, error_text(Some(number), &error.to_string())),
+            });
+        }
+    }
+
+    fn paint(&mut self, pending: &Pending) -> Result<()> {
+        if let Some(light) = pending.light {
+            self.choose(light)?;
+        }
+        if let Some(pattern) = &pending.replace {
+            self.replace(pattern.clone())?;
+        }
+        if !pending.changes.is_empty() {
+            self.change(pending.changes.clone())?;
+        }
+        if pending.is_finished { self.finish() } else { Ok(()) }
+    }
+
+    /// `None` for a pixel that is not there, or that cannot be asked for.
+    fn look(&mut self, is_row: bool, pixel: u32) -> Result<Option<Vec<u8>>> {
+        let light = self.light();
+        let pixels = if is_row { self.canvas.camera() } else { self.canvas.projector() }.pixels();
+        if pixel as usize >= pixels {
+            return Ok(None);
+        }
+        let found = match is_row {
+            true => self.canvas.row(light, pixel as usize)?,
+            false => Some(self.canvas.column(light, pixel as usize)?),
+        };
+        let kind = if is_row { Kind::Row } else { Kind::Column };
+        Ok(found.map(|planes| write(kind, true, self.light, pixel, &planes)))
+    }
+
+    fn answer(&mut self, number: u32, question: &Question) -> Result<Vec<u8>> {
+        let found = self.canvas.answer(question)?;
+        let text = serde_json::to_string(&found).unwrap_or_default();
+        Ok(write_answer(number, &text, &found.planes))
+    }
+}
+
+/// What went wrong, for the page; with the number of the question that it was.
+pub(super) fn error_text(number: Option<u32>, message: &str) -> String {
+    serde_json::json!({ "error": message, "number": number }).to_string()
+}

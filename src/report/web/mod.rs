@@ -1,0 +1,86 @@
+//! The scripts of pages: plain JavaScript modules, joined into one script, since a page opened from a file cannot load others.
+
+/// A module: the name of its file, and its text.
+pub type Module = (&'static str, &'static str);
+
+/// Numbers as text.
+pub const FORMAT: Module = ("format.js", include_str!("format.js"));
+/// Values as colours.
+pub const COLOR: Module = ("color.js", include_str!("color.js"));
+/// Zoom and pan.
+pub const VIEW: Module = ("view.js", include_str!("view.js"));
+/// Pictures with exact values.
+pub const PICTURE: Module = ("picture.js", include_str!("picture.js"));
+/// Files of NumPy.
+pub const NUMPY: Module = ("numpy.js", include_str!("numpy.js"));
+
+/// Joins modules into one script without imports. Each keeps a scope of its own. A module stands after those that it imports; imports and
+/// exports are statements of one line each: `import { a, b } from "./file.js";` and `export function`, `class` or `const`.
+pub fn bundle(modules: &[Module]) -> String {
+    let mut script = String::from("\"use strict\";\nconst modules = {};\n");
+    for (file, text) in modules {
+        let mut exports = Vec::new();
+        script += &format!("// {file}\nmodules[{file:?}] = (() => {{\n");
+        for line in text.lines() {
+            if let Some((names, from)) =
+                line.strip_prefix("import ").and_then(|rest| rest.split_once(" from "))
+            {
+                let from = from.trim_matches(|c| c == '"' || c == ';');
+                let from = from.rsplit_once('/').map_or(from, |(_, name)| name);
+                script += &format!("const {names} = modules[{from:?}];\n");
+            } else {
+                let line = match line.strip_prefix("export ") {
+                    Some(declared) => {
+                        exports.extend(name_of(declared));
+                        declared
+                    }
+                    None => line,
+                };
+                script += line;
+                script.push('\n');
+            }
+        }
+        script += &format!("return {{ {} }};\n}})();\n", exports.join(", "));
+    }
+    // A script ends at its closing tag, wherever that stands.
+    script.replace("</script", "<\\/script")
+}
+
+/// The name that `function NAME(…`, `async function NAME(…`, `class NAME {` or `const NAME =` declares.
+fn name_of(declared: &str) -> Option<&str> {
+    let declared = declared.strip_prefix("async ").unwrap_or(declared);
+    let declared = declared.strip_prefix("function").map_or(declared, |rest| rest.trim_start_matches('*'));
+    let declared = declared.trim_start();
+    let declared =
+        ["class ", "const "].iter().find_map(|keyword| declared.strip_prefix(keyword)).unwrap_or(declared);
+    declared.split(|c: char| !c.is_alphanumeric() && c != '_').find(|word| !word.is_empty())
+}
+
+/// JSON as the content of a script element: nothing in it ends the element.
+pub fn embedded_json(value: &serde_json::Value) -> String {
+    value.to_string().replace('<', "\\u003c")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modules_are_joined_with_scopes_of_their_own() {
+        let first: Module = ("a.js", "const hidden = 1;\nexport function one() {\n  return hidden;\n}\n");
+        let second: Module = (
+            "b.js",
+            "import { one } from \"../x/a.js\";\nexport class Two {}\nexport async function three() {}\n",
+        );
+        let script = bundle(&[first, second]);
+        assert!(script.contains("return { one };") && script.contains("return { Two, three };"));
+        assert!(script.contains("const { one } = modules[\"a.js\"];"));
+        assert!(!script.contains("import ") && !script.contains("export "));
+    }
+
+    #[test]
+    fn nothing_in_json_ends_its_element() {
+        let text = embedded_json(&serde_json::json!({ "name": "</script><b>" }));
+        assert_eq!(text, r#"{"name":"\u003c/script>\u003cb>"}"#);
+    }
+}
