@@ -13,7 +13,7 @@ use super::console::Console;
 use super::opener;
 use super::opening::{Opening, in_journal};
 use super::operator::Bytes;
-use super::options::{ChannelsArg, KeepArgs, SourceArgs, count};
+use super::options::{ChannelsArg, KeepArgs, SourceArgs, count, number};
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::io::atomic;
@@ -42,8 +42,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     listen: SocketAddr,
     /// End when no page was used for so many minutes
-    #[arg(long, value_name = "MINUTES", value_parser = count::<u64>)]
-    idle: Option<u64>,
+    #[arg(long, value_name = "MINUTES", value_parser = number::<f64>)]
+    idle: Option<f64>,
     /// Do not open the browser
     #[arg(long)]
     no_browser: bool,
@@ -158,10 +158,8 @@ fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> 
         ));
     }
     let mut session = Session::new(Canvas::new(lab)?)?;
-    let options = ServeOptions {
-        listen: args.listen,
-        idle: args.idle.map(|minutes| Duration::from_secs(60 * minutes)),
-    };
+    let idle = args.idle.map(|minutes| Duration::from_secs_f64(60.0 * minutes.clamp(0.0, 1e6)));
+    let options = ServeOptions { listen: args.listen, idle };
     let mut said = Ok(());
     let ready = |url: &str| said = announce(url, args, console);
     let notes = console.clone();
