@@ -19,6 +19,7 @@ use crate::io::picture;
 use crate::lab::{
     BLOCK, ChannelChoice, Lab, Questions, RelightRequest, Relighting, SourceKind, text::percent,
 };
+use crate::paint::page::Kept;
 
 /// Capture light transport in a few dozen photos, and relight the scene with any pattern
 ///
@@ -199,7 +200,7 @@ fn conclude(args: &Args, found: &Relighting, lab: &mut Lab, console: &Console) -
         })).collect::<Vec<_>>(),
         "matrix": found.curve.last(),
     });
-    let ending = Ending { run: &args.run, is_good: found.is_good(), summary };
+    let ending = Ending { run: &args.run, is_good: found.is_good(), summary, kept: Kept::default() };
     let (_, outcome) = finish(lab, console, found, ending)?;
     if let (Outcome::NotGoodEnough, Some(worst), Some(most)) = (outcome, found.worst(), args.max_error) {
         console.note(format_args!("the error of a relit photo, {worst:.5}, is above {most}"));

@@ -30,7 +30,7 @@ function packed(dense, symmetric) {
 
 /** A symmetric matrix with a few entries, some of them far apart. Its diagonal exceeds the rest of each row by 1 and more. */
 function dense(size) {
-  const matrix = Array.from({ length: size }, () => new Array(size).fill(0));
+  const matrix = Array.from({ length: size }, () => Array.from({ length: size }, () => 0));
   for (let row = 0; row < size; row += 1) {
     matrix[row][row] = 2 + (row % 3);
     for (const column of [(row * 7) % size, (row + 150) % size]) {

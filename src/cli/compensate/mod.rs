@@ -21,6 +21,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
 use crate::lab::{ColorMixing, CompensateRequest, Compensated, Lab};
+use crate::paint::page::Kept;
 use crate::transport::Channels;
 pub(super) use question::Question;
 
@@ -172,7 +173,7 @@ fn conclude(args: &Args, answer: &Compensated<'_>, lab: &mut Lab, console: &Cons
     }
     let mut summary = summary(answer);
     merge(&mut summary, json!({ "residual_by_independent_light": verified.map(|(_, residual)| residual) }));
-    let ending = Ending { run: &args.run, is_good: answer.found.good, summary };
+    let ending = Ending { run: &args.run, is_good: answer.found.good, summary, kept: Kept::default() };
     Ok(finish(lab, console, answer, ending)?.1)
 }
 
