@@ -59,6 +59,17 @@ impl Console {
         written(writeln!(std::io::stdout().lock(), "{}", shown(line)))
     }
 
+    /// Text that is the result itself, such as a script, on stdout as it is; nothing with `--json`, whose summary holds it.
+    ///
+    /// # Errors
+    /// As [`Self::say`].
+    pub(super) fn print(&self, text: &str) -> Result<()> {
+        if self.json {
+            return Ok(());
+        }
+        written(std::io::stdout().lock().write_all(text.as_bytes()))
+    }
+
     /// The machine-readable summary on stdout; nothing without `--json`.
     ///
     /// # Errors

@@ -13,6 +13,7 @@ mod light;
 mod limits;
 mod live;
 mod manners;
+mod manual;
 mod operator;
 mod products;
 mod reproduce;
