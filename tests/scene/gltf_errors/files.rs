@@ -19,8 +19,8 @@ fn textured(image: Value) -> Value {
 
 #[test]
 fn unusable_pictures_are_refused_by_name() {
-    let gif = textured(json!({ "name": "logo", "uri": data_uri("image/gif", b"GIF89a..........") }));
-    assert_eq!(fault(&gif, None).0, "image 0 \"logo\" is neither PNG nor JPEG");
+    let tiff = textured(json!({ "name": "logo", "uri": data_uri("image/tiff", b"II*\0..........") }));
+    assert_eq!(fault(&tiff, None).0, "image 0 \"logo\" is neither PNG, JPEG, WebP, BMP, GIF nor TGA");
 
     let mut cut = png(8, 8, &[[1, 2, 3, 255]; 64]);
     cut.truncate(cut.len() - 20);
