@@ -153,6 +153,10 @@ impl Console {
 impl Observer for Console {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         self.progress().step(self, step);
+        if step.stage == "loading" {
+            // Between these steps nothing asks whether to stop, so that Ctrl-C still ends the program at once.
+            return ControlFlow::Continue(());
+        }
         self.check()
     }
 

@@ -41,7 +41,9 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 /// The page of the program.
 fn main_page() -> Result<Vec<u8>> {
     let mut page = Vec::new();
-    Man::new(Cli::command()).render(&mut page).map_err(Error::writing("the manual page"))?;
+    Man::new(Cli::command().disable_help_subcommand(true))
+        .render(&mut page)
+        .map_err(Error::writing("the manual page"))?;
     Ok(page)
 }
 
@@ -51,7 +53,8 @@ fn write_all(folder: &Path) -> Result<Vec<String>> {
     clap_mangen::generate_to(Cli::command(), folder).map_err(Error::writing(folder))?;
     let entries = std::fs::read_dir(folder).map_err(Error::reading(folder))?;
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    let mut pages: Vec<String> = names.filter(|name| name.starts_with("krylux") && name.ends_with(".1")).collect();
+    let mut pages: Vec<String> =
+        names.filter(|name| name.starts_with("krylux") && name.ends_with(".1")).collect();
     pages.sort();
     Ok(pages)
 }

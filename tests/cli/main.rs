@@ -15,6 +15,7 @@ mod live;
 mod manners;
 mod manual;
 mod operator;
+mod piles;
 mod products;
 mod reproduce;
 mod rig;

@@ -10,7 +10,8 @@ fn verbs() -> Vec<String> {
     let listed = help.lines().skip_while(|line| !line.starts_with("Commands:")).skip(1);
     let listed = listed.take_while(|line| !line.is_empty() && line.starts_with("  "));
     // The lines that go on with a description are indented further.
-    let names = listed.filter(|line| !line.starts_with("   ")).filter_map(|line| line.split_whitespace().next());
+    let names =
+        listed.filter(|line| !line.starts_with("   ")).filter_map(|line| line.split_whitespace().next());
     names.filter(|name| *name != "help").map(str::to_owned).collect()
 }
 
@@ -19,7 +20,8 @@ fn every_shell_completes_every_verb() {
     let verbs = verbs();
     assert!(verbs.len() > 15 && verbs.contains(&"segment".into()), "{verbs:?}");
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let output = command_without_graphics(&["completions", shell]).output().expect("the program is built");
+        let output =
+            command_without_graphics(&["completions", shell]).output().expect("the program is built");
         assert_eq!(output.status.code(), Some(0), "{shell}: {}", text(&output.stderr));
         let script = text(&output.stdout);
         for verb in &verbs {
@@ -37,8 +39,9 @@ fn bash_completes_a_verb_and_an_option() {
     let wrote = krylux(&["completions", "bash", "-o", &script]);
     assert_eq!(wrote.status.code(), Some(0), "{}", text(&wrote.stderr));
     let completed = |words: &str, last: usize| {
+        let word = words.split(' ').next_back().unwrap_or_default();
         let ask = format!(
-            "source '{script}'; COMP_WORDS=({words}); COMP_CWORD={last}; _krylux krylux '' ''; echo \"${{COMPREPLY[*]}}\""
+            "source '{script}'; COMP_WORDS=({words}); COMP_CWORD={last}; _krylux krylux '{word}' ''; echo \"${{COMPREPLY[*]}}\""
         );
         text(&Command::new("bash").args(["-c", &ask]).output().expect("there is a bash").stdout)
     };

@@ -13,7 +13,8 @@ const TURN: [f32; 4] = [-std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::co
 fn exported(mesh: Value, camera: Value, is_nested: bool) -> Value {
     let mut camera = camera;
     camera["name"] = json!("Camera");
-    let mut nodes = vec![mesh, Value::Null, json!({ "name": "Light", "children": [3], "translation": [4, 5, 1] })];
+    let mut nodes =
+        vec![mesh, Value::Null, json!({ "name": "Light", "children": [3], "translation": [4, 5, 1] })];
     nodes.push(json!({
         "name": "Light_Orientation",
         "rotation": TURN,
@@ -33,11 +34,14 @@ fn exported(mesh: Value, camera: Value, is_nested: bool) -> Value {
         ("/extensions", json!({ "KHR_lights_punctual": { "lights": lights } })),
         ("/scenes/0", json!({ "name": "Scene", "nodes": [0, 1, 2] })),
         ("/nodes", json!(nodes)),
-        ("/cameras/0", json!({
-            "name": "Camera",
-            "type": "perspective",
-            "perspective": { "aspectRatio": 1.7777778, "yfov": 0.39959657, "zfar": 100, "znear": 0.1 },
-        })),
+        (
+            "/cameras/0",
+            json!({
+                "name": "Camera",
+                "type": "perspective",
+                "perspective": { "aspectRatio": 1.7777778, "yfov": 0.39959657, "zfar": 100, "znear": 0.1 },
+            }),
+        ),
     ])
 }
 

@@ -318,7 +318,11 @@ fn invalid_libraries_are_refused() {
             "scene.obj",
             "material `m`: map_Kd and map_d have different options",
         ),
-        ("newmtl m\nmap_Kd paint.mtl", "paint.mtl", "the picture is neither PNG, JPEG, WebP, BMP, GIF nor TGA"),
+        (
+            "newmtl m\nmap_Kd paint.mtl",
+            "paint.mtl",
+            "the picture is neither PNG, JPEG, WebP, BMP, GIF nor TGA",
+        ),
         (
             "newmtl m\nmap_Kd mask.png",
             "scene.obj",

@@ -36,9 +36,9 @@ mod window;
 mod wire;
 
 #[cfg(not(feature = "x11"))]
-pub use absent::monitors;
-#[cfg(not(feature = "x11"))]
 use absent::Screen;
+#[cfg(not(feature = "x11"))]
+pub use absent::monitors;
 pub use helper::Helper;
 #[cfg(feature = "x11")]
 pub use monitor::monitors;

@@ -2,8 +2,8 @@
 
 use std::io::{Read, Write};
 
-use super::{Screen, fault};
 use super::wire::{self, Reply, Request};
+use super::{Screen, fault};
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 

@@ -134,7 +134,8 @@ fn a_small_file_cannot_make_an_unlimited_number_of_triangles() {
 #[test]
 fn compressed_meshes_that_cannot_be_decompressed_are_refused() {
     let draco = "/meshes/0/primitives/0/extensions/KHR_draco_mesh_compression";
-    let (what, help) = fault(&with(&[(draco, json!({ "bufferView": 0, "attributes": { "POSITION": 0 } }))]), None);
+    let (what, help) =
+        fault(&with(&[(draco, json!({ "bufferView": 0, "attributes": { "POSITION": 0 } }))]), None);
     assert!(what.starts_with("mesh 0 \"triangle\", primitive 0 cannot be decompressed (Draco): "), "{what}");
     assert!(help.contains("without mesh compression"), "{help}");
     let (what, _) = fault(&with(&[(draco, json!({ "bufferView": 0 }))]), None);
@@ -143,7 +144,8 @@ fn compressed_meshes_that_cannot_be_decompressed_are_refused() {
     assert!(what.contains("refers to buffer view 9"), "{what}");
 
     let meshopt = |more: Value| {
-        let mut members = json!({ "buffer": 0, "byteLength": 36, "byteStride": 12, "count": 3, "mode": "ATTRIBUTES" });
+        let mut members =
+            json!({ "buffer": 0, "byteLength": 36, "byteStride": 12, "count": 3, "mode": "ATTRIBUTES" });
         members.as_object_mut().expect("an object").extend(more.as_object().expect("an object").clone());
         fault(&with(&[("/bufferViews/0/extensions/EXT_meshopt_compression", members)]), None).0
     };
