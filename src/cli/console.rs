@@ -134,6 +134,11 @@ impl Console {
         self.quiet
     }
 
+    /// Whether pictures may be drawn among the lines of the result: stdout is a terminal, and lines are said.
+    pub(super) fn draws_pictures(&self) -> bool {
+        !self.json && !self.quiet && std::io::stdout().is_terminal()
+    }
+
     /// Whether the programs may be run that a rig file names.
     pub(super) fn allows_programs(&self) -> bool {
         self.allows_programs

@@ -8,6 +8,7 @@ mod compare;
 mod compensate;
 mod completions;
 mod console;
+mod drawing;
 mod eigs;
 mod info;
 mod labels;

@@ -5,6 +5,7 @@ pub mod builtin;
 pub mod bvh;
 pub mod camera;
 mod camera_file;
+mod first_hit;
 mod formats;
 mod gltf;
 pub mod material;
@@ -18,6 +19,7 @@ mod triangle;
 pub mod view;
 
 pub use camera::{Camera, Lens};
+pub use first_hit::{SurfacePoint, first_hits};
 pub use material::{AlphaMode, Material, Volume};
 pub use shape::predicted_direct;
 pub use texture::{Texture, TextureRef, Wrap};
