@@ -73,7 +73,7 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     };
     let repeated = repeated::drop_repeated(&mut scene.triangles);
     if repeated > 0 {
-        scene.warnings.push(format!("{repeated} triangles that repeat another one exactly were dropped"));
+        scene.warnings.push(format!("triangles that repeat another one exactly were dropped: {repeated}"));
     }
     Ok(scene)
 }

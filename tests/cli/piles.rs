@@ -61,7 +61,7 @@ fn triangles_that_repeat_another_one_change_no_photo() {
         assert_eq!(status, Some(0), "{said}");
         let is_many = scene.ends_with("many.gltf");
         assert_eq!(
-            said.contains("131071 triangles that repeat another one exactly were dropped"),
+            said.contains("triangles that repeat another one exactly were dropped: 131071"),
             is_many,
             "{said}"
         );

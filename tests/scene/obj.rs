@@ -147,7 +147,7 @@ fn normals_and_colours_are_loaded() {
 #[test]
 fn objects_and_groups_are_regions() {
     let face = "f 1 2 3\n";
-    let scene = load(&format!("{SQUARE}{face}o lid\n{face}g box lower\n{face}o empty\no lid\n{face}"), "");
+    let scene = load(&format!("{SQUARE}{face}o lid\n{face}g box lower\n{face}o empty\no lid\nf 1 3 4\n"), "");
     assert_eq!(scene.regions, ["unnamed", "lid", "box lower"]);
     assert_eq!(scene.triangles.iter().map(|triangle| triangle.region).collect::<Vec<_>>(), [0, 1, 2, 1]);
     assert!(!scene.regions_are_labels);

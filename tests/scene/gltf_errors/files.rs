@@ -126,7 +126,9 @@ fn files_that_are_not_gltf_2_are_refused() {
             other => panic!("not an error about the scene: {other:?}"),
         }
     };
-    refused("scene.stl", b"solid", "not a known scene format");
+    refused("scene.stl", b"solid", "a format of scenes that krylux does not read");
+    refused("scene.blend", b"BLENDER", "a file of Blender, which only Blender reads");
+    refused("scene.XML", b"<scene version=\"3.0.0\">", "a scene of Mitsuba, as it seems, and not of krylux");
     refused("scene", b"", "not a known scene format");
     refused("scene.gltf", b"{ \"asset\": ", "not a valid glTF document: EOF while parsing");
     refused("scene.gltf", br#"{ "asset": { "version": "1.0" } }"#, "glTF version `1.0` is not supported");
