@@ -99,7 +99,7 @@ fn texel(texture: &Texture, reference: &TextureRef, at: Vec2) -> glam::Vec4 {
     let (x, y) = (index(at.x, texture.wrap[0], texture.width), index(at.y, texture.wrap[1], texture.height));
     let [red, green, blue, alpha] =
         texture.texels[y * texture.width as usize + x].map(|byte| f32::from(byte) / 255.0);
-    let [red, green, blue] = [red, green, blue].map(|channel| decode_srgb(channel) as f32);
+    let [red, green, blue] = [red, green, blue].map(decode_srgb);
     glam::Vec4::new(red, green, blue, alpha)
 }
 
