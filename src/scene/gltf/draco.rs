@@ -29,7 +29,7 @@ struct Compressed {
     attributes: BTreeMap<String, u32>,
 }
 
-/// Decompresses every compressed primitive. Its indices and attributes then refer to accessors of their own.
+/// Decompresses every compressed primitive. Its indices and attributes then refer to new accessors.
 pub(super) fn decompress(document: &mut Document) -> Result<()> {
     for mesh in 0..document.root.meshes.len() {
         for primitive in 0..document.root.meshes[mesh].primitives.len() {

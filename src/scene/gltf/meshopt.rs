@@ -43,7 +43,7 @@ pub(super) fn is_fallback(buffer: &json::Buffer) -> bool {
     NAMES.iter().any(is_fallback)
 }
 
-/// Decompresses every compressed buffer view into a buffer of its own, to which the view then refers.
+/// Decompresses every compressed buffer view into a new buffer, to which the view then refers.
 pub(super) fn decompress(document: &mut Document) -> Result<()> {
     let mut workspace = Workspace::new(Limits { max_bytes: MAX_BYTES, ..Limits::default() });
     let mut total = 0_usize;
