@@ -103,7 +103,7 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
 pub(super) fn advice(name: &str) -> &'static str {
     match name {
         "KHR_texture_basisu" => {
-            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
+            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed (or export the scene with PNG or JPEG pictures)"
         }
         "EXT_texture_avif" => {
             "convert its pictures: npx @gltf-transform/cli png SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"

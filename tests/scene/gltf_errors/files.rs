@@ -48,7 +48,7 @@ fn unusable_pictures_are_refused_by_name() {
     assert_eq!(what, "texture 0 has its picture only as KHR_texture_basisu, which is not supported");
     assert_eq!(
         help,
-        "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
+        "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed (or export the scene with PNG or JPEG pictures)"
     );
 }
 

@@ -139,7 +139,7 @@ fn unsupported_required_extensions_are_refused_with_advice() {
     for (name, advice) in [
         (
             "KHR_texture_basisu",
-            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)",
+            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed (or export the scene with PNG or JPEG pictures)",
         ),
         (
             "KHR_materials_clearcoat",
