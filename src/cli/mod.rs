@@ -6,10 +6,13 @@ mod audit;
 mod cache;
 mod compare;
 mod compensate;
+mod completions;
 mod console;
+mod drawing;
 mod eigs;
 mod info;
 mod labels;
+mod man;
 mod matrix;
 mod opener;
 mod opening;
@@ -74,6 +77,8 @@ enum Verb {
     Compare(compare::Args),
     Info(info::Args),
     Cache(cache::Args),
+    Completions(completions::Args),
+    Man(man::Args),
     #[command(hide = true)]
     Projector(projector::Args),
     #[cfg(any(feature = "gige", feature = "usb3"))]
@@ -115,6 +120,8 @@ pub fn main() -> ExitCode {
         Verb::Compare(args) => compare::run(args, &console),
         Verb::Info(args) => info::run(args, &console),
         Verb::Cache(args) => cache::run(args, &console),
+        Verb::Completions(args) => completions::run(args, &console),
+        Verb::Man(args) => man::run(args, &console),
         Verb::Projector(args) => projector::run(args),
         #[cfg(any(feature = "gige", feature = "usb3"))]
         Verb::DescribeCamera(args) => rig::describe::run(args, &console),

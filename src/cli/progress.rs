@@ -53,7 +53,7 @@ impl Progress {
         match step.stage {
             // While photos are traced one by one, the line about photos says more.
             "tracing" if self.photos.is_some() => {}
-            "tracing" | "trials" => {
+            "loading" | "tracing" | "trials" => {
                 let bar = self.steps.get_or_insert_with(|| Bar::steps(console, step.stage));
                 // Whether to go on is asked by the console.
                 let _ = bar.at(step.done, step.total);

@@ -14,6 +14,7 @@ mod output;
 mod pairs;
 mod parameters;
 mod photons;
+mod piles;
 mod pipeline;
 mod records;
 mod rig;
