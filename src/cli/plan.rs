@@ -15,6 +15,7 @@ use crate::transport::Channels;
 
 /// Predict photos, time and error of a verb on a rig, from its virtual twin
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux plan rig.toml segment --photos 40 --groups 2")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
