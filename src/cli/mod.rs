@@ -25,6 +25,7 @@ mod relight;
 mod reproduce;
 mod rig;
 mod rig_info;
+mod runs;
 mod segment;
 mod separate;
 mod solve;
@@ -72,6 +73,7 @@ enum Verb {
     Compare(compare::Args),
     Info(info::Args),
     Cache(cache::Args),
+    Runs(runs::Args),
     #[command(hide = true)]
     Projector(projector::Args),
     #[cfg(any(feature = "gige", feature = "usb3"))]
@@ -117,6 +119,7 @@ pub fn main() -> ExitCode {
         Verb::Compare(args) => compare::run(args, &console),
         Verb::Info(args) => info::run(args, &console),
         Verb::Cache(args) => cache::run(args, &console),
+        Verb::Runs(args) => runs::run(args, &console),
         Verb::Projector(args) => projector::run(args),
         #[cfg(any(feature = "gige", feature = "usb3"))]
         Verb::DescribeCamera(args) => rig::describe::run(args, &console),
@@ -201,9 +204,14 @@ mod tests {
             assert!(!lines.is_empty(), "{verb} --help has no example");
             for line in lines {
                 let line = line.split(" #").next().unwrap_or_default();
-                assert!(line.starts_with(&verb), "an example of {verb}: {line}");
+                let last = verb.rsplit(' ').next().unwrap_or_default();
+                assert!(line.starts_with("krylux ") && line.contains(last), "an example of {verb}: {line}");
                 let parsed = super::Cli::try_parse_from(line.split_whitespace());
-                assert!(parsed.is_ok(), "{line}: {}", parsed.err().map(|why| why.to_string()).unwrap_or_default());
+                assert!(
+                    parsed.is_ok(),
+                    "{line}: {}",
+                    parsed.err().map(|why| why.to_string()).unwrap_or_default()
+                );
             }
         }
     }
