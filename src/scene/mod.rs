@@ -65,6 +65,8 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     match extension.to_ascii_lowercase().as_str() {
         "glb" | "gltf" => gltf::load(path, options),
         "obj" => obj::load(path, options),
+        // A folder of a run, most likely, whose name is misspelled.
+        "" if !path.exists() => Err(Error::reading(path)(std::io::ErrorKind::NotFound.into())),
         _ => Err(Error::Scene {
             path: path.to_path_buf(),
             fault: "not a known scene format".into(),

@@ -49,7 +49,7 @@ impl RigSource {
                 option: "SOURCE".into(),
                 fault: format!("{} names no calibration, which this is added to", self.file.path.display()),
                 help:
-                    "calibrate the rig first with `krylux rig calibrate`, and name the calibration in the rig file"
+                    "calibrate the rig first: krylux rig calibrate RIG --use"
                         .into(),
             });
         };
