@@ -186,7 +186,7 @@ mod tests {
         paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect()
     }
 
-    /// The examples that each verb shows, by its name; a verb of verbs shows those of its own.
+    /// The examples that each verb shows, by its name; a verb that has verbs shows theirs.
     fn examples(command: &Command, name: &str) -> Vec<(String, Vec<String>)> {
         let verbs = command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help");
         let verbs: Vec<_> =
