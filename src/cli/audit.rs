@@ -15,6 +15,7 @@ use crate::paint::page::Kept;
 
 /// Check that a source is a linear, symmetric operator: exit 1 where it is not
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux audit rig.toml")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

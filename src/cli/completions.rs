@@ -23,12 +23,12 @@ pub(super) struct Args {
     file: Option<PathBuf>,
 }
 
-const INSTALLING: &str = "Where shells look for it:
-  bash        krylux completions bash -o ~/.local/share/bash-completion/completions/krylux
-  zsh         krylux completions zsh -o DIR/_krylux, where DIR is in $fpath
-  fish        krylux completions fish -o ~/.config/fish/completions/krylux.fish
-  elvish      krylux completions elvish >> ~/.config/elvish/rc.elv
-  powershell  krylux completions powershell >> $PROFILE";
+const INSTALLING: &str = "Examples, with where the shells look for it:
+  krylux completions bash -o ~/.local/share/bash-completion/completions/krylux
+  krylux completions zsh -o DIR/_krylux # DIR is in $fpath
+  krylux completions fish -o ~/.config/fish/completions/krylux.fish
+  krylux completions elvish # to be added to ~/.config/elvish/rc.elv
+  krylux completions powershell # to be added to $PROFILE";
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let script = script(args.shell);

@@ -20,6 +20,9 @@ use crate::transport::Part;
 
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux eigs scene.glb --count 6 --method block-lanczos -o out/eigs\n  krylux eigs matrix.npz --count 4 --photos 400 --tolerance 1e-6"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

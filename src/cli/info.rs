@@ -21,6 +21,7 @@ use crate::scene::{self, Camera, LoadOptions, Scene};
 
 /// Show the graphics adapters and their limits, and what is in a scene or a rig file
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  krylux info\n  krylux info scene.glb")]
 pub(super) struct Args {
     /// A scene (.glb, .gltf, .obj) or a rig (.toml) to describe as well
     #[arg(value_name = "SOURCE")]

@@ -19,8 +19,9 @@ pub(super) struct Args {
     folder: Option<PathBuf>,
 }
 
-const READING: &str = "To read them: krylux man | man -l -
-To install them: krylux man -o ~/.local/share/man/man1; then `man krylux-segment`";
+const READING: &str = "Examples:
+  krylux man # to be read by: krylux man | man -l -
+  krylux man -o ~/.local/share/man/man1 # then: man krylux-segment";
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let pages = match &args.folder {

@@ -27,6 +27,9 @@ use crate::paint::{Answer, Canvas, Ended, Light, Question, ServeOptions, Session
 /// Serves one page on this machine, behind an address that nobody can guess, and opens it in the browser. With `-o` the page becomes one file that
 /// holds the light transport matrix, needs no server, and works on a phone.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux paint scene.glb\n  krylux paint scene.glb --channels rgb --groups 2,4 -o paint.html # one file, without a server"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

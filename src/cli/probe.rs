@@ -18,6 +18,7 @@ use crate::paint::page::Kept;
 
 /// Probe light transport: a photo of which only direct, indirect, near or far light paths are let through
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux probe scene.glb --paths indirect -o out/probed")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

@@ -27,6 +27,9 @@ use crate::paint::page::Kept;
 /// graphics device. So does the folder of a `segment`, `eigs` or `compensate` run: a model is made of the photos in its journal
 /// (a rough one of `eigs` without `--part global`, whose photos go to direct light).
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux relight scene.glb --channels rgb --pattern checker:16 -o out/box\n  krylux relight out/box --pattern left     # no further photo"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

@@ -22,6 +22,9 @@ pub(super) use question::Question;
 
 /// Segment a scene by how light travels in it: pixels that exchange light form a group
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux segment scene.glb --groups 2,6 -o out/groups\n  krylux segment out/groups --groups 3     # the same photos, another question"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

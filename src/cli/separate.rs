@@ -18,6 +18,7 @@ use crate::paint::page::Kept;
 
 /// Separate direct and global light, and the global light by bounces and by how far it went
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux separate scene.glb --by checkerboards --compare -o out/separated")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

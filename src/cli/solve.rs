@@ -18,6 +18,7 @@ use crate::paint::page::Kept;
 
 /// Solve A x = b for a matrix and a right-hand side from files
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux solve matrix.npz photo.npy --method minres -o out/solved")]
 pub(super) struct Args {
     /// The matrix: .npz (SciPy), .mtx (Matrix Market), or a dense .npy
     #[arg(value_name = "MATRIX")]

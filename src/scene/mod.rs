@@ -69,6 +69,8 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let mut scene = match extension.to_ascii_lowercase().as_str() {
         "glb" | "gltf" => gltf::load(path, options)?,
         "obj" => obj::load(path, options)?,
+        // A folder of a run, most likely, whose name is misspelled.
+        "" if !path.exists() => return Err(Error::reading(path)(std::io::ErrorKind::NotFound.into())),
         other => return Err(formats::unknown(path, other)),
     };
     let repeated = repeated::drop_repeated(&mut scene.triangles);

@@ -9,6 +9,7 @@ mod bench;
 mod files;
 mod folders;
 mod info;
+mod kept;
 mod light;
 mod limits;
 mod live;

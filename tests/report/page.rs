@@ -85,6 +85,8 @@ fn the_page_holds_everything_and_fetches_nothing() -> Outcome {
         "<td class=\"number\">24</td>",
         "<td class=\"\">minres</td>",
         "krylux segment scene.glb",
+        "<summary>What these figures mean</summary>",
+        "<dt>photos</dt><dd>photos that the row&#39;s answer took</dd>",
     ] {
         assert!(page.contains(expected), "{expected} is missing");
     }

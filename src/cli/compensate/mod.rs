@@ -27,6 +27,7 @@ pub(super) use question::Question;
 
 /// Find what to project so that the scene looks like a target image
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux compensate scene.glb --target target.png -o out/compensated")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

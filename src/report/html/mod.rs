@@ -1,6 +1,7 @@
 //! `report.html`: one self-contained page with the results of a run. The page loads nothing from elsewhere. A small script zooms
 //! pictures and reads out pixels; everything else works without it.
 
+mod definitions;
 mod legend;
 mod sheet;
 
@@ -212,6 +213,16 @@ impl Page<'_> {
             widest.unwrap_or(0).max(length(&headers[index]))
         };
         (0..headers.len()).map(|index| 7 * column(index) + 12).sum::<usize>() > 350
+    }
+
+    /// What the facts at the top of the page mean.
+    fn meanings_of_facts(&self) -> Vec<(&'static str, &'static str)> {
+        definitions::definitions(self.report.facts.iter().map(|(name, _)| name.as_str()))
+    }
+
+    /// What the columns of a table mean.
+    fn meanings(&self, headers: &[String]) -> Vec<(&'static str, &'static str)> {
+        definitions::definitions(headers.iter().map(String::as_str))
     }
 
     fn header<'a>(&self, headers: &'a [String], column: usize) -> &'a str {
