@@ -27,7 +27,7 @@ pub use triangle::Triangle;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Resolution;
 
 /// Options for loading a scene.
