@@ -8,6 +8,7 @@ mod compare;
 mod compensate;
 mod console;
 mod eigs;
+mod index;
 mod info;
 mod labels;
 mod matrix;
@@ -72,6 +73,7 @@ enum Verb {
     Reproduce(reproduce::Args),
     Labels(labels::Args),
     Compare(compare::Args),
+    Index(index::Args),
     Info(info::Args),
     Cache(cache::Args),
     #[command(hide = true)]
@@ -113,6 +115,7 @@ pub fn main() -> ExitCode {
         Verb::Reproduce(args) => reproduce::run(args, &console),
         Verb::Labels(args) => labels::run(args, &console),
         Verb::Compare(args) => compare::run(args, &console),
+        Verb::Index(args) => index::run(args, &console),
         Verb::Info(args) => info::run(args, &console),
         Verb::Cache(args) => cache::run(args, &console),
         Verb::Projector(args) => projector::run(args),

@@ -47,6 +47,7 @@ impl Gallery<'_> {
             verdict: self.verdict(),
             facts: run::facts(manifest, photos, [], seconds),
             sections,
+            files: files.links(),
             footer: manifest.command.join(" "),
         };
         report.write(&files.path("report.html"))?;
