@@ -125,11 +125,19 @@ impl<'a> Files<'a> {
 
     /// Writes the page, and returns the names of all files.
     pub(super) fn finish(mut self, page: Report) -> Result<Vec<String>> {
-        let page = Report { files: self.links(), ..page };
+        let mut page = Report { files: self.links(), ..page };
+        // A page that holds the matrix shows the rows that this one cannot hold.
+        if self.folder.join(PAINT).is_file() {
+            page.paint = PAINT.to_owned();
+            page.files.push(FileLink::new(PAINT, "the light transport matrix, to paint with"));
+        }
         page.write(&self.path("report.html"))?;
         Ok(self.names)
     }
 }
+
+/// The page that holds the matrix of a run, where there is one.
+const PAINT: &str = "paint.html";
 
 /// The shape of an array: `10 × 128 × 128`.
 fn sizes(shape: &[usize]) -> String {

@@ -25,6 +25,8 @@ pub(super) fn pictures(
         let range = robust_range(vector, mask);
         let coordinate = embedding.and_then(|of| Some((*of.weights.get(index)?, *of.ranges.get(index)?)));
         let kind = Kind::Eigenvector {
+            // Of the average cut the known eigenvalue is 0, and eigenvectors tell no rows.
+            eigenvalue: (embedding.is_some() && values[0] > 0.5).then_some(*value),
             weight: coordinate.map(|(weight, _)| weight),
             range: coordinate.map_or((0.0, 0.0), |(_, range)| range),
         };

@@ -1,6 +1,7 @@
 //! Files that are written and read, and the page that shows a run.
 
 mod arrays;
+mod index;
 mod page;
 mod pictures;
 mod sparse;

@@ -30,6 +30,8 @@ pub struct Report {
     pub sections: Vec<Section>,
     /// Files of the run's folder that the page links to.
     pub files: Vec<FileLink>,
+    /// A page beside this one that holds the matrix and shows its rows; may be empty.
+    pub paint: String,
     /// Text at the end, e.g. the command line that produces the same page again.
     pub footer: String,
 }

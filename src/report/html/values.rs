@@ -41,6 +41,8 @@ pub enum Kind {
     Number,
     /// Entries of an eigenvector.
     Eigenvector {
+        /// The eigenvalue of the normalized cut, by which the eigenvectors tell rows of the matrix; `None` of other eigenvectors.
+        eigenvalue: Option<f64>,
         /// The factor that makes them the coordinates that groups are made of; `None` where there are no groups.
         weight: Option<f64>,
         /// The range that they are clamped to before.
@@ -88,7 +90,8 @@ impl Values {
                 about["white"] = json!(white);
             }
             Kind::Number => about["kind"] = json!("number"),
-            Kind::Eigenvector { weight, range } => {
+            Kind::Eigenvector { eigenvalue, weight, range } => {
+                about["eigenvalue"] = json!(eigenvalue);
                 about["kind"] = json!("eigenvector");
                 about["weight"] = json!(weight);
                 about["range"] = json!(range);

@@ -115,6 +115,9 @@ impl Scored<'_> {
             },
         );
         let found = &self.segmented.segmentation;
+        let caption = "The light that each pixel receives from all others: its degree";
+        let degree =
+            figure::amounts(run.resolution, &found.degree, run.unit, caption)?.named("degree", "degree.npy");
         let eigenvectors = spectrum::pictures(
             run.resolution,
             &found.eigenvectors,
@@ -127,6 +130,7 @@ impl Scored<'_> {
             truth: truth.transpose()?,
             labels: labels.collect::<Result<_>>()?,
             eigenvectors,
+            degree,
         })
     }
 
@@ -150,7 +154,7 @@ impl Scored<'_> {
         let found = &self.segmented.segmentation;
         let figures =
             |of: Vec<(String, Figure)>| Block::Figures(of.into_iter().map(|(_, figure)| figure).collect());
-        let beside = [Some(pictures.white), pictures.truth].into_iter().flatten();
+        let beside = [Some(pictures.white), Some(pictures.degree), pictures.truth].into_iter().flatten();
         let groups =
             Block::Figures(beside.chain(pictures.labels.into_iter().map(|(_, figure)| figure)).collect());
         let mut sections = vec![Section {
@@ -245,6 +249,7 @@ struct Pictures {
     truth: Option<Figure>,
     labels: Vec<(String, Figure)>,
     eigenvectors: Vec<(String, Figure)>,
+    degree: Figure,
 }
 
 impl Pictures {

@@ -226,7 +226,7 @@ impl Chart {
     pub fn finish(mut self) -> String {
         self.draw_notes();
         let told = format!(
-            r#" data-x="{}" data-y="{}" data-frame="{},{},{},{}""#,
+            r#" aria-label="{1} over {0}" data-x="{0}" data-y="{1}" data-frame="{2},{3},{4},{5}""#,
             escape(&self.labels[0]),
             escape(&self.labels[1]),
             self.layout.left,
@@ -245,7 +245,7 @@ pub(super) fn nothing_to_plot() -> String {
         Layout::FULL.width / 2.0,
         Layout::FULL.frame / 2.0
     );
-    wrap(&body, "", Layout::FULL.width, Layout::FULL.frame)
+    wrap(&body, r#" aria-label="no values to plot""#, Layout::FULL.width, Layout::FULL.frame)
 }
 
 fn wrap(body: &str, told: &str, width: f64, height: f64) -> String {
