@@ -49,6 +49,7 @@ impl Gallery<'_> {
             sections,
             files: files.links(),
             footer: manifest.command.join(" "),
+            ..Report::default()
         };
         report.write(&files.path("report.html"))?;
         Ok(files.names)

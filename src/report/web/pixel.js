@@ -39,7 +39,8 @@ export class PixelCard {
     const row = await this.row(alike, pixel);
     if (this.pixel !== pixel) return;
     const [x, y] = figure.placeOf(pixel);
-    this.element.replaceChildren(this.header(x, y), ...parts, ...row, ...this.link(x, y));
+    const [first, ...others] = parts;
+    this.element.replaceChildren(this.header(x, y), first, ...row, ...this.link(x, y), ...others);
     this.element.hidden = false;
   }
 

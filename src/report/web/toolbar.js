@@ -80,7 +80,7 @@ export function addActions(figure, others, enlarge) {
   actions.append(button("Enlarge", `Enlarge: ${figure.caption}`, () => enlarge(figure.element)));
   for (const other of others) {
     other.img.loading = "eager";
-    const hold = button(`Hold: ${other.about.name}`, `Hold to see ${other.about.name} in place of ${figure.about.name}`, () => {});
+    const hold = button(`Hold: ${other.about.name}`, `Hold: ${other.about.name}, in place of ${figure.about.name}`, () => {});
     hold.className = "hold";
     hold.setAttribute("aria-pressed", "false");
     const flip = (isHeld) => {
