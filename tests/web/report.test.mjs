@@ -6,7 +6,7 @@ import { deflateSync } from "node:zlib";
 
 import { displayLevel } from "../../src/report/web/color.js";
 import { pointsAt, readPoints, stopsOf } from "../../src/report/web/curves.js";
-import { formatNumber, formatPixel } from "../../src/report/web/format.js";
+import { formatDigits, formatNumber, formatPixel } from "../../src/report/web/format.js";
 import { nearestPoint } from "../../src/report/web/scatter.js";
 import { seriesOf } from "../../src/report/web/toolbar.js";
 import { coordinate, joinBytes, rowOf, tellValues, unpackPlanes } from "../../src/report/web/values.js";
@@ -35,8 +35,8 @@ test("bytes that were set apart are joined in the order of little-endian floats"
 
 test("numbers have as many digits as are asked for", () => {
   assert.equal(formatNumber(0.123456789), "0.1235");
-  assert.equal(formatNumber(0.123456789, 6), "0.123457");
-  assert.equal(formatNumber(-1.5e-7, 2), "\u22121.5e-7");
+  assert.equal(formatDigits(0.123456789, 6), "0.123457");
+  assert.equal(formatDigits(-1.5e-7, 2), "\u22121.5e\u22127");
   assert.equal(formatPixel([0.25, 1, 2], "W/(m² sr)", 6), "(0.25, 1, 2) W/(m² sr)");
 });
 

@@ -1,6 +1,6 @@
 // Curves that tell their values under the pointer, or at a cursor that arrow keys move.
 
-import { formatNumber } from "./format.js";
+import { formatDigits } from "./format.js";
 
 /** The points of a curve: values `x`, `y` and their places in the drawing. */
 export function readPoints(text) {
@@ -95,8 +95,8 @@ export class Curves {
     const parts = found.flatMap(({ y, name, color }) => {
       const swatch = document.createElement("i");
       swatch.style.background = color;
-      return [swatch, `${name ? `${name} ` : ""}${formatNumber(y, 5)}`];
+      return [swatch, `${name ? `${name} ` : ""}${formatDigits(y, 5)}`];
     });
-    this.told.replaceChildren(`${this.svg.dataset.x} ${formatNumber(x, 5)}`, ...parts);
+    this.told.replaceChildren(`${this.svg.dataset.x} ${formatDigits(x, 5)}`, ...parts);
   }
 }
