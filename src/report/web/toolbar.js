@@ -79,7 +79,6 @@ export function addActions(figure, others, enlarge) {
   actions.className = "actions";
   actions.append(button("Enlarge", `Enlarge: ${figure.caption}`, () => enlarge(figure.element)));
   for (const other of others) {
-    other.img.loading = "eager";
     const hold = button(`Hold: ${other.about.name}`, `Hold: ${other.about.name}, in place of ${figure.about.name}`, () => {});
     hold.className = "hold";
     hold.setAttribute("aria-pressed", "false");
