@@ -101,9 +101,10 @@ impl Palette {
         let mut left = (0..MASKED_LABEL)
             .filter(|&color| is_avoided[usize::from(color)] && !is_taken[usize::from(color)]);
         let is_there = |label: usize| labels.iter().any(|&of| usize::from(of) == label);
-        for label in 0..usize::from(MASKED_LABEL) {
-            if color_of[label].is_none() && is_there(label) {
-                color_of[label] = free.next().or_else(|| left.next());
+        let groups = color_of.iter_mut().enumerate().take(usize::from(MASKED_LABEL));
+        for (label, color) in groups.filter(|(_, color)| color.is_none()) {
+            if is_there(label) {
+                *color = free.next().or_else(|| left.next());
             }
         }
         Self(std::array::from_fn(|label| color_of[label].unwrap_or(label as u8)))

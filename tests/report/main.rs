@@ -4,6 +4,7 @@ mod arrays;
 mod index;
 mod page;
 mod pictures;
+mod plots;
 mod sparse;
 mod strip;
 mod viewer;

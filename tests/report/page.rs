@@ -110,7 +110,10 @@ fn the_page_holds_everything_and_fetches_nothing() -> Outcome {
     // One script, inline, for what can be done without: telling values, zooming, comparing. It comes last, after the values, so that a page
     // without script is the same page.
     let scripts = own.matches("<script").count();
-    assert_eq!((own.matches("<script>\n").count(), own.matches("<script type=\"text/plain\"").count()), (1, scripts - 1));
+    assert_eq!(
+        (own.matches("<script>\n").count(), own.matches("<script type=\"text/plain\"").count()),
+        (1, scripts - 1)
+    );
     assert!(own.find("<script>") > own.find("<footer>"));
     assert_eq!(own.matches("src=").count(), own.matches("src=\"data:image/png;base64,").count());
     Ok(())
