@@ -1,5 +1,5 @@
 //! Speed of the graphics adapter: tracing in rays per second with the longest dispatch, and GPU matrix products against copies in
-//! GPU memory. `cargo bench --bench device`; `-- --force` also measures products on software Vulkan; see `docs/gpu.md`.
+//! GPU memory. `cargo bench --bench device`; `-- --force` also measures products on software Vulkan; see `guide/src/right/gpu.md`.
 
 use std::time::{Duration, Instant};
 

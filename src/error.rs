@@ -115,13 +115,15 @@ pub enum Error {
     /// Some light paths did not report that they finished, so the photo would be wrong. A driver may stop a
     /// shader invocation without an error.
     #[error(
-        "{unfinished} of {total} light paths never finished: the driver stopped them silently, and the photo would be wrong\n  help: lower --max-bounces, or use another --adapter"
+        "{unfinished} of {total} light paths never finished: the driver stopped them silently, and the photo would be wrong\n  help: {help}"
     )]
     UnfinishedPaths {
         /// Number of paths that did not finish.
         unfinished: u64,
         /// Number of paths traced.
         total: u64,
+        /// What to do about it.
+        help: String,
     },
     /// The user or an observer stopped the computation.
     #[error("interrupted")]

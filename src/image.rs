@@ -143,4 +143,30 @@ impl Image {
     pub fn planes(&self) -> Vec<Vec<f64>> {
         (0..self.channels).map(|channel| self.plane(channel)).collect()
     }
+
+    /// The image in one channel; `None` where it has colours. Drawing programs save gray pictures with three equal channels.
+    pub fn gray(&self) -> Option<Self> {
+        let pixels = self.samples.chunks_exact(self.channels);
+        let is_gray = pixels.clone().all(|pixel| pixel.iter().all(|sample| *sample == pixel[0]));
+        is_gray.then(|| Self {
+            resolution: self.resolution,
+            channels: 1,
+            samples: pixels.map(|pixel| pixel[0]).collect(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_equal_channels_are_gray_and_others_are_colours() {
+        let size = Resolution::new(2, 1);
+        let image = |samples: &[f32]| Image::new(size, 3, samples.to_vec()).expect("well formed");
+        let gray = image(&[0.1, 0.1, 0.1, 0.9, 0.9, 0.9]).gray().expect("it has no colours");
+        assert_eq!((gray.channels(), gray.samples()), (1, &[0.1, 0.9][..]));
+        assert_eq!(gray.gray().as_ref().map(Image::samples), Some(gray.samples()));
+        assert!(image(&[0.1, 0.1, 0.1, 0.9, 0.9, 0.8]).gray().is_none());
+    }
 }

@@ -3,7 +3,8 @@
 //! A projector lights a scene, a camera takes the photo, the photo is projected back, and so on. These photos span
 //! the Krylov subspace of the scene's light transport matrix `A` (photo = `A` · pattern), so its eigenvectors and
 //! what follows from them come from a few dozen photos, without ever measuring `A` itself. The method is
-//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*.
+//! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, the precursor of *Optical computing for fast light
+//! transport analysis*, 2010, doi:10.1145/1882261.1866165. The guide in `guide/` has concepts, tutorials and the reference of the program.
 //!
 //! # Five lines
 //!
@@ -60,6 +61,7 @@
 //!
 //! | `cargo run --release --example …` | shows |
 //! |---|---|
+//! | `first_groups` | the README's five lines |
 //! | `segment` | groups of pixels that exchange light, with the report |
 //! | `compensate` | what to project so that a scene looks like a target |
 //! | `own_matrix` | eigenpairs of a matrix or a function of your own ([`krylov`], [`operator::Closure`]) |

@@ -35,9 +35,9 @@ impl Observer for () {}
 /// One step of a computation.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
-    /// The name of the computation's stage, such as `tracing` or `photos`.
+    /// The name of the computation's stage, such as `loading`, `tracing` or `photos`.
     pub stage: &'static str,
-    /// The number of steps done so far: light paths, or products with the operator.
+    /// The number of steps done so far: light paths, products with the operator, or parts of a scene that are loaded.
     pub done: u64,
     /// The largest possible number of steps.
     pub total: u64,

@@ -4,7 +4,7 @@
 //
 // Values are for basic radiance L* = L/n², which refraction leaves unchanged. bsdf_eval returns the K of L*_o
 // = ∫ K L*_i n_i² |cosθ_i| dω_i: it does not include the cosine. K(wo, wi) = K(wi, wo), where the latter is
-// seen from the side of wi. See docs/bsdf.md.
+// seen from the side of wi. See guide/src/right/bsdf.md.
 #import warp
 #import microfacet
 #import lobes

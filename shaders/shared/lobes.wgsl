@@ -1,6 +1,6 @@
 // The material of a surface, and how light is divided among its lobes. The layers of glTF's material model,
 // multiplied out, are a blend of three materials with fixed shares: metal, opaque dielectric (a coat over a
-// diffuse base), and glass. See docs/bsdf.md.
+// diffuse base), and glass. See guide/src/right/bsdf.md.
 #import features
 #import warp
 #import fresnel

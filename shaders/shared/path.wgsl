@@ -4,7 +4,7 @@
 //
 // The same path could have been sampled from the other endpoint. With the contribution F of the path, its
 // density p_f as sampled here and its density p_r as sampled in reverse, the balance heuristic (Veach and
-// Guibas 1995) gives the weighted estimate F / (p_f + p_r), called v in docs/operator.md. The shader computes
+// Guibas 1995) gives the weighted estimate F / (p_f + p_r), called v in guide/src/right/operator.md. The shader computes
 // it as (F / p_f) / (1 + p_r / p_f). Densities of directions are per projected solid angle times the squared
 // refractive index, n² cosθ dω (étendue); densities of start points are per area on the image plane at
 // distance 1.

@@ -52,7 +52,7 @@ struct OwnChain {
 }
 
 // Gathers all photons within the radius r around a surface point: Σ K(wo, wi) T Φ / (π r²), where Φ is the
-// image-plane area that a photon represents and T its chain's throughput (docs/operator.md, "Specular
+// image-plane area that a photon represents and T its chain's throughput (guide/src/right/operator.md, "Specular
 // chains"). One photon, drawn with probability proportional to its contribution, represents all of them.
 // `most_surfaces` bounds the surfaces of their chains; `u` is a uniform number in [0, 1).
 fn photons_gather(surface: Surface, frame: Frame, wo: vec3f, most_surfaces: u32, own: OwnChain, u: f32) -> Gathered {

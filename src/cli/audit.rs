@@ -11,9 +11,11 @@ use super::trace::TraceArgs;
 use crate::analysis::audit::AuditOptions;
 use crate::error::{Error, Result};
 use crate::lab::Lab;
+use crate::paint::page::Kept;
 
 /// Check that a source is a linear, symmetric operator: exit 1 where it is not
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux audit rig.toml")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -62,5 +64,11 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     }
     console.say(found.sentence())?;
     let summary = json!({ "passed": found.passed(), "checks": found.checks });
-    Ok(finish(lab, console, &found, Ending { run: &args.run, is_good: found.passed(), summary })?.1)
+    Ok(finish(
+        lab,
+        console,
+        &found,
+        Ending { run: &args.run, is_good: found.passed(), summary, kept: Kept::default() },
+    )?
+    .1)
 }

@@ -14,6 +14,7 @@ use crate::lab::text;
 
 /// Show or empty the cache of traced matrices
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  krylux cache list\n  krylux cache clear")]
 pub(super) struct Args {
     #[command(subcommand)]
     action: Action,
@@ -22,8 +23,10 @@ pub(super) struct Args {
 #[derive(Subcommand)]
 enum Action {
     /// List the matrices, those used last first
+    #[command(after_help = "Example:\n  krylux cache list --json")]
     List(ActionArgs),
     /// Remove all of them
+    #[command(after_help = "Example:\n  krylux cache clear")]
     Clear(ActionArgs),
 }
 

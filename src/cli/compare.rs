@@ -16,6 +16,7 @@ use crate::report::colormap::{paint_signed, robust_range};
 
 /// Compare two images: RMSE, relative RMSE, PSNR and SSIM; exit status 1 past a threshold
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux compare photo.exr reference.exr --max-relative-rmse 0.01")]
 pub(super) struct Args {
     /// An image: .npy, .exr, .png or .jpg (the last two decoded to linear values in [0, 1])
     #[arg(value_name = "A")]

@@ -59,6 +59,17 @@ impl Console {
         written(writeln!(std::io::stdout().lock(), "{}", shown(line)))
     }
 
+    /// Text that is the result itself, such as a script, on stdout as it is; nothing with `--json`, whose summary holds it.
+    ///
+    /// # Errors
+    /// As [`Self::say`].
+    pub(super) fn print(&self, text: &str) -> Result<()> {
+        if self.json {
+            return Ok(());
+        }
+        written(std::io::stdout().lock().write_all(text.as_bytes()))
+    }
+
     /// The machine-readable summary on stdout; nothing without `--json`.
     ///
     /// # Errors
@@ -123,6 +134,11 @@ impl Console {
         self.quiet
     }
 
+    /// Whether pictures may be drawn among the lines of the result: stdout is a terminal, and lines are said.
+    pub(super) fn draws_pictures(&self) -> bool {
+        !self.json && !self.quiet && std::io::stdout().is_terminal()
+    }
+
     /// Whether the programs may be run that a rig file names.
     pub(super) fn allows_programs(&self) -> bool {
         self.allows_programs
@@ -142,6 +158,10 @@ impl Console {
 impl Observer for Console {
     fn step(&self, step: &Step<'_>) -> ControlFlow<()> {
         self.progress().step(self, step);
+        if step.stage == "loading" {
+            // Between these steps nothing asks whether to stop, so that Ctrl-C still ends the program at once.
+            return ControlFlow::Continue(());
+        }
         self.check()
     }
 

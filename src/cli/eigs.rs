@@ -12,13 +12,17 @@ use super::options::{CheckArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
-use crate::krylov::{EigsMethod, EigsOptions, Start, Which};
+use crate::krylov::{Eigs, EigsMethod, EigsOptions, Start, Which};
 use crate::lab::text::{percent, rounded, with_error};
 use crate::lab::{Eigenpairs, Lab};
+use crate::paint::page::{Kept, KeptPlanes};
 use crate::transport::Part;
 
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux eigs scene.glb --count 6 --method block-lanczos -o out/eigs\n  krylux eigs matrix.npz --count 4 --photos 400 --tolerance 1e-6"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -169,8 +173,19 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     });
     // Only a tolerance that was asked for can be missed.
     let is_good = args.question.tolerance.is_none() || pairs.is_good();
-    let ending = Ending { run: &args.run, is_good, summary };
+    let kept = Kept { groups: None, eigenvectors: Some(kept(&found)) };
+    let ending = Ending { run: &args.run, is_good, summary, kept };
     Ok(finish(lab, console, &pairs, ending)?.1)
+}
+
+/// The eigenvectors as the painting page shows them.
+fn kept(found: &Eigs) -> KeptPlanes {
+    KeptPlanes {
+        groups: Vec::new(),
+        values: found.values.clone(),
+        status: format!("{} photos: {}", found.stats.products, found.stats.status),
+        planes: found.vectors.clone(),
+    }
 }
 
 fn say(pairs: &Eigenpairs<'_>, console: &Console) -> Result<()> {

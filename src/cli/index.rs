@@ -12,6 +12,7 @@ use crate::report::index::{self, FoundRun};
 
 /// Write a page over the runs in a folder: a picture, the verb, the source, photos, time and status of each, and a link to its report
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  krylux index out\n  krylux index out --open")]
 pub(super) struct Args {
     /// The folder; runs in folders within it are found, too
     #[arg(value_name = "DIR", default_value = "out")]

@@ -8,16 +8,20 @@ use serde_json::json;
 
 use super::console::Console;
 use super::options::ViewArgs;
-use super::{Outcome, rig_info};
-use crate::error::Result;
+use super::{Outcome, drawing, rig_info};
+use crate::error::{Error, Result};
+use crate::image::Resolution;
 use crate::io::atomic;
-use crate::lab::SourceKind;
+use crate::io::raster::Raster;
+use crate::io::srgb::encode_srgb;
+use crate::lab::{self, SourceKind};
 use crate::measure::RigFile;
 use crate::render;
 use crate::scene::{self, Camera, LoadOptions, Scene};
 
 /// Show the graphics adapters and their limits, and what is in a scene or a rig file
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  krylux info\n  krylux info scene.glb")]
 pub(super) struct Args {
     /// A scene (.glb, .gltf, .obj) or a rig (.toml) to describe as well
     #[arg(value_name = "SOURCE")]
@@ -27,7 +31,16 @@ pub(super) struct Args {
     /// Write the camera of the scene, or the one that --auto-camera places, as a camera file, to be changed and given as --camera-file
     #[arg(long, value_name = "FILE", requires = "source")]
     write_camera: Option<PathBuf>,
+    /// Draw what the camera sees even where stdout is no terminal, in which it is drawn anyway: colours of surfaces, lit from the camera
+    #[arg(long, requires = "source")]
+    draw: bool,
+    /// Write the same picture into this .png file, without a graphics adapter
+    #[arg(short = 'o', long = "output", value_name = "FILE", requires = "source")]
+    picture: Option<PathBuf>,
 }
+
+/// The longer side of a picture in a file, in pixels.
+const SIDE: usize = 512;
 
 pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     let mut scene = None;
@@ -42,6 +55,13 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     }
     if let Some(scene) = &scene {
         say_scene(scene, console)?;
+        show(scene, args, console)?;
+    } else if let Some(option) = args.picture.as_ref().map(|_| "--output").or(args.draw.then_some("--draw")) {
+        return Err(Error::Option {
+            option: option.into(),
+            fault: "only scenes are drawn, and this is a rig".into(),
+            help: "give the scene that the rig file names".into(),
+        });
     }
     if let (Some(scene), Some(file)) = (&scene, &args.write_camera) {
         atomic::write_bytes(file, scene.camera.to_toml().as_bytes())?;
@@ -122,6 +142,36 @@ fn say_scene(scene: &Scene, console: &Console) -> Result<()> {
     ))?;
     let kind = if scene.regions_are_labels { "labelled by the scene" } else { "one for each mesh node" };
     console.say(format_args!("  regions {} ({kind}): {}", scene.regions.len(), scene.regions.join(", ")))
+}
+
+/// Draws what the camera sees, in the terminal and into the file that was asked for.
+fn show(scene: &Scene, args: &Args, console: &Console) -> Result<()> {
+    // Photos are square unless --size says otherwise.
+    let aspect = scene.camera.aspect.unwrap_or(1.0);
+    if args.draw || console.draws_pictures() {
+        console.print(&drawing::half_blocks(&picture(scene, drawing::size(aspect))?))?;
+    }
+    let Some(file) = &args.picture else { return Ok(()) };
+    if file.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
+        return Err(Error::Data {
+            path: file.clone(),
+            fault: "what the camera sees is written as a picture for people".into(),
+            help: "name it .png; `krylux photo` writes light as .exr or .npy".into(),
+        });
+    }
+    let short = |ratio: f32| ((SIDE as f32 * ratio).round() as usize).max(1);
+    let size = match aspect >= 1.0 {
+        true => Resolution::new(SIDE, short(1.0 / aspect)),
+        false => Resolution::new(short(aspect), SIDE),
+    };
+    picture(scene, size)?.write_png(file)?;
+    console.say(format_args!("wrote     {}", file.display()))
+}
+
+fn picture(scene: &Scene, size: Resolution) -> Result<Raster> {
+    let seen = lab::look(scene, size)?;
+    let pixels = seen.samples().as_chunks::<3>().0.iter();
+    Ok(Raster::from_pixels(size, pixels.map(|pixel| pixel.map(encode_srgb))))
 }
 
 fn describe(scene: &Scene) -> serde_json::Value {

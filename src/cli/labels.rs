@@ -16,6 +16,7 @@ use crate::report::palette;
 
 /// Write which region of the scene each pixel sees: the truth that a segmentation is measured against
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux labels scene.glb --size 128 -o labels.png")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

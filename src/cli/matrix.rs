@@ -19,6 +19,7 @@ use crate::transport::Part;
 
 /// Write the light transport matrix as a sparse matrix: a scene's is traced once, a rig's photographed pixel by pixel
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux matrix scene.glb --size 32 --spp 1024 -o matrix.npz")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

@@ -6,11 +6,14 @@ mod audit;
 mod cache;
 mod compare;
 mod compensate;
+mod completions;
 mod console;
+mod drawing;
 mod eigs;
 mod index;
 mod info;
 mod labels;
+mod man;
 mod matrix;
 mod opener;
 mod opening;
@@ -27,6 +30,7 @@ mod relight;
 mod reproduce;
 mod rig;
 mod rig_info;
+mod runs;
 mod segment;
 mod separate;
 mod solve;
@@ -36,7 +40,7 @@ mod usage;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::error::Error;
 use crate::machine;
@@ -76,11 +80,19 @@ enum Verb {
     Index(index::Args),
     Info(info::Args),
     Cache(cache::Args),
+    Completions(completions::Args),
+    Man(man::Args),
+    Runs(runs::Args),
     #[command(hide = true)]
     Projector(projector::Args),
     #[cfg(any(feature = "gige", feature = "usb3"))]
     #[command(hide = true)]
     DescribeCamera(rig::describe::Args),
+}
+
+/// The command line as clap describes it: what the guide's reference is made from.
+pub fn command() -> clap::Command {
+    Cli::command()
 }
 
 /// How a verb ended when it ended well.
@@ -118,6 +130,9 @@ pub fn main() -> ExitCode {
         Verb::Index(args) => index::run(args, &console),
         Verb::Info(args) => info::run(args, &console),
         Verb::Cache(args) => cache::run(args, &console),
+        Verb::Completions(args) => completions::run(args, &console),
+        Verb::Man(args) => man::run(args, &console),
+        Verb::Runs(args) => runs::run(args, &console),
         Verb::Projector(args) => projector::run(args),
         #[cfg(any(feature = "gige", feature = "usb3"))]
         Verb::DescribeCamera(args) => rig::describe::run(args, &console),
@@ -138,11 +153,11 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use clap::builder::ValueParser;
-    use clap::{Arg, Command, CommandFactory};
+    use clap::{Arg, Command, Parser};
 
     #[test]
     fn the_command_line_is_consistent() {
-        super::Cli::command().debug_assert();
+        super::command().debug_assert();
     }
 
     /// The parser of every option of a command and its subcommands whose value has one of these types.
@@ -158,7 +173,7 @@ mod tests {
 
     /// Asserts that each of more than 20 options takes one text and refuses another.
     fn assert_bounded(types: &[TypeId], [taken, refused]: [&str; 2]) {
-        let mut command = super::Cli::command();
+        let mut command = super::command();
         command.build();
         let options = options(&command, types);
         assert!(options.len() > 20, "{options:?}");
@@ -184,9 +199,39 @@ mod tests {
         paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect()
     }
 
+    /// The examples that each verb shows, by its name; a verb that has verbs shows theirs.
+    fn examples(command: &Command, name: &str) -> Vec<(String, Vec<String>)> {
+        let verbs = command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help");
+        let verbs: Vec<_> =
+            verbs.flat_map(|verb| examples(verb, &format!("{name} {}", verb.get_name()))).collect();
+        let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let lines = text.lines().filter_map(|line| line.strip_prefix("  ")).map(str::to_owned).collect();
+        if verbs.is_empty() { vec![(name.to_owned(), lines)] } else { verbs }
+    }
+
+    #[test]
+    fn every_verb_shows_an_example_that_it_takes() {
+        let examples = examples(&super::command(), "krylux");
+        assert!(examples.len() > 20, "{examples:?}");
+        for (verb, lines) in examples {
+            assert!(!lines.is_empty(), "{verb} --help has no example");
+            for line in lines {
+                let line = line.split(" #").next().unwrap_or_default();
+                let last = verb.rsplit(' ').next().unwrap_or_default();
+                assert!(line.starts_with("krylux ") && line.contains(last), "an example of {verb}: {line}");
+                let parsed = super::Cli::try_parse_from(line.split_whitespace());
+                assert!(
+                    parsed.is_ok(),
+                    "{line}: {}",
+                    parsed.err().map(|why| why.to_string()).unwrap_or_default()
+                );
+            }
+        }
+    }
+
     #[test]
     fn errors_name_options_that_exist() {
-        let mut command = super::Cli::command();
+        let mut command = super::command();
         command.build();
         let names = names(&command);
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");

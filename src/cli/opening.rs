@@ -10,11 +10,13 @@ use super::operator::OperatorArgs;
 use super::options::{RunArgs, SourceArgs, ViewArgs};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use super::{opener, options::KeepArgs};
+use super::{opener, options::KeepArgs, paint};
 use crate::error::{Error, Result};
 use crate::lab::{
     Answer, ChannelChoice, Lab, LabBuilder, RunOptions, Saved, Settings, SharedObserver, SourceKind,
 };
+use crate::paint::Canvas;
+use crate::paint::page::Kept;
 use crate::transport::Channels;
 
 /// The options that open a source.
@@ -103,6 +105,14 @@ pub(super) fn in_run<T>(
     verb: &str,
     work: impl FnOnce(&mut Lab) -> Result<T>,
 ) -> Result<T> {
+    if run.paint && !matches!(lab.kind(), SourceKind::Scene | SourceKind::Matrix) {
+        return Err(Error::Option {
+            option: "--paint".into(),
+            fault: "the page holds the light transport matrix, which a rig or a run does not have in memory"
+                .into(),
+            help: "leave it out; `krylux paint` serves a page for them".into(),
+        });
+    }
     lab.begin_run(verb, &run.into())?;
     ended(lab, work)
 }
@@ -142,6 +152,8 @@ pub(super) struct Ending<'a> {
     pub(super) is_good: bool,
     /// What the machine-readable summary has beside what all verbs have in common.
     pub(super) summary: Value,
+    /// What the painting page shows without asking.
+    pub(super) kept: Kept,
 }
 
 /// Writes an answer into the folder of the open run, says where, and prints the summary.
@@ -173,6 +185,10 @@ pub(super) fn finish(
         "verification": verification,
         "seconds": saved.seconds,
     });
+    if ending.run.paint {
+        let page = saved.folder.join("paint.html");
+        summary["paint"] = paint::write(&page, &mut Canvas::new(lab)?, ending.kept, console)?;
+    }
     merge(&mut summary, ending.summary);
     console.summary(&summary)?;
     if ending.run.open {

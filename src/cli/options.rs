@@ -48,6 +48,9 @@ pub(super) struct RunArgs {
     /// Open the report when it is written
     #[arg(long)]
     pub(super) open: bool,
+    /// Also write paint.html: a page with the matrix in it, on which patterns are painted (scenes and matrices only)
+    #[arg(long)]
+    pub(super) paint: bool,
     /// Go on with the run in the folder: no photo that is in its journal is taken again
     #[arg(long, conflicts_with = "overwrite")]
     pub(super) resume: bool,
@@ -92,6 +95,7 @@ impl KeepArgs {
             folder: Some(folder.clone()),
             overwrite: *overwrite,
             open: false,
+            paint: false,
             resume: *resume,
         })
     }

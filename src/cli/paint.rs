@@ -1,19 +1,19 @@
 //! `krylux paint`: a page on which light is painted, and the photo seen at once.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use clap::ValueEnum;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::Outcome;
 use super::console::Console;
 use super::opener;
 use super::opening::{Opening, in_journal};
 use super::operator::Bytes;
-use super::options::{ChannelsArg, KeepArgs, SourceArgs, count};
+use super::options::{ChannelsArg, KeepArgs, SourceArgs, count, number};
 use super::trace::TraceArgs;
 use crate::error::Result;
 use crate::io::atomic;
@@ -27,6 +27,9 @@ use crate::paint::{Answer, Canvas, Ended, Light, Question, ServeOptions, Session
 /// Serves one page on this machine, behind an address that nobody can guess, and opens it in the browser. With `-o` the page becomes one file that
 /// holds the light transport matrix, needs no server, and works on a phone.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux paint scene.glb\n  krylux paint scene.glb --channels rgb --groups 2,4 -o paint.html # one file, without a server"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -42,8 +45,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     listen: SocketAddr,
     /// End when no page was used for so many minutes
-    #[arg(long, value_name = "MINUTES", value_parser = count::<u64>)]
-    idle: Option<u64>,
+    #[arg(long, value_name = "MINUTES", value_parser = number::<f64>)]
+    idle: Option<f64>,
     /// Do not open the browser
     #[arg(long)]
     no_browser: bool,
@@ -55,6 +58,9 @@ pub(super) struct Args {
     #[command(flatten)]
     keep: KeepArgs,
 }
+
+/// The largest page that is written beside a report: the default of `--max-size`.
+const MAX_BYTES: usize = 32 << 20;
 
 /// How a page that is one file is made.
 #[derive(clap::Args)]
@@ -91,18 +97,13 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
     match &args.file {
         Some(file) => {
             let mut canvas = Canvas::new(&mut lab)?;
-            write(&args.embed, file, &mut canvas, console)
+            write_page(&args.embed, file, &mut canvas, console)
         }
         None => in_journal(&mut lab, &args.keep, "paint", |lab| serve_page(args, lab, console)),
     }
 }
 
-fn write(
-    args: &EmbedArgs,
-    file: &std::path::Path,
-    canvas: &mut Canvas<'_>,
-    console: &Console,
-) -> Result<Outcome> {
+fn write_page(args: &EmbedArgs, file: &Path, canvas: &mut Canvas<'_>, console: &Console) -> Result<Outcome> {
     let Bytes(most) = args.max_size;
     let options = EmbedOptions {
         precision: match args.precision {
@@ -112,25 +113,44 @@ fn write(
         max_bytes: usize::try_from(most).ok(),
         kept: kept(args, canvas)?,
     };
-    let page = Embedded::new(canvas, &options)?;
+    let mut summary = write_with(file, canvas, &options, console)?;
+    summary["verb"] = json!("paint");
+    console.summary(&summary)?;
+    Ok(Outcome::Done)
+}
+
+/// Writes a page beside a report; says how large it is, and how far its photos are off.
+pub(super) fn write(file: &Path, canvas: &mut Canvas<'_>, kept: Kept, console: &Console) -> Result<Value> {
+    let options = EmbedOptions { precision: Precision::Half, max_bytes: Some(MAX_BYTES), kept };
+    write_with(file, canvas, &options, console)
+}
+
+fn write_with(
+    file: &Path,
+    canvas: &mut Canvas<'_>,
+    options: &EmbedOptions,
+    console: &Console,
+) -> Result<Value> {
+    let page = Embedded::new(canvas, options)?;
     page.write(file)?;
     let mebibytes = page.bytes() as f64 / f64::from(1 << 20);
-    console.say(format_args!("wrote     {}, {mebibytes:.1} MiB", file.display()))?;
-    console.say(format_args!("photos    within {} % of the matrix in memory", percent(page.error)))?;
+    let error = percent(page.error);
+    console.say(format_args!(
+        "paint     {}, {mebibytes:.1} MiB; its photos are within {error} % of the matrix in memory",
+        file.display()
+    ))?;
     if page.kept < 1.0 {
         console.note(format_args!(
             "note: the page would be larger than --max-size allows: it holds {} % of the matrix's entries, chosen by chance so that photos stay right on average",
             percent(page.kept)
         ));
     }
-    console.summary(&json!({
-        "verb": "paint",
+    Ok(json!({
         "file": file,
         "bytes": page.bytes(),
         "relative_error": page.error,
         "kept_entries": page.kept,
-    }))?;
-    Ok(Outcome::Done)
+    }))
 }
 
 /// What the file shows without asking.
@@ -158,10 +178,8 @@ fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> 
         ));
     }
     let mut session = Session::new(Canvas::new(lab)?)?;
-    let options = ServeOptions {
-        listen: args.listen,
-        idle: args.idle.map(|minutes| Duration::from_secs(60 * minutes)),
-    };
+    let idle = args.idle.map(|minutes| Duration::from_secs_f64(60.0 * minutes.clamp(0.0, 1e6)));
+    let options = ServeOptions { listen: args.listen, idle };
     let mut said = Ok(());
     let ready = |url: &str| said = announce(url, args, console);
     let notes = console.clone();

@@ -19,6 +19,7 @@ use crate::lab::{ChannelChoice, Lab, OperatorChoice, SinglePhoto, SourceKind, te
 
 /// Take one photo of a scene under a pattern
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux photo scene.glb --pattern checker:8 -o photo.exr -o photo.png")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

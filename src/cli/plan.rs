@@ -15,6 +15,7 @@ use crate::transport::Channels;
 
 /// Predict photos, time and error of a verb on a rig, from its virtual twin
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux plan rig.toml segment --photos 40 --groups 2")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -30,10 +31,13 @@ pub(super) struct Args {
 #[derive(Subcommand)]
 enum Question {
     /// Plan `krylux segment`: how well the groups agree with those without noise, and with the true labels
+    #[command(after_help = "Example:\n  krylux plan rig.toml segment --photos 40 --groups 2")]
     Segment(segment::Question),
     /// Plan `krylux compensate`: how much larger the residual is than that of the best pattern
+    #[command(after_help = "Example:\n  krylux plan rig.toml compensate --target target.png --photos 20")]
     Compensate(compensate::Question),
     /// Plan `krylux eigs`: how far the eigenvalues are off
+    #[command(after_help = "Example:\n  krylux plan rig.toml eigs --count 4 --photos 30")]
     Eigs(eigs::Question),
 }
 

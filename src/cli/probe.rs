@@ -14,9 +14,11 @@ use crate::analysis::Probing;
 use crate::analysis::probe::default_sigma;
 use crate::error::Result;
 use crate::lab::{Lab, text::percent};
+use crate::paint::page::Kept;
 
 /// Probe light transport: a photo of which only direct, indirect, near or far light paths are let through
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux probe scene.glb --paths indirect -o out/probed")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -93,5 +95,11 @@ fn answer(args: &Args, probing: Probing, lab: &mut Lab, console: &Console) -> Re
         "relative_standard_error": noise,
         "relative_error": error,
     });
-    Ok(finish(lab, console, &found, Ending { run: &args.run, is_good: true, summary })?.1)
+    Ok(finish(
+        lab,
+        console,
+        &found,
+        Ending { run: &args.run, is_good: true, summary, kept: Kept::default() },
+    )?
+    .1)
 }

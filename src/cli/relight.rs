@@ -19,6 +19,7 @@ use crate::io::picture;
 use crate::lab::{
     BLOCK, ChannelChoice, Lab, Questions, RelightRequest, Relighting, SourceKind, text::percent,
 };
+use crate::paint::page::Kept;
 
 /// Capture light transport in a few dozen photos, and relight the scene with any pattern
 ///
@@ -26,6 +27,9 @@ use crate::lab::{
 /// graphics device. So does the folder of a `segment`, `eigs` or `compensate` run: a model is made of the photos in its journal
 /// (a rough one of `eigs` without `--part global`, whose photos go to direct light).
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux relight scene.glb --channels rgb --pattern checker:16 -o out/box\n  krylux relight out/box --pattern left     # no further photo"
+)]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -199,7 +203,7 @@ fn conclude(args: &Args, found: &Relighting, lab: &mut Lab, console: &Console) -
         })).collect::<Vec<_>>(),
         "matrix": found.curve.last(),
     });
-    let ending = Ending { run: &args.run, is_good: found.is_good(), summary };
+    let ending = Ending { run: &args.run, is_good: found.is_good(), summary, kept: Kept::default() };
     let (_, outcome) = finish(lab, console, found, ending)?;
     if let (Outcome::NotGoodEnough, Some(worst), Some(most)) = (outcome, found.worst(), args.max_error) {
         console.note(format_args!("the error of a relit photo, {worst:.5}, is above {most}"));

@@ -16,6 +16,7 @@ use crate::paper::{self, BenchOptions, Figure, Gallery, Reproduced, Rig};
 
 /// Make the paper's figures again: pictures, numbers and a page that holds them beside what the paper says
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux reproduce fig4 fig11 --quick -o paper")]
 pub(super) struct Args {
     /// Which figures
     #[arg(value_name = "FIGURE", required = true, value_enum)]

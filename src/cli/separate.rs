@@ -14,9 +14,11 @@ use crate::analysis::probe::default_sigma;
 use crate::analysis::separate::{NearFarOptions, SeparateBy};
 use crate::error::Result;
 use crate::lab::{Lab, SeparateRequest, Separated, SourceKind, text::percent};
+use crate::paint::page::Kept;
 
 /// Separate direct and global light, and the global light by bounces and by how far it went
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux separate scene.glb --by checkerboards --compare -o out/separated")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -146,7 +148,7 @@ fn answer(args: &Args, request: &SeparateRequest, lab: &mut Lab, console: &Conso
         "near_indirect_error": near_far.and_then(|near_far| near_far.error),
         "comparison": found.comparison,
     });
-    let ending = Ending { run: &args.run, is_good: found.is_good(), summary };
+    let ending = Ending { run: &args.run, is_good: found.is_good(), summary, kept: Kept::default() };
     let (_, outcome) = finish(lab, console, &found, ending)?;
     if let (Outcome::NotGoodEnough, Some(error), Some(most)) = (outcome, found.error(), args.max_error) {
         console.note(format_args!("the error of the direct light, {error:.5}, is above {most}"));

@@ -14,9 +14,11 @@ use crate::error::{Error, Result};
 use crate::io::npy;
 use crate::krylov::{Method, SolveOptions};
 use crate::lab::{ChannelChoice, Lab, Solved};
+use crate::paint::page::Kept;
 
 /// Solve A x = b for a matrix and a right-hand side from files
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux solve matrix.npz photo.npy --method minres -o out/solved")]
 pub(super) struct Args {
     /// The matrix: .npz (SciPy), .mtx (Matrix Market), or a dense .npy
     #[arg(value_name = "MATRIX")]
@@ -94,6 +96,6 @@ fn answer(args: &Args, lab: &mut Lab, rhs: &[f64], console: &Console) -> Result<
         "status": found.stats.status.to_string(),
         "relative_residual": found.residual,
     });
-    let ending = Ending { run: &args.run, is_good: solved.is_good(), summary };
+    let ending = Ending { run: &args.run, is_good: solved.is_good(), summary, kept: Kept::default() };
     Ok(finish(lab, console, &solved, ending)?.1)
 }

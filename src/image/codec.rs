@@ -1,10 +1,12 @@
-//! Decoding of PNG and JPEG files.
+//! Decoding of pictures' files.
 //!
-//! The decoders are called directly. Crates that offer many formats behind one interface also depend on colour
-//! management, which is not needed here and takes longer to compile than both decoders together.
+//! The decoders of PNG and JPEG are called directly: the one keeps 16 bits, the other takes files that are cut short. The crate
+//! `image` decodes the formats that only textures come in.
 
 use std::io::Cursor;
+use std::path::Path;
 
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use png::{BitDepth, ColorType, Transformations};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
@@ -16,6 +18,8 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 pub(crate) enum Format {
     Png,
     Jpeg,
+    /// WebP, BMP, GIF or TGA.
+    Other(ImageFormat),
 }
 
 /// A decoded picture, row by row from the top left.
@@ -42,9 +46,22 @@ impl Format {
             Some(Self::Png)
         } else if bytes.starts_with(&[0xff, 0xd8, 0xff]) {
             Some(Self::Jpeg)
+        } else if bytes.starts_with(b"GIF8") {
+            Some(Self::Other(ImageFormat::Gif))
+        } else if bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) {
+            // Two letters alone are too little; the four bytes that are zero are reserved.
+            Some(Self::Other(ImageFormat::Bmp))
+        } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
+            Some(Self::Other(ImageFormat::WebP))
         } else {
             None
         }
+    }
+
+    /// The format of a file whose first bytes say nothing: TGA, recognized by its name.
+    pub(crate) fn of_name(name: &Path) -> Option<Self> {
+        let is_tga = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
+        is_tga.then_some(Self::Other(ImageFormat::Tga))
     }
 
     /// Reads the width and height in pixels, without decoding the pixels.
@@ -59,6 +76,10 @@ impl Format {
                 Ok((info.width, info.height))
             }
             Self::Jpeg => jpeg_size(&open_jpeg(bytes, ColorSpace::RGB)?),
+            Self::Other(format) => {
+                let reader = ImageReader::with_format(Cursor::new(bytes), format);
+                reader.into_dimensions().map_err(|error| error.to_string())
+            }
         }
     }
 
@@ -71,6 +92,7 @@ impl Format {
         match self {
             Self::Png => decode_png(bytes, max_bytes),
             Self::Jpeg => decode_jpeg(bytes, max_bytes),
+            Self::Other(format) => decode_other(format, bytes, max_bytes),
         }
     }
 }
@@ -156,6 +178,26 @@ fn decode_jpeg(bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
         return Err("the picture is too large".into());
     }
     let samples = open_jpeg(bytes, color)?.decode().map_err(|error| error.to_string())?;
+    Ok(Decoded { width, height, channels, samples: Samples::Eight(samples) })
+}
+
+/// Decodes a file of another format, of which all have samples of 8 bits, with at most `max_bytes` bytes of pixels.
+fn decode_other(format: ImageFormat, bytes: &[u8], max_bytes: usize) -> Result<Decoded, String> {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(max_bytes as u64);
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|error| error.to_string())?;
+    let (width, height) = (picture.width(), picture.height());
+    let (channels, samples) = match picture {
+        DynamicImage::ImageLuma8(gray) => (1, gray.into_raw()),
+        DynamicImage::ImageLumaA8(gray) => (2, gray.into_raw()),
+        DynamicImage::ImageRgb8(color) => (3, color.into_raw()),
+        other => (4, other.into_rgba8().into_raw()),
+    };
+    if samples.len() > max_bytes {
+        return Err("the picture is too large".into());
+    }
     Ok(Decoded { width, height, channels, samples: Samples::Eight(samples) })
 }
 
@@ -245,12 +287,38 @@ mod tests {
     }
 
     #[test]
+    fn textures_in_other_formats_are_decoded() {
+        // GIF has a palette, and a transparent colour at most.
+        let gif = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [0, 0, 0, 0]];
+        let other = [[1, 2, 3, 255], [40, 50, 60, 255], [255, 128, 0, 255], [9, 8, 7, 255]];
+        for (format, name, texels) in [
+            (ImageFormat::WebP, "a.webp", other),
+            (ImageFormat::Bmp, "a.bmp", other),
+            (ImageFormat::Gif, "a.gif", gif),
+            (ImageFormat::Tga, "a.TGA", other),
+        ] {
+            let mut file = Cursor::new(Vec::new());
+            let samples = texels.as_flattened();
+            image::write_buffer_with_format(&mut file, samples, 2, 2, ExtendedColorType::Rgba8, format)
+                .expect("each holds RGBA");
+            let file = file.into_inner();
+            let found = Format::of(&file).or_else(|| Format::of_name(Path::new(name)));
+            assert_eq!(found, Some(Format::Other(format)), "{name}");
+            let found = found.expect("it was just compared");
+            assert_eq!(found.size(&file), Ok((2, 2)), "{name}");
+            let decoded = found.decode(&file, 1 << 10).expect("it is a whole picture");
+            assert_eq!(decoded.into_rgba8(), texels, "{name}");
+            assert!(found.decode(&file, 5).is_err(), "more than five bytes: {name}");
+        }
+    }
+
+    #[test]
     fn damaged_files_give_errors_or_pictures() {
         let mut jpeg = Cursor::new(Vec::new());
         image::write_buffer_with_format(&mut jpeg, &BYTES, 8, 2, ExtendedColorType::Rgb8, ImageFormat::Jpeg)
             .expect("JPEG holds any RGB picture");
         let whole = jpeg.into_inner();
-        assert_eq!(Format::of(b"GIF89a"), None);
+        assert_eq!(Format::of(b"II*\0"), None);
         assert!(Format::Jpeg.decode(&whole[..20], 1 << 20).is_err());
         for at in 0..whole.len() {
             let _ = Format::Jpeg.decode(&whole[..at], 1 << 20);

@@ -34,7 +34,8 @@ fn max_bytes() -> usize {
 }
 
 fn format(path: &Path, bytes: &[u8]) -> Result<Format> {
-    Format::of(bytes).ok_or_else(|| no_picture(path, "the file is neither PNG nor JPEG".into()))
+    let found = Format::of(bytes).filter(|format| !matches!(format, Format::Other(_)));
+    found.ok_or_else(|| no_picture(path, "the file is neither PNG nor JPEG".into()))
 }
 
 fn no_picture(path: &Path, fault: String) -> Error {

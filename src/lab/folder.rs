@@ -190,7 +190,7 @@ pub(super) fn photos_in(run: &Path) -> usize {
 
 /// Admits one run at a time to a folder, by a lock on the folder itself. Where the file system has no such locks, the journal's own lock
 /// keeps photos apart.
-fn lock(path: &Path) -> Result<Option<File>> {
+pub(super) fn lock(path: &Path) -> Result<Option<File>> {
     let Ok(folder) = File::open(path) else { return Ok(None) };
     // The lock of a killed process may outlive it for a moment.
     for _ in 0..50 {

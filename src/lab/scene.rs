@@ -15,7 +15,7 @@ use crate::image::Resolution;
 use crate::io::manifest;
 use crate::journal::Identity;
 use crate::measure::RunManifest;
-use crate::observer::Level;
+use crate::observer::{Estimate, Level, Step};
 use crate::render::{TraceSettings, TraceSummary, Tracer};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::transport::{self, Assembled, Backend, Channels, Noise};
@@ -55,6 +55,7 @@ impl SceneSource {
         let options = LoadOptions { camera, camera_file, auto_camera, strict };
         let load = || load(path, &options, observer);
         let (scene, tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
+        loading(observer, 2)?;
         Self::new(scene, tracer, trace, settings, observer)
     }
 
@@ -261,7 +262,9 @@ impl SceneSource {
 
 /// Loads the scene and reports what was ignored in it.
 fn load(path: &Path, options: &LoadOptions<'_>, observer: &SharedObserver) -> Result<Scene> {
+    loading(observer, 0)?;
     let scene = scene::load_with(path, options)?;
+    loading(observer, 1)?;
     for warning in &scene.warnings {
         observer.log(Level::Warning, &format!("warning: {}: {warning}", scene.path.display()));
     }
@@ -272,6 +275,12 @@ fn load(path: &Path, options: &LoadOptions<'_>, observer: &SharedObserver) -> Re
         scene.camera.name
     ));
     Ok(scene)
+}
+
+/// Tells the observer how much of a scene is loaded: nothing, its files, or its search tree as well.
+fn loading(observer: &SharedObserver, done: u64) -> Result<()> {
+    let step = Step { stage: "loading", done, total: 2, estimate: Estimate::None };
+    if observer.0.step(&step).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }
 
 /// A matrix that cannot be kept is no reason to fail: the next run traces again.

@@ -117,7 +117,7 @@ impl Measurement {
                 100.0 * shown / white,
                 100.0 * seen / white
             ),
-            help: "calibrate it with `krylux rig calibrate`, and name the calibration in the rig file; or say there, as `response = false` in [measurement], that levels and counts are to be used as they are".into(),
+            help: "calibrate it with `krylux rig calibrate RIG --use`; or say in the rig file, as `response = false` in [measurement], that levels and counts are to be used as they are".into(),
         })
     }
 

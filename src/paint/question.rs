@@ -78,7 +78,11 @@ impl Canvas<'_> {
         let worst = values.map(|(value, residual)| residual / value.abs().max(f64::MIN_POSITIVE));
         let worst = worst.fold(0.0, f64::max);
         Ok(Answer {
-            status: format!("{} products; relative residuals up to {worst:.1e}", found.stats.products),
+            status: format!(
+                "{} products; relative residuals up to {worst:.1e}{}",
+                found.stats.products,
+                self.of_channel()
+            ),
             values: found.values,
             groups: Vec::new(),
             planes: found.vectors,
@@ -103,13 +107,18 @@ impl Canvas<'_> {
         Ok(Answer {
             values: segmentation.eigenvalues,
             groups: segmentation.labels.iter().map(|(groups, _)| *groups).collect(),
-            status: segmentation.status,
+            status: segmentation.status + self.of_channel(),
             planes: segmentation
                 .labels
                 .iter()
                 .map(|(_, labels)| labels.iter().map(|&l| f64::from(l)).collect())
                 .collect(),
         })
+    }
+
+    /// What is said of an answer that looks at one channel of three.
+    fn of_channel(&self) -> &'static str {
+        if self.channels() > 1 { "; of red light" } else { "" }
     }
 
     /// The pattern by FISTA, or where every pixel counts the same by krylov-box, which needs fewer photos.
@@ -138,9 +147,11 @@ impl Canvas<'_> {
                 wanted.map(|((&target, ambient), weight)| weight * (f64::from(target) - ambient)).collect();
             let mut white = vec![0.0; pixels];
             operator.apply(&vec![1.0; pixels], &mut white)?;
-            let options =
-                SolveOptions { products, rtol: 1e-3, diagonal: Some(white), ..SolveOptions::default() };
             let is_even = weights.iter().all(|&weight| weight == 1.0);
+            // Light that no pixel asks for stays off.
+            let x0 = (!is_even).then(|| vec![0.0; pixels]);
+            let options =
+                SolveOptions { products, rtol: 1e-3, diagonal: Some(white), x0, ..SolveOptions::default() };
             let method = if is_even { Method::KrylovBox } else { Method::Fista };
             let found = solve_adjoint(method, &mut Weighted { operator, weights: &weights }, &b, &options)?;
             answer.values.push(found.residual);

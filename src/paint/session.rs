@@ -196,3 +196,79 @@ impl<'a> Session<'a> {
 pub(super) fn error_text(number: Option<u32>, message: &str) -> String {
     serde_json::json!({ "error": message, "number": number }).to_string()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::{Lab, LabBuilder, Settings};
+
+    /// The largest difference of two photos, relative to the brightest pixel.
+    fn difference(a: &Planes, b: &Planes) -> f64 {
+        let pixels = || a.iter().flatten().zip(b.iter().flatten());
+        let brightest = pixels().fold(0.0, |most: f64, (_, b)| most.max(b.abs()));
+        pixels().fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / brightest
+    }
+
+    /// A scene whose bounces are kept apart.
+    fn split(scene: &str) -> LabBuilder {
+        Lab::builder(scene).settings(Settings { split_bounces: true, ..Settings::default() })
+    }
+
+    #[test]
+    fn strokes_add_up_to_the_photo_of_the_pattern_for_every_light() -> Result<()> {
+        let mut lab = split("assets/scenes/corner/scene.glb").size(16, 16).samples(16).rgb().open()?;
+        let mut session = Session::new(Canvas::new(&mut lab)?)?;
+        assert_eq!(session.canvas().lights().len(), 5);
+        for light in 0..5 {
+            session.choose(light)?;
+            for step in 0..60_u32 {
+                let values = [0, 7, 13].map(|shift| ((step * 31 + shift) % 17) as f32 / 16.0);
+                session.change([((step * 37) % 256, values.to_vec())])?;
+            }
+            let by_strokes = session.shown().1.clone();
+            assert!(!session.is_exact);
+            session.finish()?;
+            let (pattern, exact) = session.shown();
+            let (pattern, exact) = (pattern.clone(), exact.clone());
+            // Sums of sixty columns in another order.
+            assert!(difference(&by_strokes, &exact) < 1e-12);
+            let light = session.light();
+            assert_eq!(session.canvas().photo(light, &pattern)?, exact);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn all_light_is_the_photo_of_the_laboratory() -> Result<()> {
+        let mut lab = Lab::builder("assets/scenes/cornell/scene.glb").size(12, 12).samples(8).open()?;
+        let pattern = crate::image::Image::filled(lab.projector_resolution(), 1, 0.5);
+        let photo = lab.photo(&pattern)?.planes();
+        let mut session = Session::new(Canvas::new(&mut lab)?)?;
+        session.replace(pattern.planes())?;
+        assert!(difference(session.shown().1, &photo) < 1e-7);
+        Ok(())
+    }
+
+    #[test]
+    fn a_row_and_a_column_of_a_symmetric_matrix_are_the_same() -> Result<()> {
+        let mut lab = Lab::builder("assets/scenes/zigzag/scene.glb").size(12, 12).samples(16).open()?;
+        let mut canvas = Canvas::new(&mut lab)?;
+        let column = canvas.column(Light::All, 30)?;
+        assert_eq!(canvas.row(Light::All, 30)?, Some(column));
+        Ok(())
+    }
+
+    #[test]
+    fn light_is_added_up_from_its_parts() -> Result<()> {
+        let mut lab = split("assets/scenes/corner/scene.glb").size(12, 12).samples(8).open()?;
+        let mut canvas = Canvas::new(&mut lab)?;
+        let white = vec![vec![1.0; 144]];
+        let mut photo = |light| canvas.photo(light, &white);
+        let [all, direct, global] = [photo(Light::All)?, photo(Light::Direct)?, photo(Light::Global)?];
+        let [second, later] = [photo(Light::Second)?, photo(Light::Later)?];
+        let sum = |a: &Planes, b: &Planes| crate::analysis::planes::sum(a, b);
+        assert!(difference(&sum(&second, &later), &global) < 1e-6);
+        assert!(difference(&sum(&direct, &global), &all) < 1e-6);
+        Ok(())
+    }
+}

@@ -2,7 +2,7 @@
 //!
 //! Two scenes are used, since they behave differently. Bent sheets, as real paper is, are cut into horizontal bands. The zigzag's
 //! sheets have creases that are sharp at every scale. There the light has only four separated eigenvalues: two groups, each cut
-//! in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands (`docs/segmentation.md`); the
+//! in halves. With more groups it is cheaper to cut off the tips of the creases than to form bands (`guide/src/concepts/segmentation.md`); the
 //! value of the cut measures that.
 
 use std::ops::ControlFlow;

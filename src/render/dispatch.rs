@@ -36,7 +36,7 @@ const MAX_PATHS_PER_INVOCATION: u32 = 64;
 /// of eight paths; with several paths each, an invocation starts its next path instead. One path each is
 /// faster in three cases: where paths gather photons, since lanes of one pixel then read the same ones; where
 /// rays test each of a few triangles, since compiling takes longer than it saves; and on a GPU, which
-/// switches to other invocations while one waits. Measured: see benches/README.md.
+/// switches to other invocations while one waits. Measured: see guide/src/right/speed.md.
 pub(super) fn max_paths_per_invocation(
     gpu: &Gpu,
     scene: &SceneFeatures,

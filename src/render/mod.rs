@@ -1,7 +1,7 @@
 //! The path tracer: it traces the light paths of a scene, as connections between camera pixels and projector
 //! pixels.
 //!
-#![doc = include_str!("../../docs/operator.md")]
+#![doc = include_str!("../../guide/src/right/operator.md")]
 
 mod batch;
 mod chains;
@@ -14,6 +14,7 @@ mod output;
 mod pairs;
 mod parameters;
 mod photons;
+mod piles;
 mod pipeline;
 mod records;
 mod rig;

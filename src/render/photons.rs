@@ -17,8 +17,9 @@ use super::light_buffer;
 use super::materials::NONE;
 use super::output::{Output, StagingBuffers};
 use super::parameters::{GpuEndpoint, Parameters};
+use super::piles;
 use super::pipeline::{PhotonBuffers, Pipeline};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Gpu;
 
 /// A photon as `trace_photons` records it: `Photon` in `shaders/shared/photons.wgsl`.
@@ -138,7 +139,7 @@ impl PhotonMap {
             drop(view);
             output.release();
             if unfinished > 0 {
-                return Err(Error::UnfinishedPaths { unfinished, total: u64::from(paths) });
+                return Err(piles::unfinished(unfinished, u64::from(paths), scene));
             }
             done += u64::from(paths);
         }

@@ -8,10 +8,11 @@ use super::dispatch::{DispatchSizer, Dispatches, Work};
 use super::geometry::GpuScene;
 use super::output::{Output, StagingBuffers};
 use super::parameters::Parameters;
+use super::piles;
 use super::pipeline::Pipeline;
 use super::strategy::Strategy;
 use super::summary::TraceSummary;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::readback::Readback;
 
@@ -34,6 +35,7 @@ struct InFlight {
 /// One strategy while its paths are traced.
 pub(super) struct StrategyRun<'a> {
     gpu: &'a Gpu,
+    scene: &'a GpuScene,
     strategy: &'a Strategy,
     kernel: &'a mut Kernel,
     dispatches: &'a mut Dispatches,
@@ -54,7 +56,7 @@ impl<'a> StrategyRun<'a> {
     /// Prepares buffers and bindings. Those of `staging` that are large enough are used again.
     pub(super) fn new(
         gpu: &'a Gpu,
-        scene: &GpuScene,
+        scene: &'a GpuScene,
         strategy: &'a Strategy,
         kernel: &'a mut Kernel,
         dispatches: &'a mut Dispatches,
@@ -83,6 +85,7 @@ impl<'a> StrategyRun<'a> {
         let idle_since = Instant::now();
         Ok(Self {
             gpu,
+            scene,
             strategy,
             kernel,
             dispatches,
@@ -160,7 +163,7 @@ impl<'a> StrategyRun<'a> {
         self.idle_since = Instant::now();
         let batch = Batch::new(first_path, layout, bytemuck::cast_slice(&view));
         if unfinished > 0 {
-            return Err(Error::UnfinishedPaths { unfinished, total: batch.len() as u64 });
+            return Err(piles::unfinished(unfinished, batch.len() as u64, self.scene));
         }
         visit(&batch)?;
         summary.rays += rays;

@@ -30,6 +30,11 @@ pub struct Run<'a> {
 }
 
 impl Run<'_> {
+    /// Whether a page that holds the matrix stands beside this one, or is written after it: it shows the rows that this one cannot hold.
+    fn has_paint(&self) -> bool {
+        self.folder.join(PAINT).is_file() || self.manifest.command.iter().any(|word| word == "--paint")
+    }
+
     /// The section with the contact sheet; `order` explains the order of its photos.
     pub(super) fn photos(&self, order: &str) -> Result<Option<Section>> {
         match &self.strip {
@@ -52,6 +57,7 @@ impl Run<'_> {
             facts: facts(self.manifest, photos, more, self.seconds),
             sections,
             footer: self.manifest.command.join(" "),
+            paint: if self.has_paint() { PAINT.to_owned() } else { String::new() },
             ..Report::default()
         }
     }
@@ -126,9 +132,7 @@ impl<'a> Files<'a> {
     /// Writes the page, and returns the names of all files.
     pub(super) fn finish(mut self, page: Report) -> Result<Vec<String>> {
         let mut page = Report { files: self.links(), ..page };
-        // A page that holds the matrix shows the rows that this one cannot hold.
-        if self.folder.join(PAINT).is_file() {
-            page.paint = PAINT.to_owned();
+        if !page.paint.is_empty() {
             page.files.push(FileLink::new(PAINT, "the light transport matrix, to paint with"));
         }
         page.write(&self.path("report.html"))?;

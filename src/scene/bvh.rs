@@ -26,27 +26,32 @@ pub struct Bvh {
 
 impl Bvh {
     /// Builds the tree over boxes given by their minimum and maximum corners.
-    ///
-    /// The builders that judge trees by their cost take long and build deep trees where many boxes lie at one point. There a balanced
-    /// tree, whose depth is the logarithm of the number of boxes, takes their place.
     pub fn build(boxes: impl Iterator<Item = [Vec3; 2]>) -> Self {
-        let boxes: Vec<_> = boxes.map(|[low, high]| Aabb::new(low.into(), high.into())).collect();
-        let params = match boxes.len() {
-            ..=MAX_THOROUGH => BvhBuildParams::very_slow_build(),
-            _ => BvhBuildParams::medium_build(),
-        };
-        let places: HashSet<_> = boxes.iter().map(|of| of.center().to_array().map(f32::to_bits)).collect();
-        let costly = 2 * places.len() >= boxes.len();
-        let costly = costly.then(|| build_cwbvh(&boxes, params, &mut Default::default()));
-        let bvh = match costly.filter(|bvh| depth(bvh) <= MAX_DEPTH) {
-            Some(bvh) => bvh,
-            None => bvh2_to_cwbvh(&balanced(&boxes), 3, true, false),
-        };
+        let bvh = tree(boxes);
         let nodes = bvh.nodes.iter().flat_map(|node| {
             let texels: [[u32; 4]; 5] = bytemuck::cast(*node);
             texels
         });
         Self { nodes: nodes.collect(), order: bvh.primitive_indices }
+    }
+}
+
+/// The tree over boxes, of at most [`MAX_DEPTH`] levels.
+///
+/// The builders that judge trees by their cost take long and build deep trees where many boxes lie at one point. There a balanced
+/// tree, whose depth is the logarithm of the number of boxes, takes their place.
+pub(super) fn tree(boxes: impl Iterator<Item = [Vec3; 2]>) -> CwBvh {
+    let boxes: Vec<_> = boxes.map(|[low, high]| Aabb::new(low.into(), high.into())).collect();
+    let params = match boxes.len() {
+        ..=MAX_THOROUGH => BvhBuildParams::very_slow_build(),
+        _ => BvhBuildParams::medium_build(),
+    };
+    let places: HashSet<_> = boxes.iter().map(|of| of.center().to_array().map(f32::to_bits)).collect();
+    let costly = 2 * places.len() >= boxes.len();
+    let costly = costly.then(|| build_cwbvh(&boxes, params, &mut Default::default()));
+    match costly.filter(|bvh| depth(bvh) <= MAX_DEPTH) {
+        Some(bvh) => bvh,
+        None => bvh2_to_cwbvh(&balanced(&boxes), 3, true, false),
     }
 }
 

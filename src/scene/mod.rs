@@ -5,10 +5,13 @@ pub mod builtin;
 pub mod bvh;
 pub mod camera;
 mod camera_file;
+mod first_hit;
+mod formats;
 mod gltf;
 pub mod material;
 mod obj;
 mod picture;
+mod repeated;
 mod shape;
 mod source;
 mod texture;
@@ -16,6 +19,7 @@ mod triangle;
 pub mod view;
 
 pub use camera::{Camera, Lens};
+pub use first_hit::{SurfacePoint, first_hits};
 pub use material::{AlphaMode, Material, Volume};
 pub use shape::predicted_direct;
 pub use texture::{Texture, TextureRef, Wrap};
@@ -58,19 +62,22 @@ pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
 /// in metres. The projector may also have `resolution = [width, height]`.
 ///
 /// # Errors
-/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both name
+/// [`Error::Read`](crate::Error::Read) when a file cannot be read, [`Error::Scene`](crate::Error::Scene) when its content cannot be used. Both name
 /// the file; the second also says what to do.
 pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    match extension.to_ascii_lowercase().as_str() {
-        "glb" | "gltf" => gltf::load(path, options),
-        "obj" => obj::load(path, options),
-        _ => Err(Error::Scene {
-            path: path.to_path_buf(),
-            fault: "not a known scene format".into(),
-            help: "give a .glb, .gltf or .obj file".into(),
-        }),
+    let mut scene = match extension.to_ascii_lowercase().as_str() {
+        "glb" | "gltf" => gltf::load(path, options)?,
+        "obj" => obj::load(path, options)?,
+        // A folder of a run, most likely, whose name is misspelled.
+        "" if !path.exists() => return Err(Error::reading(path)(std::io::ErrorKind::NotFound.into())),
+        other => return Err(formats::unknown(path, other)),
+    };
+    let repeated = repeated::drop_repeated(&mut scene.triangles);
+    if repeated > 0 {
+        scene.warnings.push(format!("triangles that repeat another one exactly were dropped: {repeated}"));
     }
+    Ok(scene)
 }
 
 /// A scene that is ready to be traced.

@@ -1,4 +1,6 @@
-//! Decoding of PNG and JPEG pictures, with bounds on their size.
+//! Decoding of pictures, with bounds on their size.
+
+use std::path::Path;
 
 use crate::image::codec::Format;
 
@@ -35,17 +37,18 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// Decodes the bytes of a PNG or JPEG file.
-    pub(super) fn decode(&mut self, bytes: &[u8]) -> Result<Picture, Fault> {
-        let Some(format) = Format::of(bytes) else {
+    /// Decodes the bytes of a PNG, JPEG, WebP, BMP, GIF or TGA file; of an animation, its first picture. TGA is recognized by its
+    /// file's `name` only.
+    pub(super) fn decode(&mut self, bytes: &[u8], name: Option<&Path>) -> Result<Picture, Fault> {
+        let Some(format) = Format::of(bytes).or_else(|| Format::of_name(name?)) else {
             return Err(Fault {
-                fault: "is neither PNG nor JPEG".into(),
+                fault: "is neither PNG, JPEG, WebP, BMP, GIF nor TGA".into(),
                 help: "convert it (magick PICTURE picture.png) and name that, or export the scene with PNG or JPEG pictures".into(),
             });
         };
         let broken = |error: String| Fault {
             fault: format!("cannot be decoded: {error}"),
-            help: "save the picture again as PNG or JPEG".into(),
+            help: "convert it (magick PICTURE picture.png), or save it again as PNG or JPEG".into(),
         };
         let (width, height) = format.size(bytes).map_err(broken)?;
         self.texels = self.texels.saturating_add(u64::from(width) * u64::from(height));

@@ -64,7 +64,7 @@ pub fn reason_for_darkness(scene: &Scene, resolution: Resolution) -> Option<Stri
 fn first_hit(scene: &Scene, camera: &Camera, ray: Vec3) -> Option<Hit> {
     let nearest = |best: Option<Hit>, triangle: &Triangle| match intersection(triangle, camera.position, ray)
     {
-        Some((distance, is_front)) if best.is_none_or(|best| distance < best.distance) => {
+        Some((distance, is_front, _)) if best.is_none_or(|best| distance < best.distance) => {
             let is_one_sided = !scene.materials[triangle.material as usize].double_sided;
             Some(Hit { distance, is_back: is_one_sided && !is_front })
         }
@@ -73,8 +73,9 @@ fn first_hit(scene: &Scene, camera: &Camera, ray: Vec3) -> Option<Hit> {
     scene.triangles.iter().fold(None, nearest)
 }
 
-/// The distance at which a ray of unit length meets a triangle, and whether it meets its front.
-fn intersection(triangle: &Triangle, origin: Vec3, ray: Vec3) -> Option<(f32, bool)> {
+/// The distance at which a ray of unit length meets a triangle, whether it meets its front, and the shares of the second and the
+/// third corner in the point.
+pub(super) fn intersection(triangle: &Triangle, origin: Vec3, ray: Vec3) -> Option<(f32, bool, [f32; 2])> {
     let [a, b, c] = triangle.positions;
     let (ab, ac) = (b - a, c - a);
     let across = ray.cross(ac);
@@ -85,7 +86,8 @@ fn intersection(triangle: &Triangle, origin: Vec3, ray: Vec3) -> Option<(f32, bo
     let v = ray.dot(turned) / determinant;
     let distance = ac.dot(turned) / determinant;
     // A ray in the triangle's plane has a determinant of zero, and fails these comparisons.
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 0.0).then_some((distance, determinant > 0.0))
+    let is_inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
+    (is_inside && distance > 0.0).then_some((distance, determinant > 0.0, [u, v]))
 }
 
 #[cfg(test)]

@@ -73,3 +73,24 @@ fn a_placed_camera_is_written_and_read_back() {
     let lit = lit.samples().iter().filter(|&&sample| sample > 0.0).count();
     assert!(lit > 64, "the sheet is in view: {lit} of the samples are lit");
 }
+
+#[test]
+fn what_the_camera_sees_is_drawn_without_a_graphics_adapter() {
+    let folder = folder();
+    let (scene, picture) = (sheet(&folder), inside(&folder, "seen.png"));
+    let output = crate::program::command_without_graphics(&["info", &scene, "--draw", "-o", &picture])
+        .output()
+        .expect("the program is built with the tests");
+    let shown = text(&output.stdout);
+    assert!(shown.contains('▀') && shown.contains(&format!("wrote     {picture}")), "{shown}");
+    let seen = image::open(&picture).expect("it was written").to_rgb8();
+    assert_eq!((seen.width(), seen.height()), (512, 512));
+    let lit = |x: u32, y: u32| seen.get_pixel(x, y).0[0] > 100;
+    // The sheet is in the middle; the camera that is placed leaves room around it.
+    assert!(lit(256, 256) && !lit(5, 5) && !lit(506, 506));
+
+    let plain = said(&["info", &scene]);
+    assert!(!plain.contains('\u{1b}'), "a pipe gets no colours: {plain}");
+    let refused = command(&["info", &scene, "-o", &inside(&folder, "seen.exr")]).output();
+    assert_error(&refused.expect("the program is built with the tests"), &["seen.exr", ".png"]);
+}

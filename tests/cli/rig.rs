@@ -201,7 +201,7 @@ fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
         "kind = \"virtual\"\n[scene]\nmatrix = \"wall.npz\"\nsize = [{SIDE}, {SIDE}]\n\
          [projector]\nbits = 6\ngamma = 2.2\nlatency = 0.02\n[camera]\nsize = [40, 40]\nbits = 14\n"
     );
-    std::fs::write(&rig, file).expect("the folder can be written");
+    std::fs::write(&rig, &file).expect("the folder can be written");
     let [whole, cut] = ["whole", "cut"].map(|name| inside(&folder, name));
     let calibrate = |output: &str, more: &[&str]| {
         let mut arguments = vec!["rig", "calibrate", "--json", &rig, "-o", output];
@@ -227,4 +227,13 @@ fn a_calibration_that_was_cut_off_goes_on_without_taking_a_photo_twice() {
             [&whole, &cut].map(|of| std::fs::read(Path::new(of).join(name)).expect("it is there"));
         assert_eq!(one, other, "{name}");
     }
+
+    // Nothing but --use changes the rig file, and then by one line.
+    assert_eq!(std::fs::read_to_string(&rig).expect("it is there"), file);
+    let used = krylux(&["rig", "calibrate", &rig, "-o", &whole, "--resume", "--use"]);
+    assert!(used.status.success(), "{}", text(&used.stderr));
+    let named = std::fs::read_to_string(&rig).expect("it is there");
+    assert_eq!(named.replace("calibration = \"whole\"\n", ""), file);
+    let info = krylux(&["info", &rig]);
+    assert!(text(&info.stdout).contains("whole"), "{}", text(&info.stdout));
 }

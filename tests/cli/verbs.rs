@@ -341,12 +341,27 @@ fn compensation_that_has_to_be_clipped_is_exit_status_1_and_says_so() {
 }
 
 #[test]
+fn a_gray_target_may_have_three_channels() {
+    let folder = folder();
+    let (z, gray) = (zigzag(), inside(&folder, "gray.npy"));
+    npy::write_npy(Path::new(&gray), &[8, 8, 3], &[0.5_f32; 8 * 8 * 3]).expect("the folder is writable");
+    let out = inside(&folder, "run");
+    let arguments =
+        ["compensate", &z, "--size", "8", "--spp", "4", "--photos", "4", "--target", &gray, "-o", &out];
+    let output = run(&arguments);
+    assert!(output.status.code() < Some(2), "{}", text(&output.stderr));
+    let target = npy::read_npy(&Path::new(&out).join("target.npy")).expect("it is written");
+    assert_eq!(target.shape, [8, 8]);
+}
+
+#[test]
 fn targets_that_cannot_be_used_are_named() {
     let folder = folder();
     let z = zigzag();
     let target = write_target(&folder, 8);
+    let out = inside(&folder, "run");
     let of = |more: &[&str], parts: &[&str]| {
-        let mut arguments = vec!["compensate", &z, "--size", "8", "--spp", "4", "--target"];
+        let mut arguments = vec!["compensate", &z, "--size", "8", "--spp", "4", "-o", &out, "--target"];
         arguments.extend(more);
         assert_error(&arguments, parts);
     };
@@ -361,7 +376,10 @@ fn targets_that_cannot_be_used_are_named() {
     of(&[&write("bright.npy", &[8, 8], 2.0)], &["bright.npy", "from 0 to 1", "--peak"]);
     of(&[&write("nan.npy", &[8, 8], f32::NAN)], &["nan.npy", "NaN"]);
     of(&[&write("black.npy", &[8, 8], 0.0)], &["black.npy", "black"]);
-    of(&[&write("coloured.npy", &[8, 8, 3], 0.5)], &["coloured.npy", "--channels rgb"]);
+    let coloured = inside(&folder, "coloured.npy");
+    let colours: Vec<f32> = (0..8 * 8 * 3).map(|sample| [0.5, 0.25, 0.5][sample % 3]).collect();
+    npy::write_npy(Path::new(&coloured), &[8, 8, 3], &colours).expect("the folder is writable");
+    of(&[&coloured], &["coloured.npy", "--channels rgb"]);
     of(&[&target, "--floor", "1"], &["--floor"]);
     of(&[&target, "--peak", "0"], &["--peak"]);
     of(&[&target, "--photos", "0"], &["--photos"]);
@@ -409,7 +427,8 @@ fn errors_name_the_file_or_the_option() {
     assert_error(&["photo", &z, "--size", "8", "--pattern", &small], &["small.npy", "4x4", "8x8"]);
     assert_error(&["photo", &z, "--size", "8", "--pattern", "pixel:8,0"], &["--pattern", "8,0"]);
     assert_error(&["photo", &z, "-o", "photo.bmp"], &["photo.bmp", ".exr"]);
-    assert_error(&["photo", &z, "-o", "/nonexistent/photo.png"], &["cannot write /nonexistent/photo.png"]);
+    let missing = inside(&folder, "missing/photo.png");
+    assert_error(&["photo", &z, "-o", &missing], &[&format!("cannot write {missing}")]);
     assert_error(&["photo", &z, "--adapter", "no such GPU"], &["no such GPU"]);
     assert_error(&["matrix", &z, "-o", "matrix.csv"], &["matrix.csv", ".npz"]);
     assert_error(&["segment", &z, "--photos", "2"], &["--photos"]);

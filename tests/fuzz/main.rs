@@ -129,6 +129,8 @@ fuzzed_by!(
     exr,
     glb,
     gltf,
+    compressed,
+    texture,
     obj,
     mtl,
     rig,

@@ -99,6 +99,28 @@ pub fn gltf() -> Reader {
     }
 }
 
+/// Meshes that are compressed by Draco or meshopt.
+pub fn compressed() -> Reader {
+    Reader {
+        name: "compressed",
+        file: "file.glb",
+        seeds: seeds::compressed,
+        read: |folder| drop(scene::load(&folder.join("file.glb"), None)),
+    }
+}
+
+/// Pictures that only textures come in. Only a file's name says TGA, and what is no other format is read as that.
+pub fn texture() -> Reader {
+    let seeds = |folder: &Path| {
+        write_scene(folder, "");
+        let mtl = seeds::mtl(folder).swap_remove(0);
+        let mtl = String::from_utf8_lossy(&mtl).replace("red.png", "red.tga");
+        std::fs::write(folder.join("scene.mtl"), mtl).expect("the temporary folder can be written");
+        seeds::texture(folder)
+    };
+    Reader { name: "texture", file: "red.tga", seeds, read: read_scene }
+}
+
 /// A scene of three files, of which one is mutated.
 fn write_scene(folder: &Path, mutated: &str) {
     let [obj, mtl] = [seeds::obj(folder), seeds::mtl(folder)].map(|mut seeds| seeds.swap_remove(0));

@@ -87,6 +87,19 @@ pub fn jpeg(_: &Path) -> Vec<Vec<u8>> {
     encoded(ImageFormat::Jpeg, &[ExtendedColorType::L8, ExtendedColorType::Rgb8])
 }
 
+pub fn texture(_: &Path) -> Vec<Vec<u8>> {
+    use ExtendedColorType::{Rgb8, Rgba8};
+    let gif = encoded(ImageFormat::Gif, &[Rgba8]);
+    let others =
+        [ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Tga].map(|format| encoded(format, &[Rgb8, Rgba8]));
+    others.into_iter().flatten().chain(gif).collect()
+}
+
+pub fn compressed(_: &Path) -> Vec<Vec<u8>> {
+    let names = ["carton-draco.glb", "carton-meshopt.glb"];
+    names.map(|name| shipped(&format!("tests/reference/compressed/{name}"))).to_vec()
+}
+
 pub fn exr(folder: &Path) -> Vec<Vec<u8>> {
     let path = folder.join("seed.exr");
     let (gray, colored) = (image(5, 4, 1), image(5, 4, 3));

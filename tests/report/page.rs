@@ -98,6 +98,8 @@ fn the_page_holds_everything_and_fetches_nothing() -> Outcome {
         "labels_2 = np.load(&#34;labels-2.npy&#34;)  # 8 × 8, uint8",
         "&#34;values&#34;:&#34;values-0&#34;",
         "The values of 1 picture are in this page, in single precision",
+        "<summary>What these figures mean</summary>",
+        "<dt>photos</dt><dd>photos that the row&#39;s answer took</dd>",
     ] {
         assert!(page.contains(expected), "{expected} is missing");
     }

@@ -9,25 +9,27 @@ mod gige_camera;
 #[cfg(feature = "gige")]
 #[path = "../program/mod.rs"]
 mod program;
+#[cfg(feature = "x11")]
 #[path = "../x_server/mod.rs"]
 mod x_server;
 
-#[cfg(feature = "gige")]
+#[cfg(all(feature = "gige", feature = "x11"))]
 mod bench;
-#[cfg(feature = "gige")]
+#[cfg(all(feature = "gige", feature = "x11"))]
 mod bench_verbs;
-#[cfg(feature = "gige")]
+#[cfg(all(feature = "gige", feature = "x11"))]
 mod calibration;
-#[cfg(feature = "gige")]
+#[cfg(all(feature = "gige", feature = "x11"))]
 mod faults;
-#[cfg(feature = "gige")]
+#[cfg(all(feature = "gige", feature = "x11"))]
 mod files;
-#[cfg(feature = "gige")]
+#[cfg(all(feature = "gige", feature = "x11"))]
 mod photos;
-#[cfg(feature = "gige")]
+#[cfg(all(feature = "gige", feature = "x11"))]
 mod verbs;
 
 mod cameras;
-#[cfg(feature = "gige")]
+#[cfg(all(feature = "gige", feature = "x11"))]
 mod gige;
+#[cfg(feature = "x11")]
 mod x11;

@@ -213,8 +213,8 @@ fn the_innermost_label_is_used() {
 #[test]
 fn regions_are_ordered_by_label_and_not_by_node() {
     let labels = [json!("lid"), json!(10), json!(2), Value::Null, json!("10")];
-    let mut nodes: Vec<Value> =
-        labels.iter().map(|label| json!({ "mesh": 0, "extras": { "region": label } })).collect();
+    let node = |(at, label): (usize, &Value)| json!({ "mesh": 0, "translation": [at, 0, 0], "extras": { "region": label } });
+    let mut nodes: Vec<Value> = labels.iter().enumerate().map(node).collect();
     nodes.push(json!({ "camera": 0 }));
     let scene = load(&with(&[("/scenes/0/nodes", json!([0, 1, 2, 3, 4, 5])), ("/nodes", json!(nodes))]));
     assert!(scene.regions_are_labels);
@@ -232,7 +232,7 @@ fn each_ignored_feature_gives_one_warning() {
     let coated = json!({ "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 1 } } });
     let scene = load(&with(&[
         ("/scenes/0/nodes", json!([0, 1, 2])),
-        ("/nodes/2", json!({ "mesh": 0 })),
+        ("/nodes/2", json!({ "mesh": 0, "translation": [1, 0, 0] })),
         (
             "/extensionsUsed",
             json!(["KHR_lights_punctual", "VENDOR_fog", "KHR_xmp_json_ld", "KHR_materials_sheen"]),

@@ -66,6 +66,31 @@ fn pictures_may_be_files_or_buffer_views_in_png_or_jpeg() {
 }
 
 #[test]
+fn webp_pictures_are_used_where_a_texture_has_no_other() {
+    let mut webp = std::io::Cursor::new(Vec::new());
+    let samples = TEXELS.as_flattened();
+    image::write_buffer_with_format(
+        &mut webp,
+        samples,
+        3,
+        2,
+        image::ExtendedColorType::Rgba8,
+        image::ImageFormat::WebP,
+    )
+    .expect("lossless WebP holds any RGBA picture");
+    let mut document = textured("", json!({}), json!({}));
+    set(&mut document, "/extensionsRequired", json!(["EXT_texture_webp"]));
+    set(&mut document, "/textures/0", json!({ "extensions": { "EXT_texture_webp": { "source": 0 } } }));
+    set(&mut document, "/images/0", json!({ "uri": data_uri("image/webp", webp.get_ref()) }));
+    assert_eq!(load(&document).textures[0].texels, TEXELS);
+
+    // A picture that every reader knows comes first.
+    set(&mut document, "/textures/0/source", json!(1));
+    set(&mut document, "/images/1", json!({ "uri": data_uri("image/png", &png(1, 1, &[[9, 8, 7, 255]])) }));
+    assert_eq!(load(&document).textures[0].texels, [[9, 8, 7, 255]]);
+}
+
+#[test]
 fn texture_transforms_are_loaded_with_the_texture_reference() {
     let transform = |value: Value| {
         let uri = data_uri("image/png", &png(1, 1, &[[255; 4]]));

@@ -5,8 +5,10 @@
 #[path = "../scene_support/mod.rs"]
 mod scene_support;
 
+mod blender;
 mod builtin;
 mod camera_file;
+mod gltf_compressed;
 mod gltf_errors;
 mod gltf_fuzz;
 mod gltf_loading;

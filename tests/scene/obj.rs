@@ -147,7 +147,7 @@ fn normals_and_colours_are_loaded() {
 #[test]
 fn objects_and_groups_are_regions() {
     let face = "f 1 2 3\n";
-    let scene = load(&format!("{SQUARE}{face}o lid\n{face}g box lower\n{face}o empty\no lid\n{face}"), "");
+    let scene = load(&format!("{SQUARE}{face}o lid\n{face}g box lower\n{face}o empty\no lid\nf 1 3 4\n"), "");
     assert_eq!(scene.regions, ["unnamed", "lid", "box lower"]);
     assert_eq!(scene.triangles.iter().map(|triangle| triangle.region).collect::<Vec<_>>(), [0, 1, 2, 1]);
     assert!(!scene.regions_are_labels);
@@ -318,7 +318,11 @@ fn invalid_libraries_are_refused() {
             "scene.obj",
             "material `m`: map_Kd and map_d have different options",
         ),
-        ("newmtl m\nmap_Kd paint.mtl", "paint.mtl", "the picture is neither PNG nor JPEG"),
+        (
+            "newmtl m\nmap_Kd paint.mtl",
+            "paint.mtl",
+            "the picture is neither PNG, JPEG, WebP, BMP, GIF nor TGA",
+        ),
         (
             "newmtl m\nmap_Kd mask.png",
             "scene.obj",

@@ -7,7 +7,7 @@
 //! number of groups from one capture.
 //!
 //! The cut has limits. Where two surfaces meet in a sharp crease, they exchange light at every scale, and the eigenvalues of the
-//! continuous scene are not separate below some value (`docs/segmentation.md`): fine groups then follow the crease.
+//! continuous scene are not separate below some value (`guide/src/concepts/segmentation.md`): fine groups then follow the crease.
 //!
 //! O'Toole and Kutulakos, *Light Transport Analysis by Krylov Subspace Illumination*, section 5; for the photos, *Optical
 //! computing for fast light transport analysis*, 2010, doi:10.1145/1882261.1866165.

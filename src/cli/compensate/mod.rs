@@ -21,11 +21,13 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
 use crate::lab::{ColorMixing, CompensateRequest, Compensated, Lab};
+use crate::paint::page::Kept;
 use crate::transport::Channels;
 pub(super) use question::Question;
 
 /// Find what to project so that the scene looks like a target image
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux compensate scene.glb --target target.png -o out/compensated")]
 pub(super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -172,7 +174,7 @@ fn conclude(args: &Args, answer: &Compensated<'_>, lab: &mut Lab, console: &Cons
     }
     let mut summary = summary(answer);
     merge(&mut summary, json!({ "residual_by_independent_light": verified.map(|(_, residual)| residual) }));
-    let ending = Ending { run: &args.run, is_good: answer.found.good, summary };
+    let ending = Ending { run: &args.run, is_good: answer.found.good, summary, kept: Kept::default() };
     Ok(finish(lab, console, answer, ending)?.1)
 }
 

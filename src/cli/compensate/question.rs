@@ -113,10 +113,15 @@ impl Question {
         let image = pattern::read_sized(&self.target, resolution)?;
         let unusable =
             |fault: String, help: &str| Error::Data { path: self.target.clone(), fault, help: help.into() };
-        if image.channels() > channels.count() {
-            let fault = format!("it has {} channels, but --channels luma has 1", image.channels());
-            return Err(unusable(fault, "give a gray image, or --channels rgb"));
-        }
+        let image = match image.channels() > channels.count() {
+            true => image.gray().ok_or_else(|| {
+                unusable(
+                    "it has colours, but --channels luma has none".into(),
+                    "give a gray image, or --channels rgb",
+                )
+            })?,
+            false => image,
+        };
         let range = |(low, high): (f32, f32), &value: &f32| (low.min(value), high.max(value));
         let (low, high) = image.samples().iter().fold((f32::INFINITY, f32::NEG_INFINITY), range);
         if low < 0.0 || high > 1.0 {

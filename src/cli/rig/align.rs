@@ -25,6 +25,9 @@ use crate::report::viewer::{Plane, Viewer};
 /// scene agrees on is taken for nearer. Directions are those of the photo. A flat scene tells nothing. Exit
 /// status 1: the last round is not aligned.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux rig align rig.toml\n  krylux rig align rig.toml --rounds 1 -o align.png"
+)]
 pub(in super::super) struct Args {
     #[command(flatten)]
     rig: RigArgs,

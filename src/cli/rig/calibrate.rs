@@ -1,6 +1,6 @@
 //! `krylux rig calibrate`: from captures to a calibration folder.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde_json::json;
@@ -12,11 +12,12 @@ use super::super::options::SourceArgs;
 use super::super::trace::TraceArgs;
 use super::bench::require_rig;
 use crate::error::Result;
-use crate::lab::{Calibrated, RunOptions};
+use crate::lab::{Calibrated, RigSource, RunOptions};
 use crate::measure::calibrate::{CalibrateOptions, MapBy};
 
 /// Measure a rig's devices from captures alone: responses, noise, pixel map, uneven brightness, latency, drift
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux rig calibrate rig.toml --use")]
 pub(in super::super) struct Args {
     #[command(flatten)]
     source: SourceArgs,
@@ -33,10 +34,13 @@ pub(in super::super) struct Args {
     /// for each of the projector's along an axis]
     #[arg(long, value_enum)]
     map: Option<MapArg>,
-    /// Where the calibration goes; name it as `calibration` in the rig file [default: what the rig file
-    /// names, or NAME-calibration beside it]
+    /// Where the calibration goes; --use, or the line `calibration = …` in the rig file, makes verbs use it [default: what the
+    /// rig file names, or NAME-calibration beside it]
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     folder: Option<PathBuf>,
+    /// Use it from now on: write the line `calibration = …` into the rig file. Comments and all else in the file stay as they are
+    #[arg(long = "use")]
+    is_used: bool,
     /// Calibrate anew into a folder that holds a calibration's photos, and throw these away
     #[arg(long)]
     overwrite: bool,
@@ -72,14 +76,26 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
         console.say(format_args!("{of:<9} {text}"))?;
     }
     console.say(format_args!("wrote     {}", folder.display()))?;
-    if !rig.names_calibration(&folder) {
+    let is_named = name_it(args, &rig, &folder, console)?;
+    console
+        .summary(&json!({ "verb": "rig calibrate", "folder": folder, "used": is_named, "effort": effort, "report": report }))?;
+    Ok(Outcome::Done)
+}
+
+/// Sees to it that the rig file names the calibration, or says how. Returns whether the file names it.
+fn name_it(args: &Args, rig: &RigSource, folder: &Path, console: &Console) -> Result<bool> {
+    let file = rig.file.path.display();
+    if rig.names_calibration(folder) {
+        return Ok(true);
+    }
+    if args.is_used {
+        rig.name_calibration(folder)?;
+        console.say(format_args!("used      by {file} from now on"))?;
+    } else {
         console.note(format_args!(
-            "note: name it in {} as `calibration = {:?}` (relative to that file), and every verb will use it",
-            rig.file.path.display(),
+            "note: no verb uses it yet; name it in {file} as `calibration = {:?}` (relative to that file), or give --use, which writes this line",
             folder.file_name().unwrap_or(folder.as_os_str())
         ));
     }
-    console
-        .summary(&json!({ "verb": "rig calibrate", "folder": folder, "effort": effort, "report": report }))?;
-    Ok(Outcome::Done)
+    Ok(args.is_used)
 }

@@ -14,6 +14,7 @@ use crate::rig::Helper;
 
 /// Check a bench before a session: devices, light, frames, calibration, disk; exit 1 where something fails
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux rig check rig.toml")]
 pub(in super::super) struct Args {
     #[command(flatten)]
     rig: RigArgs,

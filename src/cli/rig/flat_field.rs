@@ -16,6 +16,7 @@ use crate::error::{Error, Result};
 /// gets such a sheet in place of its scene. Calibrate the rig first. From then on patterns are divided by the projector's brightness
 /// and photos by the camera's. Runs that were begun before cannot be continued.
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux rig flat-field rig.toml")]
 pub(in super::super) struct Args {
     #[command(flatten)]
     source: SourceArgs,

@@ -12,6 +12,7 @@ use crate::rig::{AttachedCamera, AttachedDevices, MonitorInfo};
 
 /// List the monitors and cameras that a rig file may name; no camera is opened but that of the rig file
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  krylux rig list --abilities")]
 pub(in super::super) struct Args {
     /// A rig file; its X server and its camera are queried, too
     #[arg(value_name = "RIG")]

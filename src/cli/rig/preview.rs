@@ -29,6 +29,9 @@ const SAID: Duration = Duration::from_secs(1);
 
 /// Show what the camera sees, live: saturated pixels red, black ones blue, with a focus score; until Ctrl-C
 #[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  krylux rig preview rig.toml\n  krylux rig preview rig.toml --frames 1 --pattern checker:4 -o preview.png"
+)]
 pub(in super::super) struct Args {
     #[command(flatten)]
     rig: RigArgs,

@@ -76,6 +76,14 @@ impl RigSource {
         })
     }
 
+    /// Writes into the rig file that this folder holds its calibration, so that every verb uses it.
+    ///
+    /// # Errors
+    /// As [`RigFile::name_calibration`](crate::measure::RigFile::name_calibration).
+    pub fn name_calibration(&self, folder: &Path) -> Result<()> {
+        self.file.name_calibration(folder).map(drop)
+    }
+
     /// Whether the rig file names this folder as its calibration.
     pub fn names_calibration(&self, folder: &Path) -> bool {
         self.file.calibration.as_deref() == Some(folder)

@@ -48,9 +48,7 @@ impl RigSource {
             return Err(Error::Option {
                 option: "SOURCE".into(),
                 fault: format!("{} names no calibration, which this is added to", self.file.path.display()),
-                help:
-                    "calibrate the rig first with `krylux rig calibrate`, and name the calibration in the rig file"
-                        .into(),
+                help: "calibrate the rig first: krylux rig calibrate RIG --use".into(),
             });
         };
         let flat = self.flat_field()?;

@@ -30,7 +30,7 @@ pub(super) fn calibration(file: &RigFile, recorder: &mut Recorder<'_, '_>) -> Re
                 Grade::Warning,
                 "the rig file names none: responses, noise and pixel map are assumed to be ideal",
                 "the folder that `krylux rig calibrate` wrote",
-                "run it, and write calibration = \"…\" into the rig file",
+                "run it with --use, which names its folder in the rig file",
             );
             (finding, None)
         }

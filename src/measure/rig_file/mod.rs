@@ -60,6 +60,7 @@
 mod check;
 mod check_camera;
 mod check_light;
+mod edit;
 mod parse;
 mod programs;
 mod scene;

@@ -290,3 +290,56 @@ impl Sections {
         self.count - 1
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::Lab;
+
+    fn options(max_bytes: Option<usize>) -> EmbedOptions {
+        EmbedOptions { precision: Precision::Half, max_bytes, kept: Kept::default() }
+    }
+
+    #[test]
+    fn a_matrix_that_is_too_large_is_thinned_and_says_how_far_its_photos_are_off() -> Result<()> {
+        let mut lab = Lab::builder("assets/scenes/cornell/scene.glb").size(32, 32).samples(64).open()?;
+        let mut canvas = Canvas::new(&mut lab)?;
+        let whole = Embedded::new(&mut canvas, &options(None))?;
+        assert!(whole.kept == 1.0 && whole.error < 5e-4, "{}", whole.error);
+        let page = whole.bytes() - 100_000;
+        let thin = Embedded::new(&mut canvas, &options(Some(page)))?;
+        assert!(thin.bytes() <= page && thin.kept < 1.0);
+        assert!(thin.error > whole.error && thin.error < 0.2, "{}", thin.error);
+        // The page itself takes more than this.
+        let refused = Embedded::new(&mut canvas, &options(Some(10_000)));
+        assert!(refused.is_err_and(|error| error.to_string().contains("--max-size")));
+        Ok(())
+    }
+
+    #[test]
+    fn thinning_keeps_the_mean_of_every_photo_and_symmetry() -> Result<()> {
+        let entries = |row: usize| (0..60).map(move |column| 1.0 + ((row * column) % 7) as f64);
+        let weights: Vec<f64> = (0..60).flat_map(entries).collect();
+        let columns: Vec<u32> = (0..60).flat_map(|_| 0..60).collect();
+        let matrix = Csr::new(60, (0..=60).map(|row| 60 * row).collect(), columns, weights)?;
+        let sum = |of: &Csr| of.weights().iter().sum::<f64>();
+        let thin = thinned(&Columns::new(vec![matrix.clone()]), 0.3);
+        let thin = &thin.channels()[0];
+        assert!(thin.is_symmetric());
+        let share = thin.weights().len() as f64 / matrix.weights().len() as f64;
+        // 1,830 independent choices: three standard deviations are 3.5 % of the share and about 5 % of the sum.
+        assert!((share / 0.3 - 1.0).abs() < 0.15, "{share}");
+        assert!((sum(thin) / sum(&matrix) - 1.0).abs() < 0.1);
+        Ok(())
+    }
+
+    #[test]
+    fn the_threshold_keeps_the_share_that_is_wanted() {
+        let sizes: Vec<f64> = (1..=1000).map(|size| f64::from(size).powi(2)).collect();
+        for share in [0.9, 0.5, 0.1] {
+            let threshold = threshold(sizes.clone(), share);
+            let kept: f64 = sizes.iter().map(|size| (size / threshold).min(1.0)).sum();
+            assert!((kept / 1000.0 - share).abs() < 1e-9, "{share}: {kept}");
+        }
+    }
+}

@@ -49,10 +49,7 @@ pub async fn serve(stream: TcpStream, shared: Arc<Shared>) -> Result<(), String>
         async move { Ok::<_, std::convert::Infallible>(answer) }
     });
     let mut http = hyper::server::conn::http1::Builder::new();
-    http.timer(TokioTimer::new())
-        .header_read_timeout(HEADER_TIMEOUT)
-        .max_buf_size(HEADER_BYTES)
-        .keep_alive(false);
+    http.timer(TokioTimer::new()).header_read_timeout(HEADER_TIMEOUT).max_buf_size(HEADER_BYTES);
     let served = http.serve_connection(TokioIo::new(stream), service).with_upgrades();
     let served = tokio::time::timeout(PAGE_TIMEOUT, served).await;
     match upgraded.try_recv() {
@@ -103,6 +100,7 @@ fn respond(request: &mut Request<Incoming>, shared: &Shared) -> Response<Full<By
 fn page(shared: &Shared) -> Response<Full<Bytes>> {
     let mut answer = Response::new(Full::new(shared.page.html()));
     let headers = answer.headers_mut();
+    headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/html; charset=utf-8"));
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
@@ -145,6 +143,7 @@ fn upgrade(headers: &HeaderMap) -> Response<Full<Bytes>> {
 fn status(status: StatusCode, why: &'static str) -> Response<Full<Bytes>> {
     let mut answer = Response::new(Full::from(why));
     *answer.status_mut() = status;
+    answer.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     answer
 }
 

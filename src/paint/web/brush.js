@@ -5,7 +5,7 @@ export function coverage(distance, radius, softness) {
   // A brush of one pixel always covers the pixel that it is on.
   const edge = Math.max(radius, 0.5);
   const inner = edge * (1 - softness);
-  if (distance <= inner) return 1;
+  if (distance < inner) return 1;
   if (distance >= edge) return 0;
   const t = (edge - distance) / (edge - inner);
   return t * t * (3 - 2 * t);

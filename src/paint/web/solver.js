@@ -29,7 +29,8 @@ export function solveBox(matrix, channel, { target, weights, bounds, iterations 
   const weighted = (plane) => plane.map((value, pixel) => value * weights[pixel] * weights[pixel]);
   const size = Math.sqrt(target.reduce((sum, value, pixel) => sum + (value * weights[pixel]) ** 2, 0)) || 1;
   const step = 1 / lipschitz(one, channel, weighted);
-  let x = new Float64Array(matrix.columns).fill(0.5 * (lower + upper));
+  // Light that no pixel asks for stays off.
+  let x = new Float64Array(matrix.columns).fill(lower);
   let [y, momentum] = [x, 1];
   for (let iteration = 0; iteration < iterations; iteration += 1) {
     const off = one.forward(channel, y).map((value, pixel) => value - target[pixel]);

@@ -36,7 +36,7 @@ const MAX_TOUCHED: usize = 1 << 26;
 /// Texels in a row of the raster for a scene with this number of pairs. One texel on each side lies beyond
 /// the field of view. A fine raster has short lists; a coarse one stays in the cache.
 pub(super) fn side(pairs: usize) -> u32 {
-    // Measured on software Vulkan: see benches/README.md.
+    // Measured on software Vulkan: see guide/src/right/speed.md.
     (16 * (2 * pairs).isqrt()).next_power_of_two().clamp(128, 512) as u32
 }
 

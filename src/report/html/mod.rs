@@ -1,6 +1,7 @@
 //! `report.html`: one self-contained page with the results of a run. The page loads nothing from elsewhere. Its scripts tell values,
 //! zoom, flip and compare; everything is shown without them, too.
 
+mod definitions;
 mod files;
 mod legend;
 mod page;

@@ -5,7 +5,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use super::values::Embedded;
-use super::{Block, Legend, Number, Outcome, Report, files};
+use super::{Block, Legend, Number, Outcome, Report, definitions, files};
 use crate::error::{Error, Result};
 use crate::report::text;
 use crate::report::web::{COLOR, FORMAT, Module, VIEW, bundle};
@@ -115,6 +115,16 @@ impl Page<'_> {
             widest.unwrap_or(0).max(length(&headers[index]))
         };
         (0..headers.len()).map(|index| 7 * column(index) + 12).sum::<usize>() > 350
+    }
+
+    /// What the facts at the top of the page mean.
+    fn meanings_of_facts(&self) -> Vec<(&'static str, &'static str)> {
+        definitions::definitions(self.report.facts.iter().map(|(name, _)| name.as_str()))
+    }
+
+    /// What the columns of a table mean.
+    fn meanings(&self, headers: &[String]) -> Vec<(&'static str, &'static str)> {
+        definitions::definitions(headers.iter().map(String::as_str))
     }
 
     fn header<'a>(&self, headers: &'a [String], column: usize) -> &'a str {

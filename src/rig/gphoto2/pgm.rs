@@ -26,7 +26,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<Gray> {
         return None;
     }
     let counts: Vec<u16> = if highest < 256 {
-        body.get(..pixels)?.iter().map(|&byte| byte.into()).collect()
+        body.get(..pixels)?.iter().map(|&byte| u16::from(byte)).collect()
     } else {
         let body = body.get(..pixels.checked_mul(2)?)?;
         body.as_chunks::<2>().0.iter().map(|&pair| u16::from_be_bytes(pair)).collect()

@@ -11,24 +11,42 @@
 //!
 //! Reading back shows what the server's framebuffer holds. What the monitor does to it afterwards (sharpening, its own gamma, a
 //! colour wheel) is seen by the camera only; calibration and audit find it.
+//!
+//! Without the feature `x11`, as on macOS and Windows, `absent` stands in for the server: a rig file is read and described, and
+//! every request to show something is an error that says so.
 
+#[cfg(not(feature = "x11"))]
+mod absent;
+#[cfg(feature = "x11")]
 mod canvas;
 mod helper;
+#[cfg(feature = "x11")]
 mod monitor;
 mod projector;
+#[cfg(feature = "x11")]
 mod reader;
+#[cfg(feature = "x11")]
 mod screen;
 mod serve;
 mod spec;
+#[cfg(feature = "x11")]
 mod watch;
+#[cfg(feature = "x11")]
 mod window;
 mod wire;
 
+#[cfg(not(feature = "x11"))]
+use absent::Screen;
+#[cfg(not(feature = "x11"))]
+pub use absent::monitors;
 pub use helper::Helper;
-pub use monitor::{MonitorInfo, monitors};
+#[cfg(feature = "x11")]
+pub use monitor::monitors;
 pub use projector::X11Projector;
+#[cfg(feature = "x11")]
+use screen::Screen;
 pub use serve::serve as serve_projector;
-pub use spec::{ProjectorKind, X11Monitor, X11Spec};
+pub use spec::{MonitorInfo, ProjectorKind, X11Monitor, X11Spec};
 pub use wire::ShowTimes;
 
 use crate::error::Error;
@@ -42,6 +60,7 @@ fn fault(fault: impl Into<String>, help: impl Into<String>) -> Error {
 }
 
 /// The error where the server failed or refused a request.
+#[cfg(feature = "x11")]
 fn lost(doing: &str, why: &dyn std::fmt::Display) -> Error {
     fault(
         format!("the X server is gone, or refused to {doing}: {why}"),

@@ -5,30 +5,11 @@ use x11rb::protocol::randr::{ConnectionExt as _, Crtc, GetScreenResourcesCurrent
 use x11rb::protocol::xproto::{ConnectionExt as _, Window};
 use x11rb::rust_connection::RustConnection;
 
-use super::spec::{X11Monitor, X11Spec};
+use super::spec::{MonitorInfo, X11Monitor, X11Spec};
 use super::{fault, lost};
 use crate::error::{Error, Result};
 use crate::image::Resolution;
 use crate::rig::nearest::nearest;
-
-/// One of an X server's monitors.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct MonitorInfo {
-    /// The server's name of it, e.g. `HDMI-1`.
-    pub name: String,
-    /// Its size in pixels.
-    pub resolution: Resolution,
-    /// The position of its top left pixel on the server's screen, to the right and down, in pixels.
-    pub place: [i16; 2],
-    /// Whether it is the desktop's primary monitor.
-    #[serde(rename = "primary")]
-    pub is_primary: bool,
-    /// Seconds from one refresh to the next, if the server knows.
-    pub frame_time: Option<f64>,
-    /// The display controllers (CRTCs) that drive it.
-    #[serde(skip)]
-    pub(super) crtcs: Vec<Crtc>,
-}
 
 /// The share of full scale by which a gamma ramp may deviate from a straight line: half of an 8-bit level.
 const RAMP_TOLERANCE: f64 = 0.5 / 255.0;

@@ -9,9 +9,9 @@ use x11rb::protocol::xproto::{ConnectionExt as _, Gcontext, Pixmap, Window};
 use x11rb::rust_connection::RustConnection;
 
 use super::canvas::{Canvas, Difference, Picture};
-use super::monitor::{self, MonitorInfo};
+use super::monitor;
 use super::reader::Reader;
-use super::spec::X11Spec;
+use super::spec::{MonitorInfo, X11Spec};
 use super::watch::Watch;
 use super::window;
 use super::wire::ShowTimes;

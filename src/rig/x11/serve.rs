@@ -2,9 +2,8 @@
 
 use std::io::{Read, Write};
 
-use super::fault;
-use super::screen::Screen;
 use super::wire::{self, Reply, Request};
+use super::{Screen, fault};
 use crate::error::{Error, Result};
 use crate::rig::Frame;
 
@@ -34,7 +33,7 @@ fn answer(screen: &mut Option<Screen>, request: Request, payload: &[u8]) -> Resu
             Ok(Reply::Opened { monitor: monitor.name.clone(), resolution: monitor.resolution })
         }
         (Request::Show { resolution, channels }, Some(screen)) => {
-            let levels = payload.iter().map(|&level| level.into()).collect();
+            let levels = payload.iter().map(|&level| u16::from(level)).collect();
             Ok(Reply::Shown(screen.show(&Frame::new(resolution, channels, levels)?)?))
         }
         (Request::Confirm, Some(screen)) => screen.confirm().map(|()| Reply::Confirmed),

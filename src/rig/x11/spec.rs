@@ -70,6 +70,26 @@ impl std::fmt::Display for X11Monitor {
     }
 }
 
+/// One of an X server's monitors.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MonitorInfo {
+    /// The server's name of it, e.g. `HDMI-1`.
+    pub name: String,
+    /// Its size in pixels.
+    pub resolution: Resolution,
+    /// The position of its top left pixel on the server's screen, to the right and down, in pixels.
+    pub place: [i16; 2],
+    /// Whether it is the desktop's primary monitor.
+    #[serde(rename = "primary")]
+    pub is_primary: bool,
+    /// Seconds from one refresh to the next, if the server knows.
+    pub frame_time: Option<f64>,
+    /// The display controllers (CRTCs) that drive it, by the server's numbers.
+    #[serde(skip)]
+    #[cfg(feature = "x11")]
+    pub(super) crtcs: Vec<u32>,
+}
+
 fn one() -> usize {
     1
 }
@@ -110,6 +130,7 @@ impl X11Spec {
     }
 
     /// The size of a pattern on the monitor, in monitor pixels.
+    #[cfg(feature = "x11")]
     pub(super) fn shown(&self) -> Resolution {
         Resolution::new(self.size[0] * self.magnify, self.size[1] * self.magnify)
     }

@@ -12,8 +12,7 @@ use x11rb::protocol::xproto::{
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
-use super::monitor::MonitorInfo;
-use super::spec::X11Spec;
+use super::spec::{MonitorInfo, X11Spec};
 
 type Made<T> = Result<T, ReplyOrIdError>;
 

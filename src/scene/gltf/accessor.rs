@@ -5,7 +5,7 @@ use gltf_json as json;
 use gltf_json::accessor::{ComponentType, Type};
 use gltf_json::validation::Checked;
 
-use super::{Document, buffers, extensions};
+use super::{Document, buffers};
 use crate::error::Result;
 
 /// A checked accessor: all its `count` elements lie inside its bytes.
@@ -105,15 +105,8 @@ pub(super) fn open<'a>(
         }
         None if accessor.sparse.is_some() => None,
         None => {
-            return Err(match extensions::compression(document) {
-                Some(name) => document.fault(
-                    format!("{what} has no uncompressed data: the file is compressed with {name}"),
-                    extensions::advice(name),
-                ),
-                None => {
-                    document.fault(format!("{what} has no data: accessor {index} has no buffer view"), HELP)
-                }
-            });
+            let fault = format!("{what} has no data: accessor {index} has no buffer view");
+            return Err(document.fault(fault, HELP));
         }
     };
     let Ok(count) = usize::try_from(count) else {

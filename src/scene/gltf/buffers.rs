@@ -2,7 +2,7 @@
 
 use gltf_json as json;
 
-use super::{Document, extensions, object_name, uri};
+use super::{Document, meshopt, object_name, uri};
 use crate::error::{Error, Result};
 
 /// Reads every buffer of the file.
@@ -11,6 +11,11 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
         let buffer = &document.root.buffers[index];
         let what = object_name("buffer", index, buffer.name.as_ref());
         let expected = buffer.byte_length.0;
+        // Its views are decompressed from another buffer.
+        if meshopt::is_fallback(buffer) {
+            document.buffers.push(Vec::new());
+            continue;
+        }
         let bytes = match buffer.uri.clone() {
             Some(uri) => uri::read(document, &what, &uri)?,
             None if index == 0 && document.chunk.is_some() => document.chunk.take().unwrap_or_default(),
@@ -29,16 +34,10 @@ pub(super) fn load(document: &mut Document) -> Result<()> {
 
 /// The error about a buffer without data.
 fn missing(document: &Document, what: &str) -> Error {
-    match extensions::compression(document) {
-        Some(name) => document.fault(
-            format!("{what} has no uncompressed data: the file is compressed with {name}"),
-            extensions::advice(name),
-        ),
-        None => document.fault(
-            format!("{what} has neither a URI nor a binary chunk in the file"),
-            "the file is incomplete: export it again",
-        ),
-    }
+    document.fault(
+        format!("{what} has neither a URI nor a binary chunk in the file"),
+        "the file is incomplete: export it again",
+    )
 }
 
 /// The bytes of a buffer view, and its stride in bytes if it states one. `what` names the object that uses

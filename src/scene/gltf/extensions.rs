@@ -9,6 +9,9 @@
 //! | `KHR_texture_transform` | supported, for each texture separately |
 //! | `KHR_mesh_quantization` | supported |
 //! | `EXT_mesh_gpu_instancing` | supported |
+//! | `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, `KHR_meshopt_compression` | decompressed |
+//! | `EXT_texture_webp` | supported |
+//! | `KHR_texture_basisu`, `EXT_texture_avif` | another picture of the texture is used; an error where there is none |
 //! | `KHR_lights_punctual` | ignored with a warning: the projector is the light |
 //! | any other, required | an error |
 //! | any other, used | a warning, unless the extension has no effect on the picture |
@@ -22,10 +25,14 @@
 //! The extras of a camera node may have `"krylux": "projector"`, `resolution`, `aperture_radius` and
 //! `focus_distance`.
 
-use super::Document;
+use super::{Document, draco, meshopt};
 use crate::error::Result;
 
-const SUPPORTED: [&str; 10] = [
+const SUPPORTED: [&str; 14] = [
+    draco::NAME,
+    meshopt::NAMES[0],
+    meshopt::NAMES[1],
+    WEBP,
     "KHR_materials_unlit",
     INSTANCING,
     "KHR_materials_transmission",
@@ -41,6 +48,9 @@ const SUPPORTED: [&str; 10] = [
 /// Places one mesh many times.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
+/// Textures whose picture is a WebP file.
+pub(super) const WEBP: &str = "EXT_texture_webp";
+
 const LIGHTS: &str = "KHR_lights_punctual";
 
 /// Extensions that do not change the picture of the scene at rest.
@@ -55,11 +65,8 @@ const WITHOUT_EFFECT: [&str; 8] = [
     "MSFT_lod",
 ];
 
-const COMPRESSION: [&str; 3] =
-    ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
-
 /// Extensions for image formats. They are refused only if a texture in use has no picture in another format.
-const CHECKED_AT_USE: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif"];
+const CHECKED_AT_USE: [&str; 2] = ["KHR_texture_basisu", "EXT_texture_avif"];
 
 /// Refuses required extensions that are not supported, and adds a warning for each of the other unsupported
 /// ones in use.
@@ -82,7 +89,6 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
         } else if !SUPPORTED.contains(&name)
             && !WITHOUT_EFFECT.contains(&name)
             && !CHECKED_AT_USE.contains(&name)
-            && !COMPRESSION.contains(&name)
             // The warning about a material extension names a material that uses it, so it is made where
             // materials are read.
             && !name.starts_with("KHR_materials_")
@@ -93,21 +99,13 @@ pub(super) fn check(document: &mut Document) -> Result<()> {
     Ok(())
 }
 
-/// The mesh compression that the file uses, if any. It is the likely reason for missing data.
-pub(super) fn compression(document: &Document) -> Option<&str> {
-    document.root.extensions_used.iter().map(String::as_str).find(|name| COMPRESSION.contains(name))
-}
-
 /// Advice for a file that requires an unsupported extension.
 pub(super) fn advice(name: &str) -> &'static str {
     match name {
-        _ if COMPRESSION.contains(&name) => {
-            "decompress it: npx @gltf-transform/cli copy SCENE.glb PLAIN.glb (or export the scene without mesh compression)"
-        }
         "KHR_texture_basisu" => {
-            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
+            "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed (or export the scene with PNG or JPEG pictures)"
         }
-        "EXT_texture_webp" | "EXT_texture_avif" => {
+        "EXT_texture_avif" => {
             "convert its pictures: npx @gltf-transform/cli png SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
         }
         "KHR_materials_pbrSpecularGlossiness" => {

@@ -11,12 +11,14 @@ mod buffers;
 mod cameras;
 mod checks;
 mod container;
+mod draco;
 mod extensions;
 mod extras;
 mod geometry;
 mod instancing;
 mod labels;
 mod materials;
+mod meshopt;
 mod nodes;
 mod placer;
 mod pose;
@@ -53,6 +55,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     }
     extensions::check(&mut document)?;
     buffers::load(&mut document)?;
+    meshopt::decompress(&mut document)?;
+    draco::decompress(&mut document)?;
 
     let placed = nodes::walk(&mut document)?;
     // Errors about the camera come before the work on the meshes.
@@ -124,6 +128,13 @@ impl Document {
             warnings: Warnings::default(),
             strict: false,
         })
+    }
+
+    /// Adds a buffer of these bytes, which are made while loading.
+    fn add_buffer(&mut self, bytes: Vec<u8>) -> json::Index<json::Buffer> {
+        self.buffers.push(bytes);
+        // There is memory for fewer buffers than 2³².
+        json::Index::new(self.buffers.len() as u32 - 1)
     }
 
     /// An error about this file.

@@ -1,6 +1,7 @@
 //! Textures: decoded pictures with their samplers, and references to them by materials.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use glam::{Affine2, Mat2, Vec2};
 use gltf_json as json;
@@ -8,7 +9,7 @@ use gltf_json::extensions::texture::TextureTransform;
 use gltf_json::texture::{MagFilter, WrappingMode};
 use gltf_json::validation::Checked;
 
-use super::{Document, buffers, object_name, uri};
+use super::{Document, buffers, extensions, object_name, uri};
 use crate::error::Result;
 use crate::scene::picture::{Fault, Picture, Pictures};
 use crate::scene::{Texture, TextureRef, Wrap};
@@ -87,7 +88,7 @@ impl Textures {
         };
         let what = object_name("texture", index, texture.name.as_ref());
         let (wrap, linear) = sampler(document, &what, &texture)?;
-        let source = texture.source.value();
+        let source = image_of(document, &texture);
         if let Some(&position) = self.index_of.get(&(source, wrap, linear)) {
             return Ok(position);
         }
@@ -97,7 +98,7 @@ impl Textures {
             return Err(match alternative {
                 Some(name) => document.fault(
                     format!("{what} has its picture only as {name}, which is not supported"),
-                    super::extensions::advice("KHR_texture_basisu"),
+                    extensions::advice(&name),
                 ),
                 None if source == u32::MAX as usize => document.fault(format!("{what} has no picture"), help),
                 None => {
@@ -142,10 +143,19 @@ impl Textures {
         };
         let picture = self
             .pictures
-            .decode(&bytes)
+            .decode(&bytes, file_name.map(Path::new))
             .map_err(|Fault { fault, help }| document.fault(format!("{what} {fault}"), help))?;
         Ok((what, picture))
     }
+}
+
+/// The index of a texture's image: its own, which every reader can use, or where it has none that in WebP.
+fn image_of(document: &Document, texture: &json::Texture) -> usize {
+    let own = texture.source.value();
+    let webp = texture.extensions.as_ref().and_then(|extensions| extensions.others.get(extensions::WEBP));
+    let webp = webp.and_then(|webp| webp.get("source")).and_then(json::Value::as_u64);
+    let is_there = document.root.images.get(own).is_some();
+    webp.filter(|_| !is_there).and_then(|index| usize::try_from(index).ok()).unwrap_or(own)
 }
 
 /// A texel that leaves a material as it is without the texture; a missing light does not shine.

@@ -141,7 +141,7 @@ impl<'a> Maps<'a> {
         let bytes = source::read(self.scene, &format!("material `{material}`"), file)?;
         hash.add(&bytes);
         self.pictures
-            .decode(&bytes)
+            .decode(&bytes, Some(file))
             .map_err(|what| fault(file, format!("the picture {}", what.fault), what.help))
     }
 

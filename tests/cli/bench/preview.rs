@@ -82,12 +82,13 @@ fn figures_are_printed_without_a_terminal_and_wrong_options_are_named() {
     for part in ["frame     2: focus", "best", "saturated 0.0 %", "brightest", "a second of", "preview.png"] {
         assert!(said.contains(part), "`{part}` is missing in: {said}");
     }
+    let missing = inside(&folder, "missing/p.png");
     for (arguments, part) in [
         (vec!["rig", "preview", &rig, "-o", "a.exr"], ".png"),
         (vec!["rig", "preview", &rig, "--exposure", "0"], "more than 0"),
         (vec!["rig", "preview", &rig, "--exposure", "1e9", "--frames", "1", "-o", &file], "cannot be set"),
         (vec!["rig", "preview", "scene.glb"], "is no rig"),
-        (vec!["rig", "preview", &rig, "-o", "/nowhere/p.png"], "/nowhere/p.png"),
+        (vec!["rig", "preview", &rig, "-o", &missing], missing.as_str()),
     ] {
         let output = krylux(&arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

@@ -10,7 +10,7 @@ class GltfBsdf(mi.BSDF):
     """glTF 2.0, appendix B: GGX of width roughness², height-correlated Smith, Schlick on V·H, no normal maps; two-sided.
 
     The metal's F0 is the base colour; the dielectric has F0 = 0.04 (ior 1.5), F90 = 1, and a diffuse lobe that its coat dims on
-    the way in and out, as docs/bsdf.md has it for rough surfaces. Written from these texts; sampling is
+    the way in and out, as guide/src/right/bsdf.md has it for rough surfaces. Written from these texts; sampling is
     by Mitsuba's own visible-normal sampler and by cosine, half and half where there is a diffuse lobe.
     """
 

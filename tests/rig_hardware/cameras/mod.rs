@@ -5,6 +5,7 @@
 
 mod files;
 #[cfg(unix)]
+#[cfg(feature = "x11")]
 mod program;
 #[cfg(unix)]
 mod stills;

@@ -132,28 +132,44 @@ fn a_small_file_cannot_make_an_unlimited_number_of_triangles() {
 }
 
 #[test]
-fn compressed_meshes_without_a_fallback_are_refused() {
-    let mut draco = with(&[
-        ("/extensionsUsed", json!(["KHR_draco_mesh_compression"])),
-        ("/meshes/0/primitives/0/extensions/KHR_draco_mesh_compression", json!({ "bufferView": 0 })),
-    ]);
-    draco["accessors"][0].as_object_mut().expect("an accessor").remove("bufferView");
+fn compressed_meshes_that_cannot_be_decompressed_are_refused() {
+    let draco = "/meshes/0/primitives/0/extensions/KHR_draco_mesh_compression";
+    let (what, help) =
+        fault(&with(&[(draco, json!({ "bufferView": 0, "attributes": { "POSITION": 0 } }))]), None);
+    assert!(what.starts_with("mesh 0 \"triangle\", primitive 0 cannot be decompressed (Draco): "), "{what}");
+    assert!(help.contains("without mesh compression"), "{help}");
+    let (what, _) = fault(&with(&[(draco, json!({ "bufferView": 0 }))]), None);
+    assert!(what.contains("its KHR_draco_mesh_compression cannot be read"), "{what}");
+    let (what, _) = fault(&with(&[(draco, json!({ "bufferView": 9, "attributes": {} }))]), None);
+    assert!(what.contains("refers to buffer view 9"), "{what}");
+
+    let meshopt = |more: Value| {
+        let mut members =
+            json!({ "buffer": 0, "byteLength": 36, "byteStride": 12, "count": 3, "mode": "ATTRIBUTES" });
+        members.as_object_mut().expect("an object").extend(more.as_object().expect("an object").clone());
+        fault(&with(&[("/bufferViews/0/extensions/EXT_meshopt_compression", members)]), None).0
+    };
+    for (more, why) in [
+        (json!({}), "invalid encoded stream"),
+        (json!({ "byteLength": 69 }), "its data end outside buffer 0"),
+        (json!({ "buffer": 4 }), "its data end outside buffer 4"),
+        (json!({ "mode": "STRIPS" }), "its mode is STRIPS"),
+        (json!({ "count": 1_u64 << 40 }), "the views have more than 1073741824 bytes"),
+        (json!({ "count": -1 }), "invalid value"),
+    ] {
+        let what = meshopt(more);
+        assert!(what.starts_with("buffer view 0 cannot be decompressed (meshopt): "), "{what}");
+        assert!(what.contains(why), "{what}");
+    }
+}
+
+#[test]
+fn arrays_and_buffers_without_data_are_refused() {
+    let mut document = with(&[]);
+    document["accessors"][0].as_object_mut().expect("an accessor").remove("bufferView");
     assert_eq!(
-        fault(&draco, None).0,
-        "mesh 0 \"triangle\", primitive 0: POSITION has no uncompressed data: the file is compressed with \
-         KHR_draco_mesh_compression"
-    );
-    draco["extensionsUsed"] = json!([]);
-    assert_eq!(
-        fault(&draco, None).0,
+        fault(&document, None).0,
         "mesh 0 \"triangle\", primitive 0: POSITION has no data: accessor 0 has no buffer view"
-    );
-    refuses(
-        &[
-            ("/extensionsUsed", json!(["EXT_meshopt_compression"])),
-            ("/buffers/1", json!({ "byteLength": 8 })),
-        ],
-        "buffer 1 has no uncompressed data: the file is compressed with EXT_meshopt_compression",
     );
     refuses(
         &[("/buffers/1", json!({ "byteLength": 8 }))],

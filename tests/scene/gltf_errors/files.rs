@@ -19,8 +19,8 @@ fn textured(image: Value) -> Value {
 
 #[test]
 fn unusable_pictures_are_refused_by_name() {
-    let gif = textured(json!({ "name": "logo", "uri": data_uri("image/gif", b"GIF89a..........") }));
-    assert_eq!(fault(&gif, None).0, "image 0 \"logo\" is neither PNG nor JPEG");
+    let tiff = textured(json!({ "name": "logo", "uri": data_uri("image/tiff", b"II*\0..........") }));
+    assert_eq!(fault(&tiff, None).0, "image 0 \"logo\" is neither PNG, JPEG, WebP, BMP, GIF nor TGA");
 
     let mut cut = png(8, 8, &[[1, 2, 3, 255]; 64]);
     cut.truncate(cut.len() - 20);
@@ -48,7 +48,7 @@ fn unusable_pictures_are_refused_by_name() {
     assert_eq!(what, "texture 0 has its picture only as KHR_texture_basisu, which is not supported");
     assert_eq!(
         help,
-        "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb (or export the scene with PNG or JPEG pictures)"
+        "convert its pictures: npx @gltf-transform/cli ktxdecompress SCENE.glb PLAIN.glb, with `ktx` of KTX-Software installed (or export the scene with PNG or JPEG pictures)"
     );
 }
 
@@ -126,7 +126,9 @@ fn files_that_are_not_gltf_2_are_refused() {
             other => panic!("not an error about the scene: {other:?}"),
         }
     };
-    refused("scene.stl", b"solid", "not a known scene format");
+    refused("scene.stl", b"solid", "a format of scenes that krylux does not read");
+    refused("scene.blend", b"BLENDER", "a file of Blender, which only Blender reads");
+    refused("scene.XML", b"<scene version=\"3.0.0\">", "a scene of Mitsuba, as it seems, and not of krylux");
     refused("scene", b"", "not a known scene format");
     refused("scene.gltf", b"{ \"asset\": ", "not a valid glTF document: EOF while parsing");
     refused("scene.gltf", br#"{ "asset": { "version": "1.0" } }"#, "glTF version `1.0` is not supported");

@@ -1,0 +1,36 @@
+//! Writes the generated parts of the guide and the README anew: the reference of the command line, and all pictures.
+//!
+//! `cargo run --release --example regenerate_guide [pictures|reference]`, in the repository.
+
+mod concepts;
+mod panels;
+mod readme;
+mod reference;
+
+use std::path::Path;
+
+use krylux::error::{Error, Result};
+
+/// The folder of the pictures.
+const PICTURES: &str = "guide/src/pictures";
+
+fn main() -> Result<()> {
+    let only = std::env::args().nth(1);
+    let is_asked = |part: &str| only.as_deref().is_none_or(|only| only == part);
+    if is_asked("reference") {
+        std::fs::write(reference::PAGE, reference::page(krylux::cli::command()))
+            .map_err(Error::writing(reference::PAGE))?;
+        println!("{}", reference::PAGE);
+    }
+    if is_asked("pictures") {
+        std::fs::create_dir_all(PICTURES).map_err(Error::writing(PICTURES))?;
+        let folder = Path::new(PICTURES);
+        readme::first_look(&folder.join("first-look.png"))?;
+        concepts::matrix(&folder.join("matrix.png"))?;
+        concepts::photos_of_photos(&folder.join("photos-of-photos.png"))?;
+        concepts::convergence(&folder.join("convergence.svg"))?;
+        concepts::frozen_and_fresh(&folder.join("frozen-and-fresh.svg"))?;
+        println!("{PICTURES}");
+    }
+    Ok(())
+}

@@ -1,0 +1,34 @@
+//! Pictures side by side.
+
+use krylux::image::{Image, Resolution};
+use krylux::io::raster::Raster;
+use krylux::io::tone;
+
+/// Pixels between two pictures.
+const GAP: usize = 8;
+
+/// Pictures of one size in a row, each pixel a square of `factor`.
+pub fn row(pictures: &[Raster], factor: usize) -> Raster {
+    let enlarged: Vec<Raster> = pictures.iter().map(|picture| picture.enlarged(factor)).collect();
+    let width: usize =
+        enlarged.iter().map(|of| of.resolution().width + GAP).sum::<usize>().saturating_sub(GAP);
+    let height = enlarged.iter().map(|of| of.resolution().height).max().unwrap_or(0);
+    let size = Resolution::new(width, height);
+    let mut row = Raster::from_pixels(size, std::iter::repeat_n([255; 3], size.pixels()));
+    let mut x = 0;
+    for picture in &enlarged {
+        row.paste(picture, x, 0);
+        x += picture.resolution().width + GAP;
+    }
+    row
+}
+
+/// A photo at the exposure that suits it.
+pub fn photo(image: &Image) -> Raster {
+    tone::develop(image, tone::exposure(image))
+}
+
+/// A photo at the exposure of another one, with room for light that the other one does not have.
+pub fn photo_like(image: &Image, other: &Image) -> Raster {
+    tone::develop(image, 0.7 * tone::exposure(other))
+}

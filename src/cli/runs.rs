@@ -1,0 +1,135 @@
+//! `krylux runs`: the runs below a folder, and the photos that they keep.
+
+use std::path::PathBuf;
+
+use clap::Subcommand;
+use serde_json::{Value, json};
+
+use super::Outcome;
+use super::console::Console;
+use crate::error::Result;
+use crate::lab::{KeptPhotos, KeptRun, text};
+
+/// Show what runs take on the disk, or remove photos that can be computed again
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// List the runs below a folder: their size, and the size of the journal that holds their photos
+    #[command(after_help = "Example:\n  krylux runs list out")]
+    List(ListArgs),
+    /// Remove the journals of runs whose photos tracing gives again: those of scenes that are still there, unchanged
+    ///
+    /// Nothing is removed without --delete. Results, pictures and reports stay. A run without its journal answers no further question; the
+    /// same command on the scene does. Photos of rigs, and of runs that --resume may go on with, are never removed.
+    #[command(
+        after_help = "Examples:\n  krylux runs prune out     # says what it would remove\n  krylux runs prune out --delete"
+    )]
+    Prune(PruneArgs),
+}
+
+#[derive(clap::Args)]
+struct ListArgs {
+    /// The folder
+    #[arg(value_name = "FOLDER", default_value = "out")]
+    folder: PathBuf,
+}
+
+#[derive(clap::Args)]
+struct PruneArgs {
+    /// The folder
+    #[arg(value_name = "FOLDER", default_value = "out")]
+    folder: PathBuf,
+    /// Remove them; without this, only say what would be removed
+    #[arg(long)]
+    delete: bool,
+}
+
+pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
+    match &args.action {
+        Action::List(args) => list(args, console),
+        Action::Prune(args) => prune(args, console),
+    }
+}
+
+fn list(args: &ListArgs, console: &Console) -> Result<Outcome> {
+    let runs = KeptRun::below(&args.folder)?;
+    for run in &runs {
+        console.say(format_args!("{}, {}", line(run), in_words(&run.photos)))?;
+    }
+    let [all, journals] = [|run: &KeptRun| run.bytes, |run: &KeptRun| run.journal_bytes]
+        .map(|of| runs.iter().map(of).sum::<u64>());
+    console.say(format_args!(
+        "runs      {}: {} runs, {}, of which photos {}",
+        args.folder.display(),
+        runs.len(),
+        text::bytes(all),
+        text::bytes(journals)
+    ))?;
+    console.summary(&json!({
+        "verb": "runs list",
+        "folder": args.folder,
+        "bytes": all,
+        "journal_bytes": journals,
+        "runs": runs.iter().map(described).collect::<Vec<_>>(),
+    }))?;
+    Ok(Outcome::Done)
+}
+
+fn prune(args: &PruneArgs, console: &Console) -> Result<Outcome> {
+    let runs = KeptRun::below(&args.folder)?;
+    let (pruned, kept): (Vec<_>, Vec<_>) =
+        runs.into_iter().partition(|run| run.photos == KeptPhotos::Recomputable);
+    for run in kept.iter().filter(|run| run.photos != KeptPhotos::Absent) {
+        console.say(format_args!("keeps     {}, {}", line(run), in_words(&run.photos)))?;
+    }
+    let mut bytes = 0;
+    for run in &pruned {
+        bytes += if args.delete { run.delete_photos()? } else { run.journal_bytes };
+        let done = if args.delete { "removed" } else { "removes" };
+        console.say(format_args!("{done:<9} {}", line(run)))?;
+    }
+    let size = text::bytes(bytes);
+    console.say(match args.delete {
+        true => format!("runs      removed the photos of {} runs, {size}", pruned.len()),
+        false => format!("runs      --delete would remove the photos of {} runs, {size}", pruned.len()),
+    })?;
+    console.summary(&json!({
+        "verb": "runs prune",
+        "folder": args.folder,
+        "deleted": args.delete,
+        "bytes": bytes,
+        "pruned": pruned.iter().map(described).collect::<Vec<_>>(),
+        "kept": kept.iter().map(described).collect::<Vec<_>>(),
+    }))?;
+    Ok(Outcome::Done)
+}
+
+/// `  33.4 MiB, photos  25.9 MiB  out/carton`
+fn line(run: &KeptRun) -> String {
+    let [all, journal] = [run.bytes, run.journal_bytes].map(text::bytes);
+    format!("{all:>10}, photos {journal:>10}  {}", run.path.display())
+}
+
+fn in_words(photos: &KeptPhotos) -> String {
+    match photos {
+        KeptPhotos::Absent => "no photos".into(),
+        KeptPhotos::Recomputable => "photos can be computed again".into(),
+        KeptPhotos::Unique(why) => format!("photos are kept: {why}"),
+    }
+}
+
+fn described(run: &KeptRun) -> Value {
+    json!({
+        "path": run.path,
+        "status": run.status,
+        "bytes": run.bytes,
+        "journal_bytes": run.journal_bytes,
+        "recomputable": run.photos == KeptPhotos::Recomputable,
+        "photos": in_words(&run.photos),
+    })
+}

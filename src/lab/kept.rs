@@ -1,0 +1,131 @@
+//! The runs that lie below a folder: how much of the disk they take, and which of their photos can be computed again.
+
+use std::path::{Path, PathBuf};
+
+use super::folder::{RECORD, lock};
+use super::notes::{self, Kind, SourceNote, journal_folder};
+use crate::error::{Error, Result};
+use crate::io::manifest::Status;
+use crate::journal::Journal;
+use crate::measure::RunManifest;
+use crate::scene::{self, LoadOptions};
+
+/// Folders are searched so deep; links are not followed.
+const DEPTH: usize = 8;
+
+/// A run on the disk.
+#[derive(Clone, Debug)]
+pub struct KeptRun {
+    /// Its folder.
+    pub path: PathBuf,
+    /// How it ended.
+    pub status: Status,
+    /// The bytes of all of its files.
+    pub bytes: u64,
+    /// The bytes of its journal, which holds its photos.
+    pub journal_bytes: u64,
+    /// What its journal is worth.
+    pub photos: KeptPhotos,
+}
+
+/// What the photos of a run are worth.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum KeptPhotos {
+    /// There are none.
+    Absent,
+    /// Their scene is there, unchanged: tracing it again gives them again.
+    Recomputable,
+    /// Nothing gives them again, for this reason.
+    Unique(&'static str),
+}
+
+impl KeptRun {
+    /// The runs in and below a folder, in the order of their paths. Folders that cannot be read are left out.
+    ///
+    /// # Errors
+    /// [`Error::Read`] where `folder` itself cannot be read.
+    pub fn below(folder: &Path) -> Result<Vec<Self>> {
+        std::fs::read_dir(folder).map_err(Error::reading(folder))?;
+        let mut found = Vec::new();
+        search(folder, DEPTH, &mut found);
+        found.sort_by(|a, b| a.path.cmp(&b.path));
+        Ok(found)
+    }
+
+    fn at(path: &Path) -> Option<Self> {
+        let record = RunManifest::read(&path.join(RECORD)).ok()?;
+        let (bytes, journal_bytes) = (size(path), size(&journal_folder(path)));
+        let photos = worth(path, &record);
+        Some(Self { path: path.to_path_buf(), status: record.status, bytes, journal_bytes, photos })
+    }
+
+    /// Deletes the journal of a run whose photos can be computed again, and returns how many bytes that freed. All other files stay.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where the photos cannot be computed again, or while a run is at work in the folder; [`Error::Write`].
+    pub fn delete_photos(&self) -> Result<u64> {
+        let _lock = lock(&self.path)?;
+        // The run, or its scene, may have changed since the folder was looked at.
+        match Self::at(&self.path).map(|now| now.photos) {
+            Some(KeptPhotos::Recomputable) => {}
+            _ => {
+                return Err(Error::Option {
+                    option: "FOLDER".into(),
+                    fault: format!("the photos in {} cannot be computed again", self.path.display()),
+                    help: "delete the folder yourself if you do not need them".into(),
+                });
+            }
+        }
+        let journal = journal_folder(&self.path);
+        std::fs::remove_dir_all(&journal).map_err(Error::writing(&journal))?;
+        Ok(self.journal_bytes)
+    }
+}
+
+fn search(folder: &Path, depth: usize, found: &mut Vec<KeptRun>) {
+    if let Some(run) = KeptRun::at(folder) {
+        found.push(run);
+    }
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let folders = entries.flatten().filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
+    for entry in folders {
+        if depth > 0 {
+            search(&entry.path(), depth - 1, found);
+        }
+    }
+}
+
+/// The bytes of the files in and below a folder.
+fn size(folder: &Path) -> u64 {
+    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
+    let sizes = entries.flatten().map(|entry| match entry.file_type() {
+        Ok(kind) if kind.is_dir() => size(&entry.path()),
+        Ok(kind) if kind.is_file() => entry.metadata().map_or(0, |of| of.len()),
+        _ => 0,
+    });
+    sizes.sum()
+}
+
+fn worth(run: &Path, record: &RunManifest) -> KeptPhotos {
+    let folder = journal_folder(run);
+    if !Journal::is_in(&folder) {
+        return KeptPhotos::Absent;
+    }
+    let note = Journal::read_only(&folder).and_then(|mut journal| journal.read_note(notes::SOURCE));
+    let note = note.ok().flatten().and_then(|note| serde_json::from_slice::<SourceNote>(&note).ok());
+    let Some(note) = note else { return KeptPhotos::Unique("its journal cannot be read") };
+    if note.kind == Kind::Rig {
+        return KeptPhotos::Unique("they are of a rig");
+    }
+    if record.status != Status::Done {
+        return KeptPhotos::Unique("it has not ended, and --resume needs them");
+    }
+    let options = LoadOptions { auto_camera: true, ..LoadOptions::default() };
+    match scene::load_with(&note.path, &options) {
+        Err(_) => KeptPhotos::Unique("its scene is not where it was"),
+        Ok(scene) if blake3::Hash::from_bytes(scene.hash).to_string() != note.hash => {
+            KeptPhotos::Unique("its scene has changed")
+        }
+        Ok(_) => KeptPhotos::Recomputable,
+    }
+}

@@ -1,0 +1,50 @@
+//! What stands in for an X server where krylux was built without the feature `x11`: every request is an error that says so.
+
+use super::fault;
+use super::spec::{MonitorInfo, X11Spec};
+use super::wire::ShowTimes;
+use crate::error::{Error, Result};
+use crate::rig::Frame;
+
+/// The screen that cannot be opened; there is no value of this type.
+pub(super) enum Screen {}
+
+impl Screen {
+    pub(super) fn open(_: &X11Spec) -> Result<Self> {
+        Err(not_built())
+    }
+
+    pub(super) fn monitor(&self) -> &MonitorInfo {
+        match *self {}
+    }
+
+    pub(super) fn show(&mut self, _: &Frame) -> Result<ShowTimes> {
+        match *self {}
+    }
+
+    pub(super) fn confirm(&mut self) -> Result<()> {
+        match *self {}
+    }
+}
+
+impl X11Spec {
+    /// Finds the monitor that is described: an error, since this krylux was built without X11.
+    ///
+    /// # Errors
+    /// Always [`Error::Rig`].
+    pub fn monitor(&self) -> Result<MonitorInfo> {
+        Err(not_built())
+    }
+}
+
+/// Lists the monitors of a server: an error, since this krylux was built without X11.
+///
+/// # Errors
+/// Always [`Error::Rig`].
+pub fn monitors(_: Option<&str>) -> Result<Vec<MonitorInfo>> {
+    Err(not_built())
+}
+
+fn not_built() -> Error {
+    fault("this krylux was built without projectors on X11", "build it with --features x11, on Linux")
+}

@@ -1,0 +1,14 @@
+//! The guide and the README: every command in them runs, every link leads somewhere, every figure of a report has a definition, and the
+//! reference is what the command line says of itself.
+
+#![allow(clippy::panic, reason = "a failed test panics")]
+
+mod blocks;
+mod commands;
+mod glossary;
+mod links;
+mod pages;
+#[path = "../../examples/regenerate_guide/reference.rs"]
+mod reference;
+mod same_text;
+mod workplace;
