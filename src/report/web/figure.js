@@ -111,7 +111,8 @@ export class Figure {
     if (!planes || this.stops !== stops) return;
     const white = this.about.white / 2 ** stops;
     const end = this.element.querySelector(".scale span b:last-child");
-    if (end) end.textContent = stops === 0 ? (this.end ?? end.textContent) : (this.end ??= end.textContent, formatPixel([white], "", 3));
+    this.end ??= end?.textContent;
+    if (end) end.textContent = stops === 0 ? this.end : formatPixel([white], "", 3);
     this.canvas ??= this.layer("developed");
     this.canvas.hidden = stops === 0;
     if (stops === 0) return;

@@ -22,17 +22,17 @@ function connect(figures, readout) {
   const byElement = new Map(figures.map((figure) => [figure.element, figure]));
   const viewer = new Viewer(frames, (item) => byElement.get(item)?.view);
   const card = new PixelCard(figures, document.querySelector("main").dataset.paint ?? "");
+  // What tells values lies above an enlarged picture, too.
+  const above = [card.element, readout.output];
+  viewer.dialog.addEventListener("close", () => document.body.append(...above));
   const acts = {
     pin: (figure, pixel) => card.show(figure, pixel, document.activeElement),
     unpin: () => card.hide(),
-    enlarge: (item) => viewer.open(item),
+    enlarge: (item) => {
+      viewer.open(item);
+      viewer.dialog.append(...above);
+    },
     isEnlarged: () => viewer.isOpen(),
-  };
-  // The card of a pixel lies above an enlarged picture.
-  viewer.dialog.addEventListener("close", () => document.body.append(card.element, readout.output));
-  acts.enlarge = (item) => {
-    viewer.open(item);
-    viewer.dialog.append(card.element, readout.output);
   };
   for (const figure of figures) {
     follow(figure, readout, acts);

@@ -37,9 +37,9 @@ export class Viewer {
   }
 
   take(at) {
-    this.putBack();
-    this.at = at;
     const item = this.items[at];
+    this.putBack(this.viewOf(item));
+    this.at = at;
     item.before(this.place);
     this.wasHidden = item.hidden;
     item.hidden = false;
@@ -56,12 +56,13 @@ export class Viewer {
     (item.querySelector("[tabindex]") ?? this.button("close")).focus({ preventScroll: true });
   }
 
-  putBack() {
+  /** Puts the picture back into the page. Its zoom is kept for the next picture if that has the same view. */
+  putBack(next = null) {
     if (this.at < 0) return;
     const item = this.items[this.at];
     item.hidden = this.wasHidden;
     this.place.replaceWith(item);
-    this.viewOf(item)?.reset();
+    if (this.viewOf(item) !== next) this.viewOf(item)?.reset();
     this.at = -1;
     if (!this.isOpen() && this.before?.isConnected) this.before.focus({ preventScroll: true });
   }
