@@ -10,6 +10,7 @@ mod completions;
 mod console;
 mod drawing;
 mod eigs;
+mod index;
 mod info;
 mod labels;
 mod man;
@@ -76,6 +77,7 @@ enum Verb {
     Reproduce(reproduce::Args),
     Labels(labels::Args),
     Compare(compare::Args),
+    Index(index::Args),
     Info(info::Args),
     Cache(cache::Args),
     Completions(completions::Args),
@@ -125,6 +127,7 @@ pub fn main() -> ExitCode {
         Verb::Reproduce(args) => reproduce::run(args, &console),
         Verb::Labels(args) => labels::run(args, &console),
         Verb::Compare(args) => compare::run(args, &console),
+        Verb::Index(args) => index::run(args, &console),
         Verb::Info(args) => info::run(args, &console),
         Verb::Cache(args) => cache::run(args, &console),
         Verb::Completions(args) => completions::run(args, &console),

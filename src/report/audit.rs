@@ -1,7 +1,7 @@
 //! Files and report page of an audit.
 
 use super::colormap::{paint_sequential, paint_signed, robust_range, sequential_color};
-use super::html::{Block, Figure, Legend, Report, Section, Swatch};
+use super::html::{Block, Figure, Kind, Legend, Report, Section, Swatch, Values};
 use super::run::{Files, Run};
 use crate::analysis::audit::{self, Audit};
 use crate::error::{Error, Result};
@@ -26,7 +26,7 @@ pub fn write(found: &Audit, run: &Run<'_>) -> Result<Vec<String>> {
         files.picture(name, figure)?;
     }
     let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-    files.finish(&page(found, run, figures))
+    files.finish(page(found, run, figures))
 }
 
 fn pictures(found: &Audit, unit: &str) -> Result<Vec<(&'static str, Figure)>> {
@@ -39,7 +39,10 @@ fn pictures(found: &Audit, unit: &str) -> Result<Vec<(&'static str, Figure)>> {
                 png: paint_sequential(found.resolution, &found.white, None, (0.0, top))?.encode_png()?,
                 caption: "The photo under white".into(),
                 legend: Legend::sequential(0.0, top).with_unit(unit),
-            },
+                values: Some(Values::of_numbers(found.resolution, Kind::Number, &found.white, unit)),
+                ..Figure::default()
+            }
+            .named("white", "white.npy"),
         ));
     }
     if !found.additivity.is_empty() {
@@ -50,7 +53,15 @@ fn pictures(found: &Audit, unit: &str) -> Result<Vec<(&'static str, Figure)>> {
                 png: paint_signed(found.resolution, &found.additivity, None, range)?.encode_png()?,
                 caption: "Two halves of white less white".into(),
                 legend: Legend::signed(range).with_unit("of white's mean"),
-            },
+                values: Some(Values::of_numbers(
+                    found.resolution,
+                    Kind::Number,
+                    &found.additivity,
+                    "of white's mean",
+                )),
+                ..Figure::default()
+            }
+            .named("additivity", ""),
         ));
     }
     if !found.shadow.is_empty() {
@@ -65,7 +76,10 @@ fn pictures(found: &Audit, unit: &str) -> Result<Vec<(&'static str, Figure)>> {
                         .map(|(value, text)| Swatch { color: sequential_color(value), text: text.into() })
                         .to_vec(),
                 ),
-            },
+                values: Some(Values::of_numbers(found.resolution, Kind::Number, &shadow, "")),
+                ..Figure::default()
+            }
+            .named("shadow", ""),
         ));
     }
     Ok(pictures)

@@ -74,6 +74,7 @@ pub fn write_page(
             section("Pixel map", "", vec![Block::Figures(vec![map])]),
         ],
         footer: manifest.command.join(" "),
+        ..Report::default()
     };
     page.write(&folder.join("report.html"))
 }

@@ -69,13 +69,13 @@ impl<'a> Eigenpairs<'a> {
         let mut pictures = Vec::new();
         if let Some(resolution) = size {
             self.write_layers(&mut files, resolution)?;
-            pictures = spectrum::pictures(resolution, &found.vectors, &found.values, None)?;
+            pictures = spectrum::pictures(resolution, &found.vectors, &found.values, None, None)?;
             for (name, figure) in &pictures {
                 files.picture(name, figure)?;
             }
         }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-        files.finish(&self.page(run, Block::Figures(figures))?)
+        files.finish(self.page(run, Block::Figures(figures))?)
     }
 
     fn write_layers(&self, files: &mut Files<'_>, resolution: Resolution) -> Result<()> {

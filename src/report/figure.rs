@@ -1,7 +1,7 @@
 //! Figures of a page for light, errors and amounts: the picture with its colour bar and unit.
 
 use super::colormap::{paint_sequential, paint_signed, robust_range};
-use super::html::{Figure, Legend};
+use super::html::{Figure, Kind, Legend, Values};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::tone::develop;
@@ -12,6 +12,8 @@ pub(super) fn light(image: &Image, scale: f32, unit: &str, caption: impl Into<St
         png: develop(image, scale).encode_png()?,
         caption: caption.into(),
         legend: Legend::light(1.0 / f64::from(scale)).with_unit(unit),
+        values: Some(Values::of_light(image, 1.0 / f64::from(scale), unit)),
+        ..Figure::default()
     })
 }
 
@@ -32,6 +34,8 @@ pub(super) fn signed(
         png: paint_signed(size, values, None, range)?.encode_png()?,
         caption: caption.into(),
         legend: Legend::signed(range).with_unit(unit),
+        values: Some(Values::of_numbers(size, Kind::Number, values, unit)),
+        ..Figure::default()
     })
 }
 
@@ -47,5 +51,7 @@ pub(super) fn amounts(
         png: paint_sequential(size, values, None, (0.0, high))?.encode_png()?,
         caption: caption.into(),
         legend: Legend::sequential(0.0, high).with_unit(unit),
+        values: Some(Values::of_numbers(size, Kind::Number, values, unit)),
+        ..Figure::default()
     })
 }

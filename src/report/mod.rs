@@ -8,6 +8,7 @@
 //! | the arrays, pictures and page of one command | [`segmentation`], [`eigenpairs`], [`compensation`], [`separation`], [`relighting`], [`probing`], [`solution`], [`audit`], [`calibration`] |
 //! | pictures for setting up a rig | [`preview`], [`alignment`] |
 //! | live images in an external viewer | [`viewer`] |
+//! | a page over many runs | [`index`] |
 //! | scripts of pages | [`web`] |
 //!
 //! Files are written through [`crate::io`].
@@ -22,6 +23,7 @@ pub mod contact_sheet;
 pub mod eigenpairs;
 mod figure;
 pub mod html;
+pub mod index;
 mod notes;
 mod oklab;
 pub mod palette;

@@ -51,7 +51,74 @@ pub fn label_color(label: u8) -> [u8; 3] {
 
 /// Paints `labels` (`w·h`, row by row).
 pub fn paint_labels(resolution: Resolution, labels: &[u8]) -> Raster {
-    Raster::from_pixels(resolution, labels.iter().map(|&label| label_color(label)))
+    Palette::default().paint(resolution, labels)
+}
+
+/// Which of the colours each group has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Palette([u8; 256]);
+
+impl Default for Palette {
+    /// Group `k` has colour `k`.
+    fn default() -> Self {
+        Self(std::array::from_fn(|label| label as u8))
+    }
+}
+
+impl Palette {
+    /// The colours of `labels` beside a picture of `reference`, which has this palette: the group that shares most pixels with a region of the
+    /// reference has its colour, the next one the colour of another region, and those that find none have colours that the reference lacks.
+    #[must_use]
+    pub fn matched(&self, reference: &[u8], labels: &[u8]) -> Self {
+        let mut shared = vec![0_usize; 256 * 256];
+        for (&region, &label) in reference.iter().zip(labels) {
+            if region != MASKED_LABEL && label != MASKED_LABEL {
+                shared[usize::from(label) * 256 + usize::from(region)] += 1;
+            }
+        }
+        let mut pairs: Vec<(usize, usize)> = (0..shared.len()).map(|at| (shared[at], at)).collect();
+        pairs.retain(|(pixels, _)| *pixels > 0);
+        // The largest first; among equal ones the group with the lower number.
+        pairs.sort_by_key(|&(pixels, at)| (std::cmp::Reverse(pixels), at));
+        let mut color_of = [None; 256];
+        let mut is_taken = [false; 256];
+        for (_, at) in pairs {
+            let (label, color) = (at / 256, self.0[at % 256]);
+            if color_of[label].is_none() && !is_taken[usize::from(color)] {
+                color_of[label] = Some(color);
+                is_taken[usize::from(color)] = true;
+            }
+        }
+        // Colours of regions without a group stay free, as far as there are others.
+        let of_reference: Vec<u8> = reference
+            .iter()
+            .filter(|&&region| region != MASKED_LABEL)
+            .map(|&of| self.0[usize::from(of)])
+            .collect();
+        let mut is_avoided = is_taken;
+        of_reference.iter().for_each(|&color| is_avoided[usize::from(color)] = true);
+        let mut free = (0..MASKED_LABEL).filter(|&color| !is_avoided[usize::from(color)]);
+        let mut left = (0..MASKED_LABEL)
+            .filter(|&color| is_avoided[usize::from(color)] && !is_taken[usize::from(color)]);
+        let is_there = |label: usize| labels.iter().any(|&of| usize::from(of) == label);
+        let groups = color_of.iter_mut().enumerate().take(usize::from(MASKED_LABEL));
+        for (label, color) in groups.filter(|(_, color)| color.is_none()) {
+            if is_there(label) {
+                *color = free.next().or_else(|| left.next());
+            }
+        }
+        Self(std::array::from_fn(|label| color_of[label].unwrap_or(label as u8)))
+    }
+
+    /// The colour of a group.
+    pub fn color(&self, label: u8) -> [u8; 3] {
+        label_color(if label == MASKED_LABEL { label } else { self.0[usize::from(label)] })
+    }
+
+    /// Paints `labels` (`w·h`, row by row).
+    pub fn paint(&self, resolution: Resolution, labels: &[u8]) -> Raster {
+        Raster::from_pixels(resolution, labels.iter().map(|&label| self.color(label)))
+    }
 }
 
 #[cfg(test)]
@@ -64,6 +131,22 @@ mod tests {
     fn no_two_of_the_255_colors_are_equal() {
         let colors: std::collections::HashSet<_> = (0..=255).map(label_color).collect();
         assert_eq!(colors.len(), 256);
+    }
+
+    #[test]
+    fn groups_have_the_colors_of_the_regions_that_they_share_most_pixels_with() {
+        let truth = [0, 0, 0, 1, 1, 1, 2, 2, 255];
+        // Group 0 is region 1, group 1 region 2, group 2 most of region 0, and group 3 a bit of it.
+        let found = [2, 2, 3, 0, 0, 0, 1, 1, 255];
+        let palette = Palette::default().matched(&truth, &found);
+        assert_eq!([0, 1, 2].map(|label| palette.color(label)), [1, 2, 0].map(label_color));
+        assert_eq!(palette.color(3), label_color(3), "a colour that no region has");
+        assert_eq!(palette.color(MASKED_LABEL), MASKED);
+        // Of two groups in one region, the larger one has its colour.
+        let halves = palette.matched(&found, &[4, 4, 4, 5, 5, 6, 7, 7, 7]);
+        assert_eq!([4, 5, 7].map(|label| halves.color(label)), [0, 1, 2].map(label_color));
+        let colors: std::collections::HashSet<_> = [4, 5, 6, 7].map(|label| halves.color(label)).into();
+        assert_eq!(colors.len(), 4);
     }
 
     #[test]

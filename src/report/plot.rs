@@ -1,7 +1,7 @@
 //! Plots of a report as SVG: residuals over photos, and spectra.
 
 use super::axis::{Axis, Scale, Tick};
-use super::svg::{Chart, nothing_to_plot};
+use super::svg::{Chart, Layout, nothing_to_plot};
 
 /// Line colours that colour-blind readers can distinguish, on white and on black.
 const COLORS: [&str; 8] =
@@ -40,40 +40,72 @@ pub struct Series {
 impl LinePlot {
     /// The plot as an SVG document. Equal plots give equal bytes.
     pub fn render(&self) -> String {
-        let points = || self.series.iter().flat_map(|series| &series.points);
-        let scale = if self.logarithmic { Scale::Log } else { Scale::Linear };
-        let heights = points().map(|point| point.1).chain(self.marks.iter().map(|mark| mark.0));
-        let (Some(x), Some(y)) =
-            (Axis::around(Scale::Linear, points().map(|point| point.0), 6), Axis::around(scale, heights, 6))
-        else {
-            return nothing_to_plot();
+        let Some(axes) = self.axes(6) else { return nothing_to_plot() };
+        let name = |(index, series): (usize, &Series)| (color(index), dashes(index), series.name.clone());
+        let named: Vec<_> = match self.series.len() {
+            0 | 1 => Vec::new(),
+            _ => self.series.iter().enumerate().map(name).collect(),
         };
-        let legend: Vec<_> = if self.series.len() < 2 {
-            Vec::new()
-        } else {
-            self.series
-                .iter()
-                .enumerate()
-                .map(|(index, series)| (color(index), dashes(index), series.name.as_str()))
-                .collect()
-        };
-        let mut chart = Chart::new(x, y, &self.x_label, &self.y_label, &legend);
+        let legend: Vec<_> =
+            named.iter().map(|(color, dashes, name)| (*color, *dashes, name.as_str())).collect();
+        let mut chart = Chart::new(Layout::FULL, axes, [&self.x_label, &self.y_label], &legend);
         for (value, note) in &self.marks {
             chart.horizontal_mark(*value, note);
         }
         for (index, series) in self.series.iter().enumerate() {
-            let places: Vec<_> = series.points.iter().map(|&point| chart.place(point)).collect();
-            for run in places.split(Option::is_none) {
-                let run: Vec<(f64, f64)> = run.iter().flatten().copied().collect();
-                if run.len() > 1 {
-                    chart.polyline(&run, color(index), dashes(index));
-                }
-                if run.len() == 1 || series.points.len() <= MOST_DOTS {
-                    run.iter().for_each(|&place| chart.dot(place, 3.2, color(index)));
-                }
-            }
+            series.draw(&mut chart, color(index), dashes(index));
         }
         chart.finish()
+    }
+
+    /// One small plot for each line, with its name; all have the same axes, and show the other lines as shadows.
+    pub fn small_multiples(&self) -> Vec<(String, String)> {
+        let small = |(index, series): (usize, &Series)| {
+            let Some(axes) = self.axes(3) else { return (series.name.clone(), nothing_to_plot()) };
+            let mut chart = Chart::new(Layout::SMALL, axes, [&self.x_label, &self.y_label], &[]);
+            for (value, _) in &self.marks {
+                chart.horizontal_mark(*value, "");
+            }
+            for (_, other) in self.series.iter().enumerate().filter(|(other, _)| *other != index) {
+                for run in other.runs(&chart) {
+                    chart.shadow(&run);
+                }
+            }
+            series.draw(&mut chart, COLORS[0], "");
+            (series.name.clone(), chart.finish())
+        };
+        self.series.iter().enumerate().map(small).collect()
+    }
+
+    /// Axes around all points and marks; `None` where there is nothing to plot.
+    fn axes(&self, wanted: usize) -> Option<(Axis, Axis)> {
+        let points = || self.series.iter().flat_map(|series| &series.points);
+        let scale = if self.logarithmic { Scale::Log } else { Scale::Linear };
+        let heights = points().map(|point| point.1).chain(self.marks.iter().map(|mark| mark.0));
+        let x = Axis::around(Scale::Linear, points().map(|point| point.0), wanted)?;
+        Some((x, Axis::around(scale, heights, wanted)?))
+    }
+}
+
+impl Series {
+    /// The parts of the line between its gaps, in the drawing's units.
+    fn runs(&self, chart: &Chart) -> Vec<Vec<(f64, f64)>> {
+        let places: Vec<_> = self.points.iter().map(|&point| chart.place(point)).collect();
+        places.split(Option::is_none).map(|run| run.iter().flatten().copied().collect()).collect()
+    }
+
+    fn draw(&self, chart: &mut Chart, color: &str, dashes: &str) {
+        let runs = self.runs(chart);
+        chart.open_curve(&self.name, color, &self.points);
+        for run in runs {
+            if run.len() > 1 {
+                chart.polyline(&run, color, dashes);
+            }
+            if run.len() == 1 || self.points.len() <= MOST_DOTS {
+                run.iter().for_each(|&place| chart.dot(place, 3.2, color));
+            }
+        }
+        chart.close();
     }
 }
 
@@ -112,10 +144,13 @@ impl StemPlot {
             .map(|number| Tick { value: number as f64, label: number.to_string() })
             .collect();
         let x = Axis::exactly(0.4, count as f64 + 0.6, ticks);
-        let mut chart = Chart::new(x, y, &self.x_label, &self.y_label, &[]);
+        let mut chart = Chart::new(Layout::FULL, (x, y), [&self.x_label, &self.y_label], &[]);
         if let (Some(left), Some(right)) = (chart.place((0.4, 0.0)), chart.place((count as f64 + 0.6, 0.0))) {
             chart.segment(left, right, "currentColor", 1.2, 0.6);
         }
+        let points: Vec<_> =
+            self.values.iter().enumerate().map(|(index, &value)| (index as f64 + 1.0, value)).collect();
+        chart.open_curve(&self.y_label, COLORS[0], &points);
         for (index, &value) in self.values.iter().enumerate() {
             let number = index as f64 + 1.0;
             let (Some(base), Some(top)) = (chart.place((number, 0.0)), chart.place((number, value))) else {
@@ -134,6 +169,7 @@ impl StemPlot {
             }
             chart.dot(top, 4.5, COLORS[0]);
         }
+        chart.close();
         chart.finish()
     }
 }

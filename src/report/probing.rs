@@ -59,7 +59,12 @@ impl ProbedLight {
             files.image(name, &image)?;
             let figure = figure::light(&image, scale, run.unit, caption)?;
             files.picture(name, &figure)?;
-            figures.push(figure);
+            let figure = figure.named(name, format!("{name}.npy"));
+            figures.push(match (name, &self.truth) {
+                ("probed", Some(_)) => figure.flipped_with(["exact"]),
+                ("exact", _) => figure.flipped_with(["probed"]),
+                _ => figure,
+            });
         }
         let errors = Image::from_planes(run.resolution, &self.standard_errors)?;
         picture::write(&files.path("standard-error.npy"), &errors)?;
@@ -74,7 +79,7 @@ impl ProbedLight {
         }];
         sections.extend(run.photos("")?);
         let more = [("Paths", self.probing.in_words())];
-        files.finish(&run.page((true, self.sentence()), self.photos, more, sections))
+        files.finish(run.page((true, self.sentence()), self.photos, more, sections))
     }
 
     /// The result in one or two sentences.

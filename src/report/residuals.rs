@@ -20,16 +20,29 @@ pub(super) fn csv(count: &str, history: &[Row]) -> String {
 
 /// A plot with one named line per method and dashed horizontal marks.
 pub(super) fn plot(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, String)>, caption: &str) -> Block {
+    Block::Plot { svg: lines_of(count, lines, marks).render(), caption: caption.into() }
+}
+
+/// A small plot for each method, over the photos.
+pub(super) fn multiples(lines: &[(&str, &[Row])], marks: Vec<(f64, String)>, caption: &str) -> Block {
+    let marked: Vec<&str> = marks.iter().map(|(_, note)| note.as_str()).collect();
+    let mut caption = format!("Relative residual over photos; other methods in gray. {caption}");
+    if !marked.is_empty() {
+        caption += &format!(" Dotted: {}.", marked.join(", "));
+    }
+    Block::Multiples { plots: lines_of("photos", lines, marks).small_multiples(), caption }
+}
+
+fn lines_of(count: &str, lines: &[(&str, &[Row])], marks: Vec<(f64, String)>) -> LinePlot {
     let series = |(name, history): &(&str, &[Row])| Series {
         name: (*name).to_owned(),
         points: history.iter().map(|(photo, residual)| (*photo as f64, *residual)).collect(),
     };
-    let plot = LinePlot {
+    LinePlot {
         x_label: count.into(),
         y_label: "relative residual".into(),
         logarithmic: true,
         series: lines.iter().map(series).collect(),
         marks,
-    };
-    Block::Plot { svg: plot.render(), caption: caption.into() }
+    }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::contact_sheet::ContactSheet;
-use super::html::{Figure, Outcome, Report, Section, Verdict};
+use super::html::{Figure, FileLink, Outcome, Report, Section, Verdict};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::io::manifest::{Independent, ProductsOn};
@@ -30,6 +30,11 @@ pub struct Run<'a> {
 }
 
 impl Run<'_> {
+    /// Whether a page that holds the matrix stands beside this one, or is written after it: it shows the rows that this one cannot hold.
+    fn has_paint(&self) -> bool {
+        self.folder.join(PAINT).is_file() || self.manifest.command.iter().any(|word| word == "--paint")
+    }
+
     /// The section with the contact sheet; `order` explains the order of its photos.
     pub(super) fn photos(&self, order: &str) -> Result<Option<Section>> {
         match &self.strip {
@@ -52,6 +57,8 @@ impl Run<'_> {
             facts: facts(self.manifest, photos, more, self.seconds),
             sections,
             footer: self.manifest.command.join(" "),
+            paint: if self.has_paint() { PAINT.to_owned() } else { String::new() },
+            ..Report::default()
         }
     }
 }
@@ -60,11 +67,13 @@ impl Run<'_> {
 pub(crate) struct Files<'a> {
     folder: &'a Path,
     pub(crate) names: Vec<String>,
+    /// What the files hold, by name; not all say so.
+    about: Vec<(String, String)>,
 }
 
 impl<'a> Files<'a> {
     pub(crate) fn new(folder: &'a Path) -> Self {
-        Self { folder, names: Vec::new() }
+        Self { folder, names: Vec::new(), about: Vec::new() }
     }
 
     pub(crate) fn path(&mut self, name: &str) -> PathBuf {
@@ -82,11 +91,16 @@ impl<'a> Files<'a> {
         shape: &[usize],
         values: &[T],
     ) -> Result<()> {
-        npy::write_npy(&self.path(&format!("{name}.npy")), shape, values)
+        let name = format!("{name}.npy");
+        self.about.push((name.clone(), format!("{}, {}", sizes(shape), element::<T>())));
+        npy::write_npy(&self.path(&name), shape, values)
     }
 
     /// An image as `.npy` and `.exr`.
     pub(super) fn image(&mut self, name: &str, image: &Image) -> Result<()> {
+        let Resolution { width, height } = image.resolution();
+        let shape: &[usize] = if image.channels() == 1 { &[height, width] } else { &[height, width, 3] };
+        self.about.push((format!("{name}.npy"), format!("{}, float32", sizes(shape))));
         ["npy", "exr"]
             .into_iter()
             .try_for_each(|extension| picture::write(&self.path(&format!("{name}.{extension}")), image))
@@ -97,10 +111,50 @@ impl<'a> Files<'a> {
         atomic::write_bytes(&self.path(&format!("{name}.png")), &figure.png)
     }
 
+    /// Links to the files so far, those with the results first, and to the record of the run.
+    pub(crate) fn links(&self) -> Vec<FileLink> {
+        let order = |name: &str| match name.rsplit('.').next() {
+            Some("npy") => 0,
+            Some("csv" | "json") => 1,
+            Some("exr") => 2,
+            _ => 3,
+        };
+        let mut names: Vec<&str> = self.names.iter().map(String::as_str).collect();
+        names.sort_by_key(|name| order(name));
+        let about = |name: &str| {
+            let found = self.about.iter().find(|(of, _)| of == name);
+            found.map_or(String::new(), |(_, about)| about.clone())
+        };
+        let record = FileLink::new("run.json", "the record of the run");
+        names.into_iter().map(|name| FileLink::new(name, about(name))).chain([record]).collect()
+    }
+
     /// Writes the page, and returns the names of all files.
-    pub(super) fn finish(mut self, page: &Report) -> Result<Vec<String>> {
+    pub(super) fn finish(mut self, page: Report) -> Result<Vec<String>> {
+        let mut page = Report { files: self.links(), ..page };
+        if !page.paint.is_empty() {
+            page.files.push(FileLink::new(PAINT, "the light transport matrix, to paint with"));
+        }
         page.write(&self.path("report.html"))?;
         Ok(self.names)
+    }
+}
+
+/// The page that holds the matrix of a run, where there is one.
+const PAINT: &str = "paint.html";
+
+/// The shape of an array: `10 × 128 × 128`.
+fn sizes(shape: &[usize]) -> String {
+    shape.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ")
+}
+
+/// NumPy's name of an element.
+fn element<T>() -> &'static str {
+    match std::any::type_name::<T>() {
+        "f32" => "float32",
+        "f64" => "float64",
+        "u8" => "uint8",
+        other => other,
     }
 }
 

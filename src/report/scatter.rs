@@ -1,7 +1,7 @@
 //! Scatter plots with coloured points; some points are marked and named.
 
 use super::axis::{Axis, Scale};
-use super::svg::{Chart, nothing_to_plot};
+use super::svg::{Chart, Layout, nothing_to_plot};
 
 /// A scatter plot.
 #[derive(Clone, Debug, Default)]
@@ -14,6 +14,8 @@ pub struct ScatterPlot {
     pub points: Vec<((f64, f64), [u8; 3])>,
     /// Marked points with their names.
     pub marked: Vec<((f64, f64), String)>,
+    /// The pixels that the points stand for, and the numbers of the eigenvectors along the axes, from 0; none where points are no pixels.
+    pub pixels: Option<(Vec<usize>, [usize; 2])>,
 }
 
 impl ScatterPlot {
@@ -26,18 +28,24 @@ impl ScatterPlot {
         ) else {
             return nothing_to_plot();
         };
-        let mut chart = Chart::new(x, y, &self.x_label, &self.y_label, &[]);
-        for (at, [red, green, blue]) in &self.points {
-            if let Some(place) = chart.place(*at) {
+        let mut chart = Chart::new(Layout::FULL, (x, y), [&self.x_label, &self.y_label], &[]);
+        let places: Vec<_> = self.points.iter().map(|(at, _)| chart.place(*at)).collect();
+        if let Some((pixels, axes)) = &self.pixels {
+            let told = pixels.iter().zip(&places).filter(|(_, place)| place.is_some());
+            chart.open_pixels(&told.map(|(&pixel, _)| pixel).collect::<Vec<_>>(), *axes);
+        }
+        for (place, (_, [red, green, blue])) in places.into_iter().zip(&self.points) {
+            if let Some(place) = place {
                 chart.dot(place, 2.0, &format!("#{red:02x}{green:02x}{blue:02x}"));
             }
         }
-        for (at, name) in &self.marked {
-            if let Some(place) = chart.place(*at) {
-                chart.ring(place, 6.5);
-                chart.note((place.0 + 10.0, place.1 - 8.0), name);
-            }
+        if self.pixels.is_some() {
+            chart.close();
         }
+        let marked: Vec<((f64, f64), &str)> =
+            self.marked.iter().filter_map(|(at, name)| Some((chart.place(*at)?, name.as_str()))).collect();
+        marked.iter().for_each(|(place, _)| chart.ring(*place, 6.5));
+        chart.names(&marked);
         chart.finish()
     }
 }

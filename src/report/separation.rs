@@ -77,12 +77,17 @@ impl Separated {
         for (name, image, caption) in &images {
             let figure = figure::light(image, scale, run.unit, caption.clone())?;
             files.picture(name, &figure)?;
-            figures.push(figure);
+            let figure = figure.named(*name, format!("{name}.npy"));
+            figures.push(match (*name, &self.truth) {
+                ("direct", Some(_)) => figure.flipped_with(["exact"]),
+                ("exact", _) => figure.flipped_with(["direct"]),
+                _ => figure,
+            });
         }
         if !self.comparison.is_empty() {
             files.text("errors.csv", &self.csv())?;
         }
-        files.finish(&self.page(run, figures)?)
+        files.finish(self.page(run, figures)?)
     }
 
     /// The photos of the method, and those that tell near from far.

@@ -50,6 +50,6 @@ impl Solved<'_> {
             found.stats.products, found.stats.status, found.residual
         );
         let sections = vec![Section { title: "Convergence".into(), text: String::new(), blocks: vec![plot] }];
-        files.finish(&run.page((self.is_good(), sentence), found.stats.products, [], sections))
+        files.finish(run.page((self.is_good(), sentence), found.stats.products, [], sections))
     }
 }

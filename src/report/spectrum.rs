@@ -1,9 +1,10 @@
 //! Eigenpairs as pictures, plots and a table.
 
 use super::colormap::{paint_signed, robust_range};
-use super::html::{Block, Figure, Legend};
+use super::html::{Block, Figure, Kind, Legend, Values};
 use super::plot::{LinePlot, Series, StemPlot};
 use super::text::with_error;
+use crate::analysis::segment::Embedding;
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::krylov::HistoryRow;
@@ -11,20 +12,34 @@ use crate::krylov::HistoryRow;
 /// Maximum number of lines in the plot of residuals.
 const LINES: usize = 5;
 
-/// A signed picture of each eigenvector, with its file name. `mask` is `true` at pixels to leave out.
+/// A signed picture of each eigenvector, with its file name. `mask` is `true` at pixels to leave out; `embedding` maps entries to the coordinates
+/// that groups are made of.
 pub(super) fn pictures(
     resolution: Resolution,
     vectors: &[Vec<f64>],
     values: &[f64],
     mask: Option<&[bool]>,
+    embedding: Option<&Embedding>,
 ) -> Result<Vec<(String, Figure)>> {
     let picture = |(index, (vector, value)): (usize, (&Vec<f64>, &f64))| {
         let range = robust_range(vector, mask);
+        let coordinate = embedding.and_then(|of| Some((*of.weights.get(index)?, *of.ranges.get(index)?)));
+        let kind = Kind::Eigenvector {
+            // Of the average cut the known eigenvalue is 0, and eigenvectors tell no rows.
+            eigenvalue: (embedding.is_some() && values[0] > 0.5).then_some(*value),
+            weight: coordinate.map(|(weight, _)| weight),
+            range: coordinate.map_or((0.0, 0.0), |(_, range)| range),
+        };
         let figure = Figure {
             png: paint_signed(resolution, vector, mask, range)?.encode_png()?,
             caption: format!("{}: λ = {value:.5}", index + 1),
             legend: Legend::signed(range),
+            values: Some(Values::of_numbers(resolution, kind, vector, "")),
+            ..Figure::default()
         };
+        let figure = figure
+            .named(format!("eigenvector {}", index + 1), format!("eigenvectors.npy[{index}]"))
+            .in_series("eigenvector");
         Ok((format!("eigenvector-{:02}", index + 1), figure))
     };
     vectors.iter().zip(values).enumerate().map(picture).collect()

@@ -8,6 +8,7 @@ mod program;
 mod bench;
 mod files;
 mod folders;
+mod index;
 mod info;
 mod kept;
 mod light;

@@ -1,8 +1,10 @@
 //! Files that are written and read, and the page that shows a run.
 
 mod arrays;
+mod index;
 mod page;
 mod pictures;
+mod plots;
 mod sparse;
 mod strip;
 mod viewer;

@@ -7,7 +7,9 @@ use krylux::image::Resolution;
 use krylux::io::atomic;
 use krylux::io::manifest::{Adapter, Scene, Status};
 use krylux::measure::RunManifest;
-use krylux::report::html::{Block, Figure, Legend, Outcome as Result_, Report, Section, Verdict};
+use krylux::report::html::{
+    Block, Figure, FileLink, Legend, Outcome as Result_, Report, Section, Values, Verdict,
+};
 use krylux::report::palette;
 use krylux::report::plot::{LinePlot, Series, StemPlot};
 use tempfile::TempDir;
@@ -44,11 +46,15 @@ fn sample() -> Result<Report, Error> {
                         png: picture.encode_png()?,
                         caption: "labels".into(),
                         legend: Legend::of_labels(&labels),
-                    },
+                        values: Some(Values::of_labels(Resolution::new(8, 8), &labels)),
+                        ..Figure::default()
+                    }
+                    .named("2 groups", "labels-2.npy"),
                     Figure {
                         png: picture.encode_png()?,
                         caption: "signed".into(),
                         legend: Legend::signed(0.0412),
+                        ..Figure::default()
                     },
                 ]),
                 Block::Plot { svg: residuals().render(), caption: "Residuals".into() },
@@ -59,7 +65,9 @@ fn sample() -> Result<Report, Error> {
                 },
             ],
         }],
+        files: vec![FileLink::new("labels-2.npy", "8 × 8, uint8"), FileLink::new("run.json", "the record")],
         footer: "krylux segment scene.glb".into(),
+        ..Report::default()
     })
 }
 
@@ -73,8 +81,8 @@ fn the_page_holds_everything_and_fetches_nothing() -> Outcome {
         "https://example.org/&#60;scene&#62;",
         "Which pixels exchange light.",
         "data:image/png;base64,iVBORw0KGgo",
-        "group 1: 41\u{202f}%",
-        "group 2: 50\u{202f}%",
+        "group 0: 41\u{202f}%",
+        "group 1: 50\u{202f}%",
         "masked: 9\u{202f}%",
         "background:#0072b2",
         "−0.0412",
@@ -85,18 +93,29 @@ fn the_page_holds_everything_and_fetches_nothing() -> Outcome {
         "<td class=\"number\">24</td>",
         "<td class=\"\">minres</td>",
         "krylux segment scene.glb",
+        "href=\"labels-2.npy\"",
+        "href=\"run.json\"",
+        "labels_2 = np.load(&#34;labels-2.npy&#34;)  # 8 × 8, uint8",
+        "&#34;values&#34;:&#34;values-0&#34;",
+        "The values of 1 picture are in this page, in single precision",
         "<summary>What these figures mean</summary>",
         "<dt>photos</dt><dd>photos that the row&#39;s answer took</dd>",
     ] {
         assert!(page.contains(expected), "{expected} is missing");
     }
     let own = page.replace("https://example.org/", "");
-    for foreign in ["http:", "https:", "url(", "@import", "<link", "<a ", "fetch(", "XMLHttp", "import("] {
+    for foreign in ["http:", "https:", "url(", "@import", "<link", "fetch(", "XMLHttp", "import("] {
         assert!(!own.contains(foreign), "{foreign} in the page");
     }
-    // One script, inline, for what can be done without: enlarging pictures and reading pixels out. It comes last, so that a page
+    let links: Vec<&str> = own.split("href=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert!(links.iter().all(|link| !link.contains(':') && !link.starts_with('/')), "{links:?}");
+    // One script, inline, for what can be done without: telling values, zooming, comparing. It comes last, after the values, so that a page
     // without script is the same page.
-    assert_eq!((own.matches("<script").count(), own.matches("<script>\n").count()), (1, 1));
+    let scripts = own.matches("<script").count();
+    assert_eq!(
+        (own.matches("<script>\n").count(), own.matches("<script type=\"text/plain\"").count()),
+        (1, scripts - 1)
+    );
     assert!(own.find("<script>") > own.find("<footer>"));
     assert_eq!(own.matches("src=").count(), own.matches("src=\"data:image/png;base64,").count());
     Ok(())

@@ -82,6 +82,18 @@ class Page {
       this.easel.replace(spot);
     }
     await this.conductor.whenSettled();
+    await this.lookAtLinked();
+  }
+
+  /** Shows the row of the camera pixel that the link names: `#pixel=COLUMN,ROW`. */
+  async lookAtLinked() {
+    const [column, row] = (new URLSearchParams(location.hash.slice(1)).get("pixel") ?? "").split(",").map(Number);
+    const { width, height } = this.photo;
+    if (!(column >= 0 && column < width && row >= 0 && row < height)) return;
+    document.querySelector("input[name=tool][value=look]").checked = true;
+    const pixel = Math.floor(row) * width + Math.floor(column);
+    this.display.read(pixel);
+    await this.look(pixel, true);
   }
 
   pointers() {

@@ -47,7 +47,9 @@ impl Gallery<'_> {
             verdict: self.verdict(),
             facts: run::facts(manifest, photos, [], seconds),
             sections,
+            files: files.links(),
             footer: manifest.command.join(" "),
+            ..Report::default()
         };
         report.write(&files.path("report.html"))?;
         Ok(files.names)

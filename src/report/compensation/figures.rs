@@ -74,7 +74,7 @@ pub(super) fn methods(run: &Compensated<'_>, methods: &[MethodRun]) -> Section {
         title: "Every method at equal photos".into(),
         text: "All from the same white photo; the light that is seen is what counts.".into(),
         blocks: vec![
-            residuals::plot("photos", &lines, marks, caption),
+            residuals::multiples(&lines, marks, caption),
             Block::Table {
                 headers: ["method", "photos", "seen", "before clamping", "SSIM"].map(String::from).into(),
                 rows: methods.iter().map(row).collect(),

@@ -69,7 +69,7 @@ impl<'a> Compensated<'a> {
             files.text("methods.csv", &figures::csv(self.methods))?;
         }
         let figures = pictures.into_iter().map(|(_, figure)| figure).collect();
-        files.finish(&self.page(run, figures)?)
+        files.finish(self.page(run, figures)?)
     }
 
     /// The result in one or two sentences.
@@ -131,7 +131,19 @@ impl<'a> Compensated<'a> {
         for ((error, caption), name) in errors.iter().zip(captions).zip(["error", "error-uncompensated"]) {
             pictures.push((name, figure::signed(found.target.resolution(), error, range, unit, caption)?));
         }
-        Ok(pictures)
+        let named = |(name, figure): (&'static str, Figure)| {
+            let file = if name.starts_with("error") { String::new() } else { format!("{name}.npy") };
+            let figure = figure.named(name, file);
+            let figure = match name {
+                "target" => figure.flipped_with(["observed", "uncompensated"]),
+                "observed" => figure.flipped_with(["target", "uncompensated"]),
+                "uncompensated" => figure.flipped_with(["target", "observed"]),
+                "error" => figure.flipped_with(["error-uncompensated"]),
+                _ => figure,
+            };
+            (name, figure)
+        };
+        Ok(pictures.into_iter().map(named).collect())
     }
 
     fn page(&self, run: &Run<'_>, figures: Vec<Figure>) -> Result<Report> {

@@ -1,7 +1,8 @@
 //! Legends: the meaning of a picture's colours.
 
 use crate::io::srgb;
-use crate::report::{colormap, palette};
+use crate::report::colormap;
+use crate::report::palette::{MASKED_LABEL, Palette};
 
 /// The legend of a figure.
 #[derive(Clone, Debug, Default)]
@@ -32,19 +33,24 @@ pub struct Swatch {
 }
 
 impl Legend {
-    /// The groups of a label image with their shares of the pixels: `group 1: 34 %`. Masked pixels come last.
+    /// The groups of a label image with their numbers in its array and their shares of the pixels: `group 0: 34 %`. Masked pixels come last.
     pub fn of_labels(labels: &[u8]) -> Self {
+        Self::of_painted_labels(labels, &Palette::default())
+    }
+
+    /// As [`Legend::of_labels`], of a picture with other colours.
+    pub fn of_painted_labels(labels: &[u8], palette: &Palette) -> Self {
         let mut counts = [0_usize; 256];
         for &label in labels {
             counts[usize::from(label)] += 1;
         }
         let swatch = |(label, count): (u8, usize)| {
             let name = match label {
-                palette::MASKED_LABEL => "masked".into(),
-                label => format!("group {}", u32::from(label) + 1),
+                MASKED_LABEL => "masked".into(),
+                label => format!("group {label}"),
             };
             let text = format!("{name}: {}", percent(count as f64 / labels.len() as f64));
-            Swatch { color: palette::label_color(label), text }
+            Swatch { color: palette.color(label), text }
         };
         Self::Swatches((0..=255).zip(counts).filter(|&(_, count)| count > 0).map(swatch).collect())
     }

@@ -1,21 +1,22 @@
-//! `report.html`: one self-contained page with the results of a run. The page loads nothing from elsewhere. A small script zooms
-//! pictures and reads out pixels; everything else works without it.
+//! `report.html`: one self-contained page with the results of a run. The page loads nothing from elsewhere. Its scripts tell values,
+//! zoom, flip and compare; everything is shown without them, too.
 
 mod definitions;
+mod files;
 mod legend;
+mod page;
 mod sheet;
+mod values;
 
 use std::path::Path;
 
-use askama::Template;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::atomic;
+pub use files::FileLink;
 pub(super) use legend::brief;
 pub use legend::{Legend, Swatch};
 pub use sheet::{Frame, Sheet};
+pub use values::{Kind, MOST_BYTES, Values};
 
 /// A page. All text is plain text and is escaped.
 #[derive(Clone, Debug, Default)]
@@ -28,6 +29,10 @@ pub struct Report {
     pub facts: Vec<(String, String)>,
     /// The body.
     pub sections: Vec<Section>,
+    /// Files of the run's folder that the page links to.
+    pub files: Vec<FileLink>,
+    /// A page beside this one that holds the matrix and shows its rows; may be empty.
+    pub paint: String,
     /// Text at the end, e.g. the command line that produces the same page again.
     pub footer: String,
 }
@@ -76,6 +81,15 @@ pub enum Block {
         /// Text below the plot; may be empty.
         caption: String,
     },
+    /// Small plots of the same axes beside one another.
+    Multiples {
+        /// Titles and SVG documents, as [`Block::Plot`]'s.
+        plots: Vec<(String, String)>,
+        /// Text below the plots; may be empty.
+        caption: String,
+    },
+    /// Runs, with links to their pages.
+    Runs(Vec<RunCard>),
     /// A table; columns of numbers are right-aligned.
     Table {
         /// One header per column.
@@ -136,112 +150,67 @@ pub struct Figure {
     pub caption: String,
     /// The meaning of its colours.
     pub legend: Legend,
+    /// The values that it shows; `None` where the page cannot tell them.
+    pub values: Option<Values>,
+    /// A short name; may be empty.
+    pub name: String,
+    /// The file that holds its values, with the place in its array: `eigenvectors.npy[3]`; may be empty.
+    pub file: String,
+    /// What a slider of the page selects pictures by, e.g. `eigenvector`; empty for pictures that are always shown.
+    pub series: String,
+    /// Names of the pictures that it is flipped with.
+    pub flips: Vec<String>,
+}
+
+impl Figure {
+    /// The same picture with a name and the file that holds its values.
+    #[must_use]
+    pub fn named(self, name: impl Into<String>, file: impl Into<String>) -> Self {
+        Self { name: name.into(), file: file.into(), ..self }
+    }
+
+    /// The same picture as one of those that a slider selects.
+    #[must_use]
+    pub fn in_series(self, series: &str) -> Self {
+        Self { series: series.to_owned(), ..self }
+    }
+
+    /// The same picture, flipped with others.
+    #[must_use]
+    pub fn flipped_with<const N: usize>(self, names: [&str; N]) -> Self {
+        Self { flips: names.map(str::to_owned).to_vec(), ..self }
+    }
+}
+
+/// A run among others.
+#[derive(Clone, Debug, Default)]
+pub struct RunCard {
+    /// The run's folder, relative to the page.
+    pub folder: String,
+    /// Its page, relative to this one; empty where it has none.
+    pub page: String,
+    /// A picture, relative to the page; empty where it has none.
+    pub picture: String,
+    /// The state of the run, and its sentence.
+    pub verdict: Verdict,
+    /// Verb, source, photos, time and the like.
+    pub facts: Vec<(String, String)>,
 }
 
 impl Report {
     /// The page's HTML. Equal reports give equal bytes.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the template cannot be rendered.
+    /// [`Error::Numerical`](crate::Error::Numerical) if the template cannot be rendered.
     pub fn render(&self) -> Result<String> {
-        Page { report: self }
-            .render()
-            .map_err(|error| Error::Numerical(format!("the report's template: {error}")))
+        page::render(self)
     }
 
     /// Writes the page.
     ///
     /// # Errors
-    /// As [`Report::render`], and [`Error::Write`].
+    /// As [`Report::render`], and [`Error::Write`](crate::Error::Write).
     pub fn write(&self, path: &Path) -> Result<()> {
         atomic::write_bytes(path, self.render()?.as_bytes())
     }
-}
-
-#[derive(Template)]
-#[template(path = "report.html", config = "src/report/askama.toml")]
-struct Page<'a> {
-    report: &'a Report,
-}
-
-impl Page<'_> {
-    fn outcome(&self, outcome: &Outcome) -> &'static str {
-        match outcome {
-            Outcome::Good => "good",
-            Outcome::Short => "short",
-            Outcome::Failed => "failed",
-        }
-    }
-
-    fn outcome_of(&self, number: &Number) -> &'static str {
-        number.outcome.as_ref().map_or("stated", |outcome| self.outcome(outcome))
-    }
-
-    /// Zoom and pixel read-out; the page also works without this script.
-    fn script(&self) -> &'static str {
-        include_str!("../report.js")
-    }
-
-    fn base64(&self, png: &[u8]) -> String {
-        STANDARD.encode(png)
-    }
-
-    /// Inline SVG in HTML needs no namespace; without it the page contains no URL at all.
-    fn inline(&self, svg: &str) -> String {
-        svg.replacen(r#" xmlns="http://www.w3.org/2000/svg""#, "", 1)
-    }
-
-    /// CSS class of a column: `number` if every cell is a number or empty, and at least one is a number.
-    fn column(&self, rows: &[Vec<String>], column: usize) -> &'static str {
-        let mut cells =
-            rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();
-        if cells.peek().is_some() && cells.all(|cell| is_number(cell)) { "number" } else { "" }
-    }
-
-    /// Whether a table is wider than a phone's 350 pixels, at 7 pixels per letter and 12 between columns. Text wraps between
-    /// words, to lines of at least 14 letters.
-    fn is_wide(&self, headers: &[String], rows: &[Vec<String>]) -> bool {
-        let length = |text: &str| text.chars().count();
-        let column = |index: usize| {
-            let cells = || rows.iter().filter_map(move |row| row.get(index));
-            let widest = if self.column(rows, index) == "number" {
-                cells().map(|cell| length(cell)).max()
-            } else {
-                let word = |cell: &String| cell.split_whitespace().map(length).max().unwrap_or(0);
-                cells().map(|cell| word(cell).max(length(cell).min(14))).max()
-            };
-            widest.unwrap_or(0).max(length(&headers[index]))
-        };
-        (0..headers.len()).map(|index| 7 * column(index) + 12).sum::<usize>() > 350
-    }
-
-    /// What the facts at the top of the page mean.
-    fn meanings_of_facts(&self) -> Vec<(&'static str, &'static str)> {
-        definitions::definitions(self.report.facts.iter().map(|(name, _)| name.as_str()))
-    }
-
-    /// What the columns of a table mean.
-    fn meanings(&self, headers: &[String]) -> Vec<(&'static str, &'static str)> {
-        definitions::definitions(headers.iter().map(String::as_str))
-    }
-
-    fn header<'a>(&self, headers: &'a [String], column: usize) -> &'a str {
-        headers.get(column).map_or("", String::as_str)
-    }
-
-    fn gradient(&self, colors: &[[u8; 3]]) -> String {
-        let colors: Vec<String> = colors.iter().map(|&color| self.css(color)).collect();
-        format!("linear-gradient(to right, {})", colors.join(", "))
-    }
-
-    fn css(&self, [red, green, blue]: [u8; 3]) -> String {
-        format!("#{red:02x}{green:02x}{blue:02x}")
-    }
-}
-
-/// Whether a cell is a number: `12`, `−0.5`, `3.1e-4`, `97.3 %`, `1.2 s`, `–` (none).
-fn is_number(cell: &str) -> bool {
-    let normal = cell.trim().replace('\u{2212}', "-");
-    let first = normal.split_whitespace().next().unwrap_or_default().trim_end_matches('%');
-    matches!(first, "–" | "—") || (first.parse::<f64>().is_ok() && normal.split_whitespace().count() <= 2)
 }

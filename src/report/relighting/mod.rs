@@ -82,7 +82,7 @@ impl Relighting {
         }
         sections.extend(run.photos(ORDER)?);
         let more = [("Rank of the model", self.model.rank().to_string())];
-        files.finish(&run.page((self.is_good(), self.sentence()), self.photos, more, sections))
+        files.finish(run.page((self.is_good(), self.sentence()), self.photos, more, sections))
     }
 
     /// The result in one or two sentences.
@@ -118,7 +118,8 @@ impl Relighting {
         for (index, relit) in self.relit.iter().enumerate() {
             let number = index + 1;
             let scale = exposure(relit.truth.as_ref().unwrap_or(&relit.relit));
-            let pattern = figure::pattern(&relit.pattern, format!("Pattern {number}: {}", relit.name))?;
+            let pattern = figure::pattern(&relit.pattern, format!("Pattern {number}: {}", relit.name))?
+                .named(format!("pattern-{number}"), String::new());
             files.picture(&format!("pattern-{number}"), &pattern)?;
             figures.push(pattern);
             let caption = match relit.errors.last() {
@@ -128,10 +129,16 @@ impl Relighting {
                     percent(relit.stated)
                 ),
             };
-            figures.push(self.image(files, &format!("relit-{number}"), &relit.relit, scale, caption)?);
+            let [own, other] = ["relit", "true"].map(|name| format!("{name}-{number}"));
+            let found = self.image(files, &own, &relit.relit, scale, caption)?;
             if let Some(truth) = &relit.truth {
                 let caption = format!("True photo {number}");
-                figures.push(self.image(files, &format!("true-{number}"), truth, scale, caption)?);
+                let truth = self.image(files, &other, truth, scale, caption)?.flipped_with([&own]);
+                figures.extend([found.flipped_with([&other]), truth]);
+            } else {
+                figures.push(found);
+            }
+            if let Some(truth) = &relit.truth {
                 figures.push(self.error(&relit.relit, truth, format!("Relit {number} less true"))?);
             }
         }
@@ -209,7 +216,7 @@ impl Relighting {
         files.image(name, image)?;
         let figure = figure::light(image, scale, &self.model.unit, caption)?;
         files.picture(name, &figure)?;
-        Ok(figure)
+        Ok(figure.named(name, format!("{name}.npy")))
     }
 }
 

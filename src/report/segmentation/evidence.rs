@@ -13,17 +13,17 @@ pub(super) fn section(run: &Run<'_>, evidence: &Evidence) -> Result<Section> {
     let kept = evidence.kept();
     let figures = evidence.photos.iter().zip(&kept).enumerate().map(|(group, (photo, kept))| {
         let photo = narrowed(run.resolution, photo)?;
-        let caption = format!("Group {} lit alone: it keeps {} of its light", group + 1, percent(*kept));
-        figure::light(&photo, exposure(&photo), run.unit, caption)
+        let caption = format!("Group {group} lit alone: it keeps {} of its light", percent(*kept));
+        let file = format!("evidence-{}.npy[{group}]", evidence.groups);
+        let figure = figure::light(&photo, exposure(&photo), run.unit, caption)?;
+        Ok(figure.named(format!("light of group {group}"), file).in_series("group lit alone"))
     });
     let row = |(group, shares): (usize, &Vec<f64>)| {
-        std::iter::once(format!("group {}", group + 1))
-            .chain(shares.iter().map(|share| percent(*share)))
-            .collect()
+        std::iter::once(format!("group {group}")).chain(shares.iter().map(|share| percent(*share))).collect()
     };
     let table = Block::Table {
         headers: std::iter::once("arrives in".to_owned())
-            .chain((1..=evidence.groups).map(|group| format!("from {group}")))
+            .chain((0..evidence.groups).map(|group| format!("from {group}")))
             .collect(),
         rows: evidence.exchange.iter().enumerate().map(row).collect(),
         caption: "Where the light of each group goes; columns add up to 100 %".into(),

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::analysis::{FeatureView, MASKED, Segmentation};
+use crate::analysis::{FeatureView, Segmentation};
 use crate::report::html::{Block, Section};
-use crate::report::palette::{MASKED as GRAY, label_color};
+use crate::report::palette::Palette;
 use crate::report::scatter::ScatterPlot;
 
 /// Maximum number of points in a plot: more would overlap and enlarge the page.
@@ -40,9 +40,9 @@ pub(super) fn csv(view: &FeatureView) -> String {
     text + "\n"
 }
 
-pub(super) fn section(found: &Segmentation, view: &FeatureView) -> Section {
+pub(super) fn section(found: &Segmentation, view: &FeatureView, palette: &Palette) -> Section {
     let mut blocks: Vec<Block> =
-        [[0, 1], [2, 3]].into_iter().filter_map(|axes| scatter(found, view, axes)).collect();
+        [[0, 1], [2, 3]].into_iter().filter_map(|axes| scatter(found, view, palette, axes)).collect();
     blocks.push(coordinates(view));
     blocks.push(distances(view));
     Section {
@@ -53,7 +53,7 @@ pub(super) fn section(found: &Segmentation, view: &FeatureView) -> Section {
 }
 
 /// Scatter plot over two eigenvectors; index 0 is the second eigenvector.
-fn scatter(found: &Segmentation, view: &FeatureView, [x, y]: [usize; 2]) -> Option<Block> {
+fn scatter(found: &Segmentation, view: &FeatureView, palette: &Palette, [x, y]: [usize; 2]) -> Option<Block> {
     let coordinate = |axis: usize, pixel: usize| -> Option<f64> {
         Some(found.embedding.coordinate(axis + 1, found.eigenvectors.get(axis + 1)?[pixel]))
     };
@@ -63,15 +63,16 @@ fn scatter(found: &Segmentation, view: &FeatureView, [x, y]: [usize; 2]) -> Opti
     // A fixed stride over the shown pixels; unless it shares a factor with the width, it visits all columns.
     let stride = shown.len().div_ceil(POINTS);
     let points = shown.iter().step_by(stride.max(1)).filter_map(|&pixel| {
-        let color = if labels[pixel] == MASKED { GRAY } else { label_color(labels[pixel]) };
-        Some(((coordinate(x, pixel)?, coordinate(y, pixel)?), color))
+        Some((pixel, ((coordinate(x, pixel)?, coordinate(y, pixel)?), palette.color(labels[pixel]))))
     });
+    let (pixels, points): (Vec<usize>, Vec<_>) = points.unzip();
     let marked = view.coordinates.iter().enumerate().map(|(index, at)| ((at[x], at[y]), name(index)));
     let plot = ScatterPlot {
         x_label: format!("eigenvector {}, weighted", x + 2),
         y_label: format!("eigenvector {}, weighted", y + 2),
-        points: points.collect(),
+        points,
         marked: marked.collect(),
+        pixels: Some((pixels, [x + 1, y + 1])),
     };
     Some(Block::Plot {
         svg: plot.render(),

@@ -3,8 +3,8 @@
 mod evidence;
 mod features;
 
-use super::html::{Block, Figure, Legend, Report, Section, Swatch};
-use super::palette::{label_color, paint_labels};
+use super::html::{Block, Figure, Legend, Report, Section, Swatch, Values};
+use super::palette::{Palette, label_color, paint_labels};
 use super::run::{Files, Run};
 use super::text::with_error;
 use super::{figure, spectrum};
@@ -42,7 +42,7 @@ impl Scored<'_> {
         for (name, figure) in &pictures.all() {
             files.picture(name, figure)?;
         }
-        files.finish(&self.page(run, pictures)?)
+        files.finish(self.page(run, pictures)?)
     }
 
     fn write_arrays(&self, files: &mut Files<'_>, white: &Image) -> Result<()> {
@@ -84,33 +84,62 @@ impl Scored<'_> {
     }
 
     fn pictures(&self, white: &Image, run: &Run<'_>) -> Result<Pictures> {
-        let white = figure::light(white, exposure(white), run.unit, "The photo under white")?;
+        let white = figure::light(white, exposure(white), run.unit, "The photo under white")?
+            .named("white", "white.npy");
         let truth = self.truth.map(|truth| {
             Ok(Figure {
                 png: paint_labels(run.resolution, &truth.labels).encode_png()?,
                 caption: "The true regions".into(),
                 legend: Legend::Swatches(swatches(truth)),
-            })
+                values: Some(Values::of_labels(run.resolution, &truth.labels)),
+                ..Figure::default()
+            }
+            .named("true region", "labels-true.npy"))
         });
-        let labels = self.segmented.segmentation.labels.iter().map(|(groups, labels)| {
-            let score = self.scores.iter().find(|(of, _)| of == groups);
-            let score = score.map_or(String::new(), |(_, score)| format!(", adjusted Rand index {score:.4}"));
-            let figure = Figure {
-                png: paint_labels(run.resolution, labels).encode_png()?,
-                caption: format!("{groups} groups{score}{}", self.sure(*groups)),
-                legend: Legend::of_labels(labels),
-            };
-            Ok((format!("labels-{groups}"), figure))
-        });
+        let labels = self.segmented.segmentation.labels.iter().zip(self.palettes()).map(
+            |((groups, labels), palette)| {
+                let score = self.scores.iter().find(|(of, _)| of == groups);
+                let score =
+                    score.map_or(String::new(), |(_, score)| format!(", adjusted Rand index {score:.4}"));
+                let figure = Figure {
+                    png: palette.paint(run.resolution, labels).encode_png()?,
+                    caption: format!("{groups} groups{score}{}", self.sure(*groups)),
+                    legend: Legend::of_painted_labels(labels, &palette),
+                    values: Some(Values::of_labels(run.resolution, labels)),
+                    ..Figure::default()
+                };
+                let figure = figure
+                    .named(format!("{groups} groups"), format!("labels-{groups}.npy"))
+                    .in_series("number of groups");
+                Ok((format!("labels-{groups}"), figure))
+            },
+        );
         let found = &self.segmented.segmentation;
-        let eigenvectors =
-            spectrum::pictures(run.resolution, &found.eigenvectors, &found.eigenvalues, Some(&found.mask))?;
+        let caption = "The light that each pixel receives from all others: its degree";
+        let degree =
+            figure::amounts(run.resolution, &found.degree, run.unit, caption)?.named("degree", "degree.npy");
+        let eigenvectors = spectrum::pictures(
+            run.resolution,
+            &found.eigenvectors,
+            &found.eigenvalues,
+            Some(&found.mask),
+            Some(&found.embedding),
+        )?;
         Ok(Pictures {
             white,
             truth: truth.transpose()?,
             labels: labels.collect::<Result<_>>()?,
             eigenvectors,
+            degree,
         })
+    }
+
+    /// The colours of each number of groups: those of the true regions, where these are known, and else those of the first number of groups.
+    fn palettes(&self) -> Vec<Palette> {
+        let labels = &self.segmented.segmentation.labels;
+        let reference = self.truth.map(|truth| truth.labels.as_slice());
+        let reference = reference.or(labels.first().map(|(_, labels)| labels.as_slice())).unwrap_or_default();
+        labels.iter().map(|(_, labels)| Palette::default().matched(reference, labels)).collect()
     }
 
     /// How many labels are sure, as the end of a caption.
@@ -125,12 +154,12 @@ impl Scored<'_> {
         let found = &self.segmented.segmentation;
         let figures =
             |of: Vec<(String, Figure)>| Block::Figures(of.into_iter().map(|(_, figure)| figure).collect());
-        let beside = [Some(pictures.white), pictures.truth].into_iter().flatten();
+        let beside = [Some(pictures.white), Some(pictures.degree), pictures.truth].into_iter().flatten();
         let groups =
             Block::Figures(beside.chain(pictures.labels.into_iter().map(|(_, figure)| figure)).collect());
         let mut sections = vec![Section {
             title: "Groups".into(),
-            text: "Pixels of one colour exchange light with one another, and little with the rest. All numbers of groups come from the same photos. A pixel is sure of its group if the probability of this group, by its coordinates, is 0.95 or more; that the number of groups is right is another question.".into(),
+            text: "Pixels of one colour exchange light with one another, and little with the rest. Groups are numbered from 0, as in the arrays. All numbers of groups come from the same photos. A pixel is sure of its group if the probability of this group, by its coordinates, is 0.95 or more; that the number of groups is right is another question.".into(),
             blocks: vec![groups],
         }];
         for of in &self.segmented.evidence {
@@ -142,7 +171,8 @@ impl Scored<'_> {
             blocks: vec![figures(pictures.eigenvectors)],
         });
         if let Some(view) = &self.segmented.features {
-            sections.push(features::section(found, view));
+            let palette = self.palettes().into_iter().next().unwrap_or_default();
+            sections.push(features::section(found, view, &palette));
         }
         sections.push(Section {
             title: "Spectrum and convergence".into(),
@@ -219,6 +249,7 @@ struct Pictures {
     truth: Option<Figure>,
     labels: Vec<(String, Figure)>,
     eigenvectors: Vec<(String, Figure)>,
+    degree: Figure,
 }
 
 impl Pictures {

@@ -14,9 +14,10 @@ export function autoExposure(planes) {
   return 1 / sorted[Math.min(sorted.length - 1, Math.ceil(sorted.length * (1 - SATURATED)) - 1)];
 }
 
-/** The displayed level, 0 to 255, of a value. */
+/** The displayed level, 0 to 255, of a value. `gamma` is a number, or `"srgb"` for the curve of sRGB. */
 export function displayLevel(value, { exposure, gamma }) {
   const bounded = Math.min(1, Math.max(0, value * exposure));
+  if (gamma === "srgb") return Math.round(255 * (bounded <= 0.0031308 ? 12.92 * bounded : 1.055 * bounded ** (1 / 2.4) - 0.055));
   return Math.round(255 * bounded ** (1 / gamma));
 }
 

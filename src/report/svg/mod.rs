@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 use super::axis::Axis;
-use super::notes::{along, clearest};
+use super::notes::along;
 
 /// Appends formatted markup; writing to a string cannot fail.
 macro_rules! draw {
@@ -14,6 +14,12 @@ macro_rules! draw {
         let _ = write!($target, $($format)*);
     };
 }
+
+mod notes;
+mod text;
+mod told;
+
+use text::{escape, rows};
 
 /// A drawing framed by two axes.
 pub(super) struct Chart {
@@ -25,15 +31,39 @@ pub(super) struct Chart {
     /// Points of the drawn curves. Notes of the horizontal marks avoid them.
     drawn: Vec<(f64, f64)>,
     marks: Vec<(f64, String)>,
+    layout: Layout,
+    /// The axes' labels, for the page's scripts.
+    labels: [String; 2],
 }
 
-/// The drawing's width: on a phone, 340 pixels wide, its text still has a height of 10 pixels.
-const WIDTH: f64 = 480.0;
-/// The frame's height, independent of the height of the legend.
-const FRAME: f64 = 260.0;
-const LEFT: f64 = 88.0;
+/// The measures of a drawing, in its units.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layout {
+    width: f64,
+    /// The frame's height, independent of the height of the legend.
+    frame: f64,
+    left: f64,
+    bottom: f64,
+    /// Whether the axes bear their labels.
+    has_labels: bool,
+}
+
+impl Layout {
+    /// On a phone, 340 pixels wide, the text still has a height of 10 pixels.
+    pub const FULL: Self = Self { width: 480.0, frame: 260.0, left: 88.0, bottom: 56.0, has_labels: true };
+    /// One of many plots of the same axes, which are labelled elsewhere.
+    pub const SMALL: Self = Self { width: 250.0, frame: 120.0, left: 56.0, bottom: 30.0, has_labels: false };
+
+    fn right(self) -> f64 {
+        self.width - RIGHT
+    }
+
+    fn across(self, along: f64) -> f64 {
+        self.left + along * (self.right() - self.left)
+    }
+}
+
 const RIGHT: f64 = 16.0;
-const BOTTOM: f64 = 56.0;
 const FONT: f64 = 14.5;
 
 /// Estimated width of a letter: half the height of a sans-serif face, since the font is not available here.
@@ -41,41 +71,56 @@ const LETTER: f64 = 7.7;
 
 impl Chart {
     /// Draws grid, ticks and axis labels. `legend` lists (colour, dashes, name), set in rows above the frame.
-    pub fn new(x: Axis, y: Axis, x_label: &str, y_label: &str, legend: &[(&str, &str, &str)]) -> Self {
+    pub fn new(
+        layout: Layout,
+        (x, y): (Axis, Axis),
+        labels: [&str; 2],
+        legend: &[(&str, &str, &str)],
+    ) -> Self {
         let mut body = String::new();
-        let top = draw_legend(&mut body, legend);
-        let mut chart = Self { x, y, top, body, drawn: Vec::new(), marks: Vec::new() };
-        chart.draw_frame(x_label, y_label);
+        let top = draw_legend(&mut body, layout, legend);
+        let labels = labels.map(str::to_owned);
+        let mut chart = Self { x, y, top, body, drawn: Vec::new(), marks: Vec::new(), layout, labels };
+        chart.draw_ticks();
+        if layout.has_labels {
+            chart.draw_labels();
+        }
         chart
     }
 
-    fn draw_frame(&mut self, x_label: &str, y_label: &str) {
-        let (right, bottom) = (WIDTH - RIGHT, self.bottom());
+    fn draw_ticks(&mut self) {
+        let (left, right, bottom) = (self.layout.left, self.layout.right(), self.bottom());
         let mut lines = String::new();
         for tick in &self.y.ticks {
             let Some(y) = self.y.position(tick.value).map(|along| self.down(along)) else { continue };
             let faint = if tick.label.is_empty() { 0.07 } else { 0.16 };
             draw!(
                 lines,
-                r#"<line x1="{LEFT}" y1="{y:.1}" x2="{right}" y2="{y:.1}" stroke="currentColor" stroke-opacity="{faint}"/>"#
+                r#"<line x1="{left}" y1="{y:.1}" x2="{right}" y2="{y:.1}" stroke="currentColor" stroke-opacity="{faint}"/>"#
             );
             draw!(
                 lines,
                 r#"<text x="{:.1}" y="{:.1}" text-anchor="end">{}</text>"#,
-                LEFT - 10.0,
+                left - 10.0,
                 y + 4.5,
                 tick.label
             );
         }
-        for tick in &self.x.ticks {
-            let Some(x) = self.x.position(tick.value).map(across) else { continue };
+        let stride = self.stride();
+        for (index, tick) in self.x.ticks.iter().enumerate() {
+            let Some(x) = self.x.position(tick.value).map(|along| self.layout.across(along)) else {
+                continue;
+            };
             draw!(
                 lines,
                 r#"<line x1="{x:.1}" y1="{bottom}" x2="{x:.1}" y2="{:.1}" stroke="currentColor" stroke-opacity="0.55"/>"#,
                 bottom + 5.0
             );
+            if index % stride != 0 {
+                continue;
+            }
             // The last label must stay inside the drawing.
-            let most = WIDTH - LETTER / 2.0 * tick.label.chars().count() as f64;
+            let most = self.layout.width - LETTER / 2.0 * tick.label.chars().count() as f64;
             draw!(
                 lines,
                 r#"<text x="{:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
@@ -86,16 +131,39 @@ impl Chart {
         }
         draw!(
             lines,
-            r#"<line x1="{LEFT}" y1="{bottom}" x2="{right}" y2="{bottom}" stroke="currentColor" stroke-opacity="0.55"/>"#
+            r#"<line x1="{left}" y1="{bottom}" x2="{right}" y2="{bottom}" stroke="currentColor" stroke-opacity="0.55"/>"#
         );
-        let (middle_x, middle_y) = (f64::midpoint(LEFT, right), f64::midpoint(self.top, bottom));
+        self.body.push_str(&lines);
+    }
+
+    /// Every how many ticks of the horizontal axis a label stands: those of all would run together.
+    fn stride(&self) -> usize {
+        let ends = |stride: usize| {
+            let labelled = self.x.ticks.iter().step_by(stride);
+            labelled.filter_map(|tick| {
+                let middle = self.layout.across(self.x.position(tick.value)?);
+                let half = LETTER / 2.0 * tick.label.chars().count() as f64;
+                Some((middle - half, middle + half))
+            })
+        };
+        let is_apart = |stride: &usize| {
+            let mut last = f64::NEG_INFINITY;
+            ends(*stride).all(|(start, end)| start >= std::mem::replace(&mut last, end) + LETTER)
+        };
+        [1, 2, 5, 10, 20, 50].into_iter().find(is_apart).unwrap_or(100)
+    }
+
+    fn draw_labels(&mut self) {
+        let (left, right, bottom) = (self.layout.left, self.layout.right(), self.bottom());
+        let mut lines = String::new();
+        let (middle_x, middle_y) = (f64::midpoint(left, right), f64::midpoint(self.top, bottom));
         draw!(
             lines,
             r#"<text x="{middle_x:.1}" y="{:.1}" text-anchor="middle">{}</text>"#,
             bottom + 46.0,
-            escape(x_label)
+            escape(&self.labels[0])
         );
-        for (row, text) in rows(y_label, FRAME).iter().enumerate() {
+        for (row, text) in rows(&self.labels[1], self.layout.frame).iter().enumerate() {
             draw!(
                 lines,
                 r#"<text transform="translate({:.1} {middle_y:.1}) rotate(-90)" text-anchor="middle">{}</text>"#,
@@ -108,16 +176,16 @@ impl Chart {
 
     /// Position of a point in the drawing's units; `None` if the point is not on the axes.
     pub fn place(&self, (x, y): (f64, f64)) -> Option<(f64, f64)> {
-        Some((across(self.x.position(x)?), self.down(self.y.position(y)?)))
+        Some((self.layout.across(self.x.position(x)?), self.down(self.y.position(y)?)))
     }
 
     fn down(&self, along: f64) -> f64 {
-        self.bottom() - along * FRAME
+        self.bottom() - along * self.layout.frame
     }
 
     /// Vertical position of the frame's lower edge.
     fn bottom(&self) -> f64 {
-        self.top + FRAME
+        self.top + self.layout.frame
     }
 
     /// Draws a line through points given in the drawing's units.
@@ -157,53 +225,19 @@ impl Chart {
         );
     }
 
-    /// Writes text that starts at a point, or ends there if it would leave the frame.
-    pub fn note(&mut self, (x, y): (f64, f64), text: &str) {
-        let anchor = if x > WIDTH - RIGHT - 8.6 * text.chars().count() as f64 { "end" } else { "start" };
-        let x = if anchor == "end" { x - 20.0 } else { x };
-        draw!(self.body, r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{}</text>"#, escape(text));
-    }
-
-    /// Draws a dashed horizontal line over the full width; its note is placed where no curve passes.
-    pub fn horizontal_mark(&mut self, value: f64, note: &str) {
-        let Some(y) = self.y.position(value).map(|along| self.down(along)) else { return };
-        let right = WIDTH - RIGHT;
-        draw!(
-            self.body,
-            r#"<line x1="{LEFT}" y1="{y:.1}" x2="{right}" y2="{y:.1}" stroke="currentColor" stroke-opacity="0.7" stroke-width="1.2" stroke-dasharray="2 4"/>"#
-        );
-        self.marks.push((y, note.to_owned()));
-    }
-
-    /// Writes the notes of the marks above or below their lines, as far left as no curve or other note is covered.
-    fn draw_notes(&mut self) {
-        let mut notes = Vec::new();
-        for (y, note) in std::mem::take(&mut self.marks) {
-            let (width, right) = (LETTER * note.chars().count() as f64, WIDTH - RIGHT);
-            let lefts =
-                (0..9).map(|eighths| LEFT + 8.0 + f64::from(eighths) / 8.0 * (right - LEFT - 8.0 - width));
-            let places: Vec<_> = lefts
-                .flat_map(|left| {
-                    [y - 6.0, y + 16.0].map(|base| [left, base - FONT, left + width, base + 4.0])
-                })
-                .filter(|place| place[1] >= self.top - FONT && place[3] <= self.bottom())
-                .collect();
-            let Some(place) = clearest(&places, &self.drawn, &notes) else { continue };
-            notes.push(place);
-            draw!(
-                self.body,
-                r#"<text x="{:.1}" y="{:.1}" fill-opacity="0.75">{}</text>"#,
-                place[0],
-                place[3] - 4.0,
-                escape(&note)
-            );
-        }
-    }
-
     /// The complete SVG document.
     pub fn finish(mut self) -> String {
         self.draw_notes();
-        wrap(&self.body, self.bottom() + BOTTOM)
+        let told = format!(
+            r#" aria-label="{1} over {0}" data-x="{0}" data-y="{1}" data-frame="{2},{3},{4},{5}""#,
+            escape(&self.labels[0]),
+            escape(&self.labels[1]),
+            self.layout.left,
+            self.top,
+            self.layout.right(),
+            self.bottom()
+        );
+        wrap(&self.body, &told, self.layout.width, self.bottom() + self.layout.bottom)
     }
 }
 
@@ -211,26 +245,26 @@ impl Chart {
 pub(super) fn nothing_to_plot() -> String {
     let body = format!(
         r#"<text x="{}" y="{}" text-anchor="middle" fill-opacity="0.6">no values to plot</text>"#,
-        WIDTH / 2.0,
-        FRAME / 2.0
+        Layout::FULL.width / 2.0,
+        Layout::FULL.frame / 2.0
     );
-    wrap(&body, FRAME)
+    wrap(&body, r#" aria-label="no values to plot""#, Layout::FULL.width, Layout::FULL.frame)
 }
 
-fn wrap(body: &str, height: f64) -> String {
+fn wrap(body: &str, told: &str, width: f64, height: f64) -> String {
     format!(
-        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" font-family="system-ui, 'Helvetica Neue', Arial, sans-serif" font-size="{FONT}" fill="currentColor" role="img">{body}</svg>"#
+        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="system-ui, 'Helvetica Neue', Arial, sans-serif" font-size="{FONT}" fill="currentColor" role="img"{told}>{body}</svg>"#
     )
 }
 
 /// Draws the legend in as many rows as needed and returns the top of the frame.
-fn draw_legend(body: &mut String, legend: &[(&str, &str, &str)]) -> f64 {
+fn draw_legend(body: &mut String, layout: Layout, legend: &[(&str, &str, &str)]) -> f64 {
     const ROW: f64 = 22.0;
-    let (mut x, mut baseline) = (LEFT, 18.0);
+    let (mut x, mut baseline) = (layout.left, 18.0);
     for &(color, dashes, name) in legend {
         let width = 34.0 + LETTER * name.chars().count() as f64 + 18.0;
-        if x > LEFT && x + width > WIDTH - RIGHT {
-            (x, baseline) = (LEFT, baseline + ROW);
+        if x > layout.left && x + width > layout.right() {
+            (x, baseline) = (layout.left, baseline + ROW);
         }
         let middle = baseline - 4.5;
         draw!(
@@ -245,49 +279,6 @@ fn draw_legend(body: &mut String, legend: &[(&str, &str, &str)]) -> f64 {
     if legend.is_empty() { 14.0 } else { baseline + 18.0 }
 }
 
-/// Splits a text that is wider than `length` into two rows.
-fn rows(text: &str, length: f64) -> Vec<&str> {
-    let half = text.len() / 2;
-    let break_at = text.match_indices(' ').map(|(at, _)| at).min_by_key(|at| at.abs_diff(half));
-    match break_at {
-        Some(at) if LETTER * text.chars().count() as f64 > length => vec![&text[..at], &text[at + 1..]],
-        _ => vec![text],
-    }
-}
-
-fn across(along: f64) -> f64 {
-    LEFT + along * (WIDTH - RIGHT - LEFT)
-}
-
 fn dash_attribute(dashes: &str) -> String {
     if dashes.is_empty() { String::new() } else { format!(r#" stroke-dasharray="{dashes}""#) }
-}
-
-/// Escapes text for XML content.
-fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            // XML forbids other control characters, even escaped ones.
-            character if character.is_control() => escaped.push(' '),
-            character => escaped.push(character),
-        }
-    }
-    escaped
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_label_longer_than_its_axis_takes_two_rows() {
-        assert_eq!(rows("relative residual", FRAME), ["relative residual"]);
-        let long = "relative error of global light, Frobenius norm";
-        assert_eq!(rows(long, FRAME), ["relative error of global", "light, Frobenius norm"]);
-        assert_eq!(rows("withoutanyspace", 10.0), ["withoutanyspace"]);
-    }
 }

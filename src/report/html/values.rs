@@ -1,0 +1,236 @@
+//! The exact values of pictures, as the page's scripts read them.
+
+use std::collections::HashMap;
+use std::io::Write;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use serde_json::{Value, json};
+
+use super::{Block, Figure, Report};
+use crate::image::{Image, Resolution};
+use crate::report::palette::MASKED_LABEL;
+
+/// The most bytes that the values of all pictures take in a page. What has no room is read in the files of the run.
+pub const MOST_BYTES: usize = 8 << 20;
+
+/// The values of a picture's pixels. A page holds them in single precision: 24 bits, about seven digits.
+#[derive(Clone, Debug)]
+pub struct Values {
+    /// The picture's size.
+    pub size: Resolution,
+    /// What the values are.
+    pub kind: Kind,
+    /// One plane, or red, green and blue; each row by row from the top.
+    pub planes: Vec<Vec<f32>>,
+    /// Unit of the values; empty for dimensionless ones.
+    pub unit: String,
+}
+
+/// What the values of a picture are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// Light, which the picture shows up to this value. The page develops it anew at other exposures.
+    Light {
+        /// What white stands for.
+        white: f64,
+    },
+    /// Numbers with or without a sign.
+    Number,
+    /// Entries of an eigenvector.
+    Eigenvector {
+        /// The eigenvalue of the normalized cut, by which the eigenvectors tell rows of the matrix; `None` of other eigenvectors.
+        eigenvalue: Option<f64>,
+        /// The factor that makes them the coordinates that groups are made of; `None` where there are no groups.
+        weight: Option<f64>,
+        /// The range that they are clamped to before.
+        range: (f64, f64),
+    },
+    /// Numbers of groups.
+    Label,
+}
+
+impl Values {
+    /// An image's light, shown up to `white`.
+    pub fn of_light(image: &Image, white: f64, unit: &str) -> Self {
+        let channels = image.channels();
+        let plane = |channel| image.samples().iter().skip(channel).step_by(channels).copied().collect();
+        Self {
+            size: image.resolution(),
+            kind: Kind::Light { white },
+            planes: (0..channels).map(plane).collect(),
+            unit: unit.to_owned(),
+        }
+    }
+
+    /// Numbers in `unit`.
+    pub fn of_numbers(size: Resolution, kind: Kind, values: &[f64], unit: &str) -> Self {
+        let plane = values.iter().map(|&value| value as f32).collect();
+        Self { size, kind, planes: vec![plane], unit: unit.to_owned() }
+    }
+
+    /// Numbers of groups.
+    pub fn of_labels(size: Resolution, labels: &[u8]) -> Self {
+        let plane = labels.iter().map(|&label| f32::from(label)).collect();
+        Self { size, kind: Kind::Label, planes: vec![plane], unit: String::new() }
+    }
+
+    fn describe(&self) -> Value {
+        let mut about = json!({
+            "width": self.size.width,
+            "height": self.size.height,
+            "planes": self.planes.len(),
+            "unit": self.unit,
+        });
+        match self.kind {
+            Kind::Light { white } => {
+                about["kind"] = json!("light");
+                about["white"] = json!(white);
+            }
+            Kind::Number => about["kind"] = json!("number"),
+            Kind::Eigenvector { eigenvalue, weight, range } => {
+                about["eigenvalue"] = json!(eigenvalue);
+                about["kind"] = json!("eigenvector");
+                about["weight"] = json!(weight);
+                about["range"] = json!(range);
+            }
+            Kind::Label => {
+                about["kind"] = json!("label");
+                about["masked"] = json!(MASKED_LABEL);
+            }
+        }
+        about
+    }
+}
+
+/// Floats as text: the first bytes of all, then the second ones and so on, which deflate better than the numbers in a row; deflated, in base64.
+pub(super) fn packed(planes: &[Vec<f32>]) -> String {
+    let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
+    let bytes: Vec<u8> = (0..4).flat_map(|place| numbers.iter().map(move |number| number[place])).collect();
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
+    // Writing to memory cannot fail.
+    let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish()).unwrap_or_default();
+    STANDARD.encode(deflated)
+}
+
+/// The values of all pictures of a page.
+#[derive(Default)]
+pub(super) struct Embedded {
+    /// What the page's scripts know of the picture at (section, block, number), as JSON.
+    about: HashMap<[usize; 3], String>,
+    /// Names and texts of the values that found room.
+    pub(super) sections: Vec<(String, String)>,
+    /// Pictures with values that found no room.
+    pub(super) left_out: usize,
+}
+
+impl Embedded {
+    pub(super) fn new(report: &Report) -> Self {
+        let mut embedded = Self::default();
+        let mut bytes = 0;
+        for (section, of) in report.sections.iter().enumerate() {
+            for (block, of) in of.blocks.iter().enumerate() {
+                let Block::Figures(figures) = of else { continue };
+                for (number, figure) in figures.iter().enumerate() {
+                    embedded.add([section, block, number], figure, &mut bytes);
+                }
+            }
+        }
+        embedded
+    }
+
+    fn add(&mut self, at: [usize; 3], figure: &Figure, bytes: &mut usize) {
+        let Some(values) = &figure.values else { return };
+        let mut about = values.describe();
+        about["name"] = json!(figure.name);
+        about["file"] = json!(figure.file);
+        about["series"] = json!(figure.series);
+        about["flips"] = json!(figure.flips);
+        let text = packed(&values.planes);
+        if *bytes + text.len() <= MOST_BYTES {
+            *bytes += text.len();
+            let id = format!("values-{}", self.sections.len());
+            about["values"] = json!(id);
+            self.sections.push((id, text));
+        } else {
+            self.left_out += 1;
+        }
+        self.about.insert(at, about.to_string());
+    }
+
+    /// What the scripts know of a picture; empty where it has no values.
+    pub(super) fn about(&self, at: [usize; 3]) -> &str {
+        self.about.get(&at).map_or("", String::as_str)
+    }
+
+    /// Where the values of the pictures are, in a sentence; empty for a page without values.
+    pub(super) fn sentence(&self) -> String {
+        let bytes: usize = self.sections.iter().map(|(_, text)| text.len()).sum();
+        let mut text = match self.sections.len() {
+            0 => return String::new(),
+            1 => "The values of 1 picture are in this page".to_owned(),
+            count => format!("The values of {count} pictures are in this page"),
+        };
+        text += &format!(
+            ", in single precision (24 bits, about seven digits), {}.",
+            crate::report::text::bytes(bytes as u64)
+        );
+        if self.left_out > 0 {
+            text += &format!(
+                " Those of {} more are in the files only: a page holds at most {} of values.",
+                self.left_out,
+                crate::report::text::bytes(MOST_BYTES as u64)
+            );
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+
+    use super::*;
+    use crate::report::html::Section;
+
+    fn unpacked(text: &str) -> Vec<f32> {
+        let deflated = STANDARD.decode(text).expect("base64");
+        let mut bytes = Vec::new();
+        flate2::read::ZlibDecoder::new(&deflated[..]).read_to_end(&mut bytes).expect("deflated");
+        let count = bytes.len() / 4;
+        (0..count).map(|at| f32::from_le_bytes([0, 1, 2, 3].map(|place| bytes[place * count + at]))).collect()
+    }
+
+    #[test]
+    fn values_are_packed_without_loss() {
+        let planes = [vec![0.0, -1.5, f32::MIN_POSITIVE], vec![1e30, 0.1, f32::INFINITY]];
+        assert_eq!(unpacked(&packed(&planes)), planes.concat());
+    }
+
+    #[test]
+    fn a_page_holds_no_more_values_than_it_may() {
+        // Random bits do not deflate: each of these planes takes more than a quarter of the room.
+        let size = Resolution::new(800, 800);
+        let mut state = 1_u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            f64::from(f32::from_bits((state >> 34) as u32 & 0x7e7f_ffff))
+        };
+        let mut figure = || {
+            let values: Vec<f64> = (0..size.pixels()).map(|_| noise()).collect();
+            Figure { values: Some(Values::of_numbers(size, Kind::Number, &values, "")), ..Figure::default() }
+        };
+        let blocks = vec![Block::Figures((0..4).map(|_| figure()).collect())];
+        let report = Report { sections: vec![Section { blocks, ..Section::default() }], ..Report::default() };
+        let embedded = Embedded::new(&report);
+        let bytes: usize = embedded.sections.iter().map(|(_, text)| text.len()).sum();
+        assert!(bytes <= MOST_BYTES && embedded.left_out > 0, "{bytes}, {}", embedded.left_out);
+        assert_eq!(embedded.sections.len() + embedded.left_out, 4);
+        assert!(embedded.sentence().contains("in the files only"));
+        assert!(
+            embedded.about([0, 0, 0]).contains("values-0") && !embedded.about([0, 0, 3]).contains("values-")
+        );
+    }
+}
