@@ -143,7 +143,7 @@ impl<'a> Session<'a> {
         for ((client, is_row), pixel) in pending.looks {
             match self.look(is_row, pixel) {
                 Ok(Some(bytes)) => {
-                    send(Event::Look(client, if is_row { Kind::Row } else { Kind::Column }, bytes))
+                    send(Event::Look(client, if is_row { Kind::Row } else { Kind::Column }, bytes));
                 }
                 Ok(None) => {}
                 Err(error) => send(Event::Text(client, error_text(None, &error.to_string()))),

@@ -170,9 +170,10 @@ fn without_small(columns: &Columns, scales: &[f64], threshold: f64) -> Columns {
     let mut places_kept = Vec::new();
     let mut values_kept: Vec<Vec<f64>> = vec![Vec::new(); scales.len()];
     for column in 0..first.rows() {
-        for at in first.row_start()[column]..first.row_start()[column + 1] {
+        let of_column = first.row_start()[column]..first.row_start()[column + 1];
+        for (at, size) in of_column.clone().zip(&sizes[of_column]) {
             let place = first.columns()[at];
-            let probability = (sizes[at] / threshold).min(1.0);
+            let probability = (size / threshold).min(1.0);
             if probability < 1.0 && chance(column, place as usize) >= probability {
                 continue;
             }
