@@ -64,7 +64,7 @@ fn write(file: &std::path::Path, more: &[&str]) {
 fn screenshot(browser: &Browser, picture: &std::path::Path) {
     let folder = tempfile::TempDir::new().expect("a temporary folder can be made");
     let file = folder.path().join("paint.html");
-    write(&file, &["--channels", "rgb", "--spp", "256", "--groups", "2,4", "--eigenvectors", "8"]);
+    write(&file, &["--channels", "rgb", "--groups", "2,4", "--eigenvectors", "8"]);
     let mut tab = browser.open();
     let size = json!({ "width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": false });
     tab.call("Emulation.setDeviceMetricsOverride", size);
