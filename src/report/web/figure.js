@@ -21,7 +21,7 @@ export class Figure {
     this.frame.tabIndex = 0;
     this.frame.setAttribute("role", "group");
     this.frame.setAttribute("aria-label", `${this.caption}. Arrow keys tell values, Space compares pictures, Enter enlarges.`);
-    element.style.setProperty("--ratio", String(this.about.width / this.about.height));
+    element.setAttribute("style", `--ratio: ${this.about.width / this.about.height}`);
     const rect = (name) => `<rect class="${name}" width="2" height="2"/>`;
     const size = `0 0 ${this.about.width} ${this.about.height}`;
     this.frame.insertAdjacentHTML("beforeend", `<svg class="marks" viewBox="${size}" aria-hidden="true">${rect("under")}${rect("over")}</svg>`);
@@ -38,7 +38,8 @@ export class Figure {
 
   async load() {
     const { values, width, height } = this.about;
-    if (!values) return null;
+    // Browsers from before 2023 may not inflate.
+    if (!values || typeof DecompressionStream === "undefined") return null;
     this.ready = await unpackPlanes(document.getElementById(values).textContent, width * height);
     return this.ready;
   }
