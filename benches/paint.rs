@@ -47,6 +47,7 @@ fn main() {
     let url = lines.filter_map(|line| line.find("http://").map(|at| line[at..].trim().to_owned())).next();
     report("served", &mut opened(&browser, &url.expect("the server says its address")));
     server.kill().expect("it is ours");
+    server.wait().expect("it is ours");
 }
 
 /// Writes the page as one file.

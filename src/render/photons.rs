@@ -88,7 +88,7 @@ impl PhotonMap {
     /// Traces the chains of `request` and sorts their photons.
     ///
     /// # Errors
-    /// [`Error::UnfinishedPaths`] where the driver dropped paths; [`Error::Device`] where it failed.
+    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) where the driver dropped paths; [`Device`](crate::Error::Device) where it failed.
     pub(super) fn trace(
         gpu: &Gpu,
         scene: &GpuScene,

@@ -132,7 +132,7 @@ impl<'a> StrategyRun<'a> {
     /// Returns `false` where no dispatch is in flight.
     ///
     /// # Errors
-    /// [`Error::UnfinishedPaths`] where the driver dropped paths; [`Error::Device`] where it failed; and
+    /// [`UnfinishedPaths`](crate::Error::UnfinishedPaths) where the driver dropped paths; [`Device`](crate::Error::Device) where it failed; and
     /// errors of `visit`.
     pub(super) fn finish_oldest(
         &mut self,

@@ -62,7 +62,7 @@ pub fn load(path: &Path, camera: Option<&str>) -> Result<Scene> {
 /// in metres. The projector may also have `resolution = [width, height]`.
 ///
 /// # Errors
-/// [`Error::Read`](crate::Error::Read) when a file cannot be read, [`Error::Scene`](crate::Error::Scene) when its content cannot be used. Both name
+/// [`Error::Read`] when a file cannot be read, [`Error::Scene`] when its content cannot be used. Both name
 /// the file; the second also says what to do.
 pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();

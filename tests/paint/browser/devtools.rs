@@ -49,9 +49,7 @@ impl Browser {
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
-            .unwrap_or_else(|why| {
-                panic!("{program} does not start: {why}; install chromium, or name one by KRYLUX_BROWSER")
-            });
+            .expect("Chromium starts; install it, or name one by KRYLUX_BROWSER");
         let file = profile.path().join("DevToolsActivePort");
         let address = wait(|| {
             let text = std::fs::read_to_string(&file).ok()?;
