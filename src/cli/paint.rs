@@ -24,7 +24,7 @@ use crate::paint::{Answer, Canvas, Ended, Light, Question, ServeOptions, Session
 
 /// Paint patterns in a browser, and see the photo while the pen moves
 ///
-/// Serves one page on this machine, behind an address that nobody can guess, and opens it in the browser. With `-o` the page becomes one file that
+/// Serves one page on this machine, behind an address that cannot be guessed, and opens it in the browser. With `-o` the page becomes one file that
 /// holds the light transport matrix, needs no server, and works on a phone.
 #[derive(clap::Args)]
 #[command(
@@ -173,7 +173,7 @@ fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>) -> Result<Kept> {
 fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     if !args.listen.ip().is_loopback() {
         console.note(format_args!(
-            "warning: {} is no address of this machine alone: whoever has the page's address can paint, and what is sent can be read on the way",
+            "warning: {} is no address of this machine alone: everyone who has the page's address can paint, and what is sent can be read on the way",
             args.listen
         ));
     }
@@ -181,7 +181,7 @@ fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> 
     let idle = args.idle.map(|minutes| Duration::from_secs_f64(60.0 * minutes.clamp(0.0, 1e6)));
     let options = ServeOptions { listen: args.listen, idle };
     let mut said = Ok(());
-    let ready = |url: &str| said = announce(url, args, console);
+    let ready = |url: &str| said = say_address(url, args, console);
     let notes = console.clone();
     let ended =
         serve(&mut session, &options, ready, || console.check(), Arc::new(move |line| notes.note(line)))?;
@@ -194,7 +194,7 @@ fn serve_page(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> 
 }
 
 /// Says where the page is, and opens it.
-fn announce(url: &str, args: &Args, console: &Console) -> Result<()> {
+fn say_address(url: &str, args: &Args, console: &Console) -> Result<()> {
     console.say(format_args!("page      {url}"))?;
     console.summary(&json!({ "verb": "paint", "url": url }))?;
     let port = url.rsplit(':').next().and_then(|rest| rest.split('/').next()).unwrap_or_default();

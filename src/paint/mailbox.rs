@@ -1,10 +1,10 @@
-//! The wishes of all pages that wait for the session. Newer ones take the place of older ones, so that nothing queues up while a photo is
+//! The requests of all pages, which wait for the session. Newer ones take the place of older ones, so that nothing queues up while a photo is
 //! taken.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-use super::message::{Asked, Wish};
+use super::message::{Asked, Request};
 use crate::analysis::planes::Planes;
 
 /// Questions of one page that may wait. A page asks one after the other.
@@ -16,7 +16,7 @@ pub type Client = u64;
 /// What waits.
 #[derive(Debug, Default)]
 pub struct Pending {
-    /// Whose wish of the pattern came last, with its number.
+    /// Who changed the pattern last, with its number.
     pub author: Option<(Client, u32)>,
     /// A whole new pattern; the changes come after it.
     pub replace: Option<Planes>,
@@ -47,7 +47,7 @@ impl Pending {
     }
 }
 
-/// The wishes that wait, and those who wait for them.
+/// The requests that wait, and those who wait for them.
 #[derive(Debug, Default)]
 pub struct Mailbox {
     pending: Mutex<Pending>,
@@ -55,30 +55,30 @@ pub struct Mailbox {
 }
 
 impl Mailbox {
-    /// Leaves a wish.
+    /// Leaves a request.
     ///
     /// # Errors
     /// A page that has too many open questions is told so.
-    pub fn put(&self, client: Client, number: u32, wish: Wish) -> Result<(), String> {
+    pub fn put(&self, client: Client, number: u32, request: Request) -> Result<(), String> {
         let mut pending = self.lock();
-        match wish {
-            Wish::Change(changes) => {
+        match request {
+            Request::Change(changes) => {
                 pending.changes.extend(changes);
                 pending.author = Some((client, number));
             }
-            Wish::Replace(planes) => {
+            Request::Replace(planes) => {
                 pending.changes.clear();
                 pending.replace = Some(planes);
                 pending.author = Some((client, number));
             }
-            Wish::Finish => {
+            Request::Finish => {
                 pending.is_finished = true;
                 pending.author = Some((client, number));
             }
-            Wish::Light(light) => pending.light = Some(light),
-            Wish::Column(pixel) => _ = pending.looks.insert((client, false), pixel),
-            Wish::Row(pixel) => _ = pending.looks.insert((client, true), pixel),
-            Wish::Ask(asked) => {
+            Request::Light(light) => pending.light = Some(light),
+            Request::Column(pixel) => _ = pending.looks.insert((client, false), pixel),
+            Request::Row(pixel) => _ = pending.looks.insert((client, true), pixel),
+            Request::Ask(asked) => {
                 let open = pending.questions.iter().filter(|(of, _)| *of == client).count();
                 if open >= MOST_QUESTIONS {
                     return Err(format!("{open} questions are open already"));
@@ -96,7 +96,7 @@ impl Mailbox {
         self.arrived.notify_one();
     }
 
-    /// Forgets what a page that has gone wished for itself.
+    /// Forgets the requests that a page that has gone made for itself.
     pub fn forget(&self, client: Client) {
         let mut pending = self.lock();
         pending.looks.retain(|(of, _), _| *of != client);
@@ -110,7 +110,7 @@ impl Mailbox {
         self.arrived.notify_one();
     }
 
-    /// Waits for wishes and takes them. One question is taken at a time, so that strokes come in between.
+    /// Waits for requests and takes them. One question is taken at a time, so that strokes come in between.
     pub fn take(&self) -> Pending {
         let mut pending = self.lock();
         while pending.is_empty() {

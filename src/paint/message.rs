@@ -13,7 +13,7 @@ pub const HEADER: usize = 8;
 
 /// What a page asks for.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Wish {
+pub enum Request {
     /// New values of single pixels of the pattern, one for each channel.
     Change(Vec<(u32, Vec<f32>)>),
     /// A whole new pattern.
@@ -43,7 +43,7 @@ pub struct Asked {
 /// What is in a message of the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A photo; the number is that of the author's last wish in it. The flag says that it is exact.
+    /// A photo; the number is that of the author's last request in it. The flag says that it is exact.
     Photo = 1,
     /// The pattern of that photo, for those who did not paint it.
     Pattern = 2,
@@ -59,22 +59,22 @@ pub enum Kind {
 ///
 /// # Errors
 /// What is wrong with the message, in a few words.
-pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, Wish), String> {
+pub fn read(bytes: &[u8], channels: usize, pixels: usize) -> Result<(u32, Request), String> {
     let (Some(header), Some(content)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
         return Err(format!("a message of {} bytes, shorter than its header", bytes.len()));
     };
     let light = usize::from(u16::from_le_bytes([header[2], header[3]]));
     let number = u32::from_le_bytes([header[4], header[5], header[6], header[7]]);
-    let wish = match header[0] {
-        1 => Wish::Change(changes(content, channels, pixels)?),
-        2 => Wish::Replace(planes(content, channels, pixels)?),
-        3 => Wish::Finish,
-        4 => Wish::Light(light),
-        5 => Wish::Column(number),
-        6 => Wish::Row(number),
+    let request = match header[0] {
+        1 => Request::Change(changes(content, channels, pixels)?),
+        2 => Request::Replace(planes(content, channels, pixels)?),
+        3 => Request::Finish,
+        4 => Request::Light(light),
+        5 => Request::Column(number),
+        6 => Request::Row(number),
         kind => return Err(format!("a message of unknown kind {kind}")),
     };
-    Ok((number, wish))
+    Ok((number, request))
 }
 
 fn changes(content: &[u8], channels: usize, pixels: usize) -> Result<Vec<(u32, Vec<f32>)>, String> {
@@ -145,7 +145,7 @@ mod tests {
         let mut bytes = vec![1, 0, 0, 0, 7, 0, 0, 0];
         bytes.extend(3_u32.to_le_bytes());
         bytes.extend(0.5_f32.to_le_bytes());
-        assert_eq!(read(&bytes, 1, 4), Ok((7, Wish::Change(vec![(3, vec![0.5])]))));
+        assert_eq!(read(&bytes, 1, 4), Ok((7, Request::Change(vec![(3, vec![0.5])]))));
         let fault = |bytes: &[u8], pixels| read(bytes, 1, pixels).err().unwrap_or_default();
         assert!(fault(&bytes, 3).contains("pixel 3"));
         assert!(fault(&bytes[..12], 4).contains("multiple of 8"));

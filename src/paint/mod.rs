@@ -1,7 +1,7 @@
 //! Painting with light: patterns are painted in a browser, and the photo is seen while the pen moves.
 //!
 //! A [`Canvas`] turns patterns into photos. Where the light transport matrix is in memory, a stroke costs only the columns of the
-//! pixels that it changes. A [`Session`] holds what is on the projector and works on the newest wishes of all browsers; the
+//! pixels that it changes. A [`Session`] holds what is on the projector and answers the newest requests of all browsers; the
 //! [server](serve()) carries them between the two. [`page`] makes the page: one that asks the server, or one file that holds the matrix.
 
 mod canvas;

@@ -96,7 +96,8 @@ fn every_page_shows_all_photos_in_order() {
         assert!(page.contains("stands for in DN/s"), "{arguments:?}: photos have a unit");
         assert!(!page.contains("alt=\"\"") && !page.contains("aria-label=\"\""), "pictures have a text");
         // An eigenvector of norm 1 has no unit; every other scale has.
-        let (scales, units) = (page.matches("class=\"scale\"").count(), page.matches("<small>").count());
+        let (scales, units) =
+            (page.matches("class=\"scale\"").count(), page.matches("</span><small>").count());
         let without = page.matches(": λ = ").count() / 2;
         assert_eq!(units + without, scales, "{arguments:?}");
     }

@@ -140,7 +140,7 @@ fn a_rig_shows_the_newest_pattern_and_keeps_its_photos_where_it_is_told_to() {
     let server = Server::start(&[&rig, "--journal", &journal]);
     let mut page = server.page();
     page.photo(0);
-    // Forty wishes at once: the photos are of the newest.
+    // Forty changes at once: the photos are of the newest.
     for number in 1..=40 {
         page.change(number, &[(number % 64, 1.0)]);
     }

@@ -161,7 +161,7 @@ impl Page {
         }
     }
 
-    /// The photo that has the wish of this number; that before any wish has number 0.
+    /// The photo that has the request of this number; that before any request has number 0.
     pub fn photo(&mut self, number: u32) -> Photo {
         loop {
             let bytes = self.next(1);

@@ -15,8 +15,8 @@ test("changes are written as the server reads them", () => {
 test("what changes while a photo is under way is sent together afterwards", async () => {
   const sent = [];
   const source = {
-    update(wish) {
-      return new Promise((resolve) => sent.push({ ...wish, resolve }));
+    update(request) {
+      return new Promise((resolve) => sent.push({ ...request, resolve }));
     },
   };
   const pattern = [new Float32Array(100)];
@@ -51,7 +51,7 @@ function source() {
   return made;
 }
 
-test("a page waits for the photo that has its own wish", async () => {
+test("a page waits for the photo that has its own change", async () => {
   const page = source();
   const first = page.update({ pixels: Uint32Array.from([0]), values: [[1]], isFinished: false });
   page.hear(photo(1, 0, 5));

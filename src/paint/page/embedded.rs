@@ -3,16 +3,17 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use flate2::Compression;
 use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
 
-use super::packed::{Precision, deflated, pack, plain, scale_of};
+use super::packed::{Precision, pack, plain, scale_of};
 use super::{Page, WORKER, describe};
 use crate::analysis::planes::{Planes, difference, norm};
 use crate::error::{Error, Result};
 use crate::paint::canvas::{Canvas, Light};
 use crate::paint::columns::Columns;
-use crate::report::web::bundle;
+use crate::report::web::{bundle, deflated};
 use crate::sparse::Csr;
 
 /// How the file is made.
@@ -58,6 +59,9 @@ pub struct Embedded {
     /// The share of the matrix's entries that the page has.
     pub kept: f64,
 }
+
+/// How well the bytes are packed: a better level takes several times as long, and saves a few per cent.
+const LEVEL: Compression = Compression::new(6);
 
 /// The least share of the entries that is tried where the whole matrix is too large, and how many shares are.
 const LEAST_SHARE: f64 = 0.02;
@@ -264,8 +268,8 @@ fn html(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], options: &EmbedOpt
                 "symmetric": packed.is_symmetric,
                 "precision": options.precision,
                 "scales": packed.scales,
-                "positions": sections.add(deflated(&packed.positions)),
-                "values": packed.values.iter().map(|bytes| sections.add(deflated(bytes))).collect::<Vec<_>>(),
+                "positions": sections.add(deflated(&packed.positions, LEVEL)),
+                "values": packed.values.iter().map(|bytes| sections.add(deflated(bytes, LEVEL))).collect::<Vec<_>>(),
             })
         })
         .collect();
@@ -277,7 +281,7 @@ fn html(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], options: &EmbedOpt
     info["isEmbedded"] = json!(true);
     info["welcome"] = json!("The light transport matrix is in this page");
     info["layers"] = json!(layers);
-    info["ambient"] = json!(sections.add(deflated(&ambient)));
+    info["ambient"] = json!(sections.add(deflated(&ambient, LEVEL)));
     let kept = |planes: &KeptPlanes, section: usize| json!({ "groups": planes.groups, "values": planes.values, "status": planes.status, "section": section });
     info["kept"] = json!({});
     if let Some(groups) = &options.kept.groups {

@@ -4,12 +4,8 @@
 //! the distance of each entry from the one before. The values stand apart, as half or single floats relative to the largest. Of a symmetric
 //! matrix only the entries on and below the diagonal are packed.
 
-use std::io::Write;
-
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use flate2::Compression;
-use flate2::write::ZlibEncoder;
 use half::f16;
 
 use crate::sparse::Csr;
@@ -99,14 +95,6 @@ fn put_number(mut value: u32, bytes: &mut Vec<u8>) {
         value >>= 7;
     }
     bytes.push(value as u8);
-}
-
-/// Bytes as text, deflated.
-pub(super) fn deflated(bytes: &[u8]) -> String {
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
-    // Writing to memory cannot fail.
-    let packed = encoder.write_all(bytes).and_then(|()| encoder.finish()).unwrap_or_default();
-    STANDARD.encode(packed)
 }
 
 /// Bytes as text.

@@ -114,7 +114,7 @@ pub fn serve(
     work.map_err(|_| Error::Numerical("the session of the page ended by a fault of the program".into()))
 }
 
-/// Works on wishes until the server ends.
+/// Answers requests until the server ends.
 fn run_session(session: &mut Session<'_>, shared: &Shared) {
     loop {
         let pending = shared.mailbox.take();

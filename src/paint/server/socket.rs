@@ -14,7 +14,7 @@ use tokio_tungstenite::tungstenite::{Error as SocketError, Message};
 
 use super::outbox::Parcel;
 use super::{Shared, Sizes};
-use crate::paint::message::{self, HEADER, Wish};
+use crate::paint::message::{self, HEADER, Request};
 use crate::paint::session::error_text;
 
 /// How long a page may take to read what it is sent.
@@ -102,16 +102,16 @@ async fn hear(
     shared: &Shared,
     client: u64,
 ) -> Result<(), String> {
-    let (number, wish) = match message {
+    let (number, request) = match message {
         Message::Binary(bytes) => message::read(&bytes, shared.sizes.channels, shared.sizes.pixels)?,
         Message::Text(text) => match serde_json::from_str::<message::Asked>(&text) {
-            Ok(asked) => (asked.number, Wish::Ask(asked)),
+            Ok(asked) => (asked.number, Request::Ask(asked)),
             Err(error) => return Err(format!("a question that cannot be read: {error}")),
         },
         _ => return Ok(()),
     };
     shared.used();
-    match shared.mailbox.put(client, number, wish) {
+    match shared.mailbox.put(client, number, request) {
         Ok(()) => Ok(()),
         Err(why) => send(socket, Parcel::Text(error_text(Some(number), &why))).await,
     }

@@ -1,4 +1,4 @@
-// From changes of the pattern to photos: one wish is under way at a time, and what comes meanwhile is sent together afterwards.
+// From changes of the pattern to photos: one request is under way at a time, and what comes meanwhile is sent together afterwards.
 
 /** Keeps a source busy with the newest pattern. */
 export class Conductor {

@@ -1,17 +1,14 @@
 //! The exact values of pictures, as the page's scripts read them.
 
 use std::collections::HashMap;
-use std::io::Write;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
-use flate2::write::ZlibEncoder;
 use serde_json::{Value, json};
 
 use super::{Block, Figure, Report};
 use crate::image::{Image, Resolution};
 use crate::report::palette::MASKED_LABEL;
+use crate::report::web::deflated;
 
 /// The most bytes that the values of all pictures take in a page. What has no room is read in the files of the run.
 pub const MOST_BYTES: usize = 8 << 20;
@@ -109,10 +106,7 @@ impl Values {
 pub(super) fn packed(planes: &[Vec<f32>]) -> String {
     let numbers: Vec<[u8; 4]> = planes.iter().flatten().map(|value| value.to_le_bytes()).collect();
     let bytes: Vec<u8> = (0..4).flat_map(|place| numbers.iter().map(move |number| number[place])).collect();
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
-    // Writing to memory cannot fail.
-    let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish()).unwrap_or_default();
-    STANDARD.encode(deflated)
+    deflated(&bytes, Compression::best())
 }
 
 /// The values of all pictures of a page.
@@ -191,6 +185,9 @@ impl Embedded {
 #[cfg(test)]
 mod tests {
     use std::io::Read;
+
+    use base64::Engine;
+    use base64::engine::general_purpose::STANDARD;
 
     use super::*;
     use crate::report::html::Section;

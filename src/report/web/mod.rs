@@ -1,5 +1,12 @@
 //! The scripts of pages: plain JavaScript modules, joined into one script, since a page opened from a file cannot load others.
 
+use std::io::Write;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+
 /// A module: the name of its file, and its text.
 pub type Module = (&'static str, &'static str);
 
@@ -54,6 +61,14 @@ fn name_of(declared: &str) -> Option<&str> {
     let declared =
         ["class ", "const "].iter().find_map(|keyword| declared.strip_prefix(keyword)).unwrap_or(declared);
     declared.split(|c: char| !c.is_alphanumeric() && c != '_').find(|word| !word.is_empty())
+}
+
+/// Bytes as text for a page: deflated (zlib), in base64. The slower `level` packs better.
+pub fn deflated(bytes: &[u8], level: Compression) -> String {
+    let mut encoder = ZlibEncoder::new(Vec::new(), level);
+    // Writing to memory cannot fail.
+    let packed = encoder.write_all(bytes).and_then(|()| encoder.finish()).unwrap_or_default();
+    STANDARD.encode(packed)
 }
 
 /// JSON as the content of a script element: nothing in it ends the element.
