@@ -202,7 +202,7 @@ fn the_keyboard_alone_paints_and_reaches_everything() {
     let mut reached = Vec::new();
     for _ in 0..60 {
         tab.key("Tab", "");
-        let id = tab.evaluate("document.activeElement.id || document.activeElement.name || document.activeElement.parentElement?.parentElement?.id");
+        let id = tab.evaluate("document.activeElement.id || document.activeElement.name || document.activeElement.closest('details')?.id || ''");
         reached.push(id.as_str().unwrap_or_default().to_owned());
     }
     for id in
