@@ -125,6 +125,14 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
+    /// Processes that work together cannot go on: one lacks what it needs, or differs from the others.
+    #[error("{fault}\n  help: {help}")]
+    Team {
+        /// Which process, and what happened.
+        fault: String,
+        /// What to do about it.
+        help: String,
+    },
     /// The user or an observer stopped the computation.
     #[error("interrupted")]
     Interrupted,

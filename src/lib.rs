@@ -141,6 +141,7 @@ pub mod report;
 pub mod rig;
 pub mod scene;
 pub mod sparse;
+pub mod team;
 pub mod transport;
 
 pub use error::{Error, Result};

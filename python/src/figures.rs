@@ -74,7 +74,8 @@ pub(crate) fn reproduce<'py>(
     let rigs = one_of(py, "rig", &rig, &rigs)?;
     let observer = SharedObserver(Arc::new(Watcher::new(progress, log.clone_ref(py))));
     let made = work::detached(py, || {
-        let benches = rigs.iter().map(|&rig| BenchOptions { rig, quick, adapter: adapter.clone() });
+        let benches =
+            rigs.iter().map(|&rig| BenchOptions { rig, quick, adapter: adapter.clone(), team: None });
         paper::reproduce_all(&wanted, benches, &observer, &mut |_| Ok(()))
     })?;
     let gallery = Gallery { made: &made, quick };

@@ -252,7 +252,7 @@ fn combine_channels(channels: Vec<(Record, Arrays)>) -> Option<Assembled> {
     });
     let layers = layers.collect();
     Some(Assembled {
-        matrix: TransportMatrix { rig, channels: kind, direct, layers },
+        matrix: TransportMatrix::new(rig, kind, direct, layers),
         ambient,
         noise,
         summary,

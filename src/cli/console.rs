@@ -10,6 +10,7 @@ use super::options::GlobalArgs;
 use super::progress::{Bar, Progress};
 use crate::error::{Error, Result};
 use crate::observer::{Level, Observer, PhotoTaken, Step};
+use crate::team::Team;
 
 /// Stdout and stderr, the progress of the computation at hand, and whether the user has asked to stop. It observes everything that takes
 /// long.
@@ -23,12 +24,14 @@ pub(super) struct Console {
     /// Whether any work has asked so far if it shall stop.
     asked: Arc<AtomicBool>,
     progress: Arc<Mutex<Progress>>,
+    /// The processes that help this one.
+    team: Option<Arc<Team>>,
 }
 
 impl Console {
     /// Watches for Ctrl-C from now on: the first one asks to stop, the second one stops the program. So does the first one before any work
     /// that can be stopped has begun: while files are read.
-    pub(super) fn new(args: &GlobalArgs) -> Self {
+    pub(super) fn new(args: &GlobalArgs, team: Option<Arc<Team>>) -> Self {
         let interrupted = Arc::new(AtomicBool::new(false));
         let asked = Arc::new(AtomicBool::new(false));
         let flags = [&interrupted, &asked].map(Arc::clone);
@@ -40,7 +43,7 @@ impl Console {
         });
         let progress = Arc::default();
         let GlobalArgs { json, quiet, verbose, allow_programs: allows_programs } = *args;
-        let console = Self { json, quiet, verbose, allows_programs, interrupted, asked, progress };
+        let console = Self { json, quiet, verbose, allows_programs, interrupted, asked, progress, team };
         if handler.is_err() {
             console.note("note: Ctrl-C cannot be handled here; it will stop krylux at once");
         }
@@ -122,6 +125,11 @@ impl Console {
     /// [`Error::Interrupted`].
     pub(super) fn go_on(&self) -> Result<()> {
         if self.check().is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// The processes that help this one, if several were started together.
+    pub(super) fn team(&self) -> Option<Arc<Team>> {
+        self.team.clone()
     }
 
     /// Whether progress is drawn on a terminal.

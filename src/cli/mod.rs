@@ -34,6 +34,7 @@ mod runs;
 mod segment;
 mod separate;
 mod solve;
+mod team;
 mod tev;
 mod trace;
 mod usage;
@@ -104,12 +105,18 @@ enum Outcome {
 
 /// Parses the command line, runs the verb, and reports: the program's `main`.
 pub fn main() -> ExitCode {
+    let team = match team::join() {
+        Ok(team::Role::Leader(team)) => team,
+        #[cfg(feature = "mpi")]
+        Ok(team::Role::Served) => return ExitCode::SUCCESS,
+        Err(error) => return team::report(&error),
+    };
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(why) => return usage::report(&why),
     };
     machine::start_threads();
-    let console = Console::new(&cli.global);
+    let console = Console::new(&cli.global, team);
     let outcome = match &cli.verb {
         Verb::Photo(args) => photo::run(args, &console),
         Verb::Segment(args) => segment::run(args, &console),

@@ -75,7 +75,8 @@ impl<'a> Opening<'a> {
     /// The builder, watched by the console.
     pub(super) fn builder(&self, console: &Console) -> LabBuilder {
         let observer = SharedObserver(std::sync::Arc::new(console.clone()));
-        let builder = Lab::builder(self.source).settings(self.settings()).observer(observer);
+        let settings = Settings { team: console.team(), ..self.settings() };
+        let builder = Lab::builder(self.source).settings(settings).observer(observer);
         builder.allow_programs(console.allows_programs())
     }
 

@@ -111,8 +111,12 @@ pub(super) fn run(args: &Args, console: &Console) -> Result<Outcome> {
 }
 
 fn reproduce(args: &Args, console: &Console, folder: &mut RunFolder) -> Result<(Outcome, String)> {
-    let benches =
-        args.rigs().iter().map(|&rig| BenchOptions { rig, quick: args.quick, adapter: args.adapter.clone() });
+    let benches = args.rigs().iter().map(|&rig| BenchOptions {
+        rig,
+        quick: args.quick,
+        adapter: args.adapter.clone(),
+        team: console.team(),
+    });
     let observer = SharedObserver(Arc::new(console.clone()));
     let mut said = |one: &Reproduced| say(one, args.quick, console);
     let made = paper::reproduce_all(&args.figures(), benches, &observer, &mut said)?;

@@ -79,15 +79,15 @@ pub(crate) struct Gpu {
 
 impl Gpu {
     /// Opens the adapter whose name contains `wanted`, ignoring case; for `None`, an adapter of the fastest
-    /// kind.
-    pub(crate) fn open(wanted: Option<&str>) -> Result<Self> {
-        let adapter = choose(wanted, None)?;
+    /// kind. Where there are several equal ones, `turn` goes round among them.
+    pub(crate) fn open(wanted: Option<&str>, turn: usize) -> Result<Self> {
+        let adapter = choose(wanted, turn, None)?;
         // Software Vulkan uses the memory of the machine, which other programs share: there the operating
         // system sets the limit.
         if AdapterSummary::of(&adapter).is_processor() {
             return Self::on(&adapter);
         }
-        Self::on(&choose(wanted, Some(MEMORY_SHARE))?)
+        Self::on(&choose(wanted, turn, Some(MEMORY_SHARE))?)
     }
 
     fn on(adapter: &wgpu::Adapter) -> Result<Self> {
@@ -206,23 +206,41 @@ fn require_address_space(limit: Option<u64>) -> Result<()> {
     }
 }
 
-/// The adapter whose name contains `wanted`; for `None`, the first one.
-fn choose(wanted: Option<&str>, share: Option<u8>) -> Result<wgpu::Adapter> {
+/// The adapter whose name contains `wanted`; for `None`, the first one. Where there are several of its name, `turn` goes round among them.
+fn choose(wanted: Option<&str>, turn: usize, share: Option<u8>) -> Result<wgpu::Adapter> {
     let adapters = enumerate(share)?;
-    let Some(wanted) = wanted.filter(|_| !adapters.is_empty()) else {
-        return adapters.into_iter().next().ok_or_else(no_adapter);
-    };
+    if adapters.is_empty() {
+        return Err(no_adapter());
+    }
     let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
-    let found = names.iter().position(|name| name.to_lowercase().contains(&wanted.to_lowercase()));
-    found.and_then(|index| adapters.into_iter().nth(index)).ok_or_else(|| Error::NoAdapter {
-        detail: format!(" whose name contains `{wanted}`"),
+    let found = place(&names, wanted, turn).and_then(|index| adapters.into_iter().nth(index));
+    found.ok_or_else(|| Error::NoAdapter {
+        detail: wanted.map(|wanted| format!(" whose name contains `{wanted}`")).unwrap_or_default(),
         help: format!("--adapter takes part of one of these names: {}", names.join("; ")),
     })
+}
+
+/// The place of the adapter that [`choose`] takes.
+fn place(names: &[String], wanted: Option<&str>, turn: usize) -> Option<usize> {
+    let wanted = wanted.unwrap_or_default().to_lowercase();
+    let first = names.iter().find(|name| name.to_lowercase().contains(&wanted))?;
+    let equal: Vec<usize> = (0..names.len()).filter(|&at| names[at] == *first).collect();
+    Some(equal[turn % equal.len()])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn processes_take_turns_among_equal_adapters() {
+        let names = ["Card A", "Card B", "Card A", "llvmpipe"].map(String::from);
+        let places = |wanted| (0..4).map(|turn| place(&names, wanted, turn)).collect::<Vec<_>>();
+        assert_eq!(places(None), [Some(0), Some(2), Some(0), Some(2)]);
+        assert_eq!(places(Some("card b")), [Some(1); 4]);
+        assert_eq!(places(Some("LLVM")), [Some(3); 4]);
+        assert_eq!(places(Some("Card C")), [None; 4]);
+    }
 
     #[test]
     fn too_little_address_space_is_an_error_before_a_driver_is_loaded() {

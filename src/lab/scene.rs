@@ -54,7 +54,8 @@ impl SceneSource {
         let (auto_camera, strict) = (settings.auto_camera, settings.strict);
         let options = LoadOptions { camera, camera_file, auto_camera, strict };
         let load = || load(path, &options, observer);
-        let (scene, tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
+        let (scene, mut tracer) = Tracer::open(settings.adapter.as_deref(), load)?;
+        share(&mut tracer, &scene, settings)?;
         loading(observer, 2)?;
         Self::new(scene, tracer, trace, settings, observer)
     }
@@ -62,7 +63,8 @@ impl SceneSource {
     /// A scene that a program made. Its matrix is neither looked up in the cache nor kept there, since the scene may differ from the file that its
     /// hash names.
     pub(super) fn in_memory(scene: Scene, settings: &Settings, observer: &SharedObserver) -> Result<Self> {
-        let tracer = Tracer::new(&scene, settings.adapter.as_deref())?;
+        let mut tracer = Tracer::new(&scene, settings.adapter.as_deref())?;
+        share(&mut tracer, &scene, settings)?;
         let source = Self::new(scene, tracer, settings.trace.for_scene(), settings, observer)?;
         Ok(Self { cache: None, ..source })
     }
@@ -218,8 +220,15 @@ impl SceneSource {
             start.elapsed().as_secs_f64()
         ));
         report_noise(traced.noise.as_ref(), observer);
-        if let Some(cache) = self.cache.as_ref().filter(|_| is_new) {
-            store(cache, &key, &traced, observer);
+        match self.cache.as_ref().filter(|_| is_new) {
+            Some(_) if traced.matrix.processes() > 1 => {
+                observer.detail(format_args!(
+                    "cache     not kept: {} processes have a part of the matrix each",
+                    traced.matrix.processes()
+                ));
+            }
+            Some(cache) => store(cache, &key, &traced, observer),
+            None => {}
         }
         Ok(traced)
     }
@@ -258,6 +267,12 @@ impl SceneSource {
         let regions = self.scene.regions.clone();
         Ok(Some(Truth { labels: self.labels(resolution)?, regions }))
     }
+}
+
+/// Lets the other processes of the team, if there is one, help to trace the scene.
+fn share(tracer: &mut Tracer, scene: &Scene, settings: &Settings) -> Result<()> {
+    let team = settings.team.as_ref().filter(|team| team.size() > 1);
+    team.map_or(Ok(()), |team| transport::share_scene(tracer, scene, settings.adapter.as_deref(), team))
 }
 
 /// Loads the scene and reports what was ignored in it.

@@ -1,11 +1,13 @@
 //! How a source is opened: every setting, with its default.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use crate::cache::{self, Cache};
 use crate::image::Resolution;
 use crate::machine;
 use crate::render::{Gather, Sampler, TraceSettings};
+use crate::team::Team;
 use crate::transport::{Backend, Channels};
 
 /// How a source is opened. The default suits every source.
@@ -34,6 +36,8 @@ pub struct Settings {
     pub memory: Option<u64>,
     /// Gray or coloured photos.
     pub channels: ChannelChoice,
+    /// Other processes that trace scenes and keep a part of their matrices; this one leads.
+    pub team: Option<Arc<Team>>,
     /// Whether a scene's matrix keeps the second bounce in a layer apart from the third and later ones.
     pub split_bounces: bool,
 }

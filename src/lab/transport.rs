@@ -283,7 +283,7 @@ pub(super) fn product_name(part: Part, channel: usize) -> String {
 /// The direct light of each channel, where it is a diagonal.
 pub(super) fn direct_diagonal(traced: &Assembled) -> Option<Vec<Vec<f64>>> {
     let matrix = &traced.matrix;
-    if matrix.layers().iter().any(|layer| layer.bounces() == Bounces::One) {
+    if matrix.bounces().any(|bounces| bounces == Bounces::One) {
         return None;
     }
     let planes = (0..matrix.channels().count()).map(|channel| {

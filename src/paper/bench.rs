@@ -10,6 +10,7 @@ use crate::lab::{Lab, LabOperator, OperatorChoice, Settings, SharedObserver};
 use crate::measure::calibrate::CalibrateOptions;
 use crate::measure::{Calibration, FlatField};
 use crate::observer::{Estimate, Observer, Step};
+use crate::team::Team;
 use crate::transport::{Backend, Part};
 
 /// The kind of rig that measures the light.
@@ -40,6 +41,8 @@ pub struct BenchOptions {
     pub quick: bool,
     /// Selects the graphics adapter whose name contains this text.
     pub adapter: Option<String>,
+    /// Other processes that help to trace.
+    pub team: Option<Arc<Team>>,
 }
 
 /// The scenes and the rig of the figures. Traced scenes are kept for later figures.
@@ -136,6 +139,7 @@ impl OpenScene {
         // One matrix, and the order of sums on the processor: the numbers do not depend on the memory or on the device of products.
         let settings = Settings {
             adapter: options.adapter.clone(),
+            team: options.team.clone(),
             operator: OperatorChoice::Replay,
             backend: Backend::Cpu,
             ..Settings::default()

@@ -17,6 +17,21 @@ pub struct Run {
     pub paths: Range<usize>,
 }
 
+/// A batch that can be sent to another process.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub(crate) struct Recorded {
+    first_path: u64,
+    layout: Layout,
+    records: Vec<[u32; 4]>,
+}
+
+impl Recorded {
+    /// The batch.
+    pub(crate) fn batch(&self) -> Batch<'_> {
+        Batch::new(self.first_path, self.layout, &self.records)
+    }
+}
+
 /// Records of consecutive paths from one endpoint of the rig.
 ///
 /// Paths are numbered `pixel · samples + sample`. Batches arrive in that order, without gaps. Where the
@@ -33,6 +48,11 @@ impl<'a> Batch<'a> {
     /// The batch of the paths from number `first_path` on, with their records.
     pub(super) fn new(first_path: u64, layout: Layout, records: &'a [[u32; 4]]) -> Self {
         Self { first_path, layout, paths: records.len() / layout.stride(), records }
+    }
+
+    /// The batch with records of its own.
+    pub(crate) fn recorded(&self) -> Recorded {
+        Recorded { first_path: self.first_path, layout: self.layout, records: self.records.to_vec() }
     }
 
     /// Number of paths.
@@ -138,8 +158,7 @@ impl<'a> Batch<'a> {
     }
 
     /// Number of rays traced for path `index`.
-    #[cfg(test)]
-    pub(super) fn rays(&self, index: usize) -> u64 {
+    pub(crate) fn rays(&self, index: usize) -> u64 {
         rays(self.slot(index, 0))
     }
 

@@ -20,6 +20,7 @@ mod records;
 mod rig;
 mod sampler;
 mod settings;
+mod start_pixels;
 mod strategy;
 mod strategy_run;
 mod summary;
@@ -28,6 +29,7 @@ mod tests;
 mod textures;
 mod tracer;
 
+pub(crate) use batch::Recorded;
 pub use batch::{Batch, Run};
 pub use materials::MIN_ALPHA;
 pub use photons::Gather;
@@ -35,6 +37,7 @@ pub use records::Connection;
 pub(crate) use records::PIXEL_MASK;
 pub use sampler::Sampler;
 pub use settings::{MAX_BOUNCES, TraceSettings};
+pub use start_pixels::StartPixels;
 pub use summary::TraceSummary;
 pub use tracer::Tracer;
 

@@ -43,7 +43,7 @@ pub(super) struct PhotonMap {
 }
 
 /// How densely specular chains are sampled, and the radius within which their photons are gathered.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Gather {
     /// Number of chains traced from each pixel.
     pub photons: u32,

@@ -16,7 +16,7 @@ pub struct Connection {
 }
 
 /// Which slots the record of a path has.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Layout {
     /// Paths per pixel.
     pub(super) samples: u32,

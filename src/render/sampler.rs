@@ -3,7 +3,7 @@
 /// The kind of random numbers that decide the light paths. Either kind is a hash of pixel, sample, vertex and
 /// seed. So any path can be traced on its own, and the two halves of a pixel's samples ([`super::Run::half`])
 /// are independent of each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampler {
     /// Scrambled Sobol points (Burley 2020): the samples in each half of a pixel's samples are stratified, in

@@ -10,7 +10,7 @@ use crate::image::Resolution;
 pub const MAX_BOUNCES: u32 = 64;
 
 /// The settings of a trace.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TraceSettings {
     /// Pixels of the camera, and of a projector whose resolution is not given.
     pub resolution: Resolution,

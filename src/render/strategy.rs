@@ -1,5 +1,7 @@
 //! The sampling strategies: paths from the camera, and also from the projector where that stands apart.
 
+use std::ops::Range;
+
 use super::chains::ChainCache;
 use super::dispatch::{Dispatches, max_paths_per_invocation};
 use super::features::Features;
@@ -10,6 +12,7 @@ use super::photons::{ChainRequest, PhotonMap};
 use super::records::Layout;
 use super::rig::Rig;
 use super::settings::TraceSettings;
+use super::start_pixels::StartPixels;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
@@ -30,8 +33,16 @@ pub(super) struct Strategy {
 
 impl Strategy {
     /// Number of its paths.
+    #[cfg(test)]
     pub(super) fn paths(&self) -> u64 {
         self.parameters.start.pixels() * u64::from(self.parameters.samples)
+    }
+
+    /// The numbers of its paths that start from these pixels.
+    pub(super) fn paths_from(&self, pixels: &StartPixels) -> Range<u64> {
+        let samples = u64::from(self.parameters.samples);
+        let own = if self.layout.from_camera { &pixels.camera } else { &pixels.projector };
+        own.start as u64 * samples..own.end as u64 * samples
     }
 }
 

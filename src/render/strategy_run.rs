@@ -1,6 +1,7 @@
 //! The execution of one strategy: dispatches are launched, awaited in their order, and handed on as batches.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::time::Instant;
 
 use super::batch::Batch;
@@ -46,24 +47,26 @@ pub(super) struct StrategyRun<'a> {
     capacity: u32,
     /// The oldest first.
     in_flight: VecDeque<InFlight>,
-    /// Paths launched so far.
-    launched: u64,
+    /// The numbers of the paths that are not launched yet.
+    left: Range<u64>,
     /// When the dispatch before the oldest one was done.
     idle_since: Instant,
 }
 
 impl<'a> StrategyRun<'a> {
-    /// Prepares buffers and bindings. Those of `staging` that are large enough are used again.
+    /// Prepares buffers and bindings for the paths of these numbers. The buffers of `staging` that are large enough are used again.
     pub(super) fn new(
         gpu: &'a Gpu,
         scene: &'a GpuScene,
         strategy: &'a Strategy,
+        paths: Range<u64>,
         kernel: &'a mut Kernel,
         dispatches: &'a mut Dispatches,
         mut staging: Vec<StagingBuffers>,
     ) -> Result<Self> {
         let stride = u64::from(strategy.parameters.stride);
-        let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, strategy.paths());
+        let total = paths.end - paths.start;
+        let capacity = dispatches.capacity(gpu, stride, strategy.max_paths_per_invocation, total);
         let bytes = record_bytes(&strategy.parameters, capacity);
         kernel.sizer.begin(Work::of(&strategy.parameters));
         // While the host reads the records of one dispatch, the device writes those of the next one to a
@@ -93,7 +96,7 @@ impl<'a> StrategyRun<'a> {
             staging,
             capacity,
             in_flight,
-            launched: 0,
+            left: paths,
             idle_since,
         })
     }
@@ -101,18 +104,19 @@ impl<'a> StrategyRun<'a> {
     /// Whether paths are left to be launched, and the device should have one more dispatch.
     pub(super) fn can_launch(&self) -> bool {
         let most = self.kernel.sizer.max_in_flight().min(self.outputs.len());
-        self.launched < self.strategy.paths() && self.in_flight.len() < most
+        !self.left.is_empty() && self.in_flight.len() < most
     }
 
     /// Launches the next dispatch.
     pub(super) fn launch(&mut self, summary: &mut TraceSummary) -> Result<()> {
-        let Self { strategy, launched, kernel: Kernel { pipeline, sizer }, .. } = self;
+        let Self { strategy, left, kernel: Kernel { pipeline, sizer }, .. } = self;
         let samples = u64::from(strategy.parameters.samples);
         // Not more than the capacity, which has 32 bits.
-        let paths = u64::from(sizer.paths(self.capacity)).min(strategy.paths() - *launched) as u32;
+        let first_path = left.start;
+        let paths = u64::from(sizer.paths(self.capacity)).min(left.end - first_path) as u32;
         let parameters = Parameters {
-            first_pixel: (*launched / samples) as u32,
-            first_sample: (*launched % samples) as u32,
+            first_pixel: (first_path / samples) as u32,
+            first_sample: (first_path % samples) as u32,
             paths,
             mark: self.dispatches.mark(),
             paths_per_invocation: sizer.paths_per_invocation(paths, strategy.max_paths_per_invocation),
@@ -122,8 +126,8 @@ impl<'a> StrategyRun<'a> {
         let start = Instant::now();
         let bytes = record_bytes(&parameters, paths);
         let readback = self.outputs[output].launch(self.gpu, pipeline, &parameters, bytes)?;
-        self.in_flight.push_back(InFlight { output, readback, start, first_path: *launched, parameters });
-        *launched += u64::from(paths);
+        self.in_flight.push_back(InFlight { output, readback, start, first_path, parameters });
+        left.start += u64::from(paths);
         summary.dispatches += 1;
         Ok(())
     }

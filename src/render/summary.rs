@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 /// The cost of a trace.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct TraceSummary {
     /// Light paths traced.
     pub paths: u64,
@@ -17,4 +17,15 @@ pub struct TraceSummary {
     pub longest: Duration,
     /// The sum of these times over all dispatches.
     pub tracing: Duration,
+}
+
+impl TraceSummary {
+    /// Adds the cost of a trace that ran at the same time in another process: its paths, rays and dispatches; the time is that of the longer one.
+    pub(crate) fn add_parallel(&mut self, other: &Self) {
+        self.paths += other.paths;
+        self.rays += other.rays;
+        self.dispatches += other.dispatches;
+        self.longest = self.longest.max(other.longest);
+        self.tracing = self.tracing.max(other.tracing);
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
 use super::batch::Batch;
@@ -16,6 +16,7 @@ use super::parameters::Parameters;
 use super::pipeline::Pipeline;
 use super::rig::Rig;
 use super::settings::TraceSettings;
+use super::start_pixels::StartPixels;
 use super::strategy::{Strategy, StrategyBuilder};
 use super::strategy_run::{Kernel, StrategyRun};
 use super::summary::TraceSummary;
@@ -24,6 +25,7 @@ use crate::gpu::{AdapterSummary, Gpu};
 use crate::image::Resolution;
 use crate::observer::{Estimate, Observer, Step};
 use crate::scene::Scene;
+use crate::team::Remote;
 
 /// Traces the light paths of one scene on one device.
 pub struct Tracer {
@@ -38,6 +40,8 @@ pub struct Tracer {
     /// Staging buffers of the last trace, for the next one.
     staging: Vec<StagingBuffers>,
     observer: Arc<dyn Observer + Send + Sync>,
+    /// The scene in the other processes of a team, which trace parts of it.
+    remote: Option<Arc<Remote>>,
 }
 
 impl Tracer {
@@ -47,7 +51,15 @@ impl Tracer {
     /// # Errors
     /// [`Error::NoAdapter`] without a Vulkan driver; [`Error::Device`] when the scene does not fit.
     pub fn new(scene: &Scene, adapter: Option<&str>) -> Result<Self> {
-        Self::on(Gpu::open(adapter)?, scene)
+        Self::open_turn(scene, adapter, 0)
+    }
+
+    /// As [`Tracer::new`]. Where a machine has several adapters that are equal to the one that would be opened, `turn` goes round among them.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub fn open_turn(scene: &Scene, adapter: Option<&str>, turn: usize) -> Result<Self> {
+        Self::on(Gpu::open(adapter, turn)?, scene)
     }
 
     /// As [`Tracer::new`], for the scene that `load` returns. The scene is loaded while the adapter is being
@@ -60,12 +72,12 @@ impl Tracer {
         load: impl FnOnce() -> std::result::Result<Scene, E>,
     ) -> std::result::Result<(Scene, Self), E> {
         let (scene, gpu) = std::thread::scope(|scope| {
-            let gpu = std::thread::Builder::new().spawn_scoped(scope, || Gpu::open(adapter));
+            let gpu = std::thread::Builder::new().spawn_scoped(scope, || Gpu::open(adapter, 0));
             let scene = load();
             let gpu = match gpu {
                 Ok(gpu) => gpu.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
                 // No thread could be started.
-                Err(_) => Gpu::open(adapter),
+                Err(_) => Gpu::open(adapter, 0),
             };
             (scene, gpu)
         });
@@ -86,7 +98,23 @@ impl Tracer {
             chains: ChainCache::default(),
             staging: Vec::new(),
             observer: Arc::new(()),
+            remote: None,
         })
+    }
+
+    /// Notes that the other processes of a team have the scene as well.
+    pub(crate) fn share(&mut self, remote: Remote) {
+        self.remote = Some(Arc::new(remote));
+    }
+
+    /// The scene in the other processes of a team, if they have it.
+    pub(crate) fn remote(&self) -> Option<&Arc<Remote>> {
+        self.remote.as_ref()
+    }
+
+    /// The observer of every trace.
+    pub(crate) fn observer(&self) -> Arc<dyn Observer + Send + Sync> {
+        Arc::clone(&self.observer)
     }
 
     /// Lets `observer` watch every trace from now on, and stop it. The observer that a new tracer has, `()`,
@@ -115,6 +143,13 @@ impl Tracer {
         settings.projector.unwrap_or(settings.resolution)
     }
 
+    /// All pixels that paths start from: those of the camera, and those of a projector that stands apart.
+    pub fn start_pixels(&self, settings: &TraceSettings) -> StartPixels {
+        let apart = !self.symmetric(settings);
+        let projector = if apart { self.projector_resolution(settings).pixels() } else { 0 };
+        StartPixels { camera: 0..settings.resolution.pixels(), projector: 0..projector }
+    }
+
     /// Traces `settings.samples` paths per camera pixel, and about the same number in all from a projector
     /// that stands apart. It shows them to `visit` batch by batch, in path order. The sizes of the batches
     /// depend on the speed of the machine; sums in path order do not.
@@ -130,12 +165,26 @@ impl Tracer {
         settings: &TraceSettings,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
     ) -> Result<TraceSummary> {
+        self.trace_from(settings, &self.start_pixels(settings), visit)
+    }
+
+    /// As [`Tracer::trace`], for the paths that start from these pixels only.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub fn trace_from(
+        &mut self,
+        settings: &TraceSettings,
+        pixels: &StartPixels,
+        visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
+    ) -> Result<TraceSummary> {
         settings.check()?;
         let strategies = self.strategy_builder().strategies(settings)?;
-        let total = strategies.iter().map(Strategy::paths).sum();
+        let all: Vec<Range<u64>> = strategies.iter().map(|strategy| strategy.paths_from(pixels)).collect();
+        let total = all.iter().map(|paths| paths.end - paths.start).sum();
         let mut summary = TraceSummary::default();
-        for strategy in &strategies {
-            self.run(strategy, total, &mut summary, visit)?;
+        for (strategy, paths) in strategies.iter().zip(all) {
+            self.run(strategy, paths, total, &mut summary, visit)?;
         }
         // Everything has been traced, so that a request to stop has no effect any more.
         let _ = step(&*self.observer, total, total);
@@ -159,10 +208,11 @@ impl Tracer {
         }
     }
 
-    /// Traces the paths of one strategy. `total` counts the paths of all strategies, for the observer.
+    /// Traces the paths of these numbers of one strategy. `total` counts the paths of all strategies, for the observer.
     pub(super) fn run(
         &mut self,
         strategy: &Strategy,
+        paths: Range<u64>,
         total: u64,
         summary: &mut TraceSummary,
         visit: &mut dyn FnMut(&Batch<'_>) -> Result<()>,
@@ -171,7 +221,7 @@ impl Tracer {
         let kernel = kernel(gpu, kernels, &strategy.features)?;
         // Buffers of the last trace serve again, unless that trace was interrupted: then it dropped them.
         let buffers = std::mem::take(staging);
-        let mut run = StrategyRun::new(gpu, scene, strategy, kernel, dispatches, buffers)?;
+        let mut run = StrategyRun::new(gpu, scene, strategy, paths, kernel, dispatches, buffers)?;
         loop {
             while run.can_launch() {
                 if step(&**observer, summary.paths, total).is_break() {

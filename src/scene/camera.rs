@@ -10,7 +10,7 @@ use crate::image::Resolution;
 ///
 /// The continuous raster point `(u, v)`, with `u` in `[0, w]` from the left and `v` in `[0, h]` from the top,
 /// looks along `forward + (2u/w − 1)·(w/h)·tan_half_fov·right − (2v/h − 1)·tan_half_fov·up`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Camera {
     /// The name of the camera's node in the file.
     pub name: String,
@@ -31,7 +31,7 @@ pub struct Camera {
 }
 
 /// A thin lens through the camera's position, perpendicular to the optical axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Lens {
     /// Radius of the aperture in metres; 0 is a pinhole.
     pub radius: f32,

@@ -7,7 +7,7 @@ use super::texture::TextureRef;
 
 /// A reciprocal surface material. Colours are linear, with sRGB primaries. A texture multiplies its factor by
 /// the channels that glTF assigns to it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Material {
     /// The name in the file, or `material N`.
     pub name: String,
@@ -67,7 +67,7 @@ pub struct Material {
 }
 
 /// How a surface uses its opacity.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum AlphaMode {
     /// Opacity is ignored: the surface covers everything.
     Opaque,
@@ -81,7 +81,7 @@ pub enum AlphaMode {
 }
 
 /// The absorbing medium inside a closed surface. Its index of refraction is [`Material::ior`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Volume {
     /// The colour of white light after it has travelled [`Volume::attenuation_distance`].
     pub attenuation_color: Vec3,

@@ -81,7 +81,7 @@ pub fn load_with(path: &Path, options: &LoadOptions<'_>) -> Result<Scene> {
 }
 
 /// A scene that is ready to be traced.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Scene {
     /// The file that the scene was loaded from, or a name if the scene was made in memory.
     pub path: PathBuf,

@@ -3,7 +3,7 @@
 use glam::Affine2;
 
 /// How texture coordinates outside `[0, 1]` are read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Wrap {
     /// The picture repeats.
     Repeat,
@@ -14,7 +14,7 @@ pub enum Wrap {
 }
 
 /// A picture with its sampler. Texel `(x, y)` is `texels[y·width + x]`; row 0 is the top (`v = 0`).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Texture {
     /// The image's name or URI, for messages.
     pub name: String,
@@ -32,7 +32,7 @@ pub struct Texture {
 }
 
 /// A material's reference to a texture.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TextureRef {
     /// Index into [`crate::scene::Scene::textures`].
     pub texture: u32,

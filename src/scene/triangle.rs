@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 /// A triangle. Its front is the side from which the corners run counter-clockwise.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Triangle {
     /// Corners in metres.
     pub positions: [Vec3; 3],

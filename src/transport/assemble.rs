@@ -1,12 +1,14 @@
 //! The light transport matrix of a scene: its light paths are traced, summed pixel by pixel, and combined
 //! into rows.
 
-use super::combine::{Combined, combine};
+use std::ops::Range;
+
+use super::combine::{Combined, RowSums, combine};
 use super::layer::{Bounces, Layer};
 use super::noise::{Noise, relative};
-use super::pixel_sums::PixelSums;
-use super::rows::Rows;
-use super::{Channels, GpuMatrix, RigShape, TransportMatrix, from_planes, luminance};
+use super::rows::Chunk;
+use super::share::Share;
+use super::{Channels, GpuMatrix, RigShape, TransportMatrix, from_planes, luminance, spread};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::render::{TraceSettings, TraceSummary, Tracer};
@@ -60,53 +62,69 @@ fn run<const C: usize>(
     split: bool,
     project: impl Fn([f32; 3]) -> [f32; C] + Sync,
 ) -> Result<Assembled> {
-    let camera = settings.resolution;
-    let symmetric = tracer.symmetric(settings);
-    let mut rows = Rows::<C>::new(settings.samples, split);
-    let mut direct = PixelSums::<C>::new(camera.pixels(), settings.samples);
-    let mut ambient = PixelSums::<C>::new(camera.pixels(), settings.samples);
-    // Whether each endpoint has samples in both halves.
-    let mut are_two = true;
-    let summary = tracer.trace(settings, &mut |batch| {
-        are_two &= batch.samples() > 1;
-        let of_pixels = || {
-            // Paths from the projector carry neither direct light nor ambient light.
-            if !batch.from_camera() {
-                return;
-            }
-            direct.add(batch, |path| project(batch.direct(path)));
-            if batch.has_ambient() {
-                ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], &project));
-            }
-        };
-        rayon::join(|| rows.add(batch, &project), of_pixels).0?;
-        Ok(())
-    })?;
-    rows.close()?;
-    // Combining needs the most memory of all steps.
-    tracer.release_buffers();
-
-    let rig = RigShape { camera, projector: tracer.projector_resolution(settings), symmetric };
-    let direct = if symmetric { direct.estimates } else { Vec::new() };
-    let bounces: &[Bounces] =
-        if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, rows: sums } = combine(&rows.chunks, rig, bounces.len(), &direct);
-    drop(rows);
-    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
-    let mut layers: Vec<Layer> = bounces.iter().zip(layers).map(tiled).collect();
+    if tracer.remote().is_some() {
+        return spread::assemble(tracer, settings, channels, split, project);
+    }
+    let rig = shape(tracer, settings);
+    let all = tracer.start_pixels(settings);
+    let Share { chunks, direct, ambient, has_halves, summary } =
+        Share::trace(tracer, settings, &all, split, &project)?;
+    let direct = if rig.symmetric { direct } else { Vec::new() };
+    let (mut layers, sums) = layers(&chunks, rig, all.camera.clone(), split, &direct);
+    drop(chunks);
     // A coaxial pinhole rig has no layer of one bounce: its direct light is the diagonal.
     layers.retain(|layer| layer.bounces() != Bounces::One || layer.nonzeros() > 0);
+    let matrix =
+        TransportMatrix { rig, channels, direct: planes(&direct), layers, rows: all.camera, spread: None };
+    finish(matrix, &ambient, has_halves.then_some(&sums), summary)
+}
 
+/// The shape of the matrix of these settings.
+pub(super) fn shape(tracer: &Tracer, settings: &TraceSettings) -> RigShape {
+    RigShape {
+        camera: settings.resolution,
+        projector: tracer.projector_resolution(settings),
+        symmetric: tracer.symmetric(settings),
+    }
+}
+
+/// These rows of the matrix by number of bounces, with the sums over each. `direct` is their part of the diagonal, or empty.
+pub(super) fn layers<const C: usize>(
+    chunks: &[Chunk<C>],
+    rig: RigShape,
+    rows: Range<usize>,
+    split: bool,
+    direct: &[[[f64; 2]; C]],
+) -> (Vec<Layer>, Vec<RowSums<C>>) {
+    let bounces: &[Bounces] =
+        if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
+    let Combined { layers, rows: sums } = combine(chunks, rig, rows, bounces.len(), direct);
+    let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
+    (bounces.iter().zip(layers).map(tiled).collect(), sums)
+}
+
+/// The diagonal, `[channel][pixel]`.
+pub(super) fn planes<const C: usize>(direct: &[[[f64; 2]; C]]) -> Vec<Vec<f32>> {
     let plane = |channel: usize| direct.iter().map(|estimate| estimate[channel][0] as f32).collect();
-    let matrix = TransportMatrix { rig, channels, direct: (0..C).map(plane).collect(), layers };
-    let ambient = image::<C>(camera, |pixel, channel| ambient.estimates[pixel][channel][0])?;
-    let noise = are_two.then(|| noise(camera, &sums)).transpose()?;
+    (0..C).map(plane).collect()
+}
+
+/// The traced scene of a matrix, the ambient light of each camera pixel, and the sums over all rows if the noise is known.
+pub(super) fn finish<const C: usize>(
+    matrix: TransportMatrix,
+    ambient: &[[[f64; 2]; C]],
+    sums: Option<&Vec<RowSums<C>>>,
+    summary: TraceSummary,
+) -> Result<Assembled> {
+    let camera = matrix.rig.camera;
+    let ambient = image::<C>(camera, |pixel, channel| ambient[pixel][channel][0])?;
+    let noise = sums.map(|sums| noise(camera, sums)).transpose()?;
     Ok(Assembled { matrix, ambient, noise, summary, gpu_matrix: None })
 }
 
 /// The noise of the matrix, from the sums over its rows.
-fn noise<const C: usize>(camera: Resolution, rows: &[super::combine::RowSums<C>]) -> Result<Noise> {
-    let sum = |of: &dyn Fn(&super::combine::RowSums<C>) -> f64| rows.iter().map(of).sum::<f64>();
+fn noise<const C: usize>(camera: Resolution, rows: &[RowSums<C>]) -> Result<Noise> {
+    let sum = |of: &dyn Fn(&RowSums<C>) -> f64| rows.iter().map(of).sum::<f64>();
     let squares = |values: &[f64; C]| values.iter().map(|value| value * value).sum::<f64>();
     Ok(Noise {
         white: image::<C>(camera, |pixel, channel| rows[pixel].error[channel].abs())?,

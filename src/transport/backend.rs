@@ -4,7 +4,8 @@
 //! the matrix has enough entries to be worth the transfer of the vectors; shaders can calculate in `f64`; and
 //! matrix and vectors fit its buffers and the share of its memory that may be used. Otherwise it takes the
 //! processor; if a GPU lacked something, the reason is returned. On software Vulkan, which runs on the
-//! processor, products take ten times as long as by the processor itself.
+//! processor, products take ten times as long as by the processor itself. Each process of a
+//! team multiplies its rows of a matrix on its processor.
 
 use super::{Assembled, GpuMatrix};
 use crate::error::{Error, Result};
@@ -32,7 +33,8 @@ impl Assembled {
     /// a GPU lacked, where [`Backend::Auto`] therefore chose the processor.
     ///
     /// # Errors
-    /// [`Error::Device`] for [`Backend::Gpu`] on a device without `f64` or without enough memory.
+    /// [`Error::Device`] for [`Backend::Gpu`] on a device without `f64` or without enough memory; [`Error::Option`] for it where several
+    /// processes have the matrix.
     pub fn place(&mut self, tracer: &Tracer, place: Backend) -> Result<Option<String>> {
         self.place_on(tracer.gpu(), place, WORTHWHILE)
     }
@@ -46,6 +48,14 @@ impl Assembled {
     fn place_on(&mut self, gpu: &Gpu, place: Backend, worthwhile: usize) -> Result<Option<String>> {
         self.gpu_matrix = None;
         let suits = !gpu.summary.is_processor() && self.matrix.nonzeros() >= worthwhile;
+        if self.matrix.processes() > 1 && place == Backend::Gpu {
+            return Err(Error::Option {
+                option: "--products".into(),
+                fault: "each process multiplies its rows of the matrix on its processor".into(),
+                help: "leave it out, or start one process".into(),
+            });
+        }
+        let suits = suits && self.matrix.processes() == 1;
         if place == Backend::Cpu || (place == Backend::Auto && !suits) {
             return Ok(None);
         }

@@ -24,7 +24,7 @@ const ROWS_PER_TASK: usize = 64;
 pub(super) struct Combined<const C: usize> {
     /// One layer for each class: one bounce, then the others.
     pub(super) layers: Vec<CompressedRows>,
-    /// Sums for each row.
+    /// Sums for each of the rows.
     pub(super) rows: Vec<RowSums<C>>,
 }
 
@@ -47,16 +47,16 @@ struct Term<const C: usize> {
     error: [f32; C],
 }
 
-/// Merges the chunks into `classes` layers. `direct` is the diagonal, with mean and error for each row and
-/// channel, or empty.
+/// Merges the chunks into these `rows` of `classes` layers. `direct` is the diagonal, with mean and error for each of the rows and
+/// channel, or empty. The chunks have all contributions to these rows, those of the camera's paths first, by ascending start pixel.
 pub(super) fn combine<const C: usize>(
     chunks: &[Chunk<C>],
     rig: RigShape,
+    rows: Range<usize>,
     classes: usize,
     direct: &[[[f64; 2]; C]],
 ) -> Combined<C> {
-    let rows = rig.camera.pixels();
-    let terms = count_terms(chunks, rig, rows);
+    let terms = count_terms(chunks, rig, &rows);
     let total: usize = terms.iter().sum();
     let nothing = CompressedRows { row_start: vec![0], columns: Vec::new(), weights: vec![Vec::new(); C] };
     let mut layers = vec![nothing; classes];
@@ -66,34 +66,45 @@ pub(super) fn combine<const C: usize>(
         main.columns.reserve_exact(total);
         main.weights.iter_mut().for_each(|plane| plane.reserve_exact(total));
     }
+    // The first entry of each row of a chunk that counts, mirrored, for one of the rows.
+    let begin = |chunk: &Chunk<C>, span: Range<usize>| {
+        span.start + chunk.keys[span].partition_point(|key| (key.other() as usize) < rows.start)
+    };
     let mut cursors: Vec<Vec<usize>> =
-        chunks.iter().map(|chunk| chunk.spans().map(|(_, span)| span.start).collect()).collect();
-    let mut sums = Vec::with_capacity(rows);
+        chunks.iter().map(|chunk| chunk.spans().map(|(_, span)| begin(chunk, span)).collect()).collect();
+    let mut sums = Vec::with_capacity(rows.len());
     let mut first = 0;
-    while first < rows {
+    while first < rows.len() {
         let mut last = first + 1;
         let mut held = terms[first];
-        while last < rows && held + terms[last] <= BLOCK {
+        while last < rows.len() && held + terms[last] <= BLOCK {
             held += terms[last];
             last += 1;
         }
-        let mut block = gather(chunks, rig, first..last, &terms[first..last], &mut cursors);
-        merge(&mut block, first, &terms[first..last], direct, &mut layers, &mut sums);
+        let of_block = rows.start + first..rows.start + last;
+        let mut block = gather(chunks, rig, of_block.clone(), &terms[first..last], &mut cursors);
+        let direct = direct.get(first..last).unwrap_or_default();
+        merge(&mut block, of_block.start, &terms[first..last], direct, &mut layers, &mut sums);
         first = last;
     }
     Combined { layers, rows: sums }
 }
 
-/// The number of terms of each row of the matrix.
-fn count_terms<const C: usize>(chunks: &[Chunk<C>], rig: RigShape, rows: usize) -> Vec<usize> {
-    let mut terms = vec![0_usize; rows];
+/// The number of terms of each of these rows of the matrix.
+fn count_terms<const C: usize>(chunks: &[Chunk<C>], rig: RigShape, rows: &Range<usize>) -> Vec<usize> {
+    let mut terms = vec![0_usize; rows.len()];
+    let mut count = |row: u32, more: usize| {
+        if let Some(terms) = (row as usize).checked_sub(rows.start).and_then(|row| terms.get_mut(row)) {
+            *terms += more;
+        }
+    };
     for chunk in chunks {
         for (row, span) in chunk.spans() {
             if rig.symmetric || row.from_camera {
-                terms[row.pixel as usize] += span.len();
+                count(row.pixel, span.len());
             }
             if rig.symmetric || !row.from_camera {
-                chunk.keys[span].iter().for_each(|key| terms[key.other() as usize] += 1);
+                chunk.keys[span].iter().for_each(|key| count(key.other(), 1));
             }
         }
     }
@@ -142,8 +153,8 @@ fn gather<const C: usize>(
 }
 
 /// Merges the terms of a block: it sorts the terms of each row, sums those of equal column and class, and
-/// appends the rows to the layers and to `sums`. `first` is the first row of the block, `counts` the number
-/// of terms of each row.
+/// appends the rows to the layers and to `sums`. `first` is the first row of the block; `counts` has the number
+/// of terms of each row of the block, and `direct` its part of the diagonal.
 fn merge<const C: usize>(
     terms: &mut [Term<C>],
     first: usize,
@@ -152,6 +163,7 @@ fn merge<const C: usize>(
     layers: &mut [CompressedRows],
     sums: &mut Vec<RowSums<C>>,
 ) {
+    let block = first;
     let mut tasks = Vec::new();
     let mut rest = terms;
     for (task, counts) in counts.chunks(ROWS_PER_TASK).enumerate() {
@@ -166,7 +178,7 @@ fn merge<const C: usize>(
             let mut rest = terms;
             for (row, &count) in (first..).zip(counts) {
                 let (mine, tail) = rest.split_at_mut(count);
-                merged.row(row as u32, mine, direct.get(row));
+                merged.row(row as u32, mine, direct.get(row - block));
                 rest = tail;
             }
             merged

@@ -38,6 +38,11 @@ impl PartialEq for Layer {
     }
 }
 
+/// The square of an entry.
+pub(super) fn square(value: f32) -> f64 {
+    f64::from(value) * f64::from(value)
+}
+
 impl Layer {
     /// A layer of `cols` columns.
     pub(crate) fn new(bounces: Bounces, cols: usize, rows: &CompressedRows) -> Self {
@@ -74,6 +79,11 @@ impl Layer {
         self.tiles.to_rows()
     }
 
+    /// `sum` with the squares of the entries of one channel added, row by row and from left to right.
+    pub(super) fn squares(&self, channel: usize, sum: f64) -> f64 {
+        self.to_rows().weights[channel].iter().fold(sum, |sum, &weight| sum + square(weight))
+    }
+
     /// Its entries in tiles.
     pub(super) fn tiles(&self) -> &Tiles {
         &self.tiles
@@ -82,6 +92,12 @@ impl Layer {
     /// The transpose; computed once, and kept with the layer.
     pub(super) fn transpose(&self) -> &Self {
         self.transpose.get_or_init(|| Box::new(self.transposed()))
+    }
+
+    /// Keeps the rows of the transpose that this process has, where a matrix is spread over several processes.
+    pub(super) fn keep_transpose(&self, transpose: Self) {
+        // Where there is one already, it is the same.
+        let _ = self.transpose.set(Box::new(transpose));
     }
 
     fn transposed(&self) -> Self {

@@ -1,8 +1,13 @@
 //! The traced light transport matrix: a diagonal, and sparse layers by number of bounces.
 
-use rayon::prelude::*;
+use std::borrow::Cow;
+use std::ops::Range;
 
-use super::layer::{Bounces, Layer};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::layer::{Bounces, Layer, square};
+use super::spread::Spread;
 use super::tiles::{CompressedRows, Summable};
 use super::{Channels, RigShape};
 use crate::error::Result;
@@ -13,7 +18,7 @@ use crate::sparse::Csr;
 const BAND: usize = 4096;
 
 /// A part of the light that a product carries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Part {
     /// All light, `A`.
     Full,
@@ -40,26 +45,51 @@ impl Part {
 }
 
 /// The direction of a product: from the projector to the camera, or with the two exchanged (the transpose).
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Direction {
     Forward,
     Backward,
+}
+
+/// Which product is taken.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(super) struct Product {
+    pub(super) direction: Direction,
+    pub(super) part: Part,
+    pub(super) channel: usize,
 }
 
 /// `A = diag(direct) + Σ layers`: a row for each camera pixel, a column for each projector pixel.
 ///
 /// The matrix of a coaxial rig is symmetric to the last bit, in each of its parts. Products accumulate in
 /// `f64`, in an order that does not depend on the number of threads.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct TransportMatrix {
     pub(crate) rig: RigShape,
     pub(crate) channels: Channels,
     /// The diagonal, `[channel][pixel]`; empty where the rig is not coaxial.
     pub(crate) direct: Vec<Vec<f32>>,
     pub(crate) layers: Vec<Layer>,
+    /// The rows that this process has, all of them unless the matrix is spread over several processes. Its layers have no others.
+    pub(super) rows: Range<usize>,
+    /// The processes that have the other rows.
+    pub(super) spread: Option<Spread>,
+}
+
+/// Two matrices are equal when their entries are, to the last bit; both must be whole, or have the same rows.
+impl PartialEq for TransportMatrix {
+    fn eq(&self, other: &Self) -> bool {
+        (self.rig, self.channels, &self.rows) == (other.rig, other.channels, &other.rows)
+            && (&self.direct, &self.layers) == (&other.direct, &other.layers)
+    }
 }
 
 impl TransportMatrix {
+    /// The matrix of these parts, in this process alone.
+    pub(crate) fn new(rig: RigShape, channels: Channels, direct: Vec<Vec<f32>>, layers: Vec<Layer>) -> Self {
+        Self { rig, channels, direct, layers, rows: 0..rig.camera.pixels(), spread: None }
+    }
+
     /// Pixels of the camera: the matrix has one row for each.
     pub fn resolution(&self) -> Resolution {
         self.rig.camera
@@ -82,13 +112,20 @@ impl TransportMatrix {
 
     /// The number of stored entries, without the diagonal.
     pub fn nonzeros(&self) -> usize {
-        self.layers.iter().map(Layer::nonzeros).sum()
+        let elsewhere = self.spread.as_ref().map_or(0, Spread::nonzeros);
+        self.layers.iter().map(Layer::nonzeros).sum::<usize>() + elsewhere
     }
 
-    /// Bytes that the matrix takes in memory.
+    /// Bytes that the matrix takes in memory, in all processes that have a part of it.
     pub fn bytes(&self) -> usize {
         let direct = self.direct.iter().map(|plane| 4 * plane.len()).sum::<usize>();
-        self.layers.iter().map(Layer::bytes).sum::<usize>() + direct
+        let elsewhere = self.spread.as_ref().map_or(0, Spread::bytes);
+        self.layers.iter().map(Layer::bytes).sum::<usize>() + direct + elsewhere
+    }
+
+    /// The number of processes that have a part of the matrix.
+    pub fn processes(&self) -> usize {
+        self.spread.as_ref().map_or(1, Spread::processes)
     }
 
     /// The diagonal of `channel`: the direct light that returns to its own pixel through a pinhole. It has
@@ -97,10 +134,22 @@ impl TransportMatrix {
         &self.direct[channel]
     }
 
+    /// The bounces of each layer.
+    pub fn bounces(&self) -> impl Iterator<Item = Bounces> + '_ {
+        self.layers.iter().map(Layer::bounces)
+    }
+
     /// The sparse layers by number of bounces: one bounce, where it is not only the diagonal; then either two
-    /// bounces and the rest, or both in one layer.
-    pub fn layers(&self) -> &[Layer] {
-        &self.layers
+    /// bounces and the rest, or both in one layer. Those of a matrix that is spread over several processes are brought together first, which
+    /// takes the memory of the whole matrix.
+    ///
+    /// # Errors
+    /// [`Error::Team`](crate::Error::Team) where another process sent something else.
+    pub fn layers(&self) -> Result<Cow<'_, [Layer]>> {
+        match &self.spread {
+            None => Ok(Cow::Borrowed(&self.layers)),
+            Some(spread) => spread.gathered(&self.layers).map(Cow::Owned),
+        }
     }
 
     /// `y ← P x` for the `part` `P` of one channel; `x` may be signed. It has an entry for each projector
@@ -124,31 +173,46 @@ impl TransportMatrix {
         from: &[V],
         to: &mut [V],
     ) {
-        let transposed = direction == Direction::Backward && !self.rig.symmetric;
-        let layers = self.layers.iter().filter(|layer| part.has(layer.bounces()));
-        let layers: Vec<&Layer> =
-            layers.map(|layer| if transposed { layer.transpose() } else { layer }).collect();
         let (camera, projector) = (self.rig.camera.pixels(), self.rig.projector.pixels());
         let [lit, seen] = match direction {
             Direction::Forward => [from.len(), to.len()],
             Direction::Backward => [to.len(), from.len()],
         };
         assert_eq!((lit, seen), (projector, camera), "x has the projector's pixels, and y the camera's");
+        let way = Product { direction, part, channel };
+        match &self.spread {
+            None => self.multiply_own(way, self.rows.start, from, to),
+            Some(spread) => spread.multiply(self, way, from, to),
+        }
+    }
+
+    /// The rows of a product that this process has, from row `first` of the product on.
+    pub(super) fn multiply_own<V: Summable>(
+        &self,
+        Product { direction, part, channel }: Product,
+        first: usize,
+        from: &[V],
+        to: &mut [V],
+    ) {
+        let transposed = direction == Direction::Backward && !self.rig.symmetric;
+        let layers = self.layers.iter().filter(|layer| part.has(layer.bounces()));
+        let layers: Vec<&Layer> =
+            layers.map(|layer| if transposed { layer.transpose() } else { layer }).collect();
         let direct = if part.holds(1) { self.direct[channel].as_slice() } else { &[] };
         // Layers have equally many rows, and so equal bands.
         let rows = layers.first().map_or(BAND, |layer| layer.tiles().band_rows());
         to.par_chunks_mut(rows).enumerate().for_each(|(band, to)| {
-            let of_band = band * rows..band * rows + to.len();
+            let of_band = first + band * rows..first + band * rows + to.len();
             let mut products = layers.iter().map(|layer| layer.tiles().product(channel, band, from));
-            let first = products.next().unwrap_or_else(|| vec![V::default(); to.len()]);
+            let sums = products.next().unwrap_or_else(|| vec![V::default(); to.len()]);
             match direct.get(of_band.clone()) {
                 Some(direct) => {
                     let direct = direct.iter().zip(&from[of_band]);
-                    to.iter_mut().zip(first).zip(direct).for_each(|((to, product), (&direct, from))| {
+                    to.iter_mut().zip(sums).zip(direct).for_each(|((to, product), (&direct, from))| {
                         *to = from.times(f64::from(direct)).plus(product);
                     });
                 }
-                None => to.copy_from_slice(&first),
+                None => to.copy_from_slice(&sums),
             }
             for product in products {
                 to.iter_mut().zip(product).for_each(|(to, product)| *to = to.plus(product));
@@ -159,25 +223,26 @@ impl TransportMatrix {
     /// The Frobenius norm of the `part` of one channel. Entries that several layers share count apart, which matters
     /// only where single and multiple scattering link the same pixels.
     pub fn frobenius_norm(&self, part: Part, channel: usize) -> f64 {
-        let square = |&value: &f32| f64::from(value) * f64::from(value);
-        let mut squares = 0.0;
-        for layer in self.layers.iter().filter(|layer| part.has(layer.bounces())) {
-            squares += layer.to_rows().weights[channel].iter().map(square).sum::<f64>();
+        let mut all = 0.0;
+        for (at, layer) in self.layers.iter().enumerate().filter(|(_, layer)| part.has(layer.bounces())) {
+            let own = layer.squares(channel, 0.0);
+            all += self.spread.as_ref().map_or(own, |spread| spread.squares(at, channel, own));
         }
         if part.holds(1) {
-            squares += self.direct[channel].iter().map(square).sum::<f64>();
+            all += self.direct[channel].iter().map(|&value| square(value)).sum::<f64>();
         }
-        squares.sqrt()
+        all.sqrt()
     }
 
     /// The `part` of one channel as a compressed sparse matrix, for example to write it to a file. An entry
     /// that several layers share is their sum, rounded to `f32`.
     ///
     /// # Errors
-    /// None for a valid matrix; the constructor of [`Csr`] checks its arrays.
+    /// As [`TransportMatrix::layers`]; the constructor of [`Csr`] checks its arrays.
     pub fn to_csr(&self, part: Part, channel: usize) -> Result<Csr> {
+        let layers = self.layers()?;
         let layers: Vec<CompressedRows> =
-            self.layers.iter().filter(|layer| part.has(layer.bounces())).map(Layer::to_rows).collect();
+            layers.iter().filter(|layer| part.has(layer.bounces())).map(Layer::to_rows).collect();
         let mut row_start = vec![0];
         let (mut columns, mut weights) = (Vec::new(), Vec::new());
         let mut entries: Vec<(u32, f32)> = Vec::new();

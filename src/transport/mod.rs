@@ -31,7 +31,9 @@ mod pixel_sums;
 mod products;
 mod retraced;
 mod rows;
+mod share;
 mod simulated;
+mod spread;
 #[cfg(test)]
 mod tests;
 mod tiles;
@@ -49,6 +51,7 @@ pub use noise::{Noise, pooled};
 pub use operator::MatrixOperator;
 pub use products::Products;
 pub use retraced::{Retraced, RetracedOperator};
+pub use spread::{Servant, share_scene};
 pub(crate) use tiles::CompressedRows;
 
 use crate::error::{Error, Result};

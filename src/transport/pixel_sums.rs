@@ -1,5 +1,7 @@
 //! Sums over the samples of each pixel.
 
+use std::ops::Range;
+
 use super::noise::Halves;
 use crate::render::Batch;
 
@@ -7,20 +9,23 @@ use crate::render::Batch;
 /// that the bits do not depend on the sizes of the batches.
 pub(super) struct PixelSums<const C: usize> {
     halves: Halves,
+    /// The first of the pixels.
+    first: usize,
     /// `[pixel][channel]`: mean and error.
     pub(super) estimates: Vec<[[f64; 2]; C]>,
 }
 
 impl<const C: usize> PixelSums<C> {
-    /// Zeros for `pixels` pixels with `samples` samples each.
-    pub(super) fn new(pixels: usize, samples: u32) -> Self {
-        Self { halves: Halves::new(samples, samples), estimates: vec![[[0.0; 2]; C]; pixels] }
+    /// Zeros for these pixels with `samples` samples each.
+    pub(super) fn new(pixels: &Range<usize>, samples: u32) -> Self {
+        let estimates = vec![[[0.0; 2]; C]; pixels.len()];
+        Self { halves: Halves::new(samples, samples), first: pixels.start, estimates }
     }
 
-    /// Adds `sample(path)` for each path of the batch. Zeros are skipped.
+    /// Adds `sample(path)` for each path of the batch, which starts from one of the pixels. Zeros are skipped.
     pub(super) fn add(&mut self, batch: &Batch<'_>, sample: impl Fn(usize) -> [f32; C]) {
         for run in batch.runs() {
-            let estimates = &mut self.estimates[run.pixel as usize];
+            let estimates = &mut self.estimates[run.pixel as usize - self.first];
             for path in run.paths {
                 let value = sample(path);
                 if value.iter().all(|&value| value == 0.0) {

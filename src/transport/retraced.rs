@@ -4,7 +4,7 @@ use super::block::{deinterleave, interleave};
 use super::contributions::{Contributions, Tally, Way};
 use super::matrix::Direction;
 use super::tiles::{BLOCK_WIDTH, Interleaved};
-use super::{Channels, Part, Transport, from_planes, luminance, planes};
+use super::{Channels, Part, Transport, from_planes, luminance, planes, spread};
 use crate::error::Result;
 use crate::image::{Image, Resolution};
 use crate::operator::{Adjoint, Operator, Symmetry};
@@ -96,7 +96,7 @@ impl Retraced<'_> {
         let samples = self.settings.samples;
         // Of the batch before: read, but not yet added up.
         let mut last: Option<Contributions<C>> = None;
-        self.tracer.trace(&self.settings, &mut |batch| {
+        spread::trace(self.tracer, &self.settings, &mut |batch| {
             // One core adds up the contributions, in path order; meanwhile the others read the next batch, which
             // takes longer.
             let (read, ()) = rayon::join(

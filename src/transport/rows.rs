@@ -14,6 +14,16 @@ use crate::render::{Batch, Connection, Run};
 pub(super) struct Key(u32);
 
 impl Key {
+    /// The number that stands for it.
+    pub(super) fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// The key of this number.
+    pub(super) fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
     const CLASS_BITS: u32 = 2;
     /// Marks a single contribution, not yet summed, from the second half of the samples.
     const HALF: u32 = 1 << 31;
@@ -73,6 +83,17 @@ impl<const C: usize> Chunk<C> {
         self.rows.iter().zip(starts).map(|(&row, start)| (row, start..row.end))
     }
 
+    /// The rows of the camera's pixels, and those of the projector's, which come after them.
+    pub(super) fn split(mut self) -> [Self; 2] {
+        let row = self.rows.partition_point(|row| row.from_camera);
+        let entry = if row == 0 { 0 } else { self.rows[row - 1].end };
+        let mut rows = self.rows.split_off(row);
+        rows.iter_mut().for_each(|row| row.end -= entry);
+        let keys = self.keys.split_off(entry);
+        let (means, errors) = (self.means.split_off(entry), self.errors.split_off(entry));
+        [self, Self { rows, keys, means, errors }]
+    }
+
     /// The chunk of these rows. Rows without entries are left out: their endpoint is not known.
     fn join(mut rows: Vec<Finished<C>>) -> Self {
         rows.retain(|row| !row.entries.is_empty());
@@ -112,6 +133,8 @@ struct Open<const C: usize> {
     pixel: u32,
     /// Number of paths that start from it.
     paths: u32,
+    /// Whether it is a pixel of the camera, where that is known before its entries.
+    from_camera: Option<bool>,
     entries: Vec<Entry<C>>,
 }
 
@@ -143,7 +166,8 @@ impl<const C: usize> Rows<C> {
         batch: &Batch<'_>,
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
     ) -> Result<()> {
-        self.add_by(&batch.runs().collect::<Vec<_>>(), batch.samples(), batch, project)
+        let from_camera = Some(batch.from_camera());
+        self.add_by(&batch.runs().collect::<Vec<_>>(), (batch.samples(), from_camera), batch, project)
     }
 
     /// As [`Rows::add`], for paths given as start pixel, half, and connections.
@@ -155,15 +179,15 @@ impl<const C: usize> Rows<C> {
     ) -> Result<()> {
         let run = |(path, &(pixel, half, _)): (usize, &_)| Run { pixel, half, paths: path..path + 1 };
         let runs: Vec<Run> = paths.iter().enumerate().map(run).collect();
-        self.add_by(&runs, self.samples, paths, project)
+        self.add_by(&runs, (self.samples, None), paths, project)
     }
 
     /// Adds the connections of `paths`. `runs` are all these paths in order; `samples` paths start from each
-    /// pixel.
+    /// pixel, of the camera or of the projector where that is known.
     fn add_by(
         &mut self,
         runs: &[Run],
-        samples: u32,
+        (samples, from_camera): (u32, Option<bool>),
         paths: &(impl Paths + ?Sized),
         project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
     ) -> Result<()> {
@@ -171,7 +195,8 @@ impl<const C: usize> Rows<C> {
         let Some((last, whole)) = pixels.split_last() else { return Ok(()) };
         let mut finished = Vec::new();
         let mut open = self.open.take();
-        if open.as_ref().is_some_and(|open| (open.pixel, open.paths) != (runs[0].pixel, samples)) {
+        let goes_on = (runs[0].pixel, samples, from_camera);
+        if open.as_ref().is_some_and(|open| (open.pixel, open.paths, open.from_camera) != goes_on) {
             finished.extend(open.take().map(|open| self.finish(open)));
         }
         let collect = |runs: &[Run]| -> Result<Open<C>> {
@@ -190,7 +215,7 @@ impl<const C: usize> Rows<C> {
                     Ok(())
                 })?;
             }
-            Ok(Open { pixel, paths: samples, entries })
+            Ok(Open { pixel, paths: samples, from_camera, entries })
         };
         let done = whole.par_iter().map(|runs| self.finish(collect(runs)?));
         finished.extend(done.collect::<Vec<_>>());
@@ -224,9 +249,10 @@ impl<const C: usize> Rows<C> {
 
     /// Sums the contributions of a complete pixel.
     fn finish(&self, open: Open<C>) -> Result<Finished<C>> {
-        let Open { pixel, paths, mut entries } = open;
+        let Open { pixel, paths, from_camera, mut entries } = open;
         let halves = Halves::new(self.samples, paths);
-        let from_camera = entries.iter().find_map(|entry| entry.from_camera).unwrap_or(true);
+        let from_camera =
+            from_camera.or_else(|| entries.iter().find_map(|entry| entry.from_camera)).unwrap_or(true);
         if entries.iter().any(|entry| entry.from_camera.is_some_and(|camera| camera != from_camera)) {
             return Err(stray(pixel));
         }

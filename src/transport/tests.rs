@@ -57,10 +57,11 @@ fn rows(paths: &[Paths], split: bool) -> Rows<1> {
 fn matrix(rig: RigShape, paths: &[Paths], split: bool) -> TransportMatrix {
     let bounces: &[Bounces] =
         if split { &[Bounces::One, Bounces::Two, Bounces::Rest] } else { &[Bounces::One, Bounces::Global] };
-    let Combined { layers, .. } = combine(&rows(paths, split).chunks, rig, bounces.len(), &[]);
+    let Combined { layers, .. } =
+        combine(&rows(paths, split).chunks, rig, 0..rig.camera.pixels(), bounces.len(), &[]);
     let tiled = |(&bounces, rows)| Layer::new(bounces, rig.projector.pixels(), &rows);
     let layers = bounces.iter().zip(layers).map(tiled).collect();
-    TransportMatrix { rig, channels: Channels::Luma, direct: vec![Vec::new()], layers }
+    TransportMatrix::new(rig, Channels::Luma, vec![Vec::new()], layers)
 }
 
 /// The dense matrix of these paths: every connection at its entry, and at the mirrored entry where the rig is coaxial.
@@ -155,7 +156,7 @@ fn where_batches_are_cut_makes_no_difference() {
         }
     }
     rows.close().unwrap_or_else(|error| unreachable!("{error}"));
-    let Combined { layers, .. } = combine(&rows.chunks, rig, 2, &[]);
+    let Combined { layers, .. } = combine(&rows.chunks, rig, 0..rig.camera.pixels(), 2, &[]);
     let of_whole: Vec<_> = whole.layers.iter().map(Layer::to_rows).collect();
     assert_eq!(of_whole, layers);
 }

@@ -242,7 +242,11 @@ fn of_scene(
         OperatorChoice::Retrace => true,
         OperatorChoice::Auto => {
             let limit = settings.memory_limit();
-            let needed = predict(&mut scene.tracer(), &scene.settings, channels, limit)?.bytes;
+            // Each process has about an equal part of it.
+            let processes = settings.team.as_ref().map_or(1, |team| team.size());
+            let whole = limit.saturating_mul(processes as u64);
+            let needed =
+                predict(&mut scene.tracer(), &scene.settings, channels, whole)?.bytes / processes as f64;
             let exceeds = needed > limit as f64;
             if exceeds {
                 observer.note(format_args!(

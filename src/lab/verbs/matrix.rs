@@ -68,7 +68,7 @@ impl Lab {
         };
         let channel = |channel| {
             let mut matrices = vec![("_direct", traced.matrix.to_csr(Part::Direct, channel)?)];
-            for layer in traced.matrix.layers() {
+            for layer in &*traced.matrix.layers()? {
                 match layer.bounces() {
                     // It is in the direct part already.
                     Bounces::One => {}

@@ -21,7 +21,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 
 /// The first adapter of the machine.
 pub(super) fn gpu() -> Gpu {
-    Gpu::open(None).expect("the README's test command installs a Vulkan driver")
+    Gpu::open(None, 0).expect("the README's test command installs a Vulkan driver")
 }
 
 /// Returns `work(0), …, work(count − 1)`. The WGSL in `source` defines `fn work(index: u32) -> vec4f`; it may

@@ -137,7 +137,13 @@ fn photos(
                 Ok(())
             };
             tracer
-                .run(strategy, strategy.paths(), &mut TraceSummary::default(), &mut visit)
+                .run(
+                    strategy,
+                    0..strategy.paths(),
+                    strategy.paths(),
+                    &mut TraceSummary::default(),
+                    &mut visit,
+                )
                 .expect("the scene can be traced");
         }
         photo.iter().map(|value| value / f64::from(settings.samples)).collect()

@@ -10,7 +10,7 @@ use crate::transport::{Assembled, Bounces, Channels, CompressedRows};
 
 /// The first adapter, as the tests' environment provides it.
 pub(in crate::transport) fn gpu() -> Gpu {
-    Gpu::open(None)
+    Gpu::open(None, 0)
         .unwrap_or_else(|error| unreachable!("the README's test command installs a driver: {error}"))
 }
 
@@ -65,12 +65,8 @@ pub(in crate::transport) fn coaxial() -> Assembled {
     let layers = [(Bounces::Two, 60), (Bounces::Rest, 20)]
         .map(|(bounces, per_row)| Layer::new(bounces, pixels, &symmetric(random, pixels, per_row)));
     let plane = |_| (0..pixels).map(|_| random.random_range(0.0..9.0)).collect();
-    let matrix = TransportMatrix {
-        rig: RigShape { camera: resolution, projector: resolution, symmetric: true },
-        channels: Channels::Rgb,
-        direct: [0, 1, 2].map(plane).into(),
-        layers: layers.into(),
-    };
+    let rig = RigShape { camera: resolution, projector: resolution, symmetric: true };
+    let matrix = TransportMatrix::new(rig, Channels::Rgb, [0, 1, 2].map(plane).into(), layers.into());
     let ambient = Image::filled(resolution, 3, 0.0);
     Assembled { matrix, ambient, noise: None, summary: TraceSummary::default(), gpu_matrix: None }
 }
@@ -83,7 +79,7 @@ fn apart() -> TransportMatrix {
     let shape = [rig.camera.pixels(), rig.projector.pixels()];
     let layers = [(Bounces::One, 2), (Bounces::Global, 50)]
         .map(|(bounces, per_row)| Layer::new(bounces, shape[1], &rows(random, shape, per_row)));
-    TransportMatrix { rig, channels: Channels::Rgb, direct: vec![Vec::new(); 3], layers: layers.into() }
+    TransportMatrix::new(rig, Channels::Rgb, vec![Vec::new(); 3], layers.into())
 }
 
 fn signed(random: &mut Pcg64, length: usize) -> Vec<f64> {

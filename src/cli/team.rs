@@ -1,0 +1,79 @@
+//! The processes that `mpirun` or `srun` started together with this one.
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::team::Team;
+
+/// What this process is to do.
+pub(super) enum Role {
+    /// It runs the program; the team, if there is one, helps.
+    Leader(Option<Arc<Team>>),
+    /// It has helped the leader, which is done.
+    #[cfg(feature = "mpi")]
+    Served,
+}
+
+/// The verbs by which the program starts itself. They are no members of the team of the process that started them.
+const HELPERS: [&str; 2] = ["projector", "describe-camera"];
+
+/// Joins the other processes, if there are any. Those that do not lead return when the leader has ended.
+///
+/// # Errors
+/// [`Error::Team`] where the processes cannot work together.
+pub(super) fn join() -> Result<Role> {
+    if std::env::args().nth(1).is_some_and(|verb| HELPERS.contains(&verb.as_str())) {
+        return Ok(Role::Leader(None));
+    }
+    joined()
+}
+
+/// Says why the processes cannot work together, once.
+pub(super) fn report(error: &Error) -> ExitCode {
+    if std::env::var("OMPI_COMM_WORLD_RANK").map_or(true, |rank| rank == "0") {
+        eprintln!("krylux: error: {error}");
+    }
+    ExitCode::from(2)
+}
+
+#[cfg(feature = "mpi")]
+fn joined() -> Result<Role> {
+    use crate::team::{Comm, World, greet, serve, share_cores};
+    use crate::transport::Servant;
+
+    let Some(world) = World::join()? else { return Ok(Role::Leader(None)) };
+    let world: Arc<dyn Comm> = Arc::new(world);
+    let seat = share_cores(&*world);
+    greet(&*world, &seat.host, &program())?;
+    if world.rank() == 0 {
+        return Ok(Role::Leader(Some(Team::lead(world))));
+    }
+    crate::machine::start_threads();
+    let mut servant = Servant::new(Arc::clone(&world), seat.host, seat.local_rank);
+    serve(&*world, &mut servant);
+    Ok(Role::Served)
+}
+
+/// The version of this program, with a digest of its file where that can be read.
+#[cfg(feature = "mpi")]
+fn program() -> String {
+    let digest = std::env::current_exe().and_then(std::fs::read).map(|bytes| blake3::hash(&bytes).to_hex());
+    let digest = digest.map(|digest| format!(" ({})", &digest[..12])).unwrap_or_default();
+    format!("krylux {}{digest}", env!("CARGO_PKG_VERSION"))
+}
+
+/// Without MPI, several processes would all do the same, and write the same files.
+#[cfg(not(feature = "mpi"))]
+fn joined() -> Result<Role> {
+    let size = |name| std::env::var(name).ok()?.parse::<usize>().ok();
+    match ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"].into_iter().find_map(size) {
+        Some(processes) if processes > 1 => Err(Error::Team {
+            fault: format!(
+                "{processes} processes were started together, but this krylux was built without MPI"
+            ),
+            help: "build it with `--features mpi`, or start one process".into(),
+        }),
+        _ => Ok(Role::Leader(None)),
+    }
+}

@@ -1,0 +1,127 @@
+//! The cores of each machine, divided among the processes of a team that run on it.
+//!
+//! Software Vulkan and the threads of a process use all cores that the process may run on. Without a division, every process of a machine would start
+//! as many threads as there are cores.
+
+use super::Comm;
+
+/// Where a process of a team runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Seat {
+    /// The name of the machine.
+    pub host: String,
+    /// The number of this process among those of the team on the same machine, from 0 on.
+    pub local_rank: usize,
+    /// The number of processes of the team on this machine.
+    pub local_size: usize,
+    /// The cores that this process may run on.
+    pub cores: Vec<usize>,
+}
+
+/// The share of `cores` for the process `rank` of `size` that have the same cores. Where there are fewer cores than processes, several share one.
+fn share(cores: &[usize], rank: usize, size: usize) -> Vec<usize> {
+    let first = rank * cores.len() / size;
+    let end = ((rank + 1) * cores.len() / size).max(first + 1);
+    cores[first.min(cores.len())..end.min(cores.len())].to_vec()
+}
+
+/// Divides the cores of each machine among the processes of the team that run on it and may use the same ones, and binds this process to its share.
+/// Threads that it starts later are bound as well. Every process of the team must call it, before it starts threads.
+///
+/// Open MPI binds each process to one core where it is not told otherwise. This default is lifted first; a binding that the user asked for stays.
+pub fn share_cores(comm: &dyn Comm) -> Seat {
+    if is_bound_by_default() {
+        system::unbind();
+    }
+    let host = system::host();
+    let cores = system::cores();
+    let mine = text(&host, &cores);
+    let all = comm.exchange(vec![mine.clone().into_bytes(); comm.size()]);
+    let here = |bytes: &Vec<u8>| bytes.split(|&byte| byte == b' ').next() == Some(host.as_bytes());
+    let count = |of: &dyn Fn(&Vec<u8>) -> bool, to: usize| all[..to].iter().filter(|bytes| of(bytes)).count();
+    let same = |bytes: &Vec<u8>| *bytes == mine.as_bytes();
+    let (local_rank, local_size) = (count(&here, comm.rank()), count(&here, comm.size()));
+    let own = share(&cores, count(&same, comm.rank()), count(&same, comm.size()));
+    let own = if own.len() < cores.len() && system::bind(&own) { own } else { cores };
+    Seat { host, local_rank, local_size, cores: own }
+}
+
+/// The machine's name and the cores, as every process of the team understands them.
+fn text(host: &str, cores: &[usize]) -> String {
+    let cores: Vec<String> = cores.iter().map(usize::to_string).collect();
+    format!("{host} {}", cores.join(","))
+}
+
+/// Whether Open MPI started this process, and nobody told it how to bind.
+fn is_bound_by_default() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some();
+    is_set("OMPI_COMM_WORLD_SIZE")
+        && !is_set("OMPI_MCA_hwloc_base_binding_policy")
+        && !is_set("SLURM_CPU_BIND")
+}
+
+#[cfg(target_os = "linux")]
+mod system {
+    use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+
+    /// The name of this machine; spaces are not allowed in it.
+    pub(super) fn host() -> String {
+        rustix::system::uname().nodename().to_string_lossy().replace(' ', "_")
+    }
+
+    /// The cores that this process may run on.
+    pub(super) fn cores() -> Vec<usize> {
+        let allowed = sched_getaffinity(None).unwrap_or_default();
+        (0..CpuSet::MAX_CPU).filter(|&core| allowed.is_set(core)).collect()
+    }
+
+    /// Binds this process to cores, and says whether the system did.
+    pub(super) fn bind(cores: &[usize]) -> bool {
+        let mut set = CpuSet::new();
+        cores.iter().for_each(|&core| set.set(core));
+        sched_setaffinity(None, &set).is_ok()
+    }
+
+    /// Lets this process run on every core that its container and its job allow.
+    pub(super) fn unbind() {
+        let all: Vec<usize> = (0..CpuSet::MAX_CPU).collect();
+        // Where the system refuses, the process stays where it is.
+        let _ = bind(&all);
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+mod system {
+    pub(super) fn host() -> String {
+        String::new()
+    }
+
+    pub(super) fn cores() -> Vec<usize> {
+        (0..std::thread::available_parallelism().map_or(1, std::num::NonZero::get)).collect()
+    }
+
+    /// This system has no binding of processes to cores.
+    pub(super) fn bind(_cores: &[usize]) -> bool {
+        false
+    }
+
+    pub(super) fn unbind() {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cores_are_divided_and_shared_where_there_are_too_few() {
+        let cores = [4, 5, 6, 7, 9];
+        assert_eq!(
+            (0..2).map(|rank| share(&cores, rank, 2)).collect::<Vec<_>>(),
+            [vec![4, 5], vec![6, 7, 9]]
+        );
+        assert_eq!(share(&cores, 0, 1), cores);
+        let crowded: Vec<_> = (0..4).map(|rank| share(&cores[..2], rank, 4)).collect();
+        assert_eq!(crowded, [[4], [4], [5], [5]]);
+        assert_eq!(share(&[], 0, 2), [0; 0]);
+    }
+}

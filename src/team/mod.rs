@@ -1,0 +1,194 @@
+//! Several processes that work on one question: one of them leads, the others hold what it cannot hold alone, and compute on it.
+//!
+//! The process of rank 0 leads. It runs the program as if it were alone: it speaks, writes files and keeps the journal. Each other process waits in
+//! [`serve`] for commands, which are about *objects* that every process holds a part of: a scene on its device, or some rows of a matrix. The leader
+//! names an object by a [`Remote`]; the others let go of it once that is dropped. What a command says is up to the caller: here are only bytes.
+//!
+//! Processes exchange messages by a [`Comm`]: by MPI (feature `mpi`), or as threads of one process ([`threads()`]).
+
+mod cores;
+mod serve;
+mod threads;
+#[cfg(feature = "mpi")]
+mod world;
+
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+pub use cores::{Seat, share_cores};
+pub use serve::{Worker, serve};
+pub use threads::{Threads, threads};
+#[cfg(feature = "mpi")]
+pub use world::World;
+
+use crate::error::{Error, Result};
+use serve::Envelope;
+
+/// Messages among the processes of a team. Messages from one process to another arrive in the order in which they were sent.
+///
+/// No method returns an error: where a process is gone, its partners cannot go on, and the system that started them ends them all.
+pub trait Comm: Send + Sync {
+    /// The number of this process, from 0 on.
+    fn rank(&self) -> usize;
+
+    /// The number of processes.
+    fn size(&self) -> usize;
+
+    /// Sends a message to another process. It may wait until that one receives it.
+    fn send(&self, to: usize, message: &[u8]);
+
+    /// Waits for the next message from another process.
+    fn receive(&self, from: usize) -> Vec<u8>;
+
+    /// Whether a message from another process has arrived.
+    fn has_message(&self, from: usize) -> bool;
+
+    /// Sends `outgoing[rank]` to each other process, and returns what each of them sent to this one; the own message comes back. Every process of
+    /// the team must call it.
+    fn exchange(&self, outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
+}
+
+/// Checks that all processes run the same program: `program` is what identifies it. Every process of the team must call it.
+///
+/// # Errors
+/// [`Error::Team`] in every process, with the machines that run another program than the leader.
+pub fn greet(comm: &dyn Comm, host: &str, program: &str) -> Result<()> {
+    let mine = format!("{host}\n{program}").into_bytes();
+    let all = comm.exchange(vec![mine; comm.size()]);
+    let texts: Vec<String> = all.iter().map(|bytes| String::from_utf8_lossy(bytes).into_owned()).collect();
+    let split =
+        |text: &String| text.split_once('\n').map(|(host, program)| (host.to_owned(), program.to_owned()));
+    let all: Vec<(String, String)> = texts.iter().filter_map(split).collect();
+    let others = all.iter().enumerate().filter(|(_, (_, program))| *program != all[0].1);
+    let others: Vec<String> =
+        others.map(|(rank, (host, program))| format!("process {rank} on {host} runs {program}")).collect();
+    if others.is_empty() {
+        return Ok(());
+    }
+    Err(Error::Team {
+        fault: format!("process 0 on {} runs {}, but {}", all[0].0, all[0].1, others.join(", ")),
+        help: "start the same program on every machine".into(),
+    })
+}
+
+/// The team as its leader sees it.
+pub struct Team {
+    comm: Arc<dyn Comm>,
+    /// The number of the next object. Whoever holds the lock talks to the others.
+    next: Mutex<u64>,
+    /// Objects that the others still hold, and that nobody needs any more.
+    released: Mutex<Vec<u64>>,
+}
+
+impl Team {
+    /// The team that the process with this `comm` leads; its rank is 0. All other processes must be in [`serve`].
+    pub fn lead(comm: Arc<dyn Comm>) -> Arc<Self> {
+        debug_assert_eq!(comm.rank(), 0, "the process of rank 0 leads");
+        Arc::new(Self { comm, next: Mutex::new(0), released: Mutex::default() })
+    }
+
+    /// The number of processes.
+    pub fn size(&self) -> usize {
+        self.comm.size()
+    }
+
+    /// A new object, which no process holds yet.
+    pub fn remote(self: &Arc<Self>) -> Remote {
+        let mut next = lock(&self.next);
+        *next += 1;
+        Remote { team: Arc::clone(self), id: *next }
+    }
+
+    /// Waits until nobody else talks to the team. The others first let go of what nobody needs.
+    fn turn(&self) -> Turn<'_> {
+        let turn = Turn { comm: &*self.comm, _alone: lock(&self.next) };
+        for id in std::mem::take(&mut *lock(&self.released)) {
+            turn.tell(&Envelope::Release(id));
+        }
+        turn
+    }
+}
+
+impl fmt::Debug for Team {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Team").field("size", &self.size()).finish_non_exhaustive()
+    }
+}
+
+/// The other processes leave [`serve`].
+impl Drop for Team {
+    fn drop(&mut self) {
+        self.turn().tell(&Envelope::End);
+    }
+}
+
+/// An object of which each process of the team holds a part. The others let go of theirs after it is dropped.
+#[derive(Debug)]
+pub struct Remote {
+    team: Arc<Team>,
+    id: u64,
+}
+
+impl Remote {
+    /// The team that holds it.
+    pub fn team(&self) -> &Arc<Team> {
+        &self.team
+    }
+
+    /// Its number.
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// Gives the others a command about this object; [`Worker::command`] says what they make of it. What follows, question by question, is between
+    /// the caller and the worker. No other thread talks to the team before the returned turn is dropped.
+    pub fn command(&self, command: &[u8]) -> Turn<'_> {
+        let turn = self.team.turn();
+        turn.tell(&Envelope::Command(self.id, command));
+        turn
+    }
+}
+
+impl Drop for Remote {
+    fn drop(&mut self) {
+        // They are told with the next command, since a command may be under way now.
+        lock(&self.team.released).push(self.id);
+    }
+}
+
+/// The leader talks to the others: no other thread does.
+pub struct Turn<'a> {
+    comm: &'a dyn Comm,
+    _alone: MutexGuard<'a, u64>,
+}
+
+impl Turn<'_> {
+    /// The messages of the team.
+    pub fn comm(&self) -> &dyn Comm {
+        self.comm
+    }
+
+    /// The ranks of the other processes.
+    pub fn others(&self) -> std::ops::Range<usize> {
+        1..self.comm.size()
+    }
+
+    /// Sends a message to all others.
+    pub fn send_all(&self, message: &[u8]) {
+        self.others().for_each(|rank| self.comm.send(rank, message));
+    }
+
+    /// Receives a message from each of the others, by rank.
+    pub fn receive_all(&self) -> Vec<Vec<u8>> {
+        self.others().map(|rank| self.comm.receive(rank)).collect()
+    }
+
+    fn tell(&self, envelope: &Envelope<'_>) {
+        self.send_all(&envelope.to_bytes());
+    }
+}
+
+/// What a mutex holds is whole even if a thread panicked.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

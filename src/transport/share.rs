@@ -1,0 +1,60 @@
+//! What the light paths from some pixels contribute to the matrix: the part of a process that traces only these, or everything.
+
+use super::pixel_sums::PixelSums;
+use super::rows::{Chunk, Rows};
+use crate::error::Result;
+use crate::render::{StartPixels, TraceSettings, TraceSummary, Tracer};
+
+/// The contributions of the paths from some pixels, summed pixel by pixel.
+pub(super) struct Share<const C: usize> {
+    /// Contributions to the matrix, in the order of the paths: those of the camera's pixels come first.
+    pub(super) chunks: Vec<Chunk<C>>,
+    /// Direct light of each of the camera's pixels, which returns to its own pixel, with its error.
+    pub(super) direct: Vec<[[f64; 2]; C]>,
+    /// Light that the scene emits towards each of the camera's pixels, with its error.
+    pub(super) ambient: Vec<[[f64; 2]; C]>,
+    /// Whether each endpoint has paths in both halves of the samples, so that the noise is known.
+    pub(super) has_halves: bool,
+    /// The cost of tracing.
+    pub(super) summary: TraceSummary,
+}
+
+impl<const C: usize> Share<C> {
+    /// Traces the paths from `pixels`. `project` computes the channels from RGB. If `split` is set, the second bounce and all later ones stay
+    /// apart.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(super) fn trace(
+        tracer: &mut Tracer,
+        settings: &TraceSettings,
+        pixels: &StartPixels,
+        split: bool,
+        project: &(impl Fn([f32; 3]) -> [f32; C] + Sync),
+    ) -> Result<Self> {
+        let mut rows = Rows::<C>::new(settings.samples, split);
+        let mut direct = PixelSums::<C>::new(&pixels.camera, settings.samples);
+        let mut ambient = PixelSums::<C>::new(&pixels.camera, settings.samples);
+        let mut has_halves = true;
+        let summary = tracer.trace_from(settings, pixels, &mut |batch| {
+            has_halves &= batch.samples() > 1;
+            let of_pixels = || {
+                // Paths from the projector carry neither direct light nor ambient light.
+                if !batch.from_camera() {
+                    return;
+                }
+                direct.add(batch, |path| project(batch.direct(path)));
+                if batch.has_ambient() {
+                    ambient.add(batch, |path| batch.ambient(path).map_or([0.0; C], project));
+                }
+            };
+            rayon::join(|| rows.add(batch, project), of_pixels).0?;
+            Ok(())
+        })?;
+        rows.close()?;
+        // Combining needs the most memory of all steps.
+        tracer.release_buffers();
+        let (direct, ambient) = (direct.estimates, ambient.estimates);
+        Ok(Self { chunks: rows.chunks, direct, ambient, has_halves, summary })
+    }
+}

@@ -1,0 +1,87 @@
+//! The pixels of each process, so that all take about equally long.
+
+use std::ops::Range;
+
+use crate::error::Result;
+use crate::image::Resolution;
+use crate::render::{StartPixels, TraceSettings, Tracer};
+
+/// Pixels on each side of the small trace that tells where the work is.
+const PILOT: usize = 64;
+
+/// The pixels of each of `processes` processes. One light path from each of at most 64×64 pixels counts the rays that a part of the picture takes;
+/// counts are the same each time, where measured seconds are not.
+///
+/// # Errors
+/// As [`Tracer::trace`].
+pub(super) fn balanced(
+    tracer: &mut Tracer,
+    settings: &TraceSettings,
+    processes: usize,
+) -> Result<Vec<StartPixels>> {
+    let small = |Resolution { width, height }| Resolution::new(width.min(PILOT), height.min(PILOT));
+    let projector = tracer.projector_resolution(settings);
+    let pilot = TraceSettings {
+        resolution: small(settings.resolution),
+        projector: settings.projector.map(small),
+        samples: 1,
+        ..*settings
+    };
+    let sizes = [pilot.resolution, tracer.projector_resolution(&pilot)];
+    let mut rays = sizes.map(|size| vec![0_u64; size.height]);
+    tracer.trace(&pilot, &mut |batch| {
+        let end = usize::from(!batch.from_camera());
+        for path in 0..batch.len() {
+            rays[end][batch.pixel(path) as usize / sizes[end].width] += batch.rays(path);
+        }
+        Ok(())
+    })?;
+    let all = tracer.start_pixels(settings);
+    let camera = divide(&all.camera, settings.resolution, &rays[0], processes);
+    let projector = divide(&all.projector, projector, &rays[1], processes);
+    Ok(camera
+        .into_iter()
+        .zip(projector)
+        .map(|(camera, projector)| StartPixels { camera, projector })
+        .collect())
+}
+
+/// `pixels` of a picture of this size, cut into ranges of about equal work. `rays` has the work of rows of pixels of a smaller picture.
+fn divide(pixels: &Range<usize>, size: Resolution, rays: &[u64], processes: usize) -> Vec<Range<usize>> {
+    // One more for each row of pixels: a picture of nothing is cut into equal parts.
+    let work: Vec<f64> = rays.iter().map(|&rays| 1.0 + rays as f64).collect();
+    let total: f64 = work.iter().sum();
+    let of_row = size.height as f64 / rays.len() as f64 * size.width as f64;
+    let (mut cuts, mut done) = (vec![pixels.start], 0.0);
+    for (row, &work) in work.iter().enumerate() {
+        // Within a row of pixels the work is taken to be even.
+        while cuts.len() < processes && done + work >= total * cuts.len() as f64 / processes as f64 {
+            let share = (total * cuts.len() as f64 / processes as f64 - done) / work;
+            cuts.push((((row as f64 + share) * of_row) as usize).min(pixels.end));
+        }
+        done += work;
+    }
+    cuts.resize(processes, pixels.end);
+    cuts.push(pixels.end);
+    cuts.windows(2).map(|ends| ends[0]..ends[1]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_have_equal_work_and_cover_each_pixel_once() {
+        let size = Resolution::new(10, 8);
+        // The lower half takes three times as long.
+        let found = divide(&(0..80), size, &[100, 100, 300, 300], 2);
+        assert_eq!(found.len(), 2);
+        assert!((52..=54).contains(&found[0].end), "{found:?}");
+        for processes in 1..12 {
+            let found = divide(&(0..80), size, &[0, 7, 0, 1], processes);
+            assert_eq!(found.len(), processes);
+            assert_eq!(found.iter().flat_map(Clone::clone).collect::<Vec<_>>(), (0..80).collect::<Vec<_>>());
+        }
+        assert_eq!(divide(&(0..0), size, &[1, 1], 3), [0..0, 0..0, 0..0]);
+    }
+}

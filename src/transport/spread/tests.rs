@@ -1,0 +1,193 @@
+//! A matrix that is spread over threads, against the one of a single process: all bits are the same.
+
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use super::*;
+use crate::error::Result;
+use crate::image::{Image, Resolution};
+use crate::operator::{Adjoint, Operator};
+use crate::render::{TraceSettings, Tracer};
+use crate::scene::{Scene, builtin};
+use crate::team::{Comm, Team, serve, threads};
+use crate::transport::{
+    Assembled, Channels, EstimatedOperator, MatrixOperator, Part, Retraced, Transport, assemble_layers,
+};
+
+/// A team of threads.
+struct Crew {
+    team: Arc<Team>,
+    others: Vec<JoinHandle<()>>,
+}
+
+impl Crew {
+    fn of(size: usize) -> Self {
+        let mut comms = threads(size).into_iter().map(|comm| Arc::new(comm) as Arc<dyn Comm>);
+        let leader = comms.next().unwrap_or_else(|| unreachable!("a team has a leader"));
+        let serving = |comm: Arc<dyn Comm>| {
+            std::thread::spawn(move || {
+                let turn = comm.rank();
+                serve(&*comm, &mut Servant::new(Arc::clone(&comm), "here".into(), turn));
+            })
+        };
+        Self { others: comms.map(serving).collect(), team: Team::lead(leader) }
+    }
+
+    /// Ends the team; a thread that panicked fails the test.
+    fn end(self) {
+        drop(self.team);
+        for other in self.others {
+            other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        }
+    }
+}
+
+fn tracer(scene: &Scene, crew: Option<&Crew>) -> Result<Tracer> {
+    let mut tracer = Tracer::new(scene, None)?;
+    crew.map_or(Ok(()), |crew| share_scene(&mut tracer, scene, None, &crew.team))?;
+    Ok(tracer)
+}
+
+/// A scene with its settings and channels.
+struct Case {
+    scene: Scene,
+    settings: TraceSettings,
+    channels: Channels,
+}
+
+/// A coaxial rig in colour; a scene with mirrors, whose paths are gathered; and a projector beside the camera, of another size.
+fn cases() -> Vec<Case> {
+    let settings = TraceSettings::new(Resolution::new(13, 11), 6);
+    let mut apart = builtin::corner().to_scene();
+    apart.projector = Some({
+        let mut projector = apart.camera.clone();
+        projector.position += 0.2 * projector.right;
+        projector
+    });
+    vec![
+        Case { scene: builtin::cornell().to_scene(), settings, channels: Channels::Rgb },
+        Case { scene: builtin::mirror().to_scene(), settings, channels: Channels::Luma },
+        Case {
+            scene: apart,
+            settings: TraceSettings { projector: Some(Resolution::new(9, 14)), ..settings },
+            channels: Channels::Luma,
+        },
+    ]
+}
+
+/// A pattern with entries of both signs.
+fn pattern(pixels: usize) -> Vec<f64> {
+    (0..pixels).map(|pixel| (pixel * 7919 % 1013) as f64 / 1013.0 - 0.4).collect()
+}
+
+/// Everything that a matrix tells: products of single vectors and of a block in both directions, norms, entries, ambient light and noise.
+fn told(traced: &Assembled) -> Result<(Vec<Vec<f64>>, Vec<f64>, Vec<crate::sparse::Csr>)> {
+    let matrix = &traced.matrix;
+    let (mut vectors, mut norms, mut entries) = (Vec::new(), Vec::new(), Vec::new());
+    for part in [Part::Full, Part::Direct, Part::Global] {
+        for channel in 0..matrix.channels().count() {
+            let mut operator = MatrixOperator::new(matrix, part, channel);
+            let (x, y) = (pattern(operator.cols()), pattern(operator.rows()));
+            let (mut photo, mut dual) = (vec![f64::NAN; y.len()], vec![f64::NAN; x.len()]);
+            operator.apply(&x, &mut photo)?;
+            operator.apply_adjoint(&y, &mut dual)?;
+            let mut block = [vec![f64::NAN; y.len()], vec![f64::NAN; y.len()], vec![f64::NAN; y.len()]];
+            let [a, b, c] = &mut block;
+            operator.apply_block(&[&x, &dual, &x], &mut [a, b, c])?;
+            vectors.extend([photo, dual]);
+            vectors.extend(block);
+            norms.push(matrix.frobenius_norm(part, channel));
+            entries.push(matrix.to_csr(part, channel)?);
+        }
+    }
+    norms.extend(traced.ambient.samples().iter().copied().map(f64::from));
+    if let Some(noise) = &traced.noise {
+        norms.extend(noise.white.samples().iter().copied().map(f64::from));
+        norms.extend([noise.white_relative, noise.operator, noise.global]);
+    }
+    norms.extend([matrix.nonzeros() as f64, traced.summary.paths as f64, traced.summary.rays as f64]);
+    Ok((vectors, norms, entries))
+}
+
+#[test]
+fn a_spread_matrix_has_the_bits_of_one_process() -> Result<()> {
+    for Case { scene, settings, channels } in cases() {
+        for split in [false, true] {
+            let alone = assemble_layers(&mut tracer(&scene, None)?, &settings, channels, split)?;
+            let expected = told(&alone)?;
+            for size in 2..5 {
+                let crew = Crew::of(size);
+                {
+                    let traced =
+                        assemble_layers(&mut tracer(&scene, Some(&crew))?, &settings, channels, split)?;
+                    assert_eq!(traced.matrix.processes(), size);
+                    let own = traced.matrix.rows.len();
+                    assert!(own > 0 && own < settings.resolution.pixels(), "each process has some rows");
+                    assert!(told(&traced)? == expected, "{} with {size} processes", scene.path.display());
+                }
+                crew.end();
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn photos_that_are_traced_anew_have_the_bits_of_one_process() -> Result<()> {
+    let photos = |tracer: &mut Tracer, case: &Case| -> Result<_> {
+        let mut retraced = Retraced { tracer, settings: case.settings, channels: case.channels };
+        let white = Image::filled(retraced.pattern_resolution(), 1, 0.7);
+        let photos = retraced.photograph_with_error(&white)?;
+        let mut operator = EstimatedOperator::new(retraced, Part::Global, 0);
+        let x = pattern(operator.cols());
+        let mut y = vec![f64::NAN; operator.rows()];
+        operator.apply(&x, &mut y)?;
+        Ok((photos, y, operator.standard_errors()))
+    };
+    for case in cases() {
+        let expected = photos(&mut tracer(&case.scene, None)?, &case)?;
+        for size in [2, 3] {
+            let crew = Crew::of(size);
+            assert!(photos(&mut tracer(&case.scene, Some(&crew))?, &case)? == expected);
+            crew.end();
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn a_leader_that_is_stopped_leaves_a_team_that_goes_on() -> Result<()> {
+    use std::ops::ControlFlow;
+
+    use crate::observer::{Observer, Step};
+
+    /// Stops every computation at its first step.
+    struct Stop;
+    impl Observer for Stop {
+        fn step(&self, _: &Step<'_>) -> ControlFlow<()> {
+            ControlFlow::Break(())
+        }
+    }
+
+    let Case { scene, settings, channels } = cases().swap_remove(0);
+    let crew = Crew::of(3);
+    {
+        let mut tracer = tracer(&scene, Some(&crew))?;
+        let white = Image::filled(settings.resolution, 1, 1.0);
+        let expected = Retraced { tracer: &mut tracer, settings, channels }.photograph(&white)?;
+        tracer.observe(Arc::new(Stop));
+        let stopped = Retraced { tracer: &mut tracer, settings, channels }.photograph(&white);
+        assert!(matches!(stopped, Err(crate::Error::Interrupted)), "{stopped:?}");
+        let stopped = assemble_layers(&mut tracer, &settings, channels, false);
+        assert!(matches!(stopped, Err(crate::Error::Interrupted)));
+        tracer.observe(Arc::new(()));
+        let traced = Arc::new(assemble_layers(&mut tracer, &settings, channels, false)?);
+        let again = Retraced { tracer: &mut tracer, settings, channels }.photograph(&white)?;
+        assert!(again == expected);
+        let mut rig = Arc::clone(&traced);
+        let difference = rig.photograph(&white)?;
+        assert_eq!(difference.resolution(), expected.resolution());
+    }
+    crew.end();
+    Ok(())
+}
