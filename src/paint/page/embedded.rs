@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
 
 use super::packed::{Precision, pack, plain, scale_of};
-use super::{Page, WORKER, describe};
+use super::{WORKER, describe, page};
 use crate::analysis::planes::{Planes, difference, norm};
 use crate::error::{Error, Result};
 use crate::paint::canvas::{Canvas, Light};
@@ -297,7 +297,7 @@ fn html(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], options: &EmbedOpt
         bundle(&WORKER)
     );
     let about = "This file holds the light transport matrix and needs no server: it sends nothing anywhere.";
-    Ok(Page { info: &info, about, nonce: None, data: &data }.html())
+    page(&info, about, None, &data)
 }
 
 /// Elements that hold bytes as text.

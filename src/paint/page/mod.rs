@@ -3,11 +3,12 @@
 mod embedded;
 mod packed;
 
+use askama::Template;
 use hyper::body::Bytes;
 use serde_json::{Value, json};
 
 use super::canvas::{Canvas, Light};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::tone;
 use crate::report::colormap::signed_color;
@@ -15,9 +16,6 @@ use crate::report::palette::label_color;
 use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VIEW, bundle, embedded_json};
 pub use embedded::{EmbedOptions, Embedded, Kept, KeptPlanes};
 pub use packed::Precision;
-
-const PAGE: &str = include_str!("../web/paint.html");
-const STYLE: &str = include_str!("../web/paint.css");
 
 /// The modules of the page, each after those that it imports.
 const MODULES: [Module; 17] = [
@@ -55,13 +53,12 @@ impl Served {
     /// The page for a canvas; its scripts bear the mark `nonce`.
     ///
     /// # Errors
-    /// As [`Canvas::photo`].
+    /// As [`Canvas::photo`]; [`Error::Numerical`] where the page cannot be filled.
     pub(super) fn new(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Self> {
         let info = describe(canvas)?;
         let about =
             "Everything that is painted here stays on this machine and the server that printed this address.";
-        let page = Page { info: &info, about, nonce: Some(nonce), data: "" };
-        Ok(Self(Bytes::from(page.html())))
+        Ok(Self(Bytes::from(page(&info, about, Some(nonce), "")?)))
     }
 
     /// The page.
@@ -71,35 +68,33 @@ impl Served {
 }
 
 /// What the page is filled with.
+#[derive(Template)]
+#[template(path = "paint.html", config = "src/report/askama.toml")]
 struct Page<'a> {
-    info: &'a Value,
+    title: &'a str,
     /// A sentence at the end.
     about: &'a str,
-    nonce: Option<&'a str>,
+    /// The attribute that lets the page's own scripts and styles run; empty for a page that forbids none.
+    nonce: String,
+    style: &'static str,
+    info: String,
     /// Elements with the matrix, and the worker.
     data: &'a str,
+    script: String,
 }
 
-impl Page<'_> {
-    fn html(&self) -> String {
-        let nonce = self.nonce.map(|nonce| format!(" nonce=\"{nonce}\"")).unwrap_or_default();
-        let title = escape(self.info["name"].as_str().unwrap_or_default());
-        let filled = [
-            ("{{nonce}}", nonce.as_str()),
-            ("{{title}}", &title),
-            ("{{about}}", &escape(self.about)),
-            ("{{style}}", STYLE),
-            ("{{info}}", &embedded_json(self.info)),
-            ("{{script}}", &bundle(&MODULES)),
-            ("{{data}}", self.data),
-        ];
-        // The large parts come last: nothing is looked for in them.
-        filled.iter().fold(PAGE.to_owned(), |page, (mark, text)| page.replace(mark, text))
-    }
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+/// The page as HTML. `info` is what its scripts know of the source, `data` the elements with the matrix.
+fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<String> {
+    let page = Page {
+        title: info["name"].as_str().unwrap_or_default(),
+        about,
+        nonce: nonce.map(|nonce| format!(" nonce=\"{nonce}\"")).unwrap_or_default(),
+        style: include_str!("../web/paint.css"),
+        info: embedded_json(info),
+        data,
+        script: bundle(&MODULES),
+    };
+    page.render().map_err(|error| Error::Numerical(format!("the painting page's template: {error}")))
 }
 
 /// What the page's scripts know of the source.
