@@ -13,6 +13,7 @@ use crate::analysis::planes::{Planes, difference, norm};
 use crate::error::{Error, Result};
 use crate::paint::canvas::{Canvas, Light};
 use crate::paint::columns::Columns;
+use crate::paint::question::Answer;
 use crate::report::web::{bundle, deflated};
 use crate::sparse::Csr;
 
@@ -28,26 +29,13 @@ pub struct EmbedOptions {
     pub kept: Kept,
 }
 
-/// Answers that are kept in the file.
+/// Answers that are kept in the file. Their planes have the camera's pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Kept {
     /// Labels, one plane for each number of groups.
-    pub groups: Option<KeptPlanes>,
+    pub groups: Option<Answer>,
     /// Eigenvectors, one plane each, with their eigenvalues.
-    pub eigenvectors: Option<KeptPlanes>,
-}
-
-/// Planes of an answer.
-#[derive(Clone, Debug, Default)]
-pub struct KeptPlanes {
-    /// Numbers of groups.
-    pub groups: Vec<usize>,
-    /// Eigenvalues.
-    pub values: Vec<f64>,
-    /// What was found, as a sentence.
-    pub status: String,
-    /// One for each group count or eigenvector, with the camera's pixels.
-    pub planes: Planes,
+    pub eigenvectors: Option<Answer>,
 }
 
 /// A finished page.
@@ -282,7 +270,11 @@ fn html(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], options: &EmbedOpt
     info["welcome"] = json!("The light transport matrix is in this page");
     info["layers"] = json!(layers);
     info["ambient"] = json!(sections.add(deflated(&ambient, LEVEL)));
-    let kept = |planes: &KeptPlanes, section: usize| json!({ "groups": planes.groups, "values": planes.values, "status": planes.status, "section": section });
+    let kept = |answer: &Answer, section: usize| {
+        let mut told = json!(answer);
+        told["section"] = json!(section);
+        told
+    };
     info["kept"] = json!({});
     if let Some(groups) = &options.kept.groups {
         let labels: Vec<u8> = groups.planes.iter().flatten().map(|&label| label as u8).collect();

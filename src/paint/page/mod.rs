@@ -14,7 +14,7 @@ use crate::io::tone;
 use crate::report::colormap::signed_color;
 use crate::report::palette::label_color;
 use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VIEW, bundle, embedded_json};
-pub use embedded::{EmbedOptions, Embedded, Kept, KeptPlanes};
+pub use embedded::{EmbedOptions, Embedded, Kept};
 pub use packed::Precision;
 
 /// The modules of the page, each after those that it imports.
