@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::canvas::{Canvas, Light};
-use crate::analysis::planes::Planes;
+use crate::analysis::planes::{self, Planes};
 use crate::analysis::segment::{SegmentRequest, Segmented};
 use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::{Error, Result};
@@ -149,20 +149,20 @@ impl Canvas<'_> {
         }
         let weights: Vec<f64> = weights.iter().map(|&weight| f64::from(weight.clamp(0.0, 1.0))).collect();
         let ambient = self.ambient_of(Light::All).cloned().unwrap_or_default();
+        let white = planes::difference(self.white()?, &ambient);
         let products = if self.is_live() { 30 } else { 200 };
+        let is_even = weights.iter().all(|&weight| weight == 1.0);
+        let method = if is_even { Method::KrylovBox } else { Method::Fista };
         let mut answer = Answer::default();
-        for (channel, operator) in self.operators(Part::Full)?.iter_mut().enumerate() {
+        let channels = self.operators(Part::Full)?.iter_mut().zip(white);
+        for (channel, (operator, white)) in channels.enumerate() {
             let wanted = target[channel].iter().zip(&ambient[channel]).zip(&weights);
             let b: Vec<f64> =
                 wanted.map(|((&target, ambient), weight)| weight * (f64::from(target) - ambient)).collect();
-            let mut white = vec![0.0; pixels];
-            operator.apply(&vec![1.0; pixels], &mut white)?;
-            let is_even = weights.iter().all(|&weight| weight == 1.0);
             // Light that no pixel asks for stays off.
             let x0 = (!is_even).then(|| vec![0.0; pixels]);
             let options =
                 SolveOptions { products, rtol: 1e-3, diagonal: Some(white), x0, ..SolveOptions::default() };
-            let method = if is_even { Method::KrylovBox } else { Method::Fista };
             let found = solve_adjoint(method, &mut Weighted { operator, weights: &weights }, &b, &options)?;
             answer.values.push(found.residual);
             answer.planes.push(found.x);

@@ -7,7 +7,7 @@ use askama::Template;
 use hyper::body::Bytes;
 use serde_json::{Value, json};
 
-use super::canvas::{Canvas, Light};
+use super::canvas::Canvas;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::tone;
@@ -100,8 +100,7 @@ fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<St
 /// What the page's scripts know of the source.
 fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
     let channels = canvas.channels();
-    let white = canvas.photo(Light::All, &vec![vec![1.0; canvas.projector().pixels()]; channels])?;
-    let white = Image::from_planes(canvas.camera(), &white)?;
+    let white = Image::from_planes(canvas.camera(), canvas.white()?)?;
     let size = |of: crate::image::Resolution| [of.width, of.height];
     const SIGNED: i32 = 128;
     let signed_colors: Vec<u8> =
