@@ -2,6 +2,7 @@
 
 mod embedded;
 mod packed;
+mod thinned;
 
 use askama::Template;
 use hyper::body::Bytes;
