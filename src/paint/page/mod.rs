@@ -14,17 +14,18 @@ use crate::image::Image;
 use crate::io::tone;
 use crate::report::colormap::signed_color;
 use crate::report::palette::label_color;
-use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VIEW, bundle, embedded_json};
+use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VALUES, VIEW, bundle, embedded_json};
 pub use embedded::{EmbedOptions, Embedded, Kept};
 pub use packed::Precision;
 
 /// The modules of the page, each after those that it imports.
-const MODULES: [Module; 17] = [
+const MODULES: [Module; 18] = [
     FORMAT,
     COLOR,
     VIEW,
     PICTURE,
     NUMPY,
+    VALUES,
     ("brush.js", include_str!("../web/brush.js")),
     ("history.js", include_str!("../web/history.js")),
     ("exr.js", include_str!("../web/exr.js")),
@@ -40,7 +41,8 @@ const MODULES: [Module; 17] = [
 ];
 
 /// The modules of the worker of a page without server.
-const WORKER: [Module; 3] = [
+const WORKER: [Module; 4] = [
+    VALUES,
     ("matrix.js", include_str!("../web/matrix.js")),
     ("solver.js", include_str!("../web/solver.js")),
     ("worker.js", include_str!("../web/worker.js")),
