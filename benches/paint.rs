@@ -69,8 +69,7 @@ fn screenshot(browser: &Browser, picture: &std::path::Path) {
     let mut tab = browser.open();
     let size = json!({ "width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": false });
     tab.call("Emulation.setDeviceMetricsOverride", size);
-    tab.call("Page.navigate", json!({ "url": format!("file://{}", file.display()) }));
-    tab.wait_for("document.body?.dataset.ready === 'true'");
+    tab.go_to(&format!("file://{}", file.display()));
     tab.evaluate("document.querySelector('#clear').click()");
     let strokes = [
         ("#ffd9a0", [[0.12, 0.15], [0.5, 0.12], [0.88, 0.2]]),
@@ -87,28 +86,16 @@ fn screenshot(browser: &Browser, picture: &std::path::Path) {
                 step if step == last => &["mouseMoved", "mouseReleased"],
                 _ => &["mouseMoved"],
             };
-            kinds.iter().for_each(|kind| mouse(&mut tab, kind, [x, y]));
+            kinds.iter().for_each(|kind| tab.mouse(kind, "#pattern", [x, y]));
         }
     }
     tab.evaluate("krylux.whenSettled()");
     tab.screenshot(picture);
 }
 
-/// An event of the mouse at a place of the pattern, in shares of it.
-fn mouse(tab: &mut Tab, kind: &str, at: [f64; 2]) {
-    let found = tab.evaluate(
-        "(() => { const box = document.querySelector('#pattern').getBoundingClientRect(); return [box.left, box.top, box.width, box.height]; })()",
-    );
-    let number = |index: usize| found[index].as_f64().expect("a number");
-    let (x, y) = (number(0) + number(2) * at[0], number(1) + number(3) * at[1]);
-    let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 });
-    tab.call("Input.dispatchMouseEvent", event);
-}
-
 fn opened(browser: &Browser, address: &str) -> Tab {
     let mut tab = browser.open();
-    tab.call("Page.navigate", json!({ "url": address }));
-    tab.wait_for("document.body?.dataset.ready === 'true'");
+    tab.go_to(address);
     tab
 }
 
@@ -119,12 +106,12 @@ fn report(name: &str, tab: &mut Tab) {
             // Places that follow no grid: multiples of the golden ratio.
             let at = |factor: f64| (((stroke * STEPS + step) as f64) * factor).fract();
             let place = [at(0.618_034), at(0.754_878)];
-            mouse(tab, "mouseMoved", place);
+            tab.mouse("mouseMoved", "#pattern", place);
             if step == 0 {
-                mouse(tab, "mousePressed", place);
+                tab.mouse("mousePressed", "#pattern", place);
             }
             if step + 1 == STEPS {
-                mouse(tab, "mouseReleased", place);
+                tab.mouse("mouseReleased", "#pattern", place);
             }
         }
     }

@@ -95,7 +95,7 @@
 //! ```text
 //! cli       → paper, paint, lab, report, analysis, cache, measure, rig, transport, render, scene, krylov, io, sparse, observer, image, machine, error
 //! paper     → lab, report, analysis, measure, rig, transport, scene, krylov, io, sparse, operator, observer, image, error
-//! paint     → lab, report, analysis, transport, krylov, io, sparse, operator, observer, image, error
+//! paint     → lab, report, analysis, transport, krylov, io, sparse, operator, image, error
 //! lab       → report, analysis, cache, measure, rig, transport, render, scene, gpu, krylov, io, sparse, operator, journal, observer, image, file, machine, error
 //! report    → analysis, measure, rig, krylov, io, image, error
 //! analysis  → measure, rig, transport, krylov, io, sparse, operator, observer, image, error

@@ -12,10 +12,11 @@ use super::options::{CheckArgs, RunArgs, SourceArgs, count, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
 use crate::error::Result;
-use crate::krylov::{Eigs, EigsMethod, EigsOptions, Start, Which};
+use crate::krylov::{EigsMethod, EigsOptions, Start, Which};
 use crate::lab::text::{percent, rounded, with_error};
 use crate::lab::{Eigenpairs, Lab};
-use crate::paint::page::{Kept, KeptPlanes};
+use crate::paint::Answer;
+use crate::paint::page::Kept;
 use crate::transport::Part;
 
 /// Compute eigenvalues and eigenvectors of a scene's light transport matrix, or of a matrix from a file
@@ -173,19 +174,9 @@ fn answer(args: &Args, lab: &mut Lab, console: &Console) -> Result<Outcome> {
     });
     // Only a tolerance that was asked for can be missed.
     let is_good = args.question.tolerance.is_none() || pairs.is_good();
-    let kept = Kept { groups: None, eigenvectors: Some(kept(&found)) };
+    let kept = Kept { groups: None, eigenvectors: Some(Answer::from(&found)) };
     let ending = Ending { run: &args.run, is_good, summary, kept };
     Ok(finish(lab, console, &pairs, ending)?.1)
-}
-
-/// The eigenvectors as the painting page shows them.
-fn kept(found: &Eigs) -> KeptPlanes {
-    KeptPlanes {
-        groups: Vec::new(),
-        values: found.values.clone(),
-        status: format!("{} photos: {}", found.stats.products, found.stats.status),
-        planes: found.vectors.clone(),
-    }
 }
 
 fn say(pairs: &Eigenpairs<'_>, console: &Console) -> Result<()> {

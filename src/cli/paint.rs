@@ -19,8 +19,8 @@ use crate::error::Result;
 use crate::io::atomic;
 use crate::lab::Lab;
 use crate::lab::text::percent;
-use crate::paint::page::{EmbedOptions, Embedded, Kept, KeptPlanes, Precision};
-use crate::paint::{Answer, Canvas, Ended, Light, Question, ServeOptions, Session, serve};
+use crate::paint::page::{EmbedOptions, Embedded, Kept, Precision};
+use crate::paint::{Canvas, Ended, Light, Question, ServeOptions, Session, serve};
 
 /// Paint patterns in a browser, and see the photo while the pen moves
 ///
@@ -155,18 +155,10 @@ fn write_with(
 
 /// What the file shows without asking.
 fn kept(args: &EmbedArgs, canvas: &mut Canvas<'_>) -> Result<Kept> {
-    let planes = |answer: Answer| KeptPlanes {
-        groups: answer.groups,
-        values: answer.values,
-        status: answer.status,
-        planes: answer.planes,
-    };
     let light = if canvas.lights().contains(&Light::Global) { Light::Global } else { Light::All };
     let groups = (!args.groups.is_empty()).then(|| Question::Groups { groups: args.groups.clone() });
     let eigenvectors = args.eigenvectors.map(|count| Question::Eigenvectors { light, count });
-    let mut ask = |question: Option<Question>| {
-        question.map(|question| canvas.answer(&question).map(planes)).transpose()
-    };
+    let mut ask = |question: Option<Question>| question.map(|question| canvas.answer(&question)).transpose();
     Ok(Kept { groups: ask(groups)?, eigenvectors: ask(eigenvectors)? })
 }
 

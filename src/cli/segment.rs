@@ -11,12 +11,12 @@ use super::operator::OperatorArgs;
 use super::options::{CheckArgs, RunArgs, SourceArgs, number};
 use super::tev::LiveArgs;
 use super::trace::TraceArgs;
-use crate::analysis::Segmentation;
 use crate::analysis::segment::{SegmentRequest, Truth};
 use crate::error::{Error, Result};
 use crate::lab::text::{rounded, with_error};
 use crate::lab::{Lab, Scored};
-use crate::paint::page::{Kept, KeptPlanes};
+use crate::paint::Answer;
+use crate::paint::page::Kept;
 use question::LightArgs;
 pub(super) use question::Question;
 
@@ -82,22 +82,11 @@ fn answer(args: &Args, request: &SegmentRequest, lab: &mut Lab, console: &Consol
             "warning: {refuted} of the {at_one} eigenvectors that were counted as regions are noise: other light paths do not confirm them; give more --spp"
         ));
     }
-    let kept = Kept { groups: Some(kept(&segmented.segmentation)), eigenvectors: None };
+    let kept = Kept { groups: Some(Answer::from(&segmented.segmentation)), eigenvectors: None };
     let (_, outcome) =
         finish(lab, console, &answer, Ending { run: &args.run, is_good: true, summary, kept })?;
     let is_good = is_good(args.min_rand_index, &scores, truth.as_ref(), console)?;
     Ok(if is_good { outcome } else { Outcome::NotGoodEnough })
-}
-
-/// The groups as the painting page shows them.
-fn kept(found: &Segmentation) -> KeptPlanes {
-    let plane = |labels: &Vec<u8>| labels.iter().map(|&label| f64::from(label)).collect();
-    KeptPlanes {
-        groups: found.labels.iter().map(|(groups, _)| *groups).collect(),
-        values: found.eigenvalues.clone(),
-        status: found.status.clone(),
-        planes: found.labels.iter().map(|(_, labels)| plane(labels)).collect(),
-    }
 }
 
 fn summary(answer: &Scored<'_>, refuted: usize) -> serde_json::Value {

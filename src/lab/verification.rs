@@ -97,22 +97,26 @@ impl Lab {
         pairs: &Eigenpairs<'_>,
         estimates: impl FnOnce(&[EstimatedProduct]) -> Option<Vec<EigenpairEstimate>>,
     ) -> Result<Option<VerifiedEigenpairs>> {
-        let is_scene = matches!(self.source, Source::Scene(_));
-        let sum = [pairs.sum_with_signs(self.seed())];
-        let asked: Vec<Question<'_>> = match is_scene {
-            true => pairs.questions(),
-            false => vec![Question { pattern: &sum[0].pattern, shift: 0.0 }],
+        let sum = match self.source {
+            Source::Scene(_) => None,
+            _ => Some(pairs.sum_with_signs(self.seed())),
+        };
+        let asked: Vec<Question<'_>> = match &sum {
+            None => pairs.questions(),
+            Some(sum) => vec![Question { pattern: &sum.pattern, shift: 0.0 }],
         };
         let Some((by, mut products)) = self.independent(part, 0, &asked)? else { return Ok(None) };
         for product in &mut products {
             let entries = product.product.iter_mut().zip(&mut product.error).zip(pairs.weights);
             entries.filter(|(_, weight)| **weight == 0.0).for_each(|((y, e), _)| (*y, *e) = (0.0, 0.0));
         }
-        let squares = match is_scene {
-            true => pairs.photos().zip(&products).map(|(photo, product)| product.squares(&photo)).sum(),
-            false => squares(&sum, &products),
+        let (squares, estimates) = match &sum {
+            None => {
+                let each = pairs.photos().zip(&products).map(|(photo, product)| product.squares(&photo));
+                (each.sum(), estimates(&products).unwrap_or_default())
+            }
+            Some(sum) => (squares(std::slice::from_ref(sum), &products), Vec::new()),
         };
-        let estimates = if is_scene { estimates(&products).unwrap_or_default() } else { Vec::new() };
         let verification = self.checked(by, "photos of the eigenvectors", squares);
         Ok(verification.map(|verification| VerifiedEigenpairs { verification, estimates }))
     }

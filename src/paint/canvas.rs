@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::columns::Columns;
-use crate::analysis::planes::Planes;
+use crate::analysis::planes::{self, Planes};
 use crate::error::{Error, Result};
 use crate::image::{Image, Resolution};
 use crate::lab::{Lab, LabOperator, MatrixRequest, SourceKind};
@@ -58,6 +58,8 @@ pub struct Canvas<'a> {
     lights: Vec<Light>,
     ambient: Planes,
     operators: Vec<(Part, Vec<LabOperator>)>,
+    /// The photo of white in all light, once it was taken.
+    white: Option<Planes>,
 }
 
 impl<'a> Canvas<'a> {
@@ -80,7 +82,7 @@ impl<'a> Canvas<'a> {
             SourceKind::Rig => vec![vec![0.0; sizes[1].pixels()]; lab.channels().count()],
             _ => lab.ambient()?.planes(),
         };
-        Ok(Self { lab, sizes, layers, lights, ambient, operators: Vec::new() })
+        Ok(Self { lab, sizes, layers, lights, ambient, operators: Vec::new(), white: None })
     }
 
     /// The laboratory.
@@ -123,6 +125,11 @@ impl<'a> Canvas<'a> {
         &self.layers
     }
 
+    /// The layers whose sum is this light without the ambient light.
+    fn layers_of(&self, light: Light) -> impl Iterator<Item = &Columns> {
+        self.layers.iter().filter(move |(layer, _)| light.holds(*layer)).map(|(_, columns)| columns)
+    }
+
     /// The light without projector, which is part of all light only.
     pub(super) fn ambient_of(&self, light: Light) -> Option<&Planes> {
         (light == Light::All).then_some(&self.ambient)
@@ -140,7 +147,7 @@ impl<'a> Canvas<'a> {
         if self.is_live() {
             return Ok(self.lab.photo(&Image::from_planes(self.projector(), pattern)?)?.planes());
         }
-        let mut photo = match light.part() {
+        let photo = match light.part() {
             Some(part) => {
                 let product = |(operator, pattern): (&mut LabOperator, &Vec<f64>)| {
                     let mut photo = vec![0.0; operator.rows()];
@@ -152,28 +159,37 @@ impl<'a> Canvas<'a> {
             None => {
                 let mut photo = vec![vec![0.0; self.camera().pixels()]; self.channels()];
                 for (channel, (photo, pattern)) in photo.iter_mut().zip(pattern).enumerate() {
-                    let of_light = self.layers.iter().filter(|(layer, _)| light.holds(*layer));
-                    of_light.for_each(|(_, columns)| columns.multiply(channel, pattern, photo));
+                    self.layers_of(light).for_each(|columns| columns.multiply(channel, pattern, photo));
                 }
                 photo
             }
         };
-        if let Some(ambient) = self.ambient_of(light) {
-            photo
-                .iter_mut()
-                .flatten()
-                .zip(ambient.iter().flatten())
-                .for_each(|(photo, ambient)| *photo += ambient);
-        }
-        Ok(photo)
+        Ok(match self.ambient_of(light) {
+            Some(ambient) => planes::sum(&photo, ambient),
+            None => photo,
+        })
+    }
+
+    /// The photo of a white pattern in all light. It is taken once.
+    ///
+    /// # Errors
+    /// As [`Canvas::photo`].
+    pub(super) fn white(&mut self) -> Result<&Planes> {
+        let white = match self.white.take() {
+            Some(white) => white,
+            None => {
+                let pattern = vec![vec![1.0; self.projector().pixels()]; self.channels()];
+                self.photo(Light::All, &pattern)?
+            }
+        };
+        Ok(self.white.insert(white))
     }
 
     /// Adds to a photo what a change of one projector pixel adds, `change` in each channel. Returns whether that is possible: the columns of the
     /// matrix are in memory.
     pub fn add_pixel(&self, light: Light, pixel: usize, change: &[f64], photo: &mut Planes) -> bool {
         for (channel, (photo, &change)) in photo.iter_mut().zip(change).enumerate() {
-            let of_light = self.layers.iter().filter(|(layer, _)| light.holds(*layer));
-            of_light.for_each(|(_, columns)| columns.add(channel, pixel, change, photo));
+            self.layers_of(light).for_each(|columns| columns.add(channel, pixel, change, photo));
         }
         !self.layers.is_empty()
     }
@@ -195,15 +211,11 @@ impl<'a> Canvas<'a> {
         }
         let mut pattern = vec![vec![0.0; self.projector().pixels()]; self.channels()];
         pattern.iter_mut().for_each(|plane| plane[pixel] = 1.0);
-        let mut photo = self.photo(light, &pattern)?;
-        if let Some(ambient) = self.ambient_of(light) {
-            photo
-                .iter_mut()
-                .flatten()
-                .zip(ambient.iter().flatten())
-                .for_each(|(photo, ambient)| *photo -= ambient);
-        }
-        Ok(photo)
+        let photo = self.photo(light, &pattern)?;
+        Ok(match self.ambient_of(light) {
+            Some(ambient) => planes::difference(&photo, ambient),
+            None => photo,
+        })
     }
 
     /// How much each projector pixel lights one camera pixel: a row of the matrix, which is a dual photograph. `None` where only
@@ -216,8 +228,7 @@ impl<'a> Canvas<'a> {
         if !self.layers.is_empty() {
             let mut pattern = vec![vec![0.0; projector]; self.channels()];
             for (channel, plane) in pattern.iter_mut().enumerate() {
-                let of_light = self.layers.iter().filter(|(layer, _)| light.holds(*layer));
-                of_light.for_each(|(_, columns)| columns.add_row(channel, pixel, plane));
+                self.layers_of(light).for_each(|columns| columns.add_row(channel, pixel, plane));
             }
             return Ok(Some(pattern));
         }

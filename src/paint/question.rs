@@ -3,13 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::canvas::{Canvas, Light};
-use crate::analysis::SegmentOptions;
-use crate::analysis::planes::Planes;
+use crate::analysis::planes::{self, Planes};
 use crate::analysis::segment::{SegmentRequest, Segmented};
+use crate::analysis::{SegmentOptions, Segmentation};
 use crate::error::{Error, Result};
-use crate::krylov::{EigsOptions, Method, SolveOptions, solve_adjoint};
-use crate::observer::Observer;
-use crate::operator::{Adjoint, Operator, Symmetry};
+use crate::krylov::{Eigs, EigsOptions, Method, SolveOptions, eigs, solve_adjoint};
+use crate::operator::{Adjoint, Operator, Symmetry, delegate};
 use crate::transport::Part;
 
 /// The most eigenvectors, and the most groups, that a page may ask for.
@@ -54,6 +53,31 @@ pub struct Answer {
     pub planes: Planes,
 }
 
+impl From<&Eigs> for Answer {
+    /// Eigenvectors with their eigenvalues.
+    fn from(found: &Eigs) -> Self {
+        Self {
+            values: found.values.clone(),
+            groups: Vec::new(),
+            status: format!("{} photos: {}", found.stats.products, found.stats.status),
+            planes: found.vectors.clone(),
+        }
+    }
+}
+
+impl From<&Segmentation> for Answer {
+    /// Labels for each number of groups.
+    fn from(found: &Segmentation) -> Self {
+        let plane = |labels: &Vec<u8>| labels.iter().map(|&label| f64::from(label)).collect();
+        Self {
+            values: found.eigenvalues.clone(),
+            groups: found.labels.iter().map(|(groups, _)| *groups).collect(),
+            status: found.status.clone(),
+            planes: found.labels.iter().map(|(_, labels)| plane(labels)).collect(),
+        }
+    }
+}
+
 impl Canvas<'_> {
     /// Answers a question.
     ///
@@ -73,20 +97,13 @@ impl Canvas<'_> {
         };
         let count = count.clamp(1, MOST);
         let options = EigsOptions { count, products: 60.max(4 * count), ..EigsOptions::default() };
-        let found = crate::krylov::eigs(&mut self.lab().reference_operators(part)?.remove(0), &options)?;
+        let found = eigs(&mut self.operators(part)?[0], &options)?;
         let values = found.values.iter().zip(&found.residuals);
         let worst = values.map(|(value, residual)| residual / value.abs().max(f64::MIN_POSITIVE));
         let worst = worst.fold(0.0, f64::max);
-        Ok(Answer {
-            status: format!(
-                "{} products; relative residuals up to {worst:.1e}{}",
-                found.stats.products,
-                self.of_channel()
-            ),
-            values: found.values,
-            groups: Vec::new(),
-            planes: found.vectors,
-        })
+        let (products, of_channel) = (found.stats.products, self.of_channel());
+        let status = format!("{products} products; relative residuals up to {worst:.1e}{of_channel}");
+        Ok(Answer { status, ..Answer::from(&found) })
     }
 
     fn groups(&mut self, groups: &[usize]) -> Result<Answer> {
@@ -102,18 +119,11 @@ impl Canvas<'_> {
             evidence: false,
         };
         let resolution = self.camera();
-        let mut global = self.lab().reference_operators(Part::Global)?.remove(0);
-        let Segmented { segmentation, .. } = request.run(&mut global as &mut dyn Operator, resolution)?;
-        Ok(Answer {
-            values: segmentation.eigenvalues,
-            groups: segmentation.labels.iter().map(|(groups, _)| *groups).collect(),
-            status: segmentation.status + self.of_channel(),
-            planes: segmentation
-                .labels
-                .iter()
-                .map(|(_, labels)| labels.iter().map(|&l| f64::from(l)).collect())
-                .collect(),
-        })
+        let global = &mut self.operators(Part::Global)?[0];
+        let Segmented { segmentation, .. } = request.run(global as &mut dyn Operator, resolution)?;
+        let mut answer = Answer::from(&segmentation);
+        answer.status += self.of_channel();
+        Ok(answer)
     }
 
     /// What is said of an answer that looks at one channel of three.
@@ -139,20 +149,20 @@ impl Canvas<'_> {
         }
         let weights: Vec<f64> = weights.iter().map(|&weight| f64::from(weight.clamp(0.0, 1.0))).collect();
         let ambient = self.ambient_of(Light::All).cloned().unwrap_or_default();
+        let white = planes::difference(self.white()?, &ambient);
         let products = if self.is_live() { 30 } else { 200 };
+        let is_even = weights.iter().all(|&weight| weight == 1.0);
+        let method = if is_even { Method::KrylovBox } else { Method::Fista };
         let mut answer = Answer::default();
-        for (channel, operator) in self.lab().reference_operators(Part::Full)?.iter_mut().enumerate() {
+        let channels = self.operators(Part::Full)?.iter_mut().zip(white);
+        for (channel, (operator, white)) in channels.enumerate() {
             let wanted = target[channel].iter().zip(&ambient[channel]).zip(&weights);
             let b: Vec<f64> =
                 wanted.map(|((&target, ambient), weight)| weight * (f64::from(target) - ambient)).collect();
-            let mut white = vec![0.0; pixels];
-            operator.apply(&vec![1.0; pixels], &mut white)?;
-            let is_even = weights.iter().all(|&weight| weight == 1.0);
             // Light that no pixel asks for stays off.
             let x0 = (!is_even).then(|| vec![0.0; pixels]);
             let options =
                 SolveOptions { products, rtol: 1e-3, diagonal: Some(white), x0, ..SolveOptions::default() };
-            let method = if is_even { Method::KrylovBox } else { Method::Fista };
             let found = solve_adjoint(method, &mut Weighted { operator, weights: &weights }, &b, &options)?;
             answer.values.push(found.residual);
             answer.planes.push(found.x);
@@ -178,13 +188,7 @@ struct Weighted<'a, O> {
 }
 
 impl<O: Adjoint> Operator for Weighted<'_, O> {
-    fn rows(&self) -> usize {
-        self.operator.rows()
-    }
-
-    fn cols(&self) -> usize {
-        self.operator.cols()
-    }
+    delegate!(operator: rows, cols, observer);
 
     fn symmetry(&self) -> Symmetry {
         Symmetry::General
@@ -194,10 +198,6 @@ impl<O: Adjoint> Operator for Weighted<'_, O> {
         self.operator.apply(x, y)?;
         y.iter_mut().zip(self.weights).for_each(|(y, weight)| *y *= weight);
         Ok(())
-    }
-
-    fn observer(&self) -> &dyn Observer {
-        self.operator.observer()
     }
 }
 

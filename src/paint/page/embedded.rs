@@ -7,12 +7,14 @@ use flate2::Compression;
 use rand::{RngExt, SeedableRng};
 use serde_json::{Value, json};
 
-use super::packed::{Precision, pack, plain, scale_of};
-use super::{Page, WORKER, describe};
+use super::packed::{Precision, pack, scale_of};
+use super::thinned::thinned;
+use super::{WORKER, describe, page};
 use crate::analysis::planes::{Planes, difference, norm};
 use crate::error::{Error, Result};
 use crate::paint::canvas::{Canvas, Light};
 use crate::paint::columns::Columns;
+use crate::paint::question::Answer;
 use crate::report::web::{bundle, deflated};
 use crate::sparse::Csr;
 
@@ -28,26 +30,13 @@ pub struct EmbedOptions {
     pub kept: Kept,
 }
 
-/// Answers that are kept in the file.
+/// Answers that are kept in the file. Their planes have the camera's pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Kept {
     /// Labels, one plane for each number of groups.
-    pub groups: Option<KeptPlanes>,
+    pub groups: Option<Answer>,
     /// Eigenvectors, one plane each, with their eigenvalues.
-    pub eigenvectors: Option<KeptPlanes>,
-}
-
-/// Planes of an answer.
-#[derive(Clone, Debug, Default)]
-pub struct KeptPlanes {
-    /// Numbers of groups.
-    pub groups: Vec<usize>,
-    /// Eigenvalues.
-    pub values: Vec<f64>,
-    /// What was found, as a sentence.
-    pub status: String,
-    /// One for each group count or eigenvector, with the camera's pixels.
-    pub planes: Planes,
+    pub eigenvectors: Option<Answer>,
 }
 
 /// A finished page.
@@ -83,10 +72,11 @@ impl Embedded {
             });
         }
         let most = options.max_bytes.unwrap_or(usize::MAX);
+        let parts = Parts::new(canvas, options)?;
         let (mut share, mut too_much, mut best) = (1.0, f64::INFINITY, None);
         for _ in 0..TRIALS {
             let layers = thinned(canvas.layers(), share);
-            let html = html(canvas, &layers, options)?;
+            let html = parts.html(&layers)?;
             let bytes = html.len();
             // What is not of the matrix does not shrink; a little less than what should fit.
             let fitting = share * 0.97 * most as f64 / bytes as f64;
@@ -140,81 +130,6 @@ fn too_large(bytes: usize, most: usize) -> Error {
     }
 }
 
-/// Keeps about this share of the entries of all layers together: those above a threshold `τ` as they are, a smaller one `a` with the probability
-/// `|a| / τ` as `±τ`. The mean of every entry stays what it was. Both halves of a symmetric matrix are thinned alike.
-fn thinned(layers: &[(Light, Columns)], share: f64) -> Vec<(Light, Columns)> {
-    if share >= 1.0 {
-        return layers.to_vec();
-    }
-    // Channels share positions: an entry counts by its largest size relative to its channel's largest.
-    let channels = layers.first().map_or(0, |(_, columns)| columns.channels().len());
-    let largest = |channel: usize| {
-        layers.iter().map(|(_, columns)| scale_of(&columns.channels()[channel])).fold(0.0, f64::max)
-    };
-    let scales: Vec<f64> = (0..channels).map(largest).collect();
-    let sizes = layers.iter().flat_map(|(_, columns)| sizes(columns, &scales)).collect();
-    let threshold = threshold(sizes, share);
-    layers.iter().map(|(light, columns)| (*light, without_small(columns, &scales, threshold))).collect()
-}
-
-/// The size of each entry of a layer, column by column.
-fn sizes(columns: &Columns, scales: &[f64]) -> Vec<f64> {
-    let mut sizes = vec![0.0_f64; columns.nonzeros()];
-    for (of, scale) in columns.channels().iter().zip(scales) {
-        sizes.iter_mut().zip(of.weights()).for_each(|(size, value)| *size = size.max(value.abs() / scale));
-    }
-    sizes
-}
-
-/// A layer whose entries below the threshold are left out, or made larger, by chance.
-fn without_small(columns: &Columns, scales: &[f64], threshold: f64) -> Columns {
-    let sizes = sizes(columns, scales);
-    let first = &columns.channels()[0];
-    let mut row_start = vec![0];
-    let mut places_kept = Vec::new();
-    let mut values_kept: Vec<Vec<f64>> = vec![Vec::new(); scales.len()];
-    for column in 0..first.rows() {
-        let of_column = first.row_start()[column]..first.row_start()[column + 1];
-        for (at, size) in of_column.clone().zip(&sizes[of_column]) {
-            let place = first.columns()[at];
-            let probability = (size / threshold).min(1.0);
-            if probability < 1.0 && chance(column, place as usize) >= probability {
-                continue;
-            }
-            places_kept.push(place);
-            for (values, of) in values_kept.iter_mut().zip(columns.channels()) {
-                values.push(of.weights()[at] / probability);
-            }
-        }
-        row_start.push(places_kept.len());
-    }
-    let thin = |values: Vec<f64>| Csr::new(first.cols(), row_start.clone(), places_kept.clone(), values).ok();
-    // The positions are a part of those of a valid matrix.
-    Columns::new(values_kept.into_iter().filter_map(thin).collect())
-}
-
-/// The threshold above which entries count whole, so that `Σ min(1, size / τ)` is this share of them.
-fn threshold(mut sizes: Vec<f64>, share: f64) -> f64 {
-    sizes.sort_by(f64::total_cmp);
-    let wanted = share * sizes.len() as f64;
-    let mut below = sizes.iter().sum::<f64>();
-    // From the largest down: with `k` whole ones, τ is what the others must share.
-    for (whole, &size) in sizes.iter().rev().enumerate() {
-        let threshold = below / (wanted - whole as f64).max(f64::MIN_POSITIVE);
-        if size <= threshold {
-            return threshold.max(f64::MIN_POSITIVE);
-        }
-        below -= size;
-    }
-    f64::MIN_POSITIVE
-}
-
-/// A number from 0 to 1 by chance, the same for both halves of a symmetric matrix.
-fn chance(column: usize, place: usize) -> f64 {
-    let (low, high) = (column.min(place) as u64, column.max(place) as u64);
-    rand_pcg::Pcg64Mcg::seed_from_u64(high << 32 | low).random()
-}
-
 /// The relative difference that storing makes to photos, the largest of four.
 fn error(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], precision: Precision) -> Result<f64> {
     let (pixels, camera, width) =
@@ -254,54 +169,72 @@ fn multiply_rounded(columns: &Csr, precision: Precision, pattern: &[f64], photo:
     }
 }
 
-/// The page with these layers.
-fn html(canvas: &mut Canvas<'_>, layers: &[(Light, Columns)], options: &EmbedOptions) -> Result<String> {
-    let mut sections = Sections::default();
-    let layers: Vec<Value> = layers
-        .iter()
-        .map(|(light, columns)| {
-            let packed = pack(columns.channels(), options.precision);
-            json!({
-                "light": light,
-                "rows": canvas.camera().pixels(),
-                "columns": canvas.projector().pixels(),
-                "symmetric": packed.is_symmetric,
-                "precision": options.precision,
-                "scales": packed.scales,
-                "positions": sections.add(deflated(&packed.positions, LEVEL)),
-                "values": packed.values.iter().map(|bytes| sections.add(deflated(bytes, LEVEL))).collect::<Vec<_>>(),
-            })
-        })
-        .collect();
-    let floats = |planes: &Planes| -> Vec<u8> {
-        planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()).collect()
-    };
-    let mut info = describe(canvas)?;
-    let ambient = canvas.ambient_of(Light::All).map(floats).unwrap_or_default();
-    info["isEmbedded"] = json!(true);
-    info["welcome"] = json!("The light transport matrix is in this page");
-    info["layers"] = json!(layers);
-    info["ambient"] = json!(sections.add(deflated(&ambient, LEVEL)));
-    let kept = |planes: &KeptPlanes, section: usize| json!({ "groups": planes.groups, "values": planes.values, "status": planes.status, "section": section });
-    info["kept"] = json!({});
-    if let Some(groups) = &options.kept.groups {
-        let labels: Vec<u8> = groups.planes.iter().flatten().map(|&label| label as u8).collect();
-        info["kept"]["groups"] = kept(groups, sections.add(plain(&labels)));
-    }
-    if let Some(eigenvectors) = &options.kept.eigenvectors {
-        info["kept"]["eigenvectors"] = kept(eigenvectors, sections.add(plain(&floats(&eigenvectors.planes))));
-    }
-    let data = format!(
-        "{}<script type=\"text/plain\" id=\"worker\">\n{}</script>\n",
-        sections.html,
-        bundle(&WORKER)
-    );
-    let about = "This file holds the light transport matrix and needs no server: it sends nothing anywhere.";
-    Ok(Page { info: &info, about, nonce: None, data: &data }.html())
+/// What is in the page whatever layers it has.
+struct Parts {
+    info: Value,
+    sections: Sections,
+    precision: Precision,
 }
 
-/// Elements that hold bytes as text.
-#[derive(Default)]
+impl Parts {
+    fn new(canvas: &mut Canvas<'_>, options: &EmbedOptions) -> Result<Self> {
+        let mut sections = Sections::default();
+        let mut info = describe(canvas)?;
+        info["isEmbedded"] = json!(true);
+        info["welcome"] = json!("The light transport matrix is in this page");
+        let ambient = canvas.ambient_of(Light::All).map(floats).unwrap_or_default();
+        info["ambient"] = json!(sections.add(&ambient));
+        info["kept"] = json!({});
+        let mut keep = |ask: &str, answer: &Answer, bytes: &[u8]| {
+            info["kept"][ask] = json!(answer);
+            info["kept"][ask]["section"] = json!(sections.add(bytes));
+        };
+        if let Some(groups) = &options.kept.groups {
+            let labels: Vec<u8> = groups.planes.iter().flatten().map(|&label| label as u8).collect();
+            keep("groups", groups, &labels);
+        }
+        if let Some(eigenvectors) = &options.kept.eigenvectors {
+            keep("eigenvectors", eigenvectors, &floats(&eigenvectors.planes));
+        }
+        Ok(Self { info, sections, precision: options.precision })
+    }
+
+    /// The page with these layers.
+    fn html(&self, layers: &[(Light, Columns)]) -> Result<String> {
+        let (mut info, mut sections) = (self.info.clone(), self.sections.clone());
+        let layer = |(light, columns): &(Light, Columns)| {
+            // Each row of these matrices is a column of the layer.
+            let of_channels = columns.channels();
+            let packed = pack(of_channels, self.precision);
+            json!({
+                "light": light,
+                "rows": of_channels[0].cols(),
+                "columns": of_channels[0].rows(),
+                "symmetric": packed.is_symmetric,
+                "precision": self.precision,
+                "scales": packed.scales,
+                "positions": sections.add(&packed.positions),
+                "values": packed.values.iter().map(|bytes| sections.add(bytes)).collect::<Vec<_>>(),
+            })
+        };
+        info["layers"] = layers.iter().map(layer).collect();
+        let data = format!(
+            "{}<script type=\"text/plain\" id=\"worker\">\n{}</script>\n",
+            sections.html,
+            bundle(&WORKER)
+        );
+        let about =
+            "This file holds the light transport matrix and needs no server: it sends nothing anywhere.";
+        page(&info, about, None, &data)
+    }
+}
+
+fn floats(planes: &Planes) -> Vec<u8> {
+    planes.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()).collect()
+}
+
+/// Elements that hold deflated bytes as text.
+#[derive(Clone, Default)]
 struct Sections {
     html: String,
     count: usize,
@@ -309,12 +242,12 @@ struct Sections {
 
 impl Sections {
     /// Adds one; returns its number.
-    fn add(&mut self, text: String) -> usize {
+    fn add(&mut self, bytes: &[u8]) -> usize {
+        let (number, text) = (self.count, deflated(bytes, LEVEL));
         // Writing to a string cannot fail.
-        let _ =
-            writeln!(self.html, "<script type=\"text/plain\" id=\"section-{}\">{text}</script>", self.count);
+        let _ = writeln!(self.html, "<script type=\"text/plain\" id=\"section-{number}\">{text}</script>");
         self.count += 1;
-        self.count - 1
+        number
     }
 }
 
@@ -342,32 +275,5 @@ mod tests {
         let refused = Embedded::new(&mut canvas, &options(Some(10_000)));
         assert!(refused.is_err_and(|error| error.to_string().contains("--max-size")));
         Ok(())
-    }
-
-    #[test]
-    fn thinning_keeps_the_mean_of_every_photo_and_symmetry() -> Result<()> {
-        let entries = |row: usize| (0..60).map(move |column| 1.0 + ((row * column) % 7) as f64);
-        let weights: Vec<f64> = (0..60).flat_map(entries).collect();
-        let columns: Vec<u32> = (0..60).flat_map(|_| 0..60).collect();
-        let matrix = Csr::new(60, (0..=60).map(|row| 60 * row).collect(), columns, weights)?;
-        let sum = |of: &Csr| of.weights().iter().sum::<f64>();
-        let thin = thinned(&[(Light::All, Columns::new(vec![matrix.clone()]))], 0.3);
-        let thin = &thin[0].1.channels()[0];
-        assert!(thin.is_symmetric());
-        let share = thin.weights().len() as f64 / matrix.weights().len() as f64;
-        // 1,830 independent choices: three standard deviations are 3.5 % of the share and about 5 % of the sum.
-        assert!((share / 0.3 - 1.0).abs() < 0.15, "{share}");
-        assert!((sum(thin) / sum(&matrix) - 1.0).abs() < 0.1);
-        Ok(())
-    }
-
-    #[test]
-    fn the_threshold_keeps_the_share_that_is_wanted() {
-        let sizes: Vec<f64> = (1..=1000).map(|size| f64::from(size).powi(2)).collect();
-        for share in [0.9, 0.5, 0.1] {
-            let threshold = threshold(sizes.clone(), share);
-            let kept: f64 = sizes.iter().map(|size| (size / threshold).min(1.0)).sum();
-            assert!((kept / 1000.0 - share).abs() < 1e-9, "{share}: {kept}");
-        }
     }
 }

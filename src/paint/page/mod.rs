@@ -2,30 +2,30 @@
 
 mod embedded;
 mod packed;
+mod thinned;
 
+use askama::Template;
 use hyper::body::Bytes;
 use serde_json::{Value, json};
 
-use super::canvas::{Canvas, Light};
-use crate::error::Result;
+use super::canvas::Canvas;
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::tone;
 use crate::report::colormap::signed_color;
 use crate::report::palette::label_color;
-use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VIEW, bundle, embedded_json};
-pub use embedded::{EmbedOptions, Embedded, Kept, KeptPlanes};
+use crate::report::web::{COLOR, FORMAT, Module, NUMPY, PICTURE, VALUES, VIEW, bundle, embedded_json};
+pub use embedded::{EmbedOptions, Embedded, Kept};
 pub use packed::Precision;
 
-const PAGE: &str = include_str!("../web/paint.html");
-const STYLE: &str = include_str!("../web/paint.css");
-
 /// The modules of the page, each after those that it imports.
-const MODULES: [Module; 17] = [
+const MODULES: [Module; 18] = [
     FORMAT,
     COLOR,
     VIEW,
     PICTURE,
     NUMPY,
+    VALUES,
     ("brush.js", include_str!("../web/brush.js")),
     ("history.js", include_str!("../web/history.js")),
     ("exr.js", include_str!("../web/exr.js")),
@@ -41,7 +41,8 @@ const MODULES: [Module; 17] = [
 ];
 
 /// The modules of the worker of a page without server.
-const WORKER: [Module; 3] = [
+const WORKER: [Module; 4] = [
+    VALUES,
     ("matrix.js", include_str!("../web/matrix.js")),
     ("solver.js", include_str!("../web/solver.js")),
     ("worker.js", include_str!("../web/worker.js")),
@@ -55,13 +56,12 @@ impl Served {
     /// The page for a canvas; its scripts bear the mark `nonce`.
     ///
     /// # Errors
-    /// As [`Canvas::photo`].
+    /// As [`Canvas::photo`]; [`Error::Numerical`] where the page cannot be filled.
     pub(super) fn new(canvas: &mut Canvas<'_>, nonce: &str) -> Result<Self> {
         let info = describe(canvas)?;
         let about =
             "Everything that is painted here stays on this machine and the server that printed this address.";
-        let page = Page { info: &info, about, nonce: Some(nonce), data: "" };
-        Ok(Self(Bytes::from(page.html())))
+        Ok(Self(Bytes::from(page(&info, about, Some(nonce), "")?)))
     }
 
     /// The page.
@@ -71,42 +71,39 @@ impl Served {
 }
 
 /// What the page is filled with.
+#[derive(Template)]
+#[template(path = "paint.html", config = "src/report/askama.toml")]
 struct Page<'a> {
-    info: &'a Value,
+    title: &'a str,
     /// A sentence at the end.
     about: &'a str,
-    nonce: Option<&'a str>,
+    /// The attribute that lets the page's own scripts and styles run; empty for a page that forbids none.
+    nonce: String,
+    style: &'static str,
+    info: String,
     /// Elements with the matrix, and the worker.
     data: &'a str,
+    script: String,
 }
 
-impl Page<'_> {
-    fn html(&self) -> String {
-        let nonce = self.nonce.map(|nonce| format!(" nonce=\"{nonce}\"")).unwrap_or_default();
-        let title = escape(self.info["name"].as_str().unwrap_or_default());
-        let filled = [
-            ("{{nonce}}", nonce.as_str()),
-            ("{{title}}", &title),
-            ("{{about}}", &escape(self.about)),
-            ("{{style}}", STYLE),
-            ("{{info}}", &embedded_json(self.info)),
-            ("{{script}}", &bundle(&MODULES)),
-            ("{{data}}", self.data),
-        ];
-        // The large parts come last: nothing is looked for in them.
-        filled.iter().fold(PAGE.to_owned(), |page, (mark, text)| page.replace(mark, text))
-    }
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+/// The page as HTML. `info` is what its scripts know of the source, `data` the elements with the matrix.
+fn page(info: &Value, about: &str, nonce: Option<&str>, data: &str) -> Result<String> {
+    let page = Page {
+        title: info["name"].as_str().unwrap_or_default(),
+        about,
+        nonce: nonce.map(|nonce| format!(" nonce=\"{nonce}\"")).unwrap_or_default(),
+        style: include_str!("../web/paint.css"),
+        info: embedded_json(info),
+        data,
+        script: bundle(&MODULES),
+    };
+    page.render().map_err(|error| Error::Numerical(format!("the painting page's template: {error}")))
 }
 
 /// What the page's scripts know of the source.
 fn describe(canvas: &mut Canvas<'_>) -> Result<Value> {
     let channels = canvas.channels();
-    let white = canvas.photo(Light::All, &vec![vec![1.0; canvas.projector().pixels()]; channels])?;
-    let white = Image::from_planes(canvas.camera(), &white)?;
+    let white = Image::from_planes(canvas.camera(), canvas.white()?)?;
     let size = |of: crate::image::Resolution| [of.width, of.height];
     const SIGNED: i32 = 128;
     let signed_colors: Vec<u8> =

@@ -1,11 +1,9 @@
-//! Matrices and arrays as text in a page: deflated bytes in base64.
+//! Matrices as bytes in a page.
 //!
 //! The columns of a layer are packed as numbers of seven bits a byte: of each column first how many entries it has, all columns in a row; then
 //! the distance of each entry from the one before. The values stand apart, as half or single floats relative to the largest. Of a symmetric
 //! matrix only the entries on and below the diagonal are packed.
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use half::f16;
 
 use crate::sparse::Csr;
@@ -95,9 +93,4 @@ fn put_number(mut value: u32, bytes: &mut Vec<u8>) {
         value >>= 7;
     }
     bytes.push(value as u8);
-}
-
-/// Bytes as text.
-pub(super) fn plain(bytes: &[u8]) -> String {
-    STANDARD.encode(bytes)
 }

@@ -1,11 +1,13 @@
 // Photos of a page without server: its worker holds the matrix.
 
+import { decodeBase64, inflate, splitPlanes } from "../../report/web/values.js";
+
 /** A source of photos whose matrix is in the page. */
 export class EmbeddedSource {
-  /** `code` is the worker's script; `matrix` its layers with their bytes. */
-  constructor(info, code, matrix) {
+  /** `code` is the worker's script; `section` returns the text of the section with a number. */
+  constructor(info, code, section) {
     this.info = info;
-    this.matrix = matrix;
+    this.section = section;
     this.url = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
     this.worker = new Worker(this.url);
     this.waiting = new Map();
@@ -14,11 +16,14 @@ export class EmbeddedSource {
   }
 
   /** Unpacks the matrix; returns the photo of a dark pattern. */
-  async open() {
-    const { lights, channels } = this.info;
-    const shown = await this.ask("open", { ...this.matrix, lights, channels });
-    this.matrix = null;
-    return shown;
+  open() {
+    const { lights, channels, ambient, layers } = this.info;
+    const withBytes = (layer) => ({
+      ...layer,
+      positions: this.section(layer.positions),
+      values: layer.values.map((number) => this.section(number)),
+    });
+    return this.ask("open", { layers: layers.map(withBytes), lights, channels, ambient: this.section(ambient) });
   }
 
   update({ pixels, values, isFinished }) {
@@ -43,8 +48,16 @@ export class EmbeddedSource {
       const { target, weights } = question;
       return this.ask("pattern", { target, weights, iterations: 60 }, report);
     }
-    const kept = question.ask === "groups" ? this.info.kept.groups : this.info.kept.eigenvectors;
-    return kept ? Promise.resolve(kept) : Promise.reject(new Error("they are not in this file"));
+    return this.kept(question.ask);
+  }
+
+  /** Groups or eigenvectors that are in the file, unpacked. */
+  async kept(ask) {
+    const answer = this.info.kept[ask];
+    if (!answer) throw new Error("they are not in this file");
+    const bytes = await inflate(decodeBase64(this.section(answer.section)));
+    const [width, height] = this.info.camera;
+    return { ...answer, planes: splitPlanes(ask === "groups" ? bytes : new Float32Array(bytes.buffer), width * height) };
   }
 
   /** Whether a question can be answered. */

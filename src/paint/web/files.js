@@ -1,6 +1,7 @@
 // Files and links: what the page saves, and what it loads.
 
 import { decodeNpy, encodeNpy } from "../../report/web/numpy.js";
+import { decodeBase64, inflate, splitPlanes } from "../../report/web/values.js";
 import { encodeExr } from "./exr.js";
 
 /** Offers bytes as a file to save. */
@@ -67,10 +68,6 @@ export async function readImage(file, { width, height }, count) {
   return asPlanes(values, 3, count, width * height);
 }
 
-async function piped(bytes, stream) {
-  return new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
-}
-
 /** A state as text for a link: JSON and planes, deflated, in the base64 of addresses. */
 export async function encodeState(settings, planes) {
   const text = new TextEncoder().encode(JSON.stringify(settings));
@@ -79,23 +76,21 @@ export async function encodeState(settings, planes) {
   new DataView(bytes.buffer).setUint32(0, text.length, true);
   bytes.set(text, 4);
   bytes.set(floats, 4 + text.length);
-  const packed = await piped(bytes, new CompressionStream("deflate"));
+  const packed = new Response(new Blob([bytes]).stream().pipeThrough(new CompressionStream("deflate")));
   let binary = "";
-  for (const byte of packed) binary += String.fromCharCode(byte);
+  for (const byte of new Uint8Array(await packed.arrayBuffer())) binary += String.fromCharCode(byte);
   return btoa(binary).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 }
 
 /** Reads such a text; the pattern must have `count` planes of `pixels`. */
 export async function decodeState(text, count, pixels) {
   try {
-    const binary = atob(text.replaceAll("-", "+").replaceAll("_", "/"));
-    const bytes = await piped(Uint8Array.from(binary, (letter) => letter.charCodeAt(0)), new DecompressionStream("deflate"));
+    const bytes = await inflate(decodeBase64(text.replaceAll("-", "+").replaceAll("_", "/")));
     const length = new DataView(bytes.buffer).getUint32(0, true);
     const settings = JSON.parse(new TextDecoder().decode(bytes.subarray(4, 4 + length)));
     const floats = new Float32Array(bytes.slice(4 + length).buffer);
     if (floats.length !== count * pixels) throw new Error("its pattern has another size");
-    const planes = Array.from({ length: count }, (_, plane) => floats.slice(plane * pixels, (plane + 1) * pixels));
-    return { settings, planes };
+    return { settings, planes: splitPlanes(floats, pixels) };
   } catch (error) {
     throw new Error(`the saved state cannot be read: ${error.message}`);
   }

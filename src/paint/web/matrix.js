@@ -120,23 +120,29 @@ export class Matrix {
 
   /** The photo of a pattern, a plane of 64-bit sums for each channel. */
   multiply(pattern) {
-    const photo = this.planes(this.rows);
-    pattern.forEach((plane, channel) => {
-      for (let column = 0; column < this.columns; column += 1) {
-        if (plane[column] !== 0) this.addColumn(channel, column, plane[column], photo[channel]);
-      }
-    });
+    return pattern.map((plane, channel) => this.multiplyPlane(channel, plane));
+  }
+
+  /** The photo of one plane of a pattern. */
+  multiplyPlane(channel, plane) {
+    const photo = new Float64Array(this.rows);
+    for (let column = 0; column < this.columns; column += 1) {
+      if (plane[column] !== 0) this.addColumn(channel, column, plane[column], photo);
+    }
     return photo;
   }
 
   /** The transposed product. */
   multiplyTransposed(planes) {
-    const found = this.planes(this.columns);
-    planes.forEach((plane, channel) => {
-      for (let column = 0; column < this.columns; column += 1) {
-        for (const layer of this.layers) found[channel][column] += layer.dotColumn(channel, column, plane);
-      }
-    });
+    return planes.map((plane, channel) => this.transposePlane(channel, plane));
+  }
+
+  /** The transposed product of one plane of a photo. */
+  transposePlane(channel, plane) {
+    const found = new Float64Array(this.columns);
+    for (let column = 0; column < this.columns; column += 1) {
+      for (const layer of this.layers) found[column] += layer.dotColumn(channel, column, plane);
+    }
     return found;
   }
 

@@ -274,26 +274,7 @@ class Page {
 function makeSource(info) {
   if (!info.isEmbedded) return new ServedSource(info, new URL("socket", location.href.split("#")[0]).href.replace(/^http/, "ws"));
   const text = (id) => document.getElementById(id).textContent;
-  const section = (index) => text(`section-${index}`);
-  const layers = info.layers.map((layer) => ({ ...layer, positions: section(layer.positions), values: layer.values.map(section) }));
-  const kept = unpackKept(info, text);
-  return new EmbeddedSource({ ...info, kept }, text("worker"), { layers, ambient: section(info.ambient) });
-}
-
-/** Groups and eigenvectors that are in the file, as answers to their questions. */
-function unpackKept(info, text) {
-  const planes = (index, Kind) => {
-    const binary = atob(text(`section-${index}`));
-    const values = new Kind(Uint8Array.from(binary, (letter) => letter.charCodeAt(0)).buffer);
-    const pixels = info.camera[0] * info.camera[1];
-    return Array.from({ length: values.length / pixels }, (_, plane) => values.subarray(plane * pixels, (plane + 1) * pixels));
-  };
-  const kept = {};
-  if (info.kept.groups) kept.groups = { ...info.kept.groups, planes: planes(info.kept.groups.section, Uint8Array) };
-  if (info.kept.eigenvectors) {
-    kept.eigenvectors = { ...info.kept.eigenvectors, planes: planes(info.kept.eigenvectors.section, Float32Array) };
-  }
-  return kept;
+  return new EmbeddedSource(info, text("worker"), (number) => text(`section-${number}`));
 }
 
 const page = new Page(JSON.parse(document.getElementById("info").textContent));

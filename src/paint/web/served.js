@@ -1,5 +1,7 @@
 // Photos of a page with a server: messages over a WebSocket. The bytes are described in src/paint/message.rs.
 
+import { splitPlanes } from "../../report/web/values.js";
+
 const HEADER = 8;
 const [CHANGE, REPLACE, FINISH, LIGHT, COLUMN, ROW] = [1, 2, 3, 4, 5, 6];
 const [PHOTO, PATTERN, COLUMN_OF, ROW_OF, ANSWER] = [1, 2, 3, 4, 5];
@@ -120,7 +122,7 @@ export class ServedSource {
     const [light, number] = [view.getUint16(2, true), view.getUint32(4, true)];
     if (kind === ANSWER) return this.hearAnswer(number, buffer, view);
     const pixels = kind === PHOTO || kind === COLUMN_OF ? this.info.camera : this.info.projector;
-    const planes = split(new Float32Array(buffer, HEADER), pixels[0] * pixels[1]);
+    const planes = splitPlanes(new Float32Array(buffer, HEADER), pixels[0] * pixels[1]);
     if (kind === PATTERN) {
       this.others = { pattern: planes, light };
     } else if (kind === PHOTO) {
@@ -155,7 +157,7 @@ export class ServedSource {
     const question = this.questions.get(number);
     this.questions.delete(number);
     const [width, height] = this.info.projector;
-    question?.resolve({ ...JSON.parse(text), planes: split(planes, width * height) });
+    question?.resolve({ ...JSON.parse(text), planes: splitPlanes(planes, width * height) });
     return null;
   }
 
@@ -170,8 +172,4 @@ export class ServedSource {
     }
     return null;
   }
-}
-
-function split(values, length) {
-  return Array.from({ length: values.length / length }, (_, plane) => values.subarray(plane * length, (plane + 1) * length));
 }

@@ -7,7 +7,7 @@ function lipschitz(matrix, channel, weighted) {
   let vector = new Float64Array(matrix.columns).fill(1 / Math.sqrt(matrix.columns));
   let value = 0;
   for (let step = 0; step < 8; step += 1) {
-    const next = matrix.gradient(channel, weighted(matrix.forward(channel, vector)));
+    const next = matrix.transposePlane(channel, weighted(matrix.multiplyPlane(channel, vector)));
     value = Math.sqrt(dot(next, next));
     if (value === 0) return 1;
     vector = next.map((entry) => entry / value);
@@ -21,22 +21,17 @@ function lipschitz(matrix, channel, weighted) {
  */
 export function solveBox(matrix, channel, { target, weights, bounds, iterations }, report) {
   const [lower, upper] = bounds;
-  const one = {
-    columns: matrix.columns,
-    forward: (of, vector) => multiplyOne(matrix, of, vector),
-    gradient: (of, plane) => transposeOne(matrix, of, plane),
-  };
   const weighted = (plane) => plane.map((value, pixel) => value * weights[pixel] * weights[pixel]);
   const size = Math.sqrt(target.reduce((sum, value, pixel) => sum + (value * weights[pixel]) ** 2, 0)) || 1;
-  const step = 1 / lipschitz(one, channel, weighted);
+  const step = 1 / lipschitz(matrix, channel, weighted);
   // Light that no pixel asks for stays off.
   let x = new Float64Array(matrix.columns).fill(lower);
   let [y, momentum] = [x, 1];
   for (let iteration = 0; iteration < iterations; iteration += 1) {
-    const off = one.forward(channel, y).map((value, pixel) => value - target[pixel]);
+    const off = matrix.multiplyPlane(channel, y).map((value, pixel) => value - target[pixel]);
     const residual = Math.sqrt(off.reduce((sum, value, pixel) => sum + (value * weights[pixel]) ** 2, 0)) / size;
     if (report(x, residual, iteration) === false) break;
-    const gradient = one.gradient(channel, weighted(off));
+    const gradient = matrix.transposePlane(channel, weighted(off));
     const next = y.map((value, index) => Math.min(upper, Math.max(lower, value - step * gradient[index])));
     // Momentum that points uphill is dropped.
     const uphill = next.reduce((sum, value, index) => sum + (y[index] - value) * (value - x[index]), 0) > 0;
@@ -46,18 +41,4 @@ export function solveBox(matrix, channel, { target, weights, bounds, iterations 
     [x, momentum] = [next, grown];
   }
   return x;
-}
-
-function multiplyOne(matrix, channel, vector) {
-  const photo = new Float64Array(matrix.rows);
-  vector.forEach((value, column) => {
-    if (value !== 0) matrix.addColumn(channel, column, value, photo);
-  });
-  return photo;
-}
-
-function transposeOne(matrix, channel, plane) {
-  return Float64Array.from({ length: matrix.columns }, (_, column) =>
-    matrix.layers.reduce((sum, layer) => sum + layer.dotColumn(channel, column, plane), 0),
-  );
 }

@@ -1,5 +1,6 @@
 // The worker of a page without server: it holds the matrix and answers the page.
 
+import { decodeBase64, inflate, splitPlanes } from "../../report/web/values.js";
 import { Layer, Matrix } from "./matrix.js";
 import { solveBox } from "./solver.js";
 
@@ -8,13 +9,8 @@ const REPORT_EVERY = 200;
 
 const state = { layers: [], lights: [], light: 0, channels: 1, pattern: [], photo: [], ambient: [], task: 0 };
 
-/** The bytes of a section: base64 of deflated bytes. */
-async function unpack(section) {
-  const text = atob(section);
-  const bytes = Uint8Array.from({ length: text.length }, (_, index) => text.charCodeAt(index));
-  const inflated = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Uint8Array(await new Response(inflated).arrayBuffer());
-}
+/** The bytes of a section. */
+const unpack = (section) => inflate(decodeBase64(section));
 
 /** The layers of a light: all of them for "all", all but the direct one for "global". */
 function layersOf(light) {
@@ -48,10 +44,8 @@ const tasks = {
     }
     const [{ columns: first }] = state.layers;
     const bytes = await unpack(ambient);
-    const all = new Float32Array(bytes.buffer);
-    const planes = Array.from({ length: channels }, (_, channel) => channel);
-    state.ambient = planes.map((channel) => all.subarray(channel * first.rows, (channel + 1) * first.rows));
-    state.pattern = planes.map(() => new Float32Array(first.columns));
+    state.ambient = splitPlanes(new Float32Array(bytes.buffer), first.rows);
+    state.pattern = state.ambient.map(() => new Float32Array(first.columns));
     exactPhoto();
     return { planes: rounded(state.photo), exact: true };
   },

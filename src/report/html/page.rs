@@ -8,14 +8,14 @@ use super::values::Embedded;
 use super::{Block, Legend, Number, Outcome, Report, definitions, files};
 use crate::error::{Error, Result};
 use crate::report::text;
-use crate::report::web::{COLOR, FORMAT, Module, VIEW, bundle};
+use crate::report::web::{COLOR, FORMAT, Module, VALUES, VIEW, bundle};
 
 /// The modules of the page, each after those that it imports.
 const MODULES: [Module; 12] = [
     FORMAT,
     COLOR,
     VIEW,
-    ("values.js", include_str!("../web/values.js")),
+    VALUES,
     ("figure.js", include_str!("../web/figure.js")),
     ("pixel.js", include_str!("../web/pixel.js")),
     ("readout.js", include_str!("../web/readout.js")),

@@ -21,6 +21,9 @@ pub const PICTURE: Module = ("picture.js", include_str!("picture.js"));
 /// Files of NumPy.
 pub const NUMPY: Module = ("numpy.js", include_str!("numpy.js"));
 
+/// Exact values of pictures, and bytes from text.
+pub const VALUES: Module = ("values.js", include_str!("values.js"));
+
 /// Joins modules into one script without imports. Each keeps a scope of its own. A module stands after those that it imports; imports and
 /// exports are statements of one line each: `import { a, b } from "./file.js";` and `export function`, `class` or `const`.
 pub fn bundle(modules: &[Module]) -> String {

@@ -22,10 +22,14 @@ export function joinBytes(bytes) {
   return Float32Array.from({ length: count }, (_, index) => view.getFloat32(4 * index, true));
 }
 
+/** Values, one plane after the other, as planes of `pixels` values each. They are not copied. */
+export function splitPlanes(values, pixels) {
+  return Array.from({ length: values.length / pixels }, (_, plane) => values.subarray(plane * pixels, (plane + 1) * pixels));
+}
+
 /** The planes of a picture of `pixels` pixels. */
 export async function unpackPlanes(text, pixels) {
-  const floats = joinBytes(await inflate(decodeBase64(text)));
-  return Array.from({ length: floats.length / pixels }, (_, plane) => floats.subarray(plane * pixels, (plane + 1) * pixels));
+  return splitPlanes(joinBytes(await inflate(decodeBase64(text))), pixels);
 }
 
 /** What a pixel's values are in words: `format` turns numbers into text, `nameOf` labels. */

@@ -146,6 +146,28 @@ impl Tab {
         }
     }
 
+    /// Goes to a painting page and waits until it is ready.
+    pub fn go_to(&mut self, address: &str) {
+        self.call("Page.navigate", json!({ "url": address }));
+        self.wait_for("document.body?.dataset.ready === 'true'");
+    }
+
+    /// Where a place of an element is in the window. The place is given in shares of the element from its left upper corner.
+    pub fn place(&mut self, selector: &str, [x, y]: [f64; 2]) -> [f64; 2] {
+        let found = self.evaluate(&format!(
+            "(() => {{ const box = document.querySelector('{selector}').getBoundingClientRect(); return [box.left, box.top, box.width, box.height]; }})()"
+        ));
+        let number = |index: usize| found[index].as_f64().expect("a number");
+        [number(0) + x * number(2), number(1) + y * number(3)]
+    }
+
+    /// An event of the mouse's left button, at a place of an element as [`Tab::place`] takes it.
+    pub fn mouse(&mut self, kind: &str, selector: &str, at: [f64; 2]) {
+        let [x, y] = self.place(selector, at);
+        let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 });
+        self.call("Input.dispatchMouseEvent", event);
+    }
+
     /// Presses and releases a key, with `Control` or `Shift` held or none.
     pub fn key(&mut self, key: &str, with: &str) {
         let modifiers = match with {

@@ -19,13 +19,8 @@ const SCENE: [&str; 5] = ["assets/scenes/cornell/scene.glb", "--size", "32", "--
 /// Opens a page and waits until it is ready.
 fn open(browser: &Browser, address: &str) -> Tab {
     let mut tab = browser.open();
-    go_to(&mut tab, address);
+    tab.go_to(address);
     tab
-}
-
-fn go_to(tab: &mut Tab, address: &str) {
-    tab.call("Page.navigate", json!({ "url": address }));
-    tab.wait_for("document.body?.dataset.ready === 'true'");
 }
 
 /// A page as one file.
@@ -37,26 +32,14 @@ fn file(folder: &tempfile::TempDir) -> String {
     format!("file://{path}")
 }
 
-/// The middle of an element, in shares of it from its left upper corner.
-fn place(tab: &mut Tab, id: &str, [x, y]: [f64; 2]) -> [f64; 2] {
-    let script = format!(
-        "(() => {{ const box = document.querySelector('{id}').getBoundingClientRect(); return [box.left, box.top, box.width, box.height]; }})()"
-    );
-    let found = tab.evaluate(&script);
-    let number = |index: usize| found[index].as_f64().expect("a number");
-    [number(0) + x * number(2), number(1) + y * number(3)]
-}
-
 fn stroke(tab: &mut Tab, places: &[[f64; 2]]) {
     for (step, &at) in places.iter().enumerate() {
-        let [x, y] = place(tab, "#pattern", at);
-        let mouse = |kind: &str| json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 });
-        tab.call("Input.dispatchMouseEvent", mouse("mouseMoved"));
+        tab.mouse("mouseMoved", "#pattern", at);
         if step == 0 {
-            tab.call("Input.dispatchMouseEvent", mouse("mousePressed"));
+            tab.mouse("mousePressed", "#pattern", at);
         }
         if step + 1 == places.len() {
-            tab.call("Input.dispatchMouseEvent", mouse("mouseReleased"));
+            tab.mouse("mouseReleased", "#pattern", at);
         }
     }
     tab.evaluate("krylux.whenSettled()");
@@ -152,10 +135,8 @@ fn a_page_from_a_file_shows_what_the_verb_photo_takes_and_answers_questions() {
     );
     // A mask on the photo: the pattern follows by itself.
     tab.evaluate("(() => { document.querySelector('#masks').open = true; document.querySelector('[data-mask=\"1\"]').click(); })()");
-    let [x, y] = place(&mut tab, "#photo", [0.5, 0.5]);
     for kind in ["mousePressed", "mouseReleased"] {
-        let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 });
-        tab.call("Input.dispatchMouseEvent", event);
+        tab.mouse(kind, "#photo", [0.5, 0.5]);
     }
     tab.wait_for("/^relative residual [0-9.]+$/.test(document.querySelector('#masks .answer').textContent)");
     // The state of before, by its link.
@@ -163,7 +144,7 @@ fn a_page_from_a_file_shows_what_the_verb_photo_takes_and_answers_questions() {
     let saved = tab.evaluate(&link.replace("STATE", &state.to_string()));
     let address = format!("{address}#state={}", saved.as_str().expect("a text"));
     tab.call("Page.navigate", json!({ "url": "about:blank" }));
-    go_to(&mut tab, &address);
+    tab.go_to(&address);
     assert_eq!(tab.evaluate("krylux.pattern()[0]"), state);
     tab.assert_quiet();
 }
@@ -177,13 +158,13 @@ fn a_phone_has_both_pictures_without_scrolling_sideways_and_a_finger_paints() {
     let phone = json!({ "width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": true });
     tab.call("Emulation.setDeviceMetricsOverride", phone);
     tab.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": true }));
-    go_to(&mut tab, &file(&folder));
+    tab.go_to(&file(&folder));
     assert_eq!(tab.evaluate("document.documentElement.scrollWidth <= innerWidth"), json!(true));
-    let tops = ["#pattern", "#photo"].map(|id| place(&mut tab, id, [0.0, 0.0]));
+    let tops = ["#pattern", "#photo"].map(|id| tab.place(id, [0.0, 0.0]));
     assert!(tops[1][1] > tops[0][1] && (tops[1][0] - tops[0][0]).abs() < 1.0, "one above the other");
     let before = tab.evaluate("krylux.pattern()[0]");
     for (kind, at) in [("touchStart", [0.1, 0.1]), ("touchMove", [0.5, 0.15]), ("touchMove", [0.9, 0.1])] {
-        let [x, y] = place(&mut tab, "#pattern", at);
+        let [x, y] = tab.place("#pattern", at);
         tab.call("Input.dispatchTouchEvent", json!({ "type": kind, "touchPoints": [{ "x": x, "y": y }] }));
     }
     tab.call("Input.dispatchTouchEvent", json!({ "type": "touchEnd", "touchPoints": [] }));
